@@ -1,0 +1,1 @@
+//! Every pixel's background as a mixture of Gaussians.

@@ -1,0 +1,5 @@
+//! TOML -> validated, immutable settings; every fault with file, line, column and path.
+
+mod settings;
+
+pub use settings::*;

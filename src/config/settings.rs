@@ -1,0 +1,257 @@
+//! The settings as they are written: every key with its meaning, unit, range and default.
+
+use crate::clock::Timestamp;
+use crate::frame::CameraId;
+use serde::Deserialize;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// The whole configuration. Relative paths start at the configuration file's folder.
+#[derive(Clone, Debug, PartialEq, Deserialize, Default)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// The HTTP server.
+    pub server: ServerSettings,
+    /// The database.
+    pub storage: StorageSettings,
+    /// Where media may be read from.
+    pub media: MediaSettings,
+    /// What is kept of the past.
+    pub timeline: TimelineSettings,
+    /// The renderer.
+    pub render: RenderSettings,
+    /// The cameras, in any order; ids are unique.
+    pub camera: Vec<CameraSettings>,
+    /// The scenes, the default one first; ids are unique.
+    pub scene: Vec<SceneSettings>,
+}
+
+/// The HTTP server.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServerSettings {
+    /// Address and port. There are no users yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
+    pub listen: SocketAddr,
+}
+
+impl Default for ServerSettings {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
+    }
+}
+
+/// The database.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StorageSettings {
+    /// The SQLite file; made with its folder if it is not there. Default `videofields.sqlite`.
+    pub database: PathBuf,
+    /// Seconds between checkpoints of the backgrounds, 1 to 86400. Default 60.
+    pub checkpoint_interval_secs: f64,
+}
+
+impl Default for StorageSettings {
+    fn default() -> Self {
+        Self { database: PathBuf::from("videofields.sqlite"), checkpoint_interval_secs: 60.0 }
+    }
+}
+
+/// Where media may be read from.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MediaSettings {
+    /// Folders beneath which file sources may open files (symbolic links resolved first). Default: the
+    /// configuration file's own folder.
+    pub roots: Vec<PathBuf>,
+}
+
+impl Default for MediaSettings {
+    fn default() -> Self {
+        Self { roots: vec![PathBuf::from(".")] }
+    }
+}
+
+/// What is kept of the past.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TimelineSettings {
+    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 256.
+    pub mib_per_camera: u32,
+}
+
+impl Default for TimelineSettings {
+    fn default() -> Self {
+        Self { mib_per_camera: 256 }
+    }
+}
+
+/// The renderer.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderSettings {
+    /// Part of the name of the GPU to use, whatever its case; empty takes the best. Default empty.
+    pub adapter: String,
+    /// Samples a pixel for smooth edges: 1 or 4. Default 4.
+    pub samples: u32,
+    /// Most pixels of one picture, 1 to 268435456; each side is also held to the GPU's limit. Default 33177600
+    /// (7680 x 4320).
+    pub max_pixels: u64,
+    /// Pictures that may wait for the renderer before more are refused, 1 to 1024. Default 32.
+    pub queue_length: usize,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self { adapter: String::new(), samples: 4, max_pixels: 33_177_600, queue_length: 32 }
+    }
+}
+
+/// One camera.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CameraSettings {
+    /// Id: 1 to 64 of a-z, 0-9, - and _.
+    pub id: CameraId,
+    /// Name for people. Default: the id.
+    #[serde(default)]
+    pub name: String,
+    /// Where its frames come from.
+    pub source: SourceSettings,
+    /// How its background is learned.
+    #[serde(default)]
+    pub background: BackgroundSettings,
+    /// How its foreground is found.
+    #[serde(default)]
+    pub segment: SegmentSettings,
+}
+
+/// Where frames come from: a file, or numbered pictures.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SourceSettings {
+    /// A video file in any container and codec that GStreamer knows, or a pattern of numbered pictures with one
+    /// printf-like number, such as `in%06d.jpg`.
+    pub path: PathBuf,
+    /// Where frame times come from. Default: `pts` for files, `index` for numbered pictures.
+    #[serde(default)]
+    pub timing: Option<Timing>,
+    /// Frames a second for `timing = "index"`, 0.01 to 1000. Default 25.
+    #[serde(default = "default_rate_hz")]
+    pub rate_hz: f64,
+    /// What follows the last frame. Default `stop`.
+    #[serde(default)]
+    pub end: End,
+    /// Scene time of the first frame, RFC 3339 or nanoseconds. Default: when the daemon started.
+    #[serde(default, deserialize_with = "timestamp")]
+    pub start: Option<Timestamp>,
+}
+
+const fn default_rate_hz() -> f64 {
+    25.0
+}
+
+fn timestamp<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+    let text = String::deserialize(deserializer)?;
+    text.parse().map(Some).map_err(serde::de::Error::custom)
+}
+
+/// Where frame times come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Timing {
+    /// The file's own timestamps.
+    Pts,
+    /// The frame's number divided by `rate_hz`, for files whose timestamps are broken.
+    Index,
+}
+
+/// What follows a file's last frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// Nothing: the camera keeps its last picture.
+    #[default]
+    Stop,
+    /// The first frame again, one frame interval later: time runs on unbroken.
+    Loop,
+}
+
+/// How a background is learned: the Gaussian mixture's parameters.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct BackgroundSettings {
+    /// Modes a pixel, 1 to 5. Default 3.
+    pub modes: usize,
+    /// Seconds in which the past fades to 1/e, 0.1 to 1e7. Default 300.
+    pub tau_secs: f64,
+    /// Match threshold c^2: squared distance over variance, 9 to 16. Default 11.3, the 99 % point of chi-squared
+    /// with 3 degrees of freedom.
+    pub match_threshold: f64,
+    /// Share of the weights that is background, 0.1 to 0.99. Default 0.7.
+    pub background_ratio: f64,
+    /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000. Default 15.
+    pub variance_init: f64,
+    /// Least variance, 8-bit levels squared, 0.01 to 10000. Default 4.
+    pub variance_min: f64,
+    /// Greatest variance, 8-bit levels squared, 0.1 to 65025. Default 75.
+    pub variance_max: f64,
+    /// A clip (or pattern of pictures) of the empty place that is learned first. Default: none.
+    pub clip: Option<PathBuf>,
+    /// What follows the clip. Default `adapt`.
+    pub learning: Learning,
+}
+
+impl Default for BackgroundSettings {
+    fn default() -> Self {
+        Self {
+            modes: 3,
+            tau_secs: 300.0,
+            match_threshold: 11.3,
+            background_ratio: 0.7,
+            variance_init: 15.0,
+            variance_min: 4.0,
+            variance_max: 75.0,
+            clip: None,
+            learning: Learning::Adapt,
+        }
+    }
+}
+
+/// Whether a background goes on learning once its clip was learned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Learning {
+    /// It follows slow changes.
+    #[default]
+    Adapt,
+    /// It stays as the clip left it. Needs a clip.
+    Hold,
+}
+
+/// How foreground is found.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SegmentSettings {
+    /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.08.
+    pub delta: f64,
+    /// Standard deviation of the blur, pixels, 0 (none) to 16. Default 1.5.
+    pub blur_sigma_px: f64,
+    /// Least area of a blob, pixels, 1 to 1e9. Default 64.
+    pub min_area_px: u32,
+}
+
+impl Default for SegmentSettings {
+    fn default() -> Self {
+        Self { delta: 0.08, blur_sigma_px: 1.5, min_area_px: 64 }
+    }
+}
+
+/// One scene.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSettings {
+    /// Id: 1 to 64 of a-z, 0-9, - and _.
+    pub id: String,
+    /// The scene document (JSON).
+    pub file: PathBuf,
+}

@@ -1,0 +1,53 @@
+//! What a caller can do about a failure.
+//!
+//! Every room has its own `thiserror` enum with a `kind()`; this file owns the kinds and the one shape in which
+//! faults of a document (configuration, scene, request) name their place. It knows nothing of HTTP: `api` alone
+//! maps a kind to a status.
+
+use std::fmt;
+
+/// What a caller can do about a failure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ErrorKind {
+    /// The request or document is wrong; it must be changed before it can succeed.
+    Invalid,
+    /// What was asked for does not exist (a camera, a scene, a frame at that time).
+    NotFound,
+    /// Something is asked for that this build, machine or codec set cannot do.
+    Unsupported,
+    /// A documented limit would be passed; ask for less.
+    TooLarge,
+    /// Not now: starting, stopping, overloaded, a camera without its first frame. Trying later may succeed.
+    Unavailable,
+    /// A fault of the daemon or its machine; the caller can do nothing about it.
+    Internal,
+}
+
+/// One fault of a document and its place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// JSON pointer (RFC 6901) into the document, or the name of a query parameter.
+    pub place: String,
+    /// What is wrong and what is allowed; lower case, no full stop.
+    pub message: String,
+}
+
+impl Fault {
+    /// A fault at `place`.
+    pub fn new(place: impl Into<String>, message: impl Into<String>) -> Self {
+        Self { place: place.into(), message: message.into() }
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = if self.place.is_empty() { "(document)" } else { self.place.as_str() };
+        write!(formatter, "{place}: {}", self.message)
+    }
+}
+
+/// Joins faults into one line for a log or a terminal.
+#[must_use]
+pub fn join_faults(faults: &[Fault]) -> String {
+    faults.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}

@@ -1,0 +1,268 @@
+//! A picture in planar YUV 4:2:0, as decoders deliver it.
+
+use super::RgbImage;
+use super::color::{ColorMatrix, ColorRange, rgb_from_yuv_rows};
+use std::fmt;
+
+/// Where the planes lie in the bytes of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct YuvLayout {
+    /// Columns of the luma plane, at least 1.
+    pub width: u32,
+    /// Rows of the luma plane, at least 1.
+    pub height: u32,
+    /// Byte offset of the Y, U and V plane.
+    pub offsets: [usize; 3],
+    /// Bytes from one row to the next of the Y, U and V plane.
+    pub strides: [usize; 3],
+}
+
+impl YuvLayout {
+    /// Planes without padding, one after the other.
+    #[must_use]
+    pub const fn packed(width: u32, height: u32) -> Self {
+        let (w, h) = (width as usize, height as usize);
+        let (cw, ch) = (w.div_ceil(2), h.div_ceil(2));
+        Self { width, height, offsets: [0, w * h, w * h + cw * ch], strides: [w, cw, cw] }
+    }
+
+    /// Bytes that a packed picture of this size takes.
+    #[must_use]
+    pub const fn packed_len(width: u32, height: u32) -> usize {
+        let (w, h) = (width as usize, height as usize);
+        w * h + 2 * w.div_ceil(2) * h.div_ceil(2)
+    }
+
+    /// Columns of the chroma planes: half the luma plane's, rounded up.
+    #[must_use]
+    pub const fn chroma_width(&self) -> u32 {
+        self.width.div_ceil(2)
+    }
+
+    /// Rows of the chroma planes: half the luma plane's, rounded up.
+    #[must_use]
+    pub const fn chroma_height(&self) -> u32 {
+        self.height.div_ceil(2)
+    }
+}
+
+/// A picture whose bytes do not hold the planes that its layout promises.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum YuvError {
+    /// No pixels.
+    #[error("a picture needs at least one column and one row, got {width} x {height}")]
+    Empty {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// A plane reaches beyond the bytes.
+    #[error("plane {plane} needs {needed} bytes, the buffer has {available}")]
+    Short {
+        /// 0 for Y, 1 for U, 2 for V.
+        plane: usize,
+        /// Bytes from the buffer's start to the plane's end.
+        needed: usize,
+        /// Bytes in the buffer.
+        available: usize,
+    },
+    /// Rows of a plane overlap.
+    #[error("plane {plane} has rows of {width} bytes but a stride of {stride}")]
+    Stride {
+        /// 0 for Y, 1 for U, 2 for V.
+        plane: usize,
+        /// Bytes of one row.
+        width: usize,
+        /// Bytes from row to row.
+        stride: usize,
+    },
+}
+
+/// One plane of a picture.
+#[derive(Clone, Copy, Debug)]
+pub struct Plane<'a> {
+    /// From the first row on; the last row may end without padding.
+    pub data: &'a [u8],
+    /// Bytes from one row to the next.
+    pub stride: usize,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+}
+
+impl<'a> Plane<'a> {
+    /// Row `y`, `width` values.
+    #[must_use]
+    pub fn row(&self, y: u32) -> &'a [u8] {
+        let start = y as usize * self.stride;
+        &self.data[start..start + self.width as usize]
+    }
+}
+
+/// A picture in planar YUV 4:2:0 (I420), 8 bits a sample, with its colour matrix and range.
+///
+/// The bytes are whatever the decoder handed over (a mapped buffer, a vector), so taking a frame copies nothing.
+/// Chroma sample (i, j) covers luma columns 2i, 2i + 1 and rows 2j, 2j + 1.
+pub struct YuvImage {
+    layout: YuvLayout,
+    matrix: ColorMatrix,
+    range: ColorRange,
+    data: Box<dyn AsRef<[u8]> + Send + Sync>,
+}
+
+impl fmt::Debug for YuvImage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "YuvImage({} x {}, {:?}, {:?})",
+            self.width(),
+            self.height(),
+            self.matrix,
+            self.range
+        )
+    }
+}
+
+impl YuvImage {
+    /// Takes `data` as a picture laid out by `layout`.
+    ///
+    /// # Errors
+    /// When the size is zero, a stride is shorter than its row, or a plane reaches beyond `data`.
+    pub fn new(
+        layout: YuvLayout,
+        matrix: ColorMatrix,
+        range: ColorRange,
+        data: impl AsRef<[u8]> + Send + Sync + 'static,
+    ) -> Result<Self, YuvError> {
+        if layout.width == 0 || layout.height == 0 {
+            return Err(YuvError::Empty { width: layout.width, height: layout.height });
+        }
+        let available = data.as_ref().len();
+        for plane in 0..3 {
+            let (width, height) = plane_size(&layout, plane);
+            let (width, stride) = (width as usize, layout.strides[plane]);
+            if stride < width {
+                return Err(YuvError::Stride { plane, width, stride });
+            }
+            let needed = layout.offsets[plane] + stride * (height as usize - 1) + width;
+            if needed > available {
+                return Err(YuvError::Short { plane, needed, available });
+            }
+        }
+        Ok(Self { layout, matrix, range, data: Box::new(data) })
+    }
+
+    /// A picture with every sample of a plane the same.
+    ///
+    /// # Panics
+    /// When `width` or `height` is 0.
+    #[must_use]
+    pub fn filled(width: u32, height: u32, yuv: [u8; 3], matrix: ColorMatrix, range: ColorRange) -> Self {
+        let layout = YuvLayout::packed(width, height);
+        let mut data = vec![yuv[0]; YuvLayout::packed_len(width, height)];
+        data[layout.offsets[1]..layout.offsets[2]].fill(yuv[1]);
+        data[layout.offsets[2]..].fill(yuv[2]);
+        Self::new(layout, matrix, range, data).expect("a packed layout fits its own length")
+    }
+
+    /// Columns of the luma plane.
+    #[must_use]
+    pub const fn width(&self) -> u32 {
+        self.layout.width
+    }
+
+    /// Rows of the luma plane.
+    #[must_use]
+    pub const fn height(&self) -> u32 {
+        self.layout.height
+    }
+
+    /// Which matrix turns YUV into RGB.
+    #[must_use]
+    pub const fn matrix(&self) -> ColorMatrix {
+        self.matrix
+    }
+
+    /// Which codes stand for black and white.
+    #[must_use]
+    pub const fn range(&self) -> ColorRange {
+        self.range
+    }
+
+    /// Plane 0 (Y, full size), 1 (U) or 2 (V, both half size rounded up).
+    ///
+    /// # Panics
+    /// When `index` is above 2.
+    #[must_use]
+    pub fn plane(&self, index: usize) -> Plane<'_> {
+        let (width, height) = plane_size(&self.layout, index);
+        let data = &(*self.data).as_ref()[self.layout.offsets[index]..];
+        Plane { data, stride: self.layout.strides[index], width, height }
+    }
+
+    /// Bytes that the picture keeps alive, padding included.
+    #[must_use]
+    pub fn len_bytes(&self) -> usize {
+        (*self.data).as_ref().len()
+    }
+
+    /// The picture as 8-bit sRGB, chroma repeated over its 2 x 2 luma samples.
+    #[must_use]
+    pub fn to_rgb(&self) -> RgbImage {
+        let (width, height) = (self.width(), self.height());
+        let mut data = vec![0; width as usize * height as usize * 3];
+        let planes = [self.plane(0), self.plane(1), self.plane(2)];
+        for (y, row) in (0..height).zip(data.chunks_exact_mut(width as usize * 3)) {
+            let [luma, u, v] = [planes[0].row(y), planes[1].row(y / 2), planes[2].row(y / 2)];
+            rgb_from_yuv_rows(self.matrix, self.range, luma, u, v, row);
+        }
+        RgbImage { width, height, data }
+    }
+}
+
+const fn plane_size(layout: &YuvLayout, index: usize) -> (u32, u32) {
+    if index == 0 { (layout.width, layout.height) } else { (layout.chroma_width(), layout.chroma_height()) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_layout_that_reaches_beyond_its_bytes_is_refused() {
+        let make =
+            |layout, len| YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, vec![0_u8; len]);
+        assert!(make(YuvLayout::packed(5, 3), YuvLayout::packed_len(5, 3)).is_ok());
+        let short = make(YuvLayout::packed(5, 3), YuvLayout::packed_len(5, 3) - 1).unwrap_err();
+        assert_eq!(short, YuvError::Short { plane: 2, needed: 27, available: 26 });
+        assert!(matches!(make(YuvLayout::packed(0, 3), 100), Err(YuvError::Empty { .. })));
+        let mut narrow = YuvLayout::packed(4, 4);
+        narrow.strides[1] = 1;
+        assert!(matches!(make(narrow, 100), Err(YuvError::Stride { plane: 1, width: 2, stride: 1 })));
+    }
+
+    #[test]
+    fn known_codes_become_known_colours() {
+        let check = |yuv, matrix, range, expected: [u8; 3]| {
+            let rgb = YuvImage::filled(3, 3, yuv, matrix, range).to_rgb();
+            assert_eq!(rgb.data.len(), 27);
+            for pixel in rgb.data.chunks_exact(3) {
+                for (got, want) in pixel.iter().zip(expected) {
+                    assert!(
+                        got.abs_diff(want) <= 1,
+                        "{yuv:?} {matrix:?} {range:?}: {pixel:?}, not {expected:?}"
+                    );
+                }
+            }
+        };
+        check([16, 128, 128], ColorMatrix::Bt601, ColorRange::Limited, [0, 0, 0]);
+        check([235, 128, 128], ColorMatrix::Bt709, ColorRange::Limited, [255, 255, 255]);
+        check([255, 128, 128], ColorMatrix::Bt601, ColorRange::Full, [255, 255, 255]);
+        check([81, 90, 240], ColorMatrix::Bt601, ColorRange::Limited, [255, 0, 0]);
+        check([63, 102, 240], ColorMatrix::Bt709, ColorRange::Limited, [255, 0, 0]);
+        check([76, 85, 255], ColorMatrix::Bt601, ColorRange::Full, [254, 0, 0]);
+        check([0, 128, 128], ColorMatrix::Bt601, ColorRange::Limited, [0, 0, 0]);
+    }
+}

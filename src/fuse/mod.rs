@@ -1,0 +1,77 @@
+//! Observations of all cameras at one instant -> `SceneState`: what stands where.
+
+use crate::clock::Timestamp;
+use crate::frame::CameraId;
+use crate::geometry::Camera;
+use crate::scene::Scene;
+use crate::segment::PixelRect;
+use crate::timeline::Observation;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// One instant of a scene, ready to be rendered. Immutable.
+#[derive(Clone, Debug)]
+pub struct SceneState {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// The instant asked for.
+    pub instant: Timestamp,
+    /// The cameras that have an observation at that instant, in the scene's order.
+    pub cameras: Vec<CameraState>,
+    /// What stands on the ground.
+    pub entities: Vec<Entity>,
+    /// The entities' foreground texels as points; empty unless points were asked for.
+    pub points: Vec<EntityPoint>,
+}
+
+/// One camera at the instant.
+#[derive(Clone, Debug)]
+pub struct CameraState {
+    /// Which camera.
+    pub id: CameraId,
+    /// Its calibration.
+    pub camera: Arc<Camera>,
+    /// What it saw.
+    pub observation: Observation,
+}
+
+/// One thing that stands on the ground, seen by one camera or several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entity {
+    /// Where it touches the ground (mean of its sources).
+    pub foot_in_world: DVec3,
+    /// One billboard for each camera that sees it; never empty.
+    pub sources: Vec<Billboard>,
+}
+
+/// What one camera sees of an entity, as an upright rectangle in the world that faces the camera horizontally.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Billboard {
+    /// Index into [`SceneState::cameras`].
+    pub camera_idx: usize,
+    /// Rectangle of its blob in that camera's picture.
+    pub rect: PixelRect,
+    /// Middle of the base line, on the ground.
+    pub foot_in_world: DVec3,
+    /// Unit vector along the base line, level, to the right as the camera sees it.
+    pub right_in_world: DVec3,
+    /// Extent along `right_in_world` from the foot to the left (negative) and right edge, metres.
+    pub left_right_m: [f64; 2],
+    /// Extent upwards from the foot, metres; above 0.
+    pub height_m: f64,
+    /// Whether the foot may lie outside the picture, so that place and height are estimates.
+    pub is_truncated: bool,
+}
+
+/// One foreground texel placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EntityPoint {
+    /// Index into [`SceneState::cameras`].
+    pub camera_idx: usize,
+    /// Where it stands.
+    pub position_in_world: DVec3,
+    /// Side of the square that covers the texel's footprint without holes, metres.
+    pub size_m: f32,
+    /// Texture coordinate at which its colour and soft mask are read.
+    pub texture: [f32; 2],
+}

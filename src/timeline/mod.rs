@@ -1,0 +1,20 @@
+//! What every camera saw lately: one ring of observations a camera, bounded in bytes.
+
+use crate::frame::{Frame, Mask, YuvImage};
+use crate::segment::Blob;
+use std::sync::Arc;
+
+/// One frame with all that was learned from it. Cheap to clone: everything large is shared.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// The picture.
+    pub frame: Frame,
+    /// Soft foreground mask of the frame's size.
+    pub soft_mask: Arc<Mask>,
+    /// Hard mask of the frame's size: 255 moving, 50 shadow, 0 background.
+    pub labels: Arc<Mask>,
+    /// Background picture of that time (may be a little older than the frame: it is shared between frames).
+    pub background: Arc<YuvImage>,
+    /// Connected pieces of the hard mask.
+    pub blobs: Arc<[Blob]>,
+}

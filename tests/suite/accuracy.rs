@@ -1,0 +1,1 @@
+//! The accuracy room seen from outside.

@@ -1,0 +1,1 @@
+//! The api room seen from outside.

@@ -1,0 +1,1 @@
+//! The calibrate room seen from outside.

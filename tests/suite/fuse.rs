@@ -1,0 +1,1 @@
+//! The fuse room seen from outside.

@@ -1,0 +1,1 @@
+//! The geometry room seen from outside.

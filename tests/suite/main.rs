@@ -1,0 +1,20 @@
+//! Tests that cross rooms, one module a room; what needs one room alone is tested at the foot of its file.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod accuracy;
+mod api;
+mod background;
+mod calibrate;
+mod config;
+mod fuse;
+mod geometry;
+mod ingest;
+mod mapping;
+mod render;
+mod scene;
+mod segment;
+mod simulate;
+mod store;
+mod timeline;

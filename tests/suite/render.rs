@@ -1,0 +1,1 @@
+//! The render room seen from outside.

@@ -1,0 +1,1 @@
+//! The simulate room seen from outside.

@@ -1,0 +1,1 @@
+//! The timeline room seen from outside.

@@ -1,0 +1,18 @@
+//! What several tests share.
+
+use std::path::PathBuf;
+
+/// A file or folder of the real footage beside the project, or `None` (and a line on standard error that says
+/// what was skipped) where the footage is not at hand.
+#[must_use]
+pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
+    let full = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
+    if full.try_exists().unwrap_or(false) {
+        return Some(full);
+    }
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: no real footage at ../shared/data/{path}");
+    }
+    None
+}
