@@ -4,6 +4,7 @@ mod document;
 
 use crate::frame::CameraId;
 use crate::geometry::{Camera, Surfaces};
+use glam::DVec3;
 use std::sync::Arc;
 
 /// A scene that was validated and is ready to be fused and rendered. Immutable.
@@ -23,6 +24,21 @@ pub struct Scene {
     pub sky_srgb: [u8; 3],
     /// The cameras that look at the scene.
     pub cameras: Vec<SceneCamera>,
+    /// The view shown where a request names none.
+    pub view: Option<SceneView>,
+    /// The document in its normal form (JSON), as the API answers it.
+    pub document: Arc<str>,
+}
+
+/// A named place to look from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneView {
+    /// The viewer's place, metres.
+    pub eye: DVec3,
+    /// What the viewer looks at, metres.
+    pub target: DVec3,
+    /// Vertical field of view, radians.
+    pub fov_y_rad: f64,
 }
 
 /// A camera in a scene.
