@@ -3,6 +3,8 @@
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use serde::Deserialize;
+use serde::de::{self, Deserializer, Visitor};
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -20,9 +22,9 @@ pub struct Settings {
     pub timeline: TimelineSettings,
     /// The renderer.
     pub render: RenderSettings,
-    /// The cameras, in any order; ids are unique.
+    /// The cameras, in any order; ids are unique; at most 256.
     pub camera: Vec<CameraSettings>,
-    /// The scenes, the default one first; ids are unique.
+    /// The scenes, the default one first; ids are unique; at most 64.
     pub scene: Vec<SceneSettings>,
 }
 
@@ -31,6 +33,7 @@ pub struct Settings {
 #[serde(deny_unknown_fields, default)]
 pub struct ServerSettings {
     /// Address and port. There are no users yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
+    #[serde(deserialize_with = "listen_address")]
     pub listen: SocketAddr,
 }
 
@@ -61,7 +64,7 @@ impl Default for StorageSettings {
 #[serde(deny_unknown_fields, default)]
 pub struct MediaSettings {
     /// Folders beneath which file sources may open files (symbolic links resolved first). Default: the
-    /// configuration file's own folder.
+    /// configuration file's own folder. 1 to 64 of them.
     pub roots: Vec<PathBuf>,
 }
 
@@ -112,7 +115,7 @@ impl Default for RenderSettings {
 pub struct CameraSettings {
     /// Id: 1 to 64 of a-z, 0-9, - and _.
     pub id: CameraId,
-    /// Name for people. Default: the id.
+    /// Name for people, at most 200 characters, none of them a control character. Default: the id.
     #[serde(default)]
     pub name: String,
     /// Where its frames come from.
@@ -150,9 +153,39 @@ const fn default_rate_hz() -> f64 {
     25.0
 }
 
-fn timestamp<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+/// An instant as text, or as a whole number of nanoseconds.
+fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+    struct InstantVisitor;
+
+    impl Visitor<'_> for InstantVisitor {
+        type Value = Timestamp;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("an RFC 3339 instant or nanoseconds since 1970-01-01 (UTC)")
+        }
+
+        fn visit_i64<E: de::Error>(self, nanos: i64) -> Result<Timestamp, E> {
+            Ok(Timestamp::from_nanos(nanos))
+        }
+
+        fn visit_u64<E: de::Error>(self, nanos: u64) -> Result<Timestamp, E> {
+            i64::try_from(nanos).map(Timestamp::from_nanos).map_err(E::custom)
+        }
+
+        fn visit_str<E: de::Error>(self, text: &str) -> Result<Timestamp, E> {
+            text.parse().map_err(E::custom)
+        }
+    }
+
+    deserializer.deserialize_any(InstantVisitor).map(Some)
+}
+
+/// An address and a port.
+fn listen_address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SocketAddr, D::Error> {
     let text = String::deserialize(deserializer)?;
-    text.parse().map(Some).map_err(serde::de::Error::custom)
+    text.parse().map_err(|error| {
+        de::Error::custom(format!("{error}: expected an address and a port, such as 127.0.0.1:8080"))
+    })
 }
 
 /// Where frame times come from.
@@ -189,7 +222,8 @@ pub struct BackgroundSettings {
     pub match_threshold: f64,
     /// Share of the weights that is background, 0.1 to 0.99. Default 0.7.
     pub background_ratio: f64,
-    /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000. Default 15.
+    /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000 and within `variance_min` and `variance_max`.
+    /// Default 15.
     pub variance_init: f64,
     /// Least variance, 8-bit levels squared, 0.01 to 10000. Default 4.
     pub variance_min: f64,
