@@ -75,13 +75,21 @@ fn stats() {
         let g = world.figures(t + 0.1).unwrap();
         for a in 0..3 {
             walked[a] += (g[a].foot_in_world - f[a].foot_in_world).length();
-            for b in 0..a { let d = (f[a].foot_in_world - f[b].foot_in_world).length(); if d < closest { closest = d; eprintln!("{a} {b} {t} {d}"); } }
+            for b in 0..a {
+                let d = (f[a].foot_in_world - f[b].foot_in_world).length();
+                if d < closest {
+                    closest = d;
+                    eprintln!("{a} {b} {t} {d}");
+                }
+            }
         }
         for (c, (_, plate)) in plates.iter().enumerate() {
             let truth = world.render_over(plate, t).unwrap();
             for k in 0..3 {
                 let n = truth.instance.data.iter().filter(|v| **v == k as u8 + 1).count();
-                if n > 60 { seen[c][k] += 1; }
+                if n > 60 {
+                    seen[c][k] += 1;
+                }
                 biggest[c][k] = biggest[c][k].max(n);
             }
         }
