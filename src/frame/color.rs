@@ -81,6 +81,19 @@ pub(super) fn rgb_from_yuv_rows(
     }
 }
 
+/// One sRGB pixel (channels 0 to 255, whole or averaged) as codes of Y, U and V.
+pub(super) fn yuv_from_rgb(matrix: ColorMatrix, range: ColorRange, rgb: [f32; 3]) -> [u8; 3] {
+    let (kr, kb) = matrix.red_blue_weights();
+    let (luma_offset, luma_scale, chroma_scale) = range.luma_offset_luma_scale_chroma_scale();
+    let [red, green, blue] = rgb.map(|channel| channel / 255.0);
+    let luma = kr * red + (1.0 - kr - kb) * green + kb * blue;
+    let pb = (blue - luma) / (2.0 * (1.0 - kb));
+    let pr = (red - luma) / (2.0 * (1.0 - kr));
+    // A cast from float saturates, as the codes do.
+    let code = |value: f32| (value + 0.5) as u8;
+    [code(luma_offset + luma_scale * luma), code(128.0 + chroma_scale * pb), code(128.0 + chroma_scale * pr)]
+}
+
 /// Linear light of an sRGB-coded value, both 0 to 1 (IEC 61966-2-1).
 #[must_use]
 pub fn linear_from_srgb(value: f32) -> f32 {

@@ -1,7 +1,7 @@
 //! A picture in planar YUV 4:2:0, as decoders deliver it.
 
 use super::RgbImage;
-use super::color::{ColorMatrix, ColorRange, rgb_from_yuv_rows};
+use super::color::{ColorMatrix, ColorRange, rgb_from_yuv_rows, yuv_from_rgb};
 use std::fmt;
 
 /// Where the planes lie in the bytes of a picture.
@@ -65,6 +65,16 @@ pub enum YuvError {
         /// Bytes from the buffer's start to the plane's end.
         needed: usize,
         /// Bytes in the buffer.
+        available: usize,
+    },
+    /// A picture in RGB whose bytes are not three for each of its pixels.
+    #[error("an RGB picture of {width} x {height} pixels has three bytes for each, got {available} bytes")]
+    RgbLength {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Bytes in the picture.
         available: usize,
     },
     /// Rows of a plane overlap.
@@ -167,6 +177,46 @@ impl YuvImage {
         Self::new(layout, matrix, range, data).expect("a packed layout fits its own length")
     }
 
+    /// `rgb` in packed planes; a chroma sample is the mean of the (up to) 2 x 2 pixels that it covers.
+    ///
+    /// # Errors
+    /// When `rgb` has no pixels, or not three bytes for each.
+    pub fn from_rgb(rgb: &RgbImage, matrix: ColorMatrix, range: ColorRange) -> Result<Self, YuvError> {
+        let RgbImage { width, height, data: pixels } = rgb;
+        let (columns, rows) = (*width as usize, *height as usize);
+        if columns == 0 || rows == 0 {
+            return Err(YuvError::Empty { width: *width, height: *height });
+        }
+        if pixels.len() != columns * rows * 3 {
+            return Err(YuvError::RgbLength { width: *width, height: *height, available: pixels.len() });
+        }
+        let layout = YuvLayout::packed(*width, *height);
+        let mut data = vec![0; YuvLayout::packed_len(*width, *height)];
+        let (luma, chroma) = data.split_at_mut(layout.offsets[1]);
+        let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
+        let pixel = |x: usize, y: usize| {
+            let start = (y * columns + x) * 3;
+            [pixels[start], pixels[start + 1], pixels[start + 2]].map(f32::from)
+        };
+        for (i, code) in luma.iter_mut().enumerate() {
+            *code = yuv_from_rgb(matrix, range, pixel(i % columns, i / columns))[0];
+        }
+        for (i, (u, v)) in u.iter_mut().zip(v).enumerate() {
+            let (x, y) = (i % layout.strides[1] * 2, i / layout.strides[1] * 2);
+            let (mut sum, mut count) = ([0.0; 3], 0.0);
+            for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+                if x < columns && y < rows {
+                    let here = pixel(x, y);
+                    sum = [sum[0] + here[0], sum[1] + here[1], sum[2] + here[2]];
+                    count += 1.0;
+                }
+            }
+            let codes = yuv_from_rgb(matrix, range, sum.map(|channel| channel / count));
+            (*u, *v) = (codes[1], codes[2]);
+        }
+        Self::new(layout, matrix, range, data)
+    }
+
     /// Columns of the luma plane.
     #[must_use]
     pub const fn width(&self) -> u32 {
@@ -241,6 +291,47 @@ mod tests {
         let mut narrow = YuvLayout::packed(4, 4);
         narrow.strides[1] = 1;
         assert!(matches!(make(narrow, 100), Err(YuvError::Stride { plane: 1, width: 2, stride: 1 })));
+    }
+
+    #[test]
+    fn an_rgb_picture_comes_back_from_its_planes() {
+        for matrix in [ColorMatrix::Bt601, ColorMatrix::Bt709, ColorMatrix::Bt2020] {
+            for range in [ColorRange::Limited, ColorRange::Full] {
+                // 5 x 3, so that the last chroma samples cover two pixels or one; each has one colour.
+                let data: Vec<u8> = (0..15_u32)
+                    .flat_map(|i| {
+                        let block = i % 5 / 2 + 3 * (i / 5 / 2);
+                        [40 * block, 255 - 50 * block, 17 + 30 * block].map(|value| value as u8)
+                    })
+                    .collect();
+                let rgb = RgbImage { width: 5, height: 3, data };
+                let back = YuvImage::from_rgb(&rgb, matrix, range).expect("a picture").to_rgb();
+                for (got, want) in back.data.iter().zip(&rgb.data) {
+                    assert!(got.abs_diff(*want) <= 3, "{matrix:?} {range:?}: {back:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn chroma_is_the_mean_of_what_it_covers() {
+        let data = [[255, 0, 0], [0, 0, 255], [255, 0, 0], [0, 0, 255]].concat();
+        let rgb = RgbImage { width: 2, height: 2, data };
+        let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full).expect("a picture");
+        assert_eq!(yuv.plane(0).row(1), [76, 29]);
+        // Red is (84.97, 255.5) and blue (255.5, 107.26) in (U, V) before rounding.
+        assert_eq!((yuv.plane(1).row(0), yuv.plane(2).row(0)), (&[170][..], &[181][..]));
+    }
+
+    #[test]
+    fn an_rgb_picture_without_its_bytes_is_refused() {
+        let make = |width, height, len| {
+            let rgb = RgbImage { width, height, data: vec![0; len] };
+            YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Limited).map(|image| image.len_bytes())
+        };
+        assert_eq!(make(0, 4, 0), Err(YuvError::Empty { width: 0, height: 4 }));
+        assert_eq!(make(2, 2, 11), Err(YuvError::RgbLength { width: 2, height: 2, available: 11 }));
+        assert_eq!(make(2, 2, 12), Ok(6));
     }
 
     #[test]
