@@ -229,6 +229,12 @@ pub struct BackgroundSettings {
     pub variance_min: f64,
     /// Greatest variance, 8-bit levels squared, 0.1 to 65025. Default 75.
     pub variance_max: f64,
+    /// How many times less noise chroma has than luma, 0.25 to 8: chroma differences count so many times. Default
+    /// 2, which averaging 2 x 2 samples gives; codecs often leave 3 and more.
+    pub chroma_scale: f64,
+    /// Longest time that one frame stands for, seconds, 0.001 to 3600: a gap in the stream teaches no more than
+    /// this. Default 2.
+    pub max_step_secs: f64,
     /// A clip (or pattern of pictures) of the empty place that is learned first. Default: none.
     pub clip: Option<PathBuf>,
     /// What follows the clip. Default `adapt`.
@@ -245,6 +251,8 @@ impl Default for BackgroundSettings {
             variance_init: 15.0,
             variance_min: 4.0,
             variance_max: 75.0,
+            chroma_scale: 2.0,
+            max_step_secs: 2.0,
             clip: None,
             learning: Learning::Adapt,
         }
