@@ -60,8 +60,9 @@ pub(super) async fn picture(
         ("videofields-frame", number.to_string()),
         ("server-timing", server_timing(&[("encode", encoding_time)])),
     ];
-    let age_secs = find(&api, &id).ok().and_then(|camera| camera.age_secs);
-    if let (At::Live, Some(age_secs)) = (at, age_secs) {
+    if at == At::Live
+        && let Some(age_secs) = find(&api, &id)?.age_secs
+    {
         fields.push(("videofields-age", format!("{age_secs:.3}")));
     }
     Ok(Picture { encoding, bytes, at, instant, fields })
