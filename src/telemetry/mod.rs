@@ -100,8 +100,8 @@ mod tests {
             move |name: &str| pairs.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned())
         };
         let both = variables(&[("VIDEOFIELDS_LOG", "debug"), ("RUST_LOG", "trace")]);
-        assert_eq!(choose_filter(Some("warn"), &both), "warn");
-        assert_eq!(choose_filter(None, &both), "debug");
+        assert_eq!(choose_filter(Some("warn"), both), "warn");
+        assert_eq!(choose_filter(None, both), "debug");
         assert_eq!(
             choose_filter(None, variables(&[("VIDEOFIELDS_LOG", " "), ("RUST_LOG", "trace")])),
             "trace"
