@@ -3,17 +3,23 @@
 /// The word of `allowed` that was probably meant by `word`, if one is near.
 ///
 /// Near is at most a third of the letters changed, counted as [Damerau 1964] counts them: one for a letter left
-/// out, put in, exchanged, or swapped with its neighbour.
+/// out, put in, exchanged, or swapped with its neighbour; or that the one begins with the other, as a name does
+/// that lacks its unit.
 ///
 /// [Damerau 1964]: https://doi.org/10.1145/363958.363994
 pub fn closest<'a>(word: &str, allowed: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.to_lowercase();
-    allowed
-        .into_iter()
-        .map(|candidate| (strsim::damerau_levenshtein(&word, &candidate.to_lowercase()), candidate))
-        .filter(|(distance, candidate)| distance * 3 <= candidate.len().max(word.len()))
-        .min_by_key(|(distance, _)| *distance)
-        .map(|(_, candidate)| candidate)
+    let distance = |candidate: &str| {
+        let candidate = candidate.to_lowercase();
+        let is_begun = word.len() >= 3 && candidate.len() >= 3;
+        if is_begun && (candidate.starts_with(&word) || word.starts_with(&candidate)) {
+            return Some(1);
+        }
+        let changed = strsim::damerau_levenshtein(&word, &candidate);
+        (changed * 3 <= candidate.len().max(word.len())).then_some(changed)
+    };
+    let near = allowed.into_iter().filter_map(|candidate| Some((distance(candidate)?, candidate)));
+    near.min_by_key(|(distance, _)| *distance).map(|(_, candidate)| candidate)
 }
 
 /// Says that `word` is no known `what` ("key", "value", "parameter"), what was probably meant and what is allowed.
@@ -84,7 +90,10 @@ mod tests {
         check("Listen", Some("listen"));
         check("sample", Some("samples"));
         check("data-base", Some("database"));
+        check("sam", Some("samples"));
+        check("listen_address", Some("listen"));
         check("colour", None);
+        check("sa", None);
         check("", None);
         check("\u{1F600}", None);
     }
