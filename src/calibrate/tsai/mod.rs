@@ -11,19 +11,18 @@
 
 mod fit;
 
+use super::xml::{line_of, parse};
 use super::{CalibrateError, ImportOptions, Imported, agreed_size, list_names};
 use crate::geometry::{Camera, CameraError, Pose};
 use glam::{DQuat, DVec2, DVec3};
-use roxmltree::{Document, Node, ParsingOptions};
-
-/// Most elements, attributes and texts that are read; an honest file has a dozen.
-const MAX_NODES: u32 = 100_000;
+use roxmltree::{Document, Node};
 
 pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, CalibrateError> {
-    let document = parse_xml(text)?;
+    let document = parse(text)?;
     let camera = find_camera(&document, options)?;
     let element = |name: &'static str| Element::find(camera, name);
-    let (geometry, intrinsic, extrinsic) = (element("Geometry")?, element("Intrinsic")?, element("Extrinsic")?);
+    let (geometry, intrinsic, extrinsic) =
+        (element("Geometry")?, element("Intrinsic")?, element("Extrinsic")?);
 
     let said = [geometry.size("width")?, geometry.size("height")?];
     let size_px = agreed_size(Some(said), options, "/Camera/Geometry")?;
@@ -38,7 +37,8 @@ pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, Ca
     let metres = options.metres_per_unit.unwrap_or(0.001);
     let translation = extrinsic.vector(["tx", "ty", "tz"])? * metres;
     let [rx, ry, rz] = extrinsic.vector(["rx", "ry", "rz"])?.to_array();
-    let camera_from_world = DQuat::from_rotation_z(rz) * DQuat::from_rotation_y(ry) * DQuat::from_rotation_x(rx);
+    let camera_from_world =
+        DQuat::from_rotation_z(rz) * DQuat::from_rotation_y(ry) * DQuat::from_rotation_x(rx);
     let world_from_local = camera_from_world.inverse();
     let pose = Pose { position_in_world: world_from_local * -translation, world_from_local };
 
@@ -51,16 +51,10 @@ pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, Ca
     Ok(Imported { camera, residual_px: Some(residual * focal_px.max_element()) })
 }
 
-/// The document; entities by which a short text stands for a huge one are refused.
-pub(super) fn parse_xml(text: &str) -> Result<Document<'_>, CalibrateError> {
-    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|error| {
-        let at = error.pos();
-        CalibrateError::Syntax { line: at.row.into(), column: at.col.into(), message: error.to_string() }
-    })
-}
-
-fn find_camera<'a>(document: &'a Document<'a>, options: &ImportOptions) -> Result<Node<'a, 'a>, CalibrateError> {
+fn find_camera<'a>(
+    document: &'a Document<'a>,
+    options: &ImportOptions,
+) -> Result<Node<'a, 'a>, CalibrateError> {
     let cameras: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Camera")).collect();
     let name_of = |node: &Node<'a, 'a>| node.attribute("name").unwrap_or_default();
     let known = || list_names(cameras.iter().map(name_of));
@@ -87,7 +81,10 @@ impl<'a> Element<'a> {
     fn find(camera: Node<'a, 'a>, name: &'static str) -> Result<Self, CalibrateError> {
         let node = camera.children().find(|node| node.has_tag_name(name)).ok_or_else(|| {
             let line = line_of(camera);
-            CalibrateError::invalid(format!("/Camera/{name}"), format!("the element is missing (line {line})"))
+            CalibrateError::invalid(
+                format!("/Camera/{name}"),
+                format!("the element is missing (line {line})"),
+            )
         })?;
         Ok(Self { name, line: line_of(node), node })
     }
@@ -129,11 +126,6 @@ impl<'a> Element<'a> {
     }
 }
 
-/// Line of an element, from 1.
-pub(super) fn line_of(node: Node<'_, '_>) -> u32 {
-    node.document().text_pos_at(node.range().start).row
-}
-
 fn place_of(error: &CameraError) -> &'static str {
     let (CameraError::NotFinite { field } | CameraError::OutOfRange { field, .. }) = error;
     match *field {
@@ -152,10 +144,10 @@ fn farthest_corner(size_px: (u32, u32), focal_px: DVec2, center_px: DVec2) -> f6
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const TEXT: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+    pub(in crate::calibrate) const TEXT: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Camera name="Made_up">
   <Geometry width="768" height="576" ncx="795" nfx="752" dx="4.85e-03" dy="4.65e-03" dpx="5.1e-03" dpy="4.6e-03"/>
   <Intrinsic focal="5.5" kappa1="6.0e-03" cx="324.2" cy="282.5" sx="1.09"/>
@@ -165,7 +157,8 @@ mod tests {
     /// The world point's pixel by \[Tsai87\], written apart from the importer: angles into a matrix by hand, the
     /// radius by bisection.
     fn tsai_pixel(point_mm: [f64; 3]) -> [f64; 2] {
-        let ((sa, ca), (sb, cb), (sc, cc)) = (2.04_f64.sin_cos(), (-0.89_f64).sin_cos(), (-0.43_f64).sin_cos());
+        let ((sa, ca), (sb, cb), (sc, cc)) =
+            (2.04_f64.sin_cos(), (-0.89_f64).sin_cos(), (-0.43_f64).sin_cos());
         let rows = [
             [cb * cc, cc * sa * sb - ca * sc, sa * sc + ca * cc * sb],
             [cb * sc, sa * sb * sc + ca * cc, ca * sb * sc - cc * sa],
@@ -234,8 +227,11 @@ mod tests {
         let millimetres = of(ImportOptions::default()).expect("a camera").camera.pose().position_in_world;
         let position = metres.expect("a camera").camera.pose().position_in_world;
         assert!((position * 0.001 - millimetres).length() < 1e-9);
-        of(ImportOptions { camera: Some("Made_up".to_owned()), ..ImportOptions::default() }).expect("a camera");
-        of(ImportOptions { camera: Some("View_001".to_owned()), ..ImportOptions::default() }).expect_err("a name");
-        of(ImportOptions { image_size_px: Some([640, 480]), ..ImportOptions::default() }).expect_err("a size");
+        of(ImportOptions { camera: Some("Made_up".to_owned()), ..ImportOptions::default() })
+            .expect("a camera");
+        of(ImportOptions { camera: Some("View_001".to_owned()), ..ImportOptions::default() })
+            .expect_err("a name");
+        of(ImportOptions { image_size_px: Some([640, 480]), ..ImportOptions::default() })
+            .expect_err("a size");
     }
 }
