@@ -1,1 +1,4 @@
 //! Holds the house to its own rules.
+
+#[path = "tidy/shaders.rs"]
+mod shaders;
