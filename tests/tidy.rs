@@ -1,1 +1,8 @@
 //! Holds the house to its own rules.
+
+#[path = "tidy/files.rs"]
+mod files;
+#[path = "tidy/layers.rs"]
+mod layers;
+#[path = "tidy/tree.rs"]
+mod tree;

@@ -184,7 +184,7 @@ mod tests {
             assert_eq!(file_system(mounts, Path::new(folder)), Some(expected), "{folder}");
         };
         check("/", "ext4");
-        check("/home/x", "ext4");
+        check("/var/lib", "ext4");
         check("/mnt/nas", "nfs4");
         check("/mnt/nas/data", "nfs4");
         check("/mnt/nasty", "ext4");
