@@ -1,6 +1,7 @@
 //! The database as the daemon meets it: opened, reopened, damaged, fought over, and cut off.
 
 use sqlx::{Connection, SqliteConnection};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use videofields::clock::Timestamp;
@@ -66,6 +67,10 @@ async fn what_was_written_is_read_after_reopening() {
     let path = folder.path().join("data/deep/videofields.sqlite");
     let store = open(&path).await;
     assert_eq!(store.path(), path);
+    for file in [path.clone(), path.with_extension("sqlite-wal")] {
+        let mode = std::fs::metadata(&file).expect("there").permissions().mode();
+        assert_eq!(mode & 0o777, 0o600, "{}: only its owner reads what cameras saw", file.display());
+    }
     let digest = store.put_scene("plaza", r#"{"version":1}"#, at(10)).await.expect("written");
     assert_eq!(digest, digest_hex(br#"{"version":1}"#));
     store.put_background(&background("north", 640, 3)).await.expect("written");
