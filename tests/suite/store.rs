@@ -1,5 +1,6 @@
 //! The database as the daemon meets it: opened, reopened, damaged, fought over, and cut off.
 
+use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -45,7 +46,7 @@ fn background(id: &str, width: u32, saved_at: i64) -> BackgroundRecord {
 
 fn map(name: &str, scene: &str, bytes: usize) -> TextureMapRecord {
     TextureMapRecord {
-        digest: digest_hex(name.as_bytes()),
+        digest: sha2::Sha256::digest(name.as_bytes()).into(),
         scene: scene.to_owned(),
         camera: camera("north"),
         created_at: at(5),
