@@ -1,7 +1,7 @@
 -- Texture-to-world maps; a cache, rebuilt in seconds from calibration and surfaces.
 create table texture_map (
-    -- SHA-256 of all that the map was built from, lower-case hexadecimal.
-    digest text not null primary key check (length(digest) = 64),
+    -- SHA-256 of all that the map was built from.
+    digest blob not null primary key check (length(digest) = 32),
     -- The scene and the camera that it was built for last.
     scene text not null check (length(scene) between 1 and 64),
     camera text not null check (length(camera) between 1 and 64),

@@ -142,12 +142,6 @@ impl Fields {
         field
     }
 
-    /// Whether `key` is there and was not taken.
-    #[must_use]
-    pub fn has(&self, key: &str) -> bool {
-        self.values.contains_key(key)
-    }
-
     /// Notes every key that was never asked for.
     pub fn finish(self, gatherer: &mut Gatherer) {
         for key in self.values.keys() {

@@ -5,6 +5,7 @@ use super::{Store, StoreError};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
 use std::io::Read;
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::time::Duration;
 
@@ -49,10 +50,12 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
         refuse_network(&path, &folder.canonicalize().map_err(not_writable)?)?;
     }
     refuse_other_files(&path)?;
+    // Made here for the system's own words where it cannot be, and for its owner's eyes alone: what cameras saw
+    // is in it. SQLite gives its log the same rights.
+    std::fs::OpenOptions::new().append(true).create(true).mode(0o600).open(&path).map_err(not_writable)?;
 
     let options = SqliteConnectOptions::new()
         .filename(&path)
-        .create_if_missing(true)
         .busy_timeout(BUSY_TIMEOUT)
         .foreign_keys(true)
         .disable_statement_logging();
@@ -184,7 +187,7 @@ mod tests {
             assert_eq!(file_system(mounts, Path::new(folder)), Some(expected), "{folder}");
         };
         check("/", "ext4");
-        check("/home/x", "ext4");
+        check("/var/lib", "ext4");
         check("/mnt/nas", "nfs4");
         check("/mnt/nas/data", "nfs4");
         check("/mnt/nasty", "ext4");

@@ -8,8 +8,8 @@ use crate::frame::CameraId;
 /// An encoded texture-to-world map.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TextureMapRecord {
-    /// SHA-256 of calibration, surfaces and builder's settings, lower-case hexadecimal.
-    pub digest: String,
+    /// SHA-256 of calibration, surfaces and builder's settings.
+    pub digest: [u8; 32],
     /// The scene it was built for.
     pub scene: String,
     /// The camera it was built for.
@@ -44,7 +44,7 @@ impl Store {
                  scene = excluded.scene, camera = excluded.camera, created_at = excluded.created_at,
                  used = excluded.used, bytes = excluded.bytes",
         )
-        .bind(&record.digest)
+        .bind(record.digest.as_slice())
         .bind(&record.scene)
         .bind(record.camera.as_str())
         .bind(record.created_at.as_nanos())
@@ -67,13 +67,13 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn texture_map(&self, digest: &str) -> Result<Option<TextureMapRecord>, StoreError> {
+    pub async fn texture_map(&self, digest: &[u8; 32]) -> Result<Option<TextureMapRecord>, StoreError> {
         // One statement reads and notes the use, so no other connection can come between.
         let row: Option<(String, String, i64, Vec<u8>)> = sqlx::query_as(
             "update texture_map set used = (select max(used) + 1 from texture_map) where digest = ?
              returning scene, camera, created_at, bytes",
         )
-        .bind(digest)
+        .bind(digest.as_slice())
         .fetch_optional(&self.cache)
         .await
         .map_err(|error| self.classify(error))?;
@@ -82,7 +82,7 @@ impl Store {
             StoreError::UnreadableRow { path: self.path.clone(), what: "the camera's id" }
         })?;
         let created_at = Timestamp::from_nanos(nanos);
-        Ok(Some(TextureMapRecord { digest: digest.to_owned(), scene, camera, created_at, bytes }))
+        Ok(Some(TextureMapRecord { digest: *digest, scene, camera, created_at, bytes }))
     }
 
     /// Removes the maps of a camera in a scene but the one in use, and answers how many went.
@@ -93,12 +93,12 @@ impl Store {
         &self,
         scene: &str,
         camera: &CameraId,
-        current_digest: &str,
+        current_digest: &[u8; 32],
     ) -> Result<u64, StoreError> {
         sqlx::query("delete from texture_map where scene = ? and camera = ? and digest <> ?")
             .bind(scene)
             .bind(camera.as_str())
-            .bind(current_digest)
+            .bind(current_digest.as_slice())
             .execute(&self.cache)
             .await
             .map(|done| done.rows_affected())

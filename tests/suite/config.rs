@@ -243,7 +243,7 @@ fn the_environment_wins_and_its_faults_name_the_variable() {
         ("VIDEOFIELDS_SERVER__LISTEN", "127.0.0.1:9000"),
         ("VIDEOFIELDS_MEDIA__ROOTS", "[\"a\", \"/b\"]"),
         ("VIDEOFIELDS_LOG", "debug"),
-        ("HOME", "/root"),
+        ("HOME", "/srv"),
     ])
     .expect("a configuration without faults");
     let settings = config.settings();

@@ -1,6 +1,8 @@
 //! The database as the daemon meets it: opened, reopened, damaged, fought over, and cut off.
 
+use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use videofields::clock::Timestamp;
@@ -44,7 +46,7 @@ fn background(id: &str, width: u32, saved_at: i64) -> BackgroundRecord {
 
 fn map(name: &str, scene: &str, bytes: usize) -> TextureMapRecord {
     TextureMapRecord {
-        digest: digest_hex(name.as_bytes()),
+        digest: sha2::Sha256::digest(name.as_bytes()).into(),
         scene: scene.to_owned(),
         camera: camera("north"),
         created_at: at(5),
@@ -66,6 +68,10 @@ async fn what_was_written_is_read_after_reopening() {
     let path = folder.path().join("data/deep/videofields.sqlite");
     let store = open(&path).await;
     assert_eq!(store.path(), path);
+    for file in [path.clone(), path.with_extension("sqlite-wal")] {
+        let mode = std::fs::metadata(&file).expect("there").permissions().mode();
+        assert_eq!(mode & 0o777, 0o600, "{}: only its owner reads what cameras saw", file.display());
+    }
     let digest = store.put_scene("plaza", r#"{"version":1}"#, at(10)).await.expect("written");
     assert_eq!(digest, digest_hex(br#"{"version":1}"#));
     store.put_background(&background("north", 640, 3)).await.expect("written");
