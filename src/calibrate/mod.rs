@@ -210,10 +210,15 @@ fn agreed_size(
     match (said, options.image_size_px) {
         (Some(said), Some(asked)) if said != asked => Err(CalibrateError::invalid(
             place,
-            format!("the picture is {} x {} here, but {} x {} was asked for", said[0], said[1], asked[0], asked[1]),
+            format!(
+                "the picture is {} x {} here, but {} x {} was asked for",
+                said[0], said[1], asked[0], asked[1]
+            ),
         )),
         (Some([width, height]), _) | (None, Some([width, height])) => Ok((width, height)),
-        (None, None) => Err(CalibrateError::invalid(place, "the picture's size is not said; give image_size_px")),
+        (None, None) => {
+            Err(CalibrateError::invalid(place, "the picture's size is not said; give image_size_px"))
+        }
     }
 }
 

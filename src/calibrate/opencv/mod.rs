@@ -85,7 +85,9 @@ fn intrinsics(camera: &Place<'_>) -> Result<(DVec2, DVec2), CalibrateError> {
     let place = camera.find(CAMERA_MATRIX).ok_or_else(|| camera.fault("no camera matrix"))?;
     let matrix = place.matrix()?;
     if (matrix.n_rows, matrix.n_columns) != (3, 3) {
-        return Err(place.fault(&format!("expected 3 x 3 numbers, got {} x {}", matrix.n_rows, matrix.n_columns)));
+        return Err(
+            place.fault(&format!("expected 3 x 3 numbers, got {} x {}", matrix.n_rows, matrix.n_columns))
+        );
     }
     let k = &matrix.values;
     if k[3] != 0.0 || k[6] != 0.0 || k[7] != 0.0 || k[8] != 1.0 {
@@ -118,7 +120,11 @@ fn picture_size(camera: &Place<'_>) -> Result<Option<[u32; 2]>, CalibrateError> 
 fn distortion(camera: &Place<'_>) -> Result<Distortion, CalibrateError> {
     let is_fisheye = is_fisheye(camera)?;
     let Some(place) = camera.find(COEFFICIENTS) else {
-        return if is_fisheye { Err(camera.fault("a fisheye needs 4 coefficients")) } else { Ok(Distortion::None) };
+        return if is_fisheye {
+            Err(camera.fault("a fisheye needs 4 coefficients"))
+        } else {
+            Ok(Distortion::None)
+        };
     };
     let Matrix { values, .. } = place.matrix()?;
     if is_fisheye {
@@ -153,7 +159,9 @@ fn is_fisheye(camera: &Place<'_>) -> Result<bool, CalibrateError> {
     let Some(place) = camera.find(MODEL) else { return Ok(false) };
     let Some(model) = place.text() else { return Err(place.fault("must be the model's name")) };
     match node::plain(&model).as_str() {
-        "none" | "pinhole" | "plumbbob" | "rationalpolynomial" | "brownconrady" | "radtan" | "opencv" => Ok(false),
+        "none" | "pinhole" | "plumbbob" | "rationalpolynomial" | "brownconrady" | "radtan" | "opencv" => {
+            Ok(false)
+        }
         "fisheye" | "equidistant" | "kannalabrandt" | "opencvfisheye" => Ok(true),
         _ => {
             let message = format!(
@@ -203,8 +211,9 @@ fn translation<'a>(camera: &Place<'a>, options: &ImportOptions) -> Result<(Place
         let names: Vec<_> = names.iter().map(String::as_str).collect();
         let Some(place) = camera.find(&names) else { continue };
         return match (unit, options.metres_per_unit) {
-            (Some(said), Some(asked)) if said != asked => Err(place
-                .fault(&format!("its name says {said} metres a unit, but metres_per_unit is {asked}; drop that"))),
+            (Some(said), Some(asked)) if said != asked => Err(place.fault(&format!(
+                "its name says {said} metres a unit, but metres_per_unit is {asked}; drop that"
+            ))),
             (said, asked) => Ok((place, asked.or(said).unwrap_or(1.0))),
         };
     }

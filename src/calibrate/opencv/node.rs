@@ -119,7 +119,8 @@ impl<'a> Place<'a> {
 
     fn storage_matrix(&self) -> Result<Matrix, CalibrateError> {
         let member = |name: &str| {
-            self.find(&[name]).ok_or_else(|| self.fault(&format!("a matrix needs rows, cols and data; {name} is missing")))
+            self.find(&[name])
+                .ok_or_else(|| self.fault(&format!("a matrix needs rows, cols and data; {name} is missing")))
         };
         let side = |name: &str| {
             let place = member(name)?;
@@ -134,7 +135,10 @@ impl<'a> Place<'a> {
         let values = data.numbers()?;
         if values.len() != n_rows * n_columns {
             let expected = n_rows * n_columns;
-            return Err(data.fault(&format!("expected {n_rows} x {n_columns} = {expected} numbers, got {}", values.len())));
+            return Err(data.fault(&format!(
+                "expected {n_rows} x {n_columns} = {expected} numbers, got {}",
+                values.len()
+            )));
         }
         Ok(Matrix { n_rows, n_columns, values })
     }
@@ -150,7 +154,9 @@ impl<'a> Place<'a> {
                 tokens
                     .collect::<Result<Vec<_>, _>>()
                     .ok()
-                    .filter(|numbers| numbers.len() <= MAX_VALUES && numbers.iter().all(|number| number.is_finite()))
+                    .filter(|numbers| {
+                        numbers.len() <= MAX_VALUES && numbers.iter().all(|number| number.is_finite())
+                    })
                     .ok_or_else(|| self.fault("must be finite numbers"))?
             }
             _ => return Err(self.fault(&format!("must be a list of at most {MAX_VALUES} numbers"))),

@@ -55,8 +55,7 @@ fn rational(pairs: &[(f64, f64)]) -> [f64; 8] {
     let below = [2, 4, 6].map(|power| column(pairs, |ru, rd| -rd * ru.powi(power)));
     let [a1, a2, a3] = above;
     let [b1, b2, b3] = below;
-    let [k1, k2, k3, k4, k5, k6] =
-        least_squares([a1, a2, a3, b1, b2, b3], column(pairs, |ru, rd| rd - ru));
+    let [k1, k2, k3, k4, k5, k6] = least_squares([a1, a2, a3, b1, b2, b3], column(pairs, |ru, rd| rd - ru));
     [k1, k2, 0.0, 0.0, k3, k4, k5, k6]
 }
 
@@ -145,7 +144,8 @@ mod tests {
     fn least_squares_finds_what_was_put_in() {
         let x: Vec<f64> = (0..20).map(f64::from).collect();
         let of = |f: fn(f64) -> f64| x.iter().map(|x| f(*x)).collect::<Vec<_>>();
-        let found = least_squares([of(|_| 1.0), of(|x| x), of(|x| x * x)], of(|x| 2.0 - 3.0 * x + 0.5 * x * x));
+        let found =
+            least_squares([of(|_| 1.0), of(|x| x), of(|x| x * x)], of(|x| 2.0 - 3.0 * x + 0.5 * x * x));
         assert!(found.iter().zip([2.0, -3.0, 0.5]).all(|(a, b)| (a - b).abs() < 1e-10), "{found:?}");
     }
 }

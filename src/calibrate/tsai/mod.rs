@@ -23,7 +23,8 @@ pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, Ca
     let document = parse_xml(text)?;
     let camera = find_camera(&document, options)?;
     let element = |name: &'static str| Element::find(camera, name);
-    let (geometry, intrinsic, extrinsic) = (element("Geometry")?, element("Intrinsic")?, element("Extrinsic")?);
+    let (geometry, intrinsic, extrinsic) =
+        (element("Geometry")?, element("Intrinsic")?, element("Extrinsic")?);
 
     let said = [geometry.size("width")?, geometry.size("height")?];
     let size_px = agreed_size(Some(said), options, "/Camera/Geometry")?;
@@ -38,7 +39,8 @@ pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, Ca
     let metres = options.metres_per_unit.unwrap_or(0.001);
     let translation = extrinsic.vector(["tx", "ty", "tz"])? * metres;
     let [rx, ry, rz] = extrinsic.vector(["rx", "ry", "rz"])?.to_array();
-    let camera_from_world = DQuat::from_rotation_z(rz) * DQuat::from_rotation_y(ry) * DQuat::from_rotation_x(rx);
+    let camera_from_world =
+        DQuat::from_rotation_z(rz) * DQuat::from_rotation_y(ry) * DQuat::from_rotation_x(rx);
     let world_from_local = camera_from_world.inverse();
     let pose = Pose { position_in_world: world_from_local * -translation, world_from_local };
 
@@ -60,7 +62,10 @@ pub(super) fn parse_xml(text: &str) -> Result<Document<'_>, CalibrateError> {
     })
 }
 
-fn find_camera<'a>(document: &'a Document<'a>, options: &ImportOptions) -> Result<Node<'a, 'a>, CalibrateError> {
+fn find_camera<'a>(
+    document: &'a Document<'a>,
+    options: &ImportOptions,
+) -> Result<Node<'a, 'a>, CalibrateError> {
     let cameras: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Camera")).collect();
     let name_of = |node: &Node<'a, 'a>| node.attribute("name").unwrap_or_default();
     let known = || list_names(cameras.iter().map(name_of));
@@ -87,7 +92,10 @@ impl<'a> Element<'a> {
     fn find(camera: Node<'a, 'a>, name: &'static str) -> Result<Self, CalibrateError> {
         let node = camera.children().find(|node| node.has_tag_name(name)).ok_or_else(|| {
             let line = line_of(camera);
-            CalibrateError::invalid(format!("/Camera/{name}"), format!("the element is missing (line {line})"))
+            CalibrateError::invalid(
+                format!("/Camera/{name}"),
+                format!("the element is missing (line {line})"),
+            )
         })?;
         Ok(Self { name, line: line_of(node), node })
     }
@@ -165,7 +173,8 @@ mod tests {
     /// The world point's pixel by \[Tsai87\], written apart from the importer: angles into a matrix by hand, the
     /// radius by bisection.
     fn tsai_pixel(point_mm: [f64; 3]) -> [f64; 2] {
-        let ((sa, ca), (sb, cb), (sc, cc)) = (2.04_f64.sin_cos(), (-0.89_f64).sin_cos(), (-0.43_f64).sin_cos());
+        let ((sa, ca), (sb, cb), (sc, cc)) =
+            (2.04_f64.sin_cos(), (-0.89_f64).sin_cos(), (-0.43_f64).sin_cos());
         let rows = [
             [cb * cc, cc * sa * sb - ca * sc, sa * sc + ca * cc * sb],
             [cb * sc, sa * sb * sc + ca * cc, ca * sb * sc - cc * sa],
@@ -234,8 +243,11 @@ mod tests {
         let millimetres = of(ImportOptions::default()).expect("a camera").camera.pose().position_in_world;
         let position = metres.expect("a camera").camera.pose().position_in_world;
         assert!((position * 0.001 - millimetres).length() < 1e-9);
-        of(ImportOptions { camera: Some("Made_up".to_owned()), ..ImportOptions::default() }).expect("a camera");
-        of(ImportOptions { camera: Some("View_001".to_owned()), ..ImportOptions::default() }).expect_err("a name");
-        of(ImportOptions { image_size_px: Some([640, 480]), ..ImportOptions::default() }).expect_err("a size");
+        of(ImportOptions { camera: Some("Made_up".to_owned()), ..ImportOptions::default() })
+            .expect("a camera");
+        of(ImportOptions { camera: Some("View_001".to_owned()), ..ImportOptions::default() })
+            .expect_err("a name");
+        of(ImportOptions { image_size_px: Some([640, 480]), ..ImportOptions::default() })
+            .expect_err("a size");
     }
 }

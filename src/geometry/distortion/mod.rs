@@ -101,7 +101,9 @@ impl Distortion {
             Self::BrownConrady { coefficients } => {
                 Some(undistort_brown_conrady(coefficients, distorted, limit)?.extend(1.0))
             }
-            Self::Fisheye { coefficients } => undistort_fisheye(coefficients, distorted, limit.max_theta_rad()),
+            Self::Fisheye { coefficients } => {
+                undistort_fisheye(coefficients, distorted, limit.max_theta_rad())
+            }
         }
     }
 }
