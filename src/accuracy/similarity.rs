@@ -144,22 +144,19 @@ mod tests {
             }
         };
         let (a, b) = (make(1), make(77));
+        let window_similarity = |x: isize, y: isize, channel: usize| {
+            let mut sums = Sums::default();
+            for (dy, dx) in (-3..=3).flat_map(|dy| (-3..=3).map(move |dx| (dy, dx))) {
+                let pixel = mirrored(y + dy, height) * width + mirrored(x + dx, width);
+                sums.add(Sums::of(a.data[pixel * 3 + channel], b.data[pixel * 3 + channel]));
+            }
+            sums.similarity()
+        };
         let mut rows = SimilarityRows::new(&a, &b);
         for y in 0..height as isize {
-            let row = rows.next_row().to_vec();
-            for x in 0..width as isize {
-                let mut expected = 0.0;
-                for channel in 0..3 {
-                    let mut sums = Sums::default();
-                    for dy in -3..=3 {
-                        for dx in -3..=3 {
-                            let pixel = mirrored(y + dy, height) * width + mirrored(x + dx, width);
-                            sums.add(Sums::of(a.data[pixel * 3 + channel], b.data[pixel * 3 + channel]));
-                        }
-                    }
-                    expected += sums.similarity() / 3.0;
-                }
-                assert!((row[x as usize] - expected).abs() < 1e-12, "({x}, {y})");
+            for (x, found) in (0..).zip(rows.next_row()) {
+                let expected = (0..3).map(|channel| window_similarity(x, y, channel)).sum::<f64>() / 3.0;
+                assert!((found - expected).abs() < 1e-12, "({x}, {y})");
             }
         }
     }

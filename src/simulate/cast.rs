@@ -41,6 +41,11 @@ impl Plate {
     }
 }
 
+/// Refuses numbers of samples with which no picture is made.
+pub(super) const fn check_samples(samples_per_side: u32) -> Result<(), SimulateError> {
+    if samples_per_side == 0 || samples_per_side > 16 { Err(SimulateError::Samples) } else { Ok(()) }
+}
+
 /// What a pixel holds.
 struct Pixel {
     rgb: [u8; 3],
@@ -77,9 +82,7 @@ impl World {
     /// # Errors
     /// When there are not 1 to 16 samples a side.
     pub fn plate(&self, camera: &Camera, samples_per_side: u32) -> Result<Plate, SimulateError> {
-        if !(1..=16).contains(&samples_per_side) {
-            return Err(SimulateError::Samples);
-        }
+        check_samples(samples_per_side)?;
         let (width, height) = camera.size_px();
         let n_pixels = width as usize * height as usize;
         let mut truth = Truth {

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 /// Height for which the body's measures below are given, metres; others scale with it.
 const MODEL_HEIGHT_M: f64 = 1.72;
 /// Share of a stride before and after the middle of its stance for which a foot stands.
-const STANCE_HALF: f64 = 0.3;
+const STANCE_HALF: f64 = 0.28;
 const THIGH_M: f64 = 0.45;
 const SHIN_M: f64 = 0.45;
 const ANKLE_M: f64 = 0.08;
@@ -111,7 +111,7 @@ impl Figure {
         let axes = Axes::along(here.heading);
         let foot = here.position.extend(0.0);
         // The hips are highest when a leg passes under them, twice a stride.
-        let hips = foot + DVec3::Z * (0.885 + 0.015 * (2.0 * TAU * cycles).cos()) * scale;
+        let hips = foot + DVec3::Z * (0.872 + 0.012 * (2.0 * TAU * cycles).cos()) * scale;
         let mut parts = Vec::with_capacity(24);
         for (side, offset) in [(1.0, 0.0), (-1.0, 0.5)] {
             self.leg(&mut parts, hips, axes, side, cycles - offset, offset, scale);
@@ -175,8 +175,8 @@ impl Figure {
         let arch = (PI * progress).sin();
         let heel_z = SOLE_RADIUS_M + 0.30 * arch * (1.0 - progress);
         let toe_z = SOLE_RADIUS_M + arch * (0.04 + 0.12 * progress);
-        let heel = (position - heading * (0.07 * scale)).extend(heel_z * scale);
-        let toe = (position + heading * (0.13 * scale)).extend(toe_z * scale);
+        let heel = (position - heading * (0.055 * scale)).extend(heel_z * scale);
+        let toe = (position + heading * (0.14 * scale)).extend(toe_z * scale);
         (heel, toe, heading)
     }
 
@@ -264,24 +264,22 @@ mod tests {
         for figure in &world.figures {
             let scale = figure.height_m / MODEL_HEIGHT_M;
             let mut n_still = 0;
-            for i in 0..2000 {
-                let (before, now) =
-                    (figure.body(f64::from(i) / 2000.0), figure.body(f64::from(i + 1) / 2000.0));
-                for leg in [0, 3] {
-                    let joint = |body: &Body, part: usize| match body.parts[leg + part].shape {
-                        Shape::Capsule { from, to, .. } => (from, to),
-                        Shape::Ellipsoid { .. } => panic!("legs are capsules"),
-                    };
-                    let ((heel_before, _), (heel, toe)) = (joint(&before, 2), joint(&now, 2));
-                    if heel.z < (SOLE_RADIUS_M + 1e-9) * scale && heel_before.z == heel.z {
-                        n_still += 1;
-                        assert!((heel - heel_before).length() < 1e-9, "{} slides", figure.name);
-                    }
-                    assert!(toe.z >= SOLE_RADIUS_M * scale - 1e-12);
-                    let (knee, ankle) = joint(&now, 1);
-                    let shin = (ankle - knee).length() / scale;
-                    assert!((shin - SHIN_M).abs() < 0.02, "{}: shin of {shin} m", figure.name);
+            for i in 0..4000 {
+                let (step, leg) = (i / 2, 3 * (i % 2));
+                let [before, now] = [step, step + 1].map(|step| figure.body(step as f64 / 2000.0));
+                let joint = |body: &Body, part: usize| match body.parts[leg + part].shape {
+                    Shape::Capsule { from, to, .. } => (from, to),
+                    Shape::Ellipsoid { .. } => panic!("legs are capsules"),
+                };
+                let ((heel_before, _), (heel, toe)) = (joint(&before, 2), joint(&now, 2));
+                if heel.z < (SOLE_RADIUS_M + 1e-9) * scale && heel_before.z == heel.z {
+                    n_still += 1;
+                    assert!((heel - heel_before).length() < 1e-9, "{} slides", figure.name);
                 }
+                assert!(toe.z >= SOLE_RADIUS_M * scale - 1e-12);
+                let (knee, ankle) = joint(&now, 1);
+                let shin = (ankle - knee).length() / scale;
+                assert!((shin - SHIN_M).abs() < 0.01, "{}: shin of {shin} m", figure.name);
             }
             assert!(n_still > 2000, "{}: feet stand in {n_still} of 4000 steps", figure.name);
         }

@@ -26,7 +26,7 @@ mod write;
 pub use cast::{Plate, Truth};
 pub use light::{CastShadows, Effects};
 pub use world::{FigurePosition, World, pinhole};
-pub use write::{ExtraView, SimulateOptions, Written, write};
+pub use write::{ExtraView, SimulateOptions, Written, run, write};
 
 use crate::error::ErrorKind;
 use crate::geometry::CameraError;

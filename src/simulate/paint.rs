@@ -163,7 +163,7 @@ pub(super) struct WallPoint {
 /// What a box is painted with.
 #[derive(Clone, Debug)]
 pub(super) enum BoxPaint {
-    Facade(Facade),
+    Facade(Box<Facade>),
     Hedge { leaves: DVec3 },
 }
 
@@ -321,8 +321,8 @@ mod tests {
 
     #[test]
     fn written_colours_are_srgb() {
-        assert_eq!(srgb(0xff_ff_ff), DVec3::ONE);
+        assert_eq!(srgb(0xffffff), DVec3::ONE);
         assert_eq!(srgb(0), DVec3::ZERO);
-        assert!((srgb(0xbc_00_00).x - 0.502_886).abs() < 1e-4);
+        assert!((srgb(0xbc0000).x - 0.502_886).abs() < 1e-4);
     }
 }

@@ -183,18 +183,15 @@ mod tests {
             for i in 0..400 {
                 let turn = f64::from(i) * 2.399_963;
                 let height = f64::from(i) / 100.0 - 2.0;
-                let eye = DVec3::new(4.0 * turn.cos(), 4.0 * turn.sin(), height);
-                let target = DVec3::new(0.4 * (turn * 1.7).sin(), 0.3 * (turn * 2.3).cos(), height * 0.4);
+                let (low, high) = shape.bounds();
+                let middle = (low + high) * 0.5;
+                let eye = middle + DVec3::new(4.0 * turn.cos(), 4.0 * turn.sin(), height);
+                let spread = DVec3::new((turn * 1.7).sin(), (turn * 2.3).cos(), (turn * 3.1).sin());
+                let target = middle + (high - low) * 0.5 * spread;
                 let ray = ray(eye, target);
                 let before = shape.entry(&ray).map_or(8.0, |entry| entry.distance_m);
-                for k in 0..800 {
-                    let distance = f64::from(k) * 0.01;
-                    if distance < before - 1e-6 {
-                        assert!(
-                            implicit(&shape, ray.at(distance)) > -1e-9,
-                            "{shape:?}: skipped at {distance}"
-                        );
-                    }
+                for distance in (0..800).map(|k| f64::from(k) * 0.01).filter(|d| *d < before - 1e-6) {
+                    assert!(implicit(&shape, ray.at(distance)) > -1e-9, "{shape:?}: skipped at {distance}");
                 }
                 let Some(entry) = shape.entry(&ray) else {
                     n_misses += 1;
@@ -232,20 +229,15 @@ mod tests {
                 outward[axis] = 1.0;
                 // Of all rays along the axis over a fine grid, none enters outside the bounds and one enters
                 // close to them.
-                let mut nearest = f64::INFINITY;
-                for i in 0..80 {
-                    for j in 0..80 {
-                        let mut origin = low - 1.0;
-                        origin[(axis + 1) % 3] =
-                            low[(axis + 1) % 3] + (high - low)[(axis + 1) % 3] * (f64::from(i) + 0.5) / 80.0;
-                        origin[(axis + 2) % 3] =
-                            low[(axis + 2) % 3] + (high - low)[(axis + 2) % 3] * (f64::from(j) + 0.5) / 80.0;
-                        let along = Ray { origin, direction: outward };
-                        if let Some(entry) = shape.entry(&along) {
-                            nearest = nearest.min(entry.distance_m);
-                        }
-                    }
-                }
+                let (across, up) = ((axis + 1) % 3, (axis + 2) % 3);
+                let distances = (0..6400).filter_map(|i| {
+                    let share = |i: i32| (f64::from(i) + 0.5) / 80.0;
+                    let mut origin = low - 1.0;
+                    origin[across] = low[across] + (high - low)[across] * share(i % 80);
+                    origin[up] = low[up] + (high - low)[up] * share(i / 80);
+                    Some(shape.entry(&Ray { origin, direction: outward })?.distance_m)
+                });
+                let nearest = distances.fold(f64::INFINITY, f64::min);
                 assert!((0.999_999..1.01).contains(&nearest), "{shape:?} axis {axis}: {nearest}");
             }
         }

@@ -15,7 +15,7 @@
 //! Views where no camera stands lie under `truth/` as cameras do, with their calibrations. Files of frames are named
 //! by the frame's number in the clip, from 0.
 
-use super::cast::{Plate, Truth};
+use super::cast::{Plate, Truth, check_samples};
 use super::video::VideoWriter;
 use super::world::World;
 use super::{SimulateError, pinhole};
@@ -110,6 +110,14 @@ struct FigureDocument {
     box_high_m: [f64; 3],
 }
 
+/// Simulates the world with this id into the folder that the options name, as [`write`] does.
+///
+/// # Errors
+/// When there is no such world, and as [`write`].
+pub fn run(world_id: &str, options: &SimulateOptions) -> Result<Written, SimulateError> {
+    write(&World::named(world_id)?, options)
+}
+
 /// Simulates `world` into the folder that the options name.
 ///
 /// **Cost** of the defaults: about a minute on two cores and 200 MB; 4 MB without truth.
@@ -162,6 +170,7 @@ fn time_of(frame: u64, options: &SimulateOptions) -> f64 {
     frame as f64 / options.rate_hz
 }
 
+/// How many frames the clips have, once all numbers are known to be in their ranges.
 fn n_frames(world: &World, options: &SimulateOptions) -> Result<u64, SimulateError> {
     let out = |field, allowed| Err(SimulateError::View { field, allowed });
     if !(0.1..=240.0).contains(&options.rate_hz) {
@@ -171,6 +180,7 @@ fn n_frames(world: &World, options: &SimulateOptions) -> Result<u64, SimulateErr
     if !(16..=16_383).contains(&width) || !(16..=16_383).contains(&height) {
         return out("picture size", "16 to 16383 pixels each way");
     }
+    check_samples(options.samples_per_side)?;
     let seconds = options.seconds.unwrap_or(world.period_secs());
     let n_frames = (seconds * options.rate_hz).round();
     if !(seconds <= 86_400.0 && n_frames >= 1.0) {
@@ -239,7 +249,7 @@ impl TruthWriter {
     }
 
     fn wants(&self, frame: u64) -> bool {
-        self.every_frames > 0 && frame % self.every_frames == 0
+        self.every_frames > 0 && frame.is_multiple_of(self.every_frames)
     }
 
     fn frame(&self, frame: u64, truth: &Truth) -> Result<(), SimulateError> {

@@ -12,7 +12,7 @@ fn picture(width: u32, height: u32, value: impl Fn(u32, u32, u32) -> u32) -> Rgb
     let mut data = Vec::new();
     for y in 0..height {
         for x in 0..width {
-            data.extend((0..3).map(|channel| u8::try_from(value(x, y, channel) % 256).unwrap()));
+            data.extend((0..3).map(|channel| (value(x, y, channel) % 256) as u8));
         }
     }
     RgbImage { width, height, data }
