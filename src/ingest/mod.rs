@@ -1,1 +1,5 @@
 //! To be furnished.
+
+mod pipeline;
+
+pub use pipeline::Pipeline;
