@@ -78,7 +78,7 @@ impl Default for MediaSettings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TimelineSettings {
-    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 256.
+    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 300.
     pub mib_per_camera: u32,
 }
 
@@ -278,14 +278,50 @@ pub struct SegmentSettings {
     pub delta: f64,
     /// Standard deviation of the blur, pixels, 0 (none) to 16. Default 1.5.
     pub blur_sigma_px: f64,
-    /// Least area of a blob, pixels, 1 to 1e9. Default 64.
+    /// How the mixture's own match test counts. Default `require`.
+    pub mixture: MixtureRule,
+    /// A pixel that kept its chromaticity and at least this share of its background's luma, 0.05 to 1, is in
+    /// shadow, not foreground. 1 looks for no shadows. Default 0.5.
+    pub shadow_darkest: f64,
+    /// Chroma that a shadow may change, share of full scale, 0 to 0.5: outdoors the sky tints shadows. Default
+    /// 0.05.
+    pub shadow_chroma: f64,
+    /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
+    /// stands close together. Default 0.
+    pub close_radius_px: u32,
+    /// Greatest hole in a blob that is filled, pixels, 0 (none) to 1e9. Default 64.
+    pub max_hole_px: u32,
+    /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. Default 300.
     pub min_area_px: u32,
 }
 
 impl Default for SegmentSettings {
     fn default() -> Self {
-        Self { delta: 0.08, blur_sigma_px: 1.5, min_area_px: 64 }
+        Self {
+            delta: 0.08,
+            blur_sigma_px: 1.5,
+            mixture: MixtureRule::Require,
+            shadow_darkest: 0.5,
+            shadow_chroma: 0.05,
+            close_radius_px: 0,
+            max_hole_px: 64,
+            min_area_px: 300,
+        }
     }
+}
+
+/// How the mixture's own match test counts when foreground is found. Its verdict at a pixel is that of most pixels
+/// of the 5 x 5 around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MixtureRule {
+    /// Not at all: the blurred difference decides.
+    Ignore,
+    /// Both must agree, so that what sways or flickers, which has several modes, stays background.
+    #[default]
+    Require,
+    /// Either suffices, which finds what hardly differs from its background, and more noise.
+    Add,
 }
 
 /// One scene.

@@ -10,12 +10,14 @@ mod file;
 mod images;
 mod media;
 mod pattern;
+mod pipeline;
 mod planes;
 mod roots;
 mod stop;
 mod timed;
 
 pub use error::IngestError;
+pub use pipeline::Pipeline;
 pub use roots::MediaRoots;
 pub use stop::StopFlag;
 
