@@ -174,7 +174,9 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     for (var k = 0u; k < view.n_surface_cameras; k++) {
         let to_camera = normalize(cameras[k].position_from_eye - point);
         let cosine = dot(to_camera, normal);
-        let s = cosine * (dot(to_camera, to_viewer) + 1.0);
+        // d_k . d_v + 1, without the cancellation where camera and viewer face each other.
+        let between = to_camera + to_viewer;
+        let s = cosine * 0.5 * dot(between, between);
         if !(cosine > 0.0 && s > 0.0) {
             continue;
         }

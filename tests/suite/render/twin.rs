@@ -132,6 +132,9 @@ impl Pixel {
 
 /// Whether the camera sees the surface there, and whether a map could not think otherwise.
 fn visibility(surfaces: &Surfaces, camera: &Camera, texture: DVec2, hit: &Hit) -> (bool, bool) {
+    if surfaces.boxes.is_empty() {
+        return (true, true);
+    }
     let seen = |offset: DVec2| camera.ray(texture + offset).and_then(|ray| surfaces.hit(&ray, 0.0));
     let here = seen(DVec2::ZERO);
     let is_visible = here.is_some_and(|seen| {
