@@ -107,6 +107,15 @@ impl Decoder {
         self.sink.is_eos()
     }
 
+    /// Whether nothing in the pipeline is at work, so that nothing will come. An error that a demuxer posts while
+    /// decodebin still tries it is swallowed there (seen with 1.22 on a file that breaks off in its header): the
+    /// demuxer then rests for ever, and this is its only trace.
+    pub(super) fn is_idle(&self) -> bool {
+        let mut elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
+        let is_at_work = |pad: &gst::Pad| pad.task_state() == gst::TaskState::Started;
+        !elements.any(|element| element.pads().iter().any(is_at_work))
+    }
+
     /// What went wrong since the last call, if anything did.
     pub(super) fn fault(&self) -> Option<Fault> {
         if let Ok(fault) = self.link_faults.try_recv() {

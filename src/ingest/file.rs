@@ -16,6 +16,9 @@ use std::path::{Path, PathBuf};
 /// How long a file may give nothing before it counts as failed, seconds.
 const SILENCE_SECS: u64 = 10;
 
+/// Looks in a row that find nothing at work until the file counts as given up.
+const MAX_IDLE_LOOKS: u32 = 3;
+
 /// How long one look for a frame lasts; the stop flag is heeded between looks.
 const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
 
@@ -46,6 +49,7 @@ impl VideoFile {
     }
 
     fn pull(&self, decoder: &Decoder) -> Result<Option<gst::Sample>, IngestError> {
+        let mut n_idle_looks = 0;
         for _ in 0..SILENCE_SECS * 1000 / LOOK.mseconds() {
             if self.stop.is_raised() {
                 return Err(IngestError::Stopped);
@@ -58,6 +62,10 @@ impl VideoFile {
             }
             if decoder.has_ended() {
                 return Ok(None);
+            }
+            n_idle_looks = if decoder.is_idle() { n_idle_looks + 1 } else { 0 };
+            if n_idle_looks == MAX_IDLE_LOOKS {
+                return Err(self.error(Fault::Damaged("its reader gave up without a word".to_owned())));
             }
         }
         Err(IngestError::Silent { path: self.path.clone(), secs: SILENCE_SECS })

@@ -9,17 +9,22 @@ mod error;
 mod file;
 mod images;
 mod media;
+mod pacing;
 mod pattern;
 mod pipeline;
 mod planes;
 mod roots;
+mod status;
 mod stop;
 mod timed;
+mod worker;
 
 pub use error::IngestError;
 pub use pipeline::Pipeline;
 pub use roots::MediaRoots;
+pub use status::{CameraState, CameraStatus};
 pub use stop::StopFlag;
+pub use worker::{CameraWorker, FrameConsumer};
 
 use crate::config::{SourceSettings, Timing};
 use crate::frame::YuvImage;

@@ -98,7 +98,7 @@ fn color(named: Option<gst_video::VideoColorimetry>, height: u32) -> (ColorMatri
     let usual = if height < HIGH_DEFINITION_ROWS { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 };
     let Some(named) = named else { return (usual, ColorRange::Limited) };
     let matrix = match named.matrix() {
-        // FCC 73.682 differs from BT.601 by less than a code, SMPTE 240M from BT.709 by a few.
+        // FCC 73.682 differs from BT.601 by about a code, SMPTE 240M from BT.709 by a few.
         gst_video::VideoColorMatrix::Bt601 | gst_video::VideoColorMatrix::Fcc => ColorMatrix::Bt601,
         gst_video::VideoColorMatrix::Bt709 | gst_video::VideoColorMatrix::Smpte240m => ColorMatrix::Bt709,
         gst_video::VideoColorMatrix::Bt2020 => ColorMatrix::Bt2020,
