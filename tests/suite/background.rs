@@ -1,7 +1,5 @@
 //! The background room seen from outside: a restart in the middle of real footage.
 
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
-
 use crate::support::real_data;
 use videofields::clock::Timestamp;
 use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings};
