@@ -204,45 +204,42 @@ impl GaussianMixture {
 
     fn learn_all<const K: usize>(&mut self, image: &YuvImage, rate: f32) -> u64 {
         let parameters = &self.parameters;
-        let width = self.layout.width as usize;
-        let bands = bands(&self.layout, K, &mut self.modes, &mut self.foreground.data, &mut self.background);
-        bands
+        bands(&self.layout, K, &mut self.modes, &mut self.foreground.data, &mut self.background)
             .map(|(pair_idx, mut band)| {
                 let rows = BandRows::of(image, pair_idx);
-                let (modes, _none_left) = std::mem::take(&mut band.modes).as_chunks_mut::<K>();
-                let mut n_foreground = 0;
-                for (row_idx, luma) in rows.luma().enumerate() {
-                    let row = row_idx * width..(row_idx + 1) * width;
-                    let targets = modes[row.clone()].iter_mut().zip(&mut band.foreground[row.clone()]);
-                    for (x, (modes, foreground)) in targets.enumerate() {
+                let modes = std::mem::take(&mut band.modes).as_chunks_mut::<K>().0;
+                let width = rows.width();
+                for (luma, (modes, foreground)) in
+                    rows.luma().zip(modes.chunks_mut(width).zip(band.foreground.chunks_mut(width)))
+                {
+                    for (x, (modes, foreground)) in modes.iter_mut().zip(foreground).enumerate() {
                         let is_background = learn(modes, rows.sample(luma, x), parameters, rate);
-                        *foreground = if is_background { 0 } else { 255 };
-                        n_foreground += u64::from(!is_background);
+                        *foreground = 255 * u8::from(!is_background);
                     }
                 }
                 paint(modes, width, &mut band);
-                n_foreground
+                band.foreground.iter().map(|foreground| u64::from(foreground & 1)).sum::<u64>()
             })
             .sum()
     }
 
     fn classify_all<const K: usize>(&mut self, image: &YuvImage) {
         let parameters = &self.parameters;
-        let width = self.layout.width as usize;
-        let bands = bands(&self.layout, K, &mut self.modes, &mut self.foreground.data, &mut self.background);
-        bands.for_each(|(pair_idx, band)| {
-            let rows = BandRows::of(image, pair_idx);
-            let (modes, _none_left) = band.modes.as_chunks::<K>();
-            for (row_idx, luma) in rows.luma().enumerate() {
-                let row = row_idx * width..(row_idx + 1) * width;
-                for (x, (modes, foreground)) in
-                    modes[row.clone()].iter().zip(&mut band.foreground[row.clone()]).enumerate()
+        bands(&self.layout, K, &mut self.modes, &mut self.foreground.data, &mut self.background).for_each(
+            |(pair_idx, band)| {
+                let rows = BandRows::of(image, pair_idx);
+                let modes = band.modes.as_chunks::<K>().0;
+                let width = rows.width();
+                for (luma, (modes, foreground)) in
+                    rows.luma().zip(modes.chunks(width).zip(band.foreground.chunks_mut(width)))
                 {
-                    let is_background = classify(modes, rows.sample(luma, x), parameters);
-                    *foreground = if is_background { 0 } else { 255 };
+                    for (x, (modes, foreground)) in modes.iter().zip(foreground).enumerate() {
+                        let is_background = classify(modes, rows.sample(luma, x), parameters);
+                        *foreground = 255 * u8::from(!is_background);
+                    }
                 }
-            }
-        });
+            },
+        );
     }
 
     /// Paints the background picture afresh from the modes, as a checkpoint's reader must.
@@ -289,6 +286,10 @@ impl<'a> BandRows<'a> {
             u: u.row(pair_idx),
             v: v.row(pair_idx),
         }
+    }
+
+    const fn width(&self) -> usize {
+        self.luma[0].len()
     }
 
     fn luma(&self) -> impl Iterator<Item = &'a [u8]> {

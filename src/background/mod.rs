@@ -6,9 +6,9 @@
 //!
 //! This is the scalar twin: exact, readable, f32. A faster form is measured against it.
 //!
-//! [SG99] Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
-//! [Z04] Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
-//! [VF16] Du, Bista and Varshney 2016, Video Fields, equations 1 to 3.
+//! `[SG99]` Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
+//! `[Z04]` Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
+//! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 1 to 3.
 
 mod checkpoint;
 mod light;

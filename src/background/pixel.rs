@@ -3,7 +3,7 @@
 //! A sample (Y, U, V in 8-bit levels) flows in; whether it is background flows out; the modes change in place. The
 //! modes of a pixel stand in the order of w / sqrt(s), greatest first; empty ones, of weight 0, last.
 //!
-//! Deviations from [SG99], each for a reason: the learning rate follows time, not the frame count; one variance is
+//! Deviations from `[SG99]`, each for a reason: the learning rate follows time, not the frame count; one variance is
 //! shared by the channels after they are scaled to equal noise; the variance is corrected by kappa for being
 //! learned from matches alone; the weights are normalised in every case, not only when nothing matched.
 
@@ -69,7 +69,7 @@ struct Match {
     squared_distance: f32,
 }
 
-/// The first mode that the sample matches ([SG99] eq. 6 order), and whether the sample is background.
+/// The first mode that the sample matches (the order of `[SG99]` section 2.2), and whether the sample is background.
 fn find_match<const K: usize>(
     modes: &[Mode; K],
     sample: [f32; 3],

@@ -95,7 +95,9 @@ impl Pipeline {
         }
         let mixture = &model.mixture;
         let found = self.segmenter.segment(&frame.image, mixture.background_planes(), mixture.foreground());
-        let background = refresh(&mut self.picture, mixture, frame.timestamp, is_held);
+        // A held background never ages.
+        let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
+        let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);
         Observation {
             frame,
             soft_mask: Arc::new(found.soft_mask),
@@ -203,17 +205,16 @@ fn update(mixture: &mut GaussianMixture, image: &YuvImage, dt_secs: f64, camera:
     }
 }
 
-/// The background picture for a frame seen at `now`: the shared one, or a new one if that is too old. A held
-/// background never ages.
+/// The background picture for a frame seen at `now`: the shared one, or a new one if that is too old.
 fn refresh(
     picture: &mut Option<(Timestamp, Arc<YuvImage>)>,
     mixture: &GaussianMixture,
     now: Timestamp,
-    is_held: bool,
+    max_age_nanos: i64,
 ) -> Arc<YuvImage> {
     if let Some((taken, shared)) = picture {
         let age = now.nanos_since(*taken);
-        if is_held || (0..PICTURE_INTERVAL_NANOS).contains(&age) {
+        if (0..max_age_nanos).contains(&age) {
             return Arc::clone(shared);
         }
     }

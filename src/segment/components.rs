@@ -213,28 +213,25 @@ mod tests {
     fn flooded(mask: &[u8], width: usize, connectivity: Connectivity) -> Vec<u32> {
         let (width, height) = (width as i64, (mask.len() / width) as i64);
         let mut seen = vec![false; mask.len()];
-        let mut areas = Vec::new();
-        for start in 0..mask.len() {
-            let mut stack = vec![start as i64];
-            let mut area = 0;
+        let mut flood = |start: i64| {
+            let (mut stack, mut area) = (vec![start], 0);
             while let Some(at) = stack.pop() {
                 if mask[at as usize] == 0 || std::mem::replace(&mut seen[at as usize], true) {
                     continue;
                 }
                 area += 1;
-                let (x, y) = (at % width, at / width);
-                for (dx, dy) in [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)] {
-                    let is_near = connectivity == Connectivity::Eight || dx == 0 || dy == 0;
-                    if is_near && (0..width).contains(&(x + dx)) && (0..height).contains(&(y + dy)) {
-                        stack.push((y + dy) * width + x + dx);
-                    }
-                }
+                let neighbours = (-1..=1).flat_map(|dx| (-1..=1).map(move |dy| (dx, dy)));
+                stack.extend(
+                    neighbours
+                        .filter(|(dx, dy)| connectivity == Connectivity::Eight || *dx == 0 || *dy == 0)
+                        .map(|(dx, dy)| (at % width + dx, at / width + dy))
+                        .filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y))
+                        .map(|(x, y)| y * width + x),
+                );
             }
-            if area > 0 {
-                areas.push(area);
-            }
-        }
-        areas
+            area
+        };
+        (0..width * height).map(&mut flood).filter(|area| *area > 0).collect()
     }
 
     proptest! {

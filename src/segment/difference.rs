@@ -6,7 +6,7 @@
 //! What differs from blurring RGB pictures: channels beyond black or white are not clipped, and chroma is repeated
 //! over its 2 x 2 pixels after the blur instead of before it.
 //!
-//! [VF16] Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
+//! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
 
 use crate::frame::{ColorMatrix, ColorRange, Plane, YuvImage};
 use rayon::prelude::*;

@@ -3,8 +3,8 @@
 //! The blurred difference, the background and the mixture's verdict flow in; labels flow out. Every pixel is judged
 //! by itself; what its neighbours make of it comes later.
 //!
-//! [VF16] Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
-//! [C03] Cucchiara, Grana, Piccardi and Prati 2003, Detecting moving objects, ghosts, and shadows in video streams:
+//! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
+//! `[C03]` Cucchiara, Grana, Piccardi and Prati 2003, Detecting moving objects, ghosts, and shadows in video streams:
 //! a shadow darkens a pixel and leaves its chromaticity.
 
 use super::difference::Difference;
@@ -81,7 +81,7 @@ pub(super) fn label(
     });
 }
 
-/// Whether a pixel is its background in shadow ([C03] eq. 6, on YUV).
+/// Whether a pixel is its background in shadow (the test of `[C03]`, on YUV).
 ///
 /// A shadow scales linear light, and so, up to the transfer curve's toe, the coded channels too, all by one factor;
 /// luma and chroma, being linear in the coded channels, are scaled by it as well. The factor is taken from luma, and

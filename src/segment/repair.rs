@@ -35,10 +35,9 @@ impl EnclosedShadow {
         self.columns.resize(width, Column::default());
         for y in 0..labels.len() / width {
             for (x, column) in self.columns.iter_mut().enumerate() {
-                if let Some(n_rows) = column.advance(labels[y * width + x]) {
-                    for above in 1..=n_rows as usize {
-                        labels[(y - above) * width + x] = MOVING;
-                    }
+                let n_rows = column.advance(labels[y * width + x]);
+                for above in y - n_rows as usize..y {
+                    labels[above * width + x] = MOVING;
                 }
             }
         }
@@ -46,8 +45,8 @@ impl EnclosedShadow {
 }
 
 impl Column {
-    /// Takes the next label downwards; the number of rows above it that become moving, if any do.
-    fn advance(&mut self, label: u8) -> Option<u32> {
+    /// Takes the next label downwards; the number of rows above it that become moving, mostly none.
+    fn advance(&mut self, label: u8) -> u32 {
         match label {
             MOVING if self.n_gap == 0 => self.n_above += 1,
             MOVING => {
@@ -55,14 +54,14 @@ impl Column {
                 if self.n_gap as f32 <= GREATEST_GAP * (self.n_above + self.n_below) as f32 {
                     let n_rows = self.n_gap + self.n_below - 1;
                     *self = Self { n_above: self.n_above + n_rows + 1, ..Self::default() };
-                    return Some(n_rows);
+                    return n_rows;
                 }
             }
             SHADOW if self.n_below > 0 => *self = Self { n_above: self.n_below, n_gap: 1, n_below: 0 },
             SHADOW if self.n_above > 0 => self.n_gap += 1,
             _ => *self = Self::default(),
         }
-        None
+        0
     }
 }
 

@@ -1,6 +1,6 @@
 //! The order of the stages, and what they make: soft mask, labels, blobs.
 
-use super::components::{Components, Connectivity, Piece};
+use super::components::{Components, Connectivity, Piece, Run};
 use super::difference::Difference;
 use super::label::{Majority, label};
 use super::repair::{Closing, EnclosedShadow, fill_holes};
@@ -134,21 +134,28 @@ impl Segmenter {
             if pieces[run.piece_idx as usize].area_px < self.settings.min_area_px {
                 continue;
             }
-            let y = run.y as usize;
-            for (row, weight) in [(y.checked_sub(1), 1), (Some(y), 2), (Some(y + 1), 1)] {
-                let Some(row) = row.filter(|row| *row < height) else { continue };
-                let row = &mut self.coverage[row * width..(row + 1) * width];
-                for x in run.start as usize..run.end as usize {
-                    row[x] += 2 * weight;
-                    if x > 0 {
-                        row[x - 1] += weight;
-                    }
-                    if x + 1 < width {
-                        row[x + 1] += weight;
-                    }
-                }
+            let rows = (run.y as usize).saturating_sub(1)..(run.y as usize + 2).min(height);
+            for y in rows {
+                let weight = if y == run.y as usize { 2 } else { 1 };
+                spread(&mut self.coverage[y * width..(y + 1) * width], run, weight);
             }
         }
+    }
+}
+
+/// Adds a run of moving pixels to a row of the coverage, `weight` times 1 2 1.
+fn spread(row: &mut [u8], run: &Run, weight: u8) {
+    let (start, end) = (run.start as usize, run.end as usize);
+    for value in &mut row[start..end] {
+        *value += 2 * weight;
+    }
+    // One column to the left, and one to the right.
+    for value in &mut row[start.saturating_sub(1)..end - 1] {
+        *value += weight;
+    }
+    let last = (end + 1).min(row.len());
+    for value in &mut row[start + 1..last] {
+        *value += weight;
     }
 }
 
