@@ -13,6 +13,7 @@
 mod json;
 mod opencv;
 mod tsai;
+mod xml;
 
 use crate::error::{ErrorKind, Fault};
 use crate::geometry::{Camera, CameraError};

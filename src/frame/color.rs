@@ -81,17 +81,29 @@ pub(super) fn rgb_from_yuv_rows(
     }
 }
 
-/// One sRGB pixel (channels 0 to 255, whole or averaged) as codes of Y, U and V.
-pub(super) fn yuv_from_rgb(matrix: ColorMatrix, range: ColorRange, rgb: [f32; 3]) -> [u8; 3] {
+/// Rows Y, U, V: 16-bit fixed-point factors of 8-bit R, G, B, and the offset that rounds and places them.
+pub(super) type YuvFromRgb = [([i32; 3], i32); 3];
+
+/// Fraction bits of [`YuvFromRgb`].
+pub(super) const FRACTION_BITS: u32 = 16;
+
+/// The inverse of [`rgb_from_yuv_rows`] ([H.273] equations 38 to 40 with 20 to 25).
+pub(super) fn yuv_from_rgb(matrix: ColorMatrix, range: ColorRange) -> YuvFromRgb {
     let (kr, kb) = matrix.red_blue_weights();
     let (luma_offset, luma_scale, chroma_scale) = range.luma_offset_luma_scale_chroma_scale();
-    let [red, green, blue] = rgb.map(|channel| channel / 255.0);
-    let luma = kr * red + (1.0 - kr - kb) * green + kb * blue;
-    let pb = (blue - luma) / (2.0 * (1.0 - kb));
-    let pr = (red - luma) / (2.0 * (1.0 - kr));
-    // A cast from float saturates, as the codes do.
-    let code = |value: f32| (value + 0.5) as u8;
-    [code(luma_offset + luma_scale * luma), code(128.0 + chroma_scale * pb), code(128.0 + chroma_scale * pr)]
+    let one = (1_u32 << FRACTION_BITS) as f32;
+    // An 8-bit channel c stands for c / 255; grey must come out without chroma, so green takes what the rounded
+    // factors of red and blue leave over.
+    let row = |red: f32, blue: f32, sum: f32, offset: f32| {
+        let [red, blue, sum] = [red, blue, sum].map(|factor| (factor / 255.0 * one).round() as i32);
+        ([red, sum - red - blue, blue], (offset * one + 0.5 * one) as i32)
+    };
+    let (u_red, v_blue) = (-0.5 * kr / (1.0 - kb), -0.5 * kb / (1.0 - kr));
+    [
+        row(kr * luma_scale, kb * luma_scale, luma_scale, luma_offset),
+        row(u_red * chroma_scale, 0.5 * chroma_scale, 0.0, 128.0),
+        row(0.5 * chroma_scale, v_blue * chroma_scale, 0.0, 128.0),
+    ]
 }
 
 /// Linear light of an sRGB-coded value, both 0 to 1 (IEC 61966-2-1).

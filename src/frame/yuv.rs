@@ -1,7 +1,7 @@
 //! A picture in planar YUV 4:2:0, as decoders deliver it.
 
 use super::RgbImage;
-use super::color::{ColorMatrix, ColorRange, rgb_from_yuv_rows, yuv_from_rgb};
+use super::color::{ColorMatrix, ColorRange, FRACTION_BITS, rgb_from_yuv_rows, yuv_from_rgb};
 use std::fmt;
 
 /// Where the planes lie in the bytes of a picture.
@@ -65,16 +65,6 @@ pub enum YuvError {
         /// Bytes from the buffer's start to the plane's end.
         needed: usize,
         /// Bytes in the buffer.
-        available: usize,
-    },
-    /// A picture in RGB whose bytes are not three for each of its pixels.
-    #[error("an RGB picture of {width} x {height} pixels has three bytes for each, got {available} bytes")]
-    RgbLength {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Bytes in the picture.
         available: usize,
     },
     /// Rows of a plane overlap.
@@ -177,42 +167,52 @@ impl YuvImage {
         Self::new(layout, matrix, range, data).expect("a packed layout fits its own length")
     }
 
-    /// `rgb` in packed planes; a chroma sample is the mean of the (up to) 2 x 2 pixels that it covers.
+    /// The picture that `rgb` shows; chroma is the mean of its 2 x 2 pixels (of those that exist at odd edges).
     ///
     /// # Errors
-    /// When `rgb` has no pixels, or not three bytes for each.
+    /// When the picture has no pixels, or fewer bytes than its size promises.
     pub fn from_rgb(rgb: &RgbImage, matrix: ColorMatrix, range: ColorRange) -> Result<Self, YuvError> {
-        let RgbImage { width, height, data: pixels } = rgb;
-        let (columns, rows) = (*width as usize, *height as usize);
-        if columns == 0 || rows == 0 {
-            return Err(YuvError::Empty { width: *width, height: *height });
+        let (width, height) = (rgb.width as usize, rgb.height as usize);
+        if width == 0 || height == 0 {
+            return Err(YuvError::Empty { width: rgb.width, height: rgb.height });
         }
-        if pixels.len() != columns * rows * 3 {
-            return Err(YuvError::RgbLength { width: *width, height: *height, available: pixels.len() });
+        let needed = width * height * 3;
+        if rgb.data.len() < needed {
+            return Err(YuvError::Short { plane: 0, needed, available: rgb.data.len() });
         }
-        let layout = YuvLayout::packed(*width, *height);
-        let mut data = vec![0; YuvLayout::packed_len(*width, *height)];
+        let layout = YuvLayout::packed(rgb.width, rgb.height);
+        let mut data = vec![0; YuvLayout::packed_len(rgb.width, rgb.height)];
         let (luma, chroma) = data.split_at_mut(layout.offsets[1]);
         let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
-        let pixel = |x: usize, y: usize| {
-            let start = (y * columns + x) * 3;
-            [pixels[start], pixels[start + 1], pixels[start + 2]].map(f32::from)
+        let [from_luma, from_u, from_v] = yuv_from_rgb(matrix, range);
+        let code = |(factors, offset): ([i32; 3], i32), [r, g, b]: [i32; 3], shift: u32| {
+            let value = (factors[0] * r + factors[1] * g + factors[2] * b) >> shift;
+            ((value + offset) >> FRACTION_BITS).clamp(0, 255) as u8
         };
-        for (i, code) in luma.iter_mut().enumerate() {
-            *code = yuv_from_rgb(matrix, range, pixel(i % columns, i / columns))[0];
+        for (pixel, out) in rgb.data.chunks_exact(3).zip(luma) {
+            *out = code(from_luma, [pixel[0], pixel[1], pixel[2]].map(i32::from), 0);
         }
-        for (i, (u, v)) in u.iter_mut().zip(v).enumerate() {
-            let (x, y) = (i % layout.strides[1] * 2, i / layout.strides[1] * 2);
-            let (mut sum, mut count) = ([0.0; 3], 0.0);
-            for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
-                if x < columns && y < rows {
-                    let here = pixel(x, y);
-                    sum = [sum[0] + here[0], sum[1] + here[1], sum[2] + here[2]];
-                    count += 1.0;
-                }
+        let chroma_width = layout.chroma_width() as usize;
+        let rows = rgb.data[..needed].chunks(2 * width * 3);
+        for ((rows, u), v) in rows.zip(u.chunks_exact_mut(chroma_width)).zip(v.chunks_exact_mut(chroma_width))
+        {
+            let (upper, lower) = rows.split_at(width * 3);
+            let lower = if lower.is_empty() { upper } else { lower };
+            for (x, (u, v)) in u.iter_mut().zip(v).enumerate() {
+                let (left, right) = (6 * x, (6 * x + 3).min(3 * width - 3));
+                let sum = [0, 1, 2].map(|channel| {
+                    [
+                        upper[left + channel],
+                        upper[right + channel],
+                        lower[left + channel],
+                        lower[right + channel],
+                    ]
+                    .map(i32::from)
+                    .iter()
+                    .sum()
+                });
+                (*u, *v) = (code(from_u, sum, 2), code(from_v, sum, 2));
             }
-            let codes = yuv_from_rgb(matrix, range, sum.map(|channel| channel / count));
-            (*u, *v) = (codes[1], codes[2]);
         }
         Self::new(layout, matrix, range, data)
     }
@@ -294,47 +294,6 @@ mod tests {
     }
 
     #[test]
-    fn an_rgb_picture_comes_back_from_its_planes() {
-        for matrix in [ColorMatrix::Bt601, ColorMatrix::Bt709, ColorMatrix::Bt2020] {
-            for range in [ColorRange::Limited, ColorRange::Full] {
-                // 5 x 3, so that the last chroma samples cover two pixels or one; each has one colour.
-                let data: Vec<u8> = (0..15_u32)
-                    .flat_map(|i| {
-                        let block = i % 5 / 2 + 3 * (i / 5 / 2);
-                        [40 * block, 255 - 50 * block, 17 + 30 * block].map(|value| value as u8)
-                    })
-                    .collect();
-                let rgb = RgbImage { width: 5, height: 3, data };
-                let back = YuvImage::from_rgb(&rgb, matrix, range).expect("a picture").to_rgb();
-                for (got, want) in back.data.iter().zip(&rgb.data) {
-                    assert!(got.abs_diff(*want) <= 3, "{matrix:?} {range:?}: {back:?}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn chroma_is_the_mean_of_what_it_covers() {
-        let data = [[255, 0, 0], [0, 0, 255], [255, 0, 0], [0, 0, 255]].concat();
-        let rgb = RgbImage { width: 2, height: 2, data };
-        let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full).expect("a picture");
-        assert_eq!(yuv.plane(0).row(1), [76, 29]);
-        // Red is (84.97, 255.5) and blue (255.5, 107.26) in (U, V) before rounding.
-        assert_eq!((yuv.plane(1).row(0), yuv.plane(2).row(0)), (&[170][..], &[181][..]));
-    }
-
-    #[test]
-    fn an_rgb_picture_without_its_bytes_is_refused() {
-        let make = |width, height, len| {
-            let rgb = RgbImage { width, height, data: vec![0; len] };
-            YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Limited).map(|image| image.len_bytes())
-        };
-        assert_eq!(make(0, 4, 0), Err(YuvError::Empty { width: 0, height: 4 }));
-        assert_eq!(make(2, 2, 11), Err(YuvError::RgbLength { width: 2, height: 2, available: 11 }));
-        assert_eq!(make(2, 2, 12), Ok(6));
-    }
-
-    #[test]
     fn known_codes_become_known_colours() {
         let check = |yuv, matrix, range, expected: [u8; 3]| {
             let rgb = YuvImage::filled(3, 3, yuv, matrix, range).to_rgb();
@@ -355,5 +314,59 @@ mod tests {
         check([63, 102, 240], ColorMatrix::Bt709, ColorRange::Limited, [255, 0, 0]);
         check([76, 85, 255], ColorMatrix::Bt601, ColorRange::Full, [254, 0, 0]);
         check([0, 128, 128], ColorMatrix::Bt601, ColorRange::Limited, [0, 0, 0]);
+    }
+
+    #[test]
+    fn colours_survive_the_way_to_yuv_and_back() {
+        let colors =
+            [[0, 0, 0], [255, 255, 255], [255, 0, 0], [0, 255, 0], [0, 0, 255], [12, 130, 251], [77, 77, 77]];
+        for (color, (width, height)) in
+            colors.iter().zip([(4, 4), (1, 1), (3, 5), (5, 3), (2, 1), (1, 2), (7, 7)])
+        {
+            let rgb = RgbImage { width, height, data: color.repeat((width * height) as usize) };
+            for matrix in [ColorMatrix::Bt601, ColorMatrix::Bt709, ColorMatrix::Bt2020] {
+                for (range, tolerance) in [(ColorRange::Full, 2), (ColorRange::Limited, 2)] {
+                    let back = YuvImage::from_rgb(&rgb, matrix, range).unwrap().to_rgb();
+                    let worst = back.data.iter().zip(&rgb.data).map(|(a, b)| a.abs_diff(*b)).max();
+                    assert!(
+                        worst <= Some(tolerance),
+                        "{color:?} {matrix:?} {range:?}: {:?}",
+                        &back.data[..3]
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn grey_has_no_chroma_and_chroma_is_the_mean_of_four_pixels() {
+        for grey in 0..=255_u8 {
+            let rgb = RgbImage { width: 2, height: 2, data: vec![grey; 12] };
+            let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt709, ColorRange::Full).unwrap();
+            assert_eq!(
+                (yuv.plane(0).row(0)[0], yuv.plane(1).row(0), yuv.plane(2).row(0)),
+                (grey, &[128][..], &[128][..])
+            );
+        }
+        let rgb = RgbImage { width: 2, height: 2, data: vec![255, 0, 0, 0, 0, 0, 0, 0, 0, 255, 0, 0] };
+        let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full).unwrap();
+        assert_eq!(yuv.plane(0).row(0)[..2], [76, 0]);
+        assert_eq!((yuv.plane(1).row(0)[0], yuv.plane(2).row(0)[0]), (106, 192));
+        assert!(
+            YuvImage::from_rgb(
+                &RgbImage { width: 2, height: 2, data: vec![0; 11] },
+                ColorMatrix::Bt601,
+                ColorRange::Full
+            )
+            .is_err()
+        );
+        assert!(
+            YuvImage::from_rgb(
+                &RgbImage { width: 0, height: 2, data: vec![] },
+                ColorMatrix::Bt601,
+                ColorRange::Full
+            )
+            .is_err()
+        );
     }
 }

@@ -1,1 +1,19 @@
-//! To be furnished.
+//! The graphics device: headless wgpu on Vulkan, shader composition, growing buffers, readback and timing.
+//!
+//! In: descriptors and bytes; out: pictures, durations and typed errors (a wgpu error never panics). Must not know
+//! what is drawn: no word of scenes, cameras or views.
+
+mod buffer;
+mod device;
+mod mirror;
+mod readback;
+mod shader;
+mod timing;
+
+pub use buffer::GrowingBuffer;
+pub use device::{Gpu, GpuError};
+pub use mirror::{Mirror, MirrorField};
+pub(crate) use mirror::mirror;
+pub use readback::Readback;
+pub use shader::{SHADERS, compose};
+pub use timing::{PassTime, Span, Timer};

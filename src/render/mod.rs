@@ -1,16 +1,56 @@
 //! From a `SceneState`, a `View` and a `Plan` to a picture, on the GPU.
+//!
+//! In: one immutable instant, where to look from, what to run. Out: an 8-bit sRGB picture and the passes' times.
+//! Must not know of HTTP, encoders, threads or clocks. Points reach the GPU relative to the eye (subtracted in f64),
+//! depth is reversed with the far plane at infinity, light is blended linearly.
 
-use crate::geometry::Pose;
+mod camera_data;
+mod error;
+mod image_array;
+mod mesh;
+mod passes;
+mod renderer;
+mod targets;
 
-/// A virtual camera: a pinhole with square pixels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Where it stands and looks.
-    pub pose: Pose,
-    /// Vertical field of view, radians, 0.01 to 3.0.
-    pub fov_y_rad: f64,
-    /// Columns of the picture.
-    pub width_px: u32,
-    /// Rows of the picture.
-    pub height_px: u32,
+pub use crate::plan::{View, ViewLimits};
+pub use error::RenderError;
+pub use renderer::{Rendered, Renderer};
+
+use crate::gpu::Mirror;
+
+/// The passes in the order in which they run; only the planned ones do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pass {
+    /// Pictures that are new since the last frame, from YUV planes to sRGB layers.
+    Yuv,
+    /// What may hide surfaces from the cameras, where scene or camera changed.
+    CameraDepth,
+    /// Sky, ground and boxes with the cameras' backgrounds.
+    Surface,
+    /// Entities as upright rectangles.
+    Billboard,
+    /// Entities as squares.
+    Points,
+}
+
+impl Pass {
+    /// Name in plans, metrics and labels, and stem of its files.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Yuv => "yuv",
+            Self::CameraDepth => "camera_depth",
+            Self::Surface => "surface",
+            Self::Billboard => "billboard",
+            Self::Points => "points",
+        }
+    }
+}
+
+/// Every Rust struct that mirrors a WGSL struct, for the test that holds them together.
+#[must_use]
+pub fn mirrors() -> Vec<Mirror> {
+    let mut mirrors = vec![camera_data::View::MIRROR, camera_data::Camera::MIRROR];
+    mirrors.extend(passes::mirrors());
+    mirrors
 }

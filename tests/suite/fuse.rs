@@ -1,1 +1,238 @@
-//! The fuse room seen from outside.
+//! The fuse room seen from outside: flat figures of known place and size, drawn into masks by projecting them, are
+//! found again.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use std::sync::Arc;
+use videofields::clock::Timestamp;
+use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields::fuse::{SceneState, assemble};
+use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Surfaces};
+use videofields::scene::{Material, Scene, SceneCamera};
+use videofields::segment::{Blob, PixelRect};
+use videofields::timeline::Observation;
+
+const SIZE: (u32, u32) = (640, 480);
+
+/// A flat upright figure that faces a camera.
+#[derive(Clone, Copy)]
+struct Figure {
+    foot: DVec3,
+    width_m: f64,
+    height_m: f64,
+}
+
+fn camera(eye: DVec3, target: DVec3, roll_deg: f64) -> Arc<Camera> {
+    let mut pose = Pose::looking_at(eye, target).expect("a direction");
+    pose.world_from_local *= DQuat::from_mat3(&DMat3::from_rotation_z(roll_deg.to_radians()));
+    let center = DVec2::new(320.0, 240.0);
+    Arc::new(Camera::new(SIZE, DVec2::splat(520.0), center, Distortion::None, pose).expect("a camera"))
+}
+
+fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
+    let corners =
+        [[-60.0, -60.0], [60.0, -60.0], [60.0, 60.0], [-60.0, 60.0]].map(DVec2::from_array).to_vec();
+    let grey = Material { color_srgb: [128; 3] };
+    let member = |(i, camera): (usize, &Arc<Camera>)| SceneCamera {
+        id: CameraId::new(&format!("c{i}")).expect("an id"),
+        camera: Arc::clone(camera),
+    };
+    Arc::new(Scene {
+        id: "test".to_owned(),
+        name: String::new(),
+        ground_materials: vec![grey],
+        box_materials: vec![grey; boxes.len()],
+        surfaces: Surfaces { ground: vec![GroundPolygon::new(corners, 0.0).expect("a square")], boxes },
+        sky_srgb: [0; 3],
+        cameras: cameras.iter().enumerate().map(member).collect(),
+        view: None,
+        document: "{}".into(),
+    })
+}
+
+/// What `camera` sees of the figures: each texel's ray is cut with the figure's own plane.
+fn observe(id: &CameraId, camera: &Camera, figures: &[Figure]) -> Observation {
+    let (width, height) = SIZE;
+    let mut labels = Mask::filled(width, height, 0);
+    let mut blobs = Vec::new();
+    for figure in figures {
+        let away = (figure.foot - camera.pose().position_in_world).truncate().normalize().extend(0.0);
+        let right = away.cross(DVec3::Z);
+        let mut drawn: Vec<(u32, u32)> = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                let texture = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
+                    / DVec2::new(f64::from(width), f64::from(height));
+                let ray = camera.ray(texture).expect("a pinhole");
+                let Some(distance) = ray.distance_to_plane(figure.foot, -away) else { continue };
+                let offset = ray.at(distance) - figure.foot;
+                let is_inside = offset.dot(right).abs() <= figure.width_m / 2.0
+                    && (0.0..=figure.height_m).contains(&offset.z);
+                if is_inside {
+                    labels.data[(y * width + x) as usize] = 255;
+                    drawn.push((x, y));
+                }
+            }
+        }
+        blobs.extend(blob(&drawn));
+    }
+    let image =
+        Arc::new(YuvImage::filled(width, height, [16, 128, 128], ColorMatrix::Bt601, ColorRange::Limited));
+    let labels = Arc::new(labels);
+    Observation {
+        frame: Frame {
+            camera: id.clone(),
+            timestamp: Timestamp::from_nanos(0),
+            number: 0,
+            image: Arc::clone(&image),
+        },
+        soft_mask: Arc::clone(&labels),
+        labels,
+        background: image,
+        blobs: blobs.into(),
+    }
+}
+
+fn blob(drawn: &[(u32, u32)]) -> Option<Blob> {
+    let (x0, x1) = (drawn.iter().map(|p| p.0).min()?, drawn.iter().map(|p| p.0).max()?);
+    let (y0, y1) = (drawn.iter().map(|p| p.1).min()?, drawn.iter().map(|p| p.1).max()?);
+    let lowest: Vec<u32> = drawn.iter().filter(|p| p.1 == y1).map(|p| p.0).collect();
+    let middle = f64::from(lowest.iter().min()? + lowest.iter().max()? + 1) / 2.0;
+    Some(Blob {
+        rect: PixelRect { x: x0, y: y0, width: x1 + 1 - x0, height: y1 + 1 - y0 },
+        area_px: drawn.len() as u32,
+        foot_in_image: [middle, f64::from(y1 + 1)],
+        is_truncated: y1 + 1 == SIZE.1 || x0 == 0 || x1 + 1 == SIZE.0,
+    })
+}
+
+fn fused(cameras: &[Arc<Camera>], figures: &[Figure], point_stride: Option<u32>) -> SceneState {
+    let scene = scene(cameras, Vec::new());
+    let observe = |id: &CameraId| {
+        let member = scene.cameras.iter().find(|member| member.id == *id)?;
+        Some(observe(id, &member.camera, figures))
+    };
+    assemble(&scene, Timestamp::from_nanos(7), observe, point_stride)
+}
+
+#[test]
+fn billboards_stand_where_the_figures_stand_whatever_pitch_and_roll() {
+    let person = Figure { foot: DVec3::new(1.0, 14.0, 0.0), width_m: 0.5, height_m: 1.75 };
+    for (height_m, roll_deg) in [(1.6, 0.0), (5.0, 0.0), (8.0, 0.0), (5.0, 10.0), (5.0, -25.0)] {
+        let camera = camera(DVec3::new(0.0, 0.0, height_m), DVec3::new(0.5, 13.0, 1.0), roll_deg);
+        let state = fused(&[camera], &[person], None);
+        let [entity] = state.entities.as_slice() else { panic!("one entity, not {:?}", state.entities) };
+        let [billboard] = entity.sources.as_slice() else { panic!("one source") };
+        // A pixel at 14 m is 27 mm across; a foot's pixel covers 27 mm times distance over height along the
+        // ground. A rolled camera's lowest texel is the figure's corner, half its width times tan(roll) lower.
+        let footprint = 0.027 * 14.0 / height_m;
+        let roll = 0.25 * f64::to_radians(roll_deg).tan().abs() * 14.0 / height_m;
+        let gap = (billboard.foot_in_world - person.foot).length();
+        assert!(gap <= 1.5 * footprint + roll, "{height_m} {roll_deg}: foot off by {gap}");
+        let [left, right] = billboard.left_right_m;
+        assert!((right - left - 0.5).abs() < 0.08, "{height_m} {roll_deg}: width {}", right - left);
+        assert!(
+            (billboard.height_m - 1.75).abs() < 0.12,
+            "{height_m} {roll_deg}: height {}",
+            billboard.height_m
+        );
+    }
+}
+
+#[test]
+fn heights_hold_above_the_horizon() {
+    // From 1 m up, a head at 1.75 m is above the horizon at any distance.
+    let person = Figure { foot: DVec3::new(0.0, 8.0, 0.0), width_m: 0.5, height_m: 1.75 };
+    let camera = camera(DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.0, 8.0, 1.0), 0.0);
+    let state = fused(&[camera], &[person], Some(1));
+    let billboard = &state.entities[0].sources[0];
+    assert!((billboard.height_m - 1.75).abs() < 0.05, "{}", billboard.height_m);
+    let highest = state.points.iter().map(|p| p.position_in_world.z).fold(0.0, f64::max);
+    assert!((highest - 1.75).abs() < 0.05, "{highest}");
+}
+
+#[test]
+fn one_figure_in_three_cameras_is_one_entity_and_two_figures_are_two() {
+    let cameras = [
+        camera(DVec3::new(-12.0, -10.0, 5.0), DVec3::ZERO, 0.0),
+        camera(DVec3::new(12.0, -10.0, 6.0), DVec3::ZERO, 0.0),
+        camera(DVec3::new(0.0, 14.0, 5.0), DVec3::ZERO, 0.0),
+    ];
+    let figures = [
+        Figure { foot: DVec3::new(-1.5, 0.0, 0.0), width_m: 0.5, height_m: 1.7 },
+        Figure { foot: DVec3::new(1.5, 1.0, 0.0), width_m: 0.5, height_m: 1.7 },
+    ];
+    let state = fused(&cameras, &figures, None);
+    assert_eq!(state.entities.len(), 2, "{:?}", state.entities);
+    for entity in &state.entities {
+        assert_eq!(entity.sources.len(), 3);
+        let gap =
+            figures.iter().map(|f| (f.foot - entity.foot_in_world).length()).fold(f64::INFINITY, f64::min);
+        assert!(gap < 0.2, "{gap}");
+    }
+}
+
+#[test]
+fn points_lie_on_the_figure_and_their_squares_leave_no_gaps() {
+    let person = Figure { foot: DVec3::new(0.0, 10.0, 0.0), width_m: 0.5, height_m: 1.75 };
+    let camera = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::new(0.0, 10.0, 1.0), 0.0);
+    for stride in [1, 3] {
+        let state = fused(&[Arc::clone(&camera)], &[person], Some(stride));
+        assert!(state.points.len() > 1000 / (stride * stride) as usize, "{}", state.points.len());
+        for point in &state.points {
+            let offset = point.position_in_world - person.foot;
+            assert!(
+                offset.x.abs() < 0.3 && offset.y.abs() < 0.15 && (-0.05..1.85).contains(&offset.z),
+                "{offset}"
+            );
+            let texture = DVec2::new(f64::from(point.texture[0]), f64::from(point.texture[1]));
+            let ray: Ray = camera.ray(texture).expect("a pinhole");
+            let along = (point.position_in_world - ray.origin).dot(ray.direction);
+            assert!((ray.at(along) - point.position_in_world).length() < 1e-4);
+            // A pixel there is about 11 m / 520 px across.
+            let texel = 11.0 / 520.0 * f64::from(stride);
+            assert!(
+                f64::from(point.size_m) > texel && f64::from(point.size_m) < 2.0 * texel,
+                "{}",
+                point.size_m
+            );
+        }
+    }
+}
+
+#[test]
+fn feet_that_meet_nothing_or_a_wall_stay_finite() {
+    let camera = camera(DVec3::new(0.0, 0.0, 1.7), DVec3::new(0.0, 10.0, 1.7), 0.0);
+    let above_horizon = Blob {
+        rect: PixelRect { x: 300, y: 20, width: 20, height: 100 },
+        area_px: 2000,
+        foot_in_image: [310.0, 120.0],
+        is_truncated: false,
+    };
+    let wall = OrientedBox::new(DVec3::new(0.0, 10.0, 3.0), DVec3::new(8.0, 1.0, 6.0), 0.0).expect("a box");
+    let check = |boxes: Vec<OrientedBox>, expected: usize| {
+        let scene = scene(&[Arc::clone(&camera)], boxes);
+        let observe = |id: &CameraId| {
+            let mut observation = observe(id, &camera, &[]);
+            let mut labels = (*observation.labels).clone();
+            for y in 20..120 {
+                labels.data[(y * SIZE.0 + 300) as usize..(y * SIZE.0 + 320) as usize].fill(255);
+            }
+            observation.labels = Arc::new(labels);
+            observation.blobs = vec![above_horizon.clone()].into();
+            Some(observation)
+        };
+        let state = assemble(&scene, Timestamp::from_nanos(0), observe, Some(1));
+        assert_eq!(state.entities.len(), expected);
+        assert!(
+            state.points.iter().all(|point| point.position_in_world.is_finite() && point.size_m.is_finite())
+        );
+        for entity in &state.entities {
+            assert!(entity.foot_in_world.is_finite());
+        }
+        state
+    };
+    check(Vec::new(), 0);
+    let state = check(vec![wall], 1);
+    let foot = state.entities[0].foot_in_world;
+    assert!(foot.z.abs() < 1e-9 && (foot.y - 9.45).abs() < 1e-4, "at the wall's own foot: {foot}");
+}

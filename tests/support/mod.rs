@@ -1,5 +1,7 @@
 //! What several tests share.
 
+pub(crate) mod golden;
+
 use std::path::PathBuf;
 
 /// A file or folder of the real footage beside the project, or `None` (and a line on standard error that says

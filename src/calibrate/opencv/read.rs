@@ -4,7 +4,8 @@
 //! one, are refused (`FileStorage` never writes them). Knows nothing of cameras.
 
 use super::node::{Content, Node};
-use crate::calibrate::{CalibrateError, tsai};
+use crate::calibrate::CalibrateError;
+use crate::calibrate::xml::{line_of, parse};
 use crate::error::Fault;
 use saphyr_parser::{Event, Parser};
 
@@ -56,7 +57,7 @@ fn from_json(value: serde_json::Value, depth: usize) -> Result<Node, CalibrateEr
 }
 
 fn xml(text: &str) -> Result<Node, CalibrateError> {
-    let document = tsai::parse_xml(text)?;
+    let document = parse(text)?;
     from_xml(document.root_element(), 0)
 }
 
@@ -65,7 +66,7 @@ fn from_xml(element: roxmltree::Node<'_, '_>, depth: usize) -> Result<Node, Cali
     if depth > MAX_DEPTH {
         return Err(too_deep());
     }
-    let line = Some(tsai::line_of(element) as usize);
+    let line = Some(line_of(element) as usize);
     let mut members = element
         .children()
         .filter(roxmltree::Node::is_element)

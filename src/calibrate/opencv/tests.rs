@@ -1,5 +1,7 @@
 use super::*;
+use crate::calibrate;
 use crate::error::ErrorKind;
+use proptest::prelude::*;
 
 const YAML: &str = "%YAML:1.0
 ---
@@ -186,4 +188,37 @@ fn hostile_texts_are_refused() {
     check("--- 1\n--- 2\n".to_owned());
     check("%YAML:1.0".to_owned());
     check("<!DOCTYPE x [<!ENTITY a \"b\">]><opencv_storage>&a;</opencv_storage>".to_owned());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig {
+        cases: 3000,
+        rng_seed: proptest::test_runner::RngSeed::Fixed(2009),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
+
+    #[test]
+    fn damaged_texts_of_any_format_are_refused_or_read(
+        which in 0..4_usize,
+        edits in prop::collection::vec((any::<prop::sample::Index>(), prop_oneof![0x20..0x7f_u8, Just(b'\n')]), 0..6),
+        end in 0.7..1.0_f64,
+        camera in prop::option::of(Just("left")),
+    ) {
+        let mut bytes = [YAML, XML, JSON, calibrate::tsai::tests::TEXT][which].as_bytes().to_vec();
+        for (place, byte) in edits {
+            let idx = place.index(bytes.len());
+            bytes[idx] = byte;
+        }
+        if end > 0.8 {
+            bytes.truncate((bytes.len() as f64 * end) as usize);
+        }
+        let text = String::from_utf8(bytes).expect("ASCII");
+        let options = options(None, camera, Some([640, 480]));
+        if let Ok(imported) = calibrate::import(&text, None, &options) {
+            let pose = imported.camera.pose();
+            prop_assert!(pose.position_in_world.is_finite() && pose.world_from_local.is_finite());
+            prop_assert!(imported.residual_px.is_none_or(f64::is_finite));
+        }
+    }
 }

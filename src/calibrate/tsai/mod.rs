@@ -11,16 +11,14 @@
 
 mod fit;
 
+use super::xml::{line_of, parse};
 use super::{CalibrateError, ImportOptions, Imported, agreed_size, list_names};
 use crate::geometry::{Camera, CameraError, Pose};
 use glam::{DQuat, DVec2, DVec3};
-use roxmltree::{Document, Node, ParsingOptions};
-
-/// Most elements, attributes and texts that are read; an honest file has a dozen.
-const MAX_NODES: u32 = 100_000;
+use roxmltree::{Document, Node};
 
 pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, CalibrateError> {
-    let document = parse_xml(text)?;
+    let document = parse(text)?;
     let camera = find_camera(&document, options)?;
     let element = |name: &'static str| Element::find(camera, name);
     let (geometry, intrinsic, extrinsic) =
@@ -51,15 +49,6 @@ pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, Ca
     let camera = Camera::new(size_px, focal_px, center_px, distortion, pose)
         .map_err(|error| CalibrateError::no_camera(place_of(&error), &error))?;
     Ok(Imported { camera, residual_px: Some(residual * focal_px.max_element()) })
-}
-
-/// The document; entities by which a short text stands for a huge one are refused.
-pub(super) fn parse_xml(text: &str) -> Result<Document<'_>, CalibrateError> {
-    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|error| {
-        let at = error.pos();
-        CalibrateError::Syntax { line: at.row.into(), column: at.col.into(), message: error.to_string() }
-    })
 }
 
 fn find_camera<'a>(
@@ -137,11 +126,6 @@ impl<'a> Element<'a> {
     }
 }
 
-/// Line of an element, from 1.
-pub(super) fn line_of(node: Node<'_, '_>) -> u32 {
-    node.document().text_pos_at(node.range().start).row
-}
-
 fn place_of(error: &CameraError) -> &'static str {
     let (CameraError::NotFinite { field } | CameraError::OutOfRange { field, .. }) = error;
     match *field {
@@ -160,10 +144,10 @@ fn farthest_corner(size_px: (u32, u32), focal_px: DVec2, center_px: DVec2) -> f6
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    const TEXT: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
+    pub(in crate::calibrate) const TEXT: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Camera name="Made_up">
   <Geometry width="768" height="576" ncx="795" nfx="752" dx="4.85e-03" dy="4.65e-03" dpx="5.1e-03" dpy="4.6e-03"/>
   <Intrinsic focal="5.5" kappa1="6.0e-03" cx="324.2" cy="282.5" sx="1.09"/>

@@ -1,0 +1,46 @@
+# One command each; `make` alone lists them.
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+CARGO := cargo
+LISTEN ?= 127.0.0.1:8080
+# Mesa's loader warns about a missing display on machines without one.
+export NODEVICE_SELECT := 1
+
+.PHONY: help setup demo test check bench pictures clips
+
+help:
+	@echo "make setup     install the Debian packages that are missing"
+	@echo "make demo      build, and serve the demo plaza on http://$(LISTEN)/"
+	@echo "make test      formatting, lints, documentation and all tests, as CI runs them"
+	@echo "make check     type-check and lint only"
+	@echo "make bench     the benchmarks"
+	@echo "make pictures  every picture for judging, into target/pictures/"
+	@echo "make clips     the demo's clips again, from the simulator"
+
+setup:
+	@deploy/setup.sh
+
+demo: setup
+	$(CARGO) build --release --locked
+	target/release/videofields demo --listen $(LISTEN)
+
+# Warnings are errors here, but not in an editor.
+test: setup
+	$(CARGO) fmt --check
+	$(CARGO) clippy --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps --document-private-items --quiet
+	$(CARGO) test --locked
+
+check: setup
+	$(CARGO) clippy --locked --all-targets
+
+bench: setup
+	$(CARGO) bench --locked
+
+pictures: setup
+	$(CARGO) build --release --locked
+	deploy/pictures.sh
+
+clips: setup
+	$(CARGO) build --release --locked
+	target/release/videofields simulate --world plaza --out config/demo

@@ -1,0 +1,62 @@
+// What a camera could see at most: near plane over distance along the face's axis (reversed depth), 0 for nothing.
+#import "common/fullscreen.wgsl"
+
+struct Face {
+    // From points relative to the camera, in world axes.
+    clip_from_camera: mat4x4<f32>,
+}
+
+@group(1) @binding(0) var<storage, read> faces: array<Face>;
+@group(2) @binding(0) var depth: texture_depth_2d;
+
+// The instance is the face.
+@vertex
+fn vs_main(
+    @location(0) position_from_camera: vec3<f32>,
+    @builtin(instance_index) face_idx: u32,
+) -> @builtin(position) vec4<f32> {
+    return faces[face_idx].clip_from_camera * vec4<f32>(position_from_camera, 1.0);
+}
+
+@vertex
+fn vs_dilate(@builtin(vertex_index) vertex_idx: u32) -> @builtin(position) vec4<f32> {
+    return fullscreen_position(vertex_idx);
+}
+
+fn depth_at(texel: vec2<i32>) -> f32 {
+    let last = vec2<i32>(textureDimensions(depth)) - 1;
+    return textureLoad(depth, clamp(texel, vec2<i32>(0), last), 0);
+}
+
+fn smaller_step(back: f32, forth: f32) -> f32 {
+    return select(forth, back, abs(back) < abs(forth));
+}
+
+// How much nearer than the plane through the texel, relative, begins another surface.
+const DISCONTINUITY: f32 = 0.02;
+
+// r: the depth; g: the depth with discontinuities dilated by 4 texels (Montage4D section 4.2) towards the farther
+// side. The inverse of distance is affine over a plane's picture, so a plane is recognised at any slope. Eight
+// directions at half and at full radius find every straight edge to 0.3 texels.
+@fragment
+fn fs_dilate(@builtin(position) position: vec4<f32>) -> @location(0) vec2<f32> {
+    let texel = vec2<i32>(position.xy);
+    let here = depth_at(texel);
+    let x = vec2<i32>(1, 0);
+    let y = vec2<i32>(0, 1);
+    let slope = vec2<f32>(
+        smaller_step(here - depth_at(texel - x), depth_at(texel + x) - here),
+        smaller_step(here - depth_at(texel - y), depth_at(texel + y) - here),
+    );
+    var nearest = here;
+    for (var i = 0; i < 16; i++) {
+        let angle = f32(i % 8) * 0.7853981633974483;
+        let offset = vec2<i32>(round(vec2<f32>(cos(angle), sin(angle)) * select(4.0, 2.0, i >= 8)));
+        let there = depth_at(texel + offset);
+        let expected = here + dot(slope, vec2<f32>(offset));
+        if there - expected > DISCONTINUITY * here {
+            nearest = max(nearest, there);
+        }
+    }
+    return vec2<f32>(here, nearest);
+}

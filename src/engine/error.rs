@@ -1,0 +1,86 @@
+//! Why the engine could not answer.
+
+use crate::error::{ErrorKind, Fault};
+
+/// Why the engine could not answer.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum EngineError {
+    /// No camera has that id.
+    #[error("there is no camera {id:?}")]
+    NoCamera {
+        /// The id asked for.
+        id: String,
+    },
+    /// No scene has that id.
+    #[error("there is no scene {id:?}")]
+    NoScene {
+        /// The id asked for.
+        id: String,
+    },
+    /// A parameter is wrong.
+    #[error("{0}")]
+    Request(Fault),
+    /// Nothing was seen at that time.
+    #[error("camera {camera} has no frame at or before {asked}: it keeps {first} to {last}")]
+    BeforeFirst {
+        /// The camera.
+        camera: String,
+        /// The time asked for.
+        asked: String,
+        /// The earliest frame kept.
+        first: String,
+        /// The latest frame kept.
+        last: String,
+    },
+    /// No frame has come yet.
+    #[error("camera {camera} has no frame yet: {state}")]
+    NoFrame {
+        /// The camera.
+        camera: String,
+        /// Its state, with the reason where it failed.
+        state: String,
+    },
+    /// A texture coordinate meets no surface.
+    #[error("{0}")]
+    NoSurface(String),
+    /// More is asked for than a limit allows.
+    #[error("{0}")]
+    TooLarge(Fault),
+    /// The renderer has too much to do.
+    #[error("the renderer has {waiting} pictures waiting already")]
+    Busy {
+        /// Pictures in the queue.
+        waiting: usize,
+    },
+    /// The daemon is stopping, or the renderer is gone and being rebuilt.
+    #[error("{0}")]
+    Unavailable(String),
+    /// A fault of the daemon.
+    #[error("{0}")]
+    Internal(String),
+}
+
+impl EngineError {
+    /// What the caller can do about it.
+    #[must_use]
+    pub const fn kind(&self) -> ErrorKind {
+        match self {
+            Self::NoCamera { .. } | Self::NoScene { .. } | Self::BeforeFirst { .. } | Self::NoSurface(_) => {
+                ErrorKind::NotFound
+            }
+            Self::Request(_) => ErrorKind::Invalid,
+            Self::TooLarge(_) => ErrorKind::TooLarge,
+            Self::NoFrame { .. } | Self::Busy { .. } | Self::Unavailable(_) => ErrorKind::Unavailable,
+            Self::Internal(_) => ErrorKind::Internal,
+        }
+    }
+
+    /// The place of a wrong parameter, if the failure is about one.
+    #[must_use]
+    pub const fn fault(&self) -> Option<&Fault> {
+        match self {
+            Self::Request(fault) | Self::TooLarge(fault) => Some(fault),
+            _ => None,
+        }
+    }
+}

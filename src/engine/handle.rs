@@ -1,0 +1,232 @@
+//! The engine's door: every question that a caller may ask of the running daemon.
+
+use super::EngineError;
+use crate::clock::Timestamp;
+use crate::frame::{CameraId, RgbImage};
+use crate::plan::{EntityStyle, Plan};
+use crate::scene::Scene;
+use crate::timeline::Observation;
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// Which time is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum At {
+    /// The newest there is; for a scene, the newest instant that all its live cameras have reached.
+    #[default]
+    Live,
+    /// The newest at or before that instant.
+    Time(Timestamp),
+}
+
+/// How a texture coordinate is placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum LocateMethod {
+    /// Its own ray: exact.
+    #[default]
+    Ray,
+    /// The stored texture-to-world map.
+    Map,
+}
+
+/// A camera as the API shows it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraSummary {
+    /// Its id.
+    pub id: CameraId,
+    /// Name for people.
+    pub name: String,
+    /// `connecting`, `live`, `ended` or `failed`.
+    pub state: String,
+    /// Why it is in that state, where there is something to say.
+    pub reason: Option<String>,
+    /// Columns and rows of its pictures, once one has come.
+    pub size_px: Option<[u32; 2]>,
+    /// Frames taken since the daemon started.
+    pub frames: u64,
+    /// Frames dropped because they came too late.
+    pub dropped: u64,
+    /// Scene time of the earliest frame kept, RFC 3339.
+    pub first: Option<String>,
+    /// Scene time of the latest frame kept, RFC 3339.
+    pub last: Option<String>,
+    /// Seconds since the latest frame came, by the machine's monotonic clock.
+    pub age_secs: Option<f64>,
+    /// Scenes that hold the camera.
+    pub scenes: Vec<String>,
+}
+
+/// A scene as a list shows it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SceneSummary {
+    /// Its id.
+    pub id: String,
+    /// Name for people.
+    pub name: String,
+    /// Its cameras.
+    pub cameras: Vec<CameraId>,
+}
+
+/// Where a texture coordinate lies in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Located {
+    /// World point, metres.
+    pub point_m: [f64; 3],
+    /// Angle between the ray and the surface, radians, 0 (grazing) to pi/2.
+    pub theta_rad: f64,
+    /// False where the ray grazes the surface by less than half a degree.
+    pub reliable: bool,
+    /// Extent of the texel on the surface along the viewing direction, metres.
+    pub footprint_m: f64,
+    /// `ground` or `box`.
+    pub surface: &'static str,
+    /// Index of that ground polygon or box in the scene.
+    pub surface_idx: u16,
+}
+
+/// A picture of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewRequest {
+    /// The scene's id.
+    pub scene: String,
+    /// The viewer's place, metres; the scene's own view if absent.
+    pub eye: Option<DVec3>,
+    /// What the viewer looks at, metres; the scene's own view if absent.
+    pub target: Option<DVec3>,
+    /// Vertical field of view, radians; the scene's own view if absent.
+    pub fov_y_rad: Option<f64>,
+    /// Columns of the picture.
+    pub width_px: u32,
+    /// Rows of the picture.
+    pub height_px: u32,
+    /// Which time.
+    pub at: At,
+    /// How moving entities are drawn.
+    pub style: EntityStyle,
+}
+
+/// Which frame of a camera went into a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceTime {
+    /// The camera.
+    pub camera: CameraId,
+    /// Its frame's scene time.
+    pub timestamp: Timestamp,
+}
+
+/// A picture of a scene, and what went into it.
+#[derive(Clone, Debug)]
+pub struct ViewAnswer {
+    /// The picture.
+    pub image: Arc<RgbImage>,
+    /// The instant shown.
+    pub instant: Timestamp,
+    /// The cameras that had a frame for it.
+    pub sources: Vec<SourceTime>,
+    /// Which effects ran, and why.
+    pub plan: Arc<Plan>,
+    /// What the stages took: name and time.
+    pub timings: Vec<(&'static str, Duration)>,
+}
+
+/// Whether the daemon can answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Readiness {
+    /// Whether every part below is ready.
+    pub ready: bool,
+    /// The database is open.
+    pub store: bool,
+    /// The renderer runs; its adapter's name, or why not.
+    pub renderer: String,
+    /// Cameras with at least one frame, of all.
+    pub cameras_with_frames: [usize; 2],
+}
+
+/// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`].
+pub trait Door: Send + Sync {
+    /// Every camera, in the configuration's order.
+    fn cameras(&self) -> Vec<CameraSummary>;
+
+    /// What a camera saw at a time.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::BeforeFirst`].
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError>;
+
+    /// Where a texture coordinate of a camera lies in a scene (`None`: the first scene that holds the camera).
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::NoScene`], [`EngineError::Request`] for a coordinate that is not
+    /// in [0, 1], [`EngineError::NoSurface`] above the horizon or beside every surface,
+    /// [`EngineError::Unavailable`] while the map is being built.
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError>;
+
+    /// Every scene, the default one first.
+    fn scenes(&self) -> Vec<SceneSummary>;
+
+    /// One scene.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`].
+    fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError>;
+
+    /// Asks for a picture; the answer comes through `reply`. Requests with equal answers share one picture.
+    ///
+    /// # Errors
+    /// At once: [`EngineError::Busy`], [`EngineError::Unavailable`]; all else comes through `reply`.
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError>;
+
+    /// Whether everything is ready to answer.
+    fn readiness(&self) -> Readiness;
+
+    /// The metrics in Prometheus's text format.
+    fn metrics_text(&self) -> String;
+
+    /// Counts an answered HTTP request: the route's template (never the path), its status, its duration.
+    fn count_http(&self, route: &str, status: u16, duration: Duration);
+}
+
+/// The door to the running daemon. Cheap to clone.
+#[derive(Clone)]
+pub struct Handle(Arc<dyn Door>);
+
+impl Handle {
+    /// A handle to `door`: the engine, or a test's stand-in.
+    #[must_use]
+    pub fn new(door: Arc<dyn Door>) -> Self {
+        Self(door)
+    }
+
+    /// A picture of a scene.
+    ///
+    /// # Errors
+    /// As [`Door::view`], and whatever planning or rendering met.
+    pub async fn view(&self, request: ViewRequest) -> Result<ViewAnswer, EngineError> {
+        let (reply, answer) = oneshot::channel();
+        self.0.view(request, reply)?;
+        let gone =
+            |_dropped: oneshot::error::RecvError| EngineError::Unavailable("the renderer stopped".to_owned());
+        answer.await.map_err(gone)?
+    }
+}
+
+impl std::ops::Deref for Handle {
+    type Target = dyn Door;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}

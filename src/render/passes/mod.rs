@@ -1,0 +1,184 @@
+//! The passes, one file each with one anatomy: mirror structs, a `Pass` made once, `record` for every frame.
+
+mod billboard;
+mod camera_depth;
+mod points;
+mod surface;
+mod yuv;
+
+pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
+pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
+pub(super) use points::{Instance as PointInstance, PointsPass};
+pub(super) use surface::SurfacePass;
+pub(super) use yuv::YuvPass;
+
+use super::image_array::ImageArray;
+use super::targets::{COLOR_FORMAT, DEPTH_FORMAT, Targets};
+use crate::gpu::{Gpu, GpuError, Mirror, Timer};
+
+/// The mirror structs of all passes.
+pub(super) fn mirrors() -> Vec<Mirror> {
+    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR]
+}
+
+/// The vertex layouts of all passes: shader, entry point, attributes' locations and formats.
+pub(super) type Attributes<const N: usize> = [wgpu::VertexAttribute; N];
+
+/// What every pass of a frame records with.
+pub(super) struct Recording<'a> {
+    pub gpu: &'a Gpu,
+    pub encoder: &'a mut wgpu::CommandEncoder,
+    pub timer: &'a mut Timer,
+}
+
+/// What a drawing pass draws on, and its place among the passes of the frame.
+#[derive(Clone, Copy)]
+pub(super) struct DrawInto<'a> {
+    pub targets: &'a Targets,
+    /// Bind group 0.
+    pub frame: &'a wgpu::BindGroup,
+    /// Colour to clear with; given to the first pass only.
+    pub clear: Option<wgpu::Color>,
+    /// Whether nothing is drawn after this pass.
+    pub is_last: bool,
+}
+
+impl Recording<'_> {
+    /// Begins a pass that draws into the frame's targets, timed under `label`.
+    fn draw<'e>(&'e mut self, label: &'static str, into: &DrawInto<'_>) -> wgpu::RenderPass<'e> {
+        let span = self.timer.span(label);
+        let mut pass = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some(label),
+            color_attachments: &[Some(into.targets.color_attachment(into.clear, into.is_last))],
+            depth_stencil_attachment: Some(
+                into.targets.depth_attachment(into.clear.is_some(), into.is_last),
+            ),
+            timestamp_writes: self.timer.writes(span, true, true),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_bind_group(0, into.frame, &[]);
+        pass
+    }
+}
+
+/// How a drawing pass meets what was drawn before it.
+#[derive(Clone, Copy)]
+struct Mixing {
+    blend: Option<wgpu::BlendState>,
+    writes_depth: bool,
+}
+
+/// The pipeline of a pass that draws into the frame's targets: `vs_main` and `fs_main` of the shader of its stem.
+fn draw_pipeline(
+    gpu: &Gpu,
+    label: &'static str,
+    bind_groups: &[&wgpu::BindGroupLayout],
+    vertices: &wgpu::VertexBufferLayout<'_>,
+    topology: wgpu::PrimitiveTopology,
+    mixing: Mixing,
+    samples: u32,
+) -> Result<wgpu::RenderPipeline, GpuError> {
+    let module = gpu.shader(&format!("render/{label}.wgsl"))?;
+    let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(label),
+        bind_group_layouts: &bind_groups,
+        immediate_size: 0,
+    });
+    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vs_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(vertices.clone())],
+        },
+        primitive: wgpu::PrimitiveState { topology, ..wgpu::PrimitiveState::default() },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(mixing.writes_depth),
+            depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fs_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState {
+                format: COLOR_FORMAT,
+                blend: mixing.blend,
+                write_mask: wgpu::ColorWrites::ALL,
+            })],
+        }),
+        multiview_mask: None,
+        cache: None,
+    }))
+}
+
+fn texture_entry(
+    binding: u32,
+    view_dimension: wgpu::TextureViewDimension,
+    sample_type: wgpu::TextureSampleType,
+) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+        ty: wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false },
+        count: None,
+    }
+}
+
+const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
+const UNFILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: false };
+
+const SAMPLER_ENTRY: wgpu::BindGroupLayoutEntry = wgpu::BindGroupLayoutEntry {
+    binding: 1,
+    visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
+    ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+    count: None,
+};
+
+fn linear_sampler(gpu: &Gpu, label: &'static str) -> wgpu::Sampler {
+    gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some(label),
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        mipmap_filter: wgpu::MipmapFilterMode::Linear,
+        ..wgpu::SamplerDescriptor::default()
+    })
+}
+
+/// Bind group 1 of the passes that show entities: the live frames and how they are sampled.
+#[derive(Debug)]
+struct LiveFrames {
+    layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+}
+
+impl LiveFrames {
+    fn new(gpu: &Gpu, label: &'static str) -> Self {
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &[texture_entry(0, wgpu::TextureViewDimension::D2Array, FILTERED), SAMPLER_ENTRY],
+        });
+        Self { layout, sampler: linear_sampler(gpu, label) }
+    }
+
+    fn bind(&self, gpu: &Gpu, frames: &mut ImageArray) -> wgpu::BindGroup {
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("live frames"),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&frames.store(gpu).sampled),
+                },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+            ],
+        })
+    }
+}

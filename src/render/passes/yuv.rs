@@ -1,0 +1,273 @@
+//! Pictures that are new since the last frame: from the decoder's planes to sRGB layers and their smaller levels.
+
+use super::{Recording, UNFILTERED, texture_entry};
+use crate::frame::{Mask, Plane, YuvImage};
+use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
+use crate::render::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
+
+mirror! { "render/yuv.wgsl",
+/// How one picture is converted. The shader documents the fields.
+pub(super) struct Conversion {
+    row_r: [f32; 3],
+    layer: u32,
+    row_g: [f32; 3],
+    has_mask: u32,
+    row_b: [f32; 3],
+    pad: u32,
+    offset: [f32; 3],
+    width_px: u32,
+    gain: [f32; 3],
+    height_px: u32,
+}}
+
+impl Conversion {
+    fn new(image: &YuvImage, has_mask: bool, layer: u32) -> Self {
+        let [row_r, row_g, row_b] = image.matrix().rgb_from_ypbpr();
+        let (luma_offset, luma_scale, chroma_scale) = image.range().luma_offset_luma_scale_chroma_scale();
+        let chroma_gain = 255.0 / chroma_scale;
+        Self {
+            row_r,
+            layer,
+            row_g,
+            has_mask: u32::from(has_mask),
+            row_b,
+            pad: 0,
+            offset: [luma_offset / 255.0, 128.0 / 255.0, 128.0 / 255.0],
+            width_px: image.width(),
+            gain: [255.0 / luma_scale, chroma_gain, chroma_gain],
+            height_px: image.height(),
+        }
+    }
+}
+
+/// One level of one layer to be drawn.
+struct Draw {
+    target: wgpu::TextureView,
+    source: Source,
+}
+
+enum Source {
+    /// The next conversion, from these planes.
+    Planes(wgpu::BindGroup),
+    /// The next finer level.
+    Finer(wgpu::BindGroup),
+}
+
+/// Converts pictures.
+#[derive(Debug)]
+pub(in crate::render) struct YuvPass {
+    planes_layout: wgpu::BindGroupLayout,
+    level_layout: wgpu::BindGroupLayout,
+    convert: wgpu::RenderPipeline,
+    make_smaller: wgpu::RenderPipeline,
+    conversions: GrowingBuffer,
+    scratch: Vec<Conversion>,
+}
+
+const LABEL: &str = "yuv";
+
+impl YuvPass {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let device = &gpu.device;
+        let array = |binding| texture_entry(binding, wgpu::TextureViewDimension::D2Array, UNFILTERED);
+        let planes_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("yuv planes"),
+            entries: &[
+                wgpu::BindGroupLayoutEntry {
+                    binding: 0,
+                    visibility: wgpu::ShaderStages::FRAGMENT,
+                    ty: wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Storage { read_only: true },
+                        has_dynamic_offset: false,
+                        min_binding_size: None,
+                    },
+                    count: None,
+                },
+                array(1),
+                array(2),
+                array(3),
+                array(4),
+            ],
+        });
+        let level_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("yuv level"),
+            entries: &[texture_entry(0, wgpu::TextureViewDimension::D2, UNFILTERED)],
+        });
+        let module = gpu.shader("render/yuv.wgsl")?;
+        let pipeline = |entry_point, groups: &[Option<&wgpu::BindGroupLayout>], format| {
+            let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(LABEL),
+                bind_group_layouts: groups,
+                immediate_size: 0,
+            });
+            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+                label: Some(LABEL),
+                layout: Some(&layout),
+                vertex: wgpu::VertexState {
+                    module: &module,
+                    entry_point: Some("vs_main"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    buffers: &[],
+                },
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: None,
+                multisample: wgpu::MultisampleState::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some(entry_point),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: &[Some(wgpu::ColorTargetState::from(format))],
+                }),
+                multiview_mask: None,
+                cache: None,
+            })
+        };
+        let convert = pipeline("fs_main", &[None, Some(&planes_layout)], CODED_FORMAT);
+        let make_smaller = pipeline("fs_smaller", &[None, None, Some(&level_layout)], IMAGE_FORMAT);
+        let conversions = GrowingBuffer::new("conversions", wgpu::BufferUsages::STORAGE);
+        Ok(Self { planes_layout, level_layout, convert, make_smaller, conversions, scratch: Vec::new() })
+    }
+
+    /// Uploads the pictures' planes and records their conversion into their arrays' layers.
+    pub(in crate::render) fn record(
+        &mut self,
+        recording: &mut Recording<'_>,
+        batches: [(&mut ImageArray, &[Job<'_>]); 2],
+    ) {
+        let gpu = recording.gpu;
+        self.scratch.clear();
+        for (_, jobs) in &batches {
+            let conversion = |Job { wanted, layer }: &Job<'_>| {
+                Conversion::new(wanted.image, wanted.mask.is_some(), *layer)
+            };
+            self.scratch.extend(jobs.iter().map(conversion));
+        }
+        self.conversions.write(gpu, &self.scratch);
+        let mut draws = Vec::new();
+        for (array, jobs) in batches.into_iter().filter(|(_, jobs)| !jobs.is_empty()) {
+            let n_levels = array.n_levels();
+            let store = array.store(gpu);
+            let planes = self.bind_planes(gpu, store);
+            for Job { wanted, layer } in jobs {
+                upload_planes(gpu, store, wanted, *layer);
+                let target = store.level(*layer, 0, CODED_FORMAT);
+                draws.push(Draw { target, source: Source::Planes(planes.clone()) });
+                for level in 1..n_levels {
+                    let finer = self.bind_level(gpu, &store.level(*layer, level - 1, IMAGE_FORMAT));
+                    let target = store.level(*layer, level, IMAGE_FORMAT);
+                    draws.push(Draw { target, source: Source::Finer(finer) });
+                }
+            }
+        }
+        self.record_draws(recording, &draws);
+    }
+
+    fn record_draws(&self, recording: &mut Recording<'_>, draws: &[Draw]) {
+        let span = recording.timer.span(LABEL);
+        let mut conversion_idx = 0;
+        for (idx, draw) in draws.iter().enumerate() {
+            let writes = recording.timer.writes(span, idx == 0, idx + 1 == draws.len());
+            let mut pass = begin(recording.encoder, &draw.target, writes);
+            match &draw.source {
+                Source::Planes(planes) => {
+                    pass.set_pipeline(&self.convert);
+                    pass.set_bind_group(1, planes, &[]);
+                    pass.draw(0..3, conversion_idx..conversion_idx + 1);
+                    conversion_idx += 1;
+                }
+                Source::Finer(level) => {
+                    pass.set_pipeline(&self.make_smaller);
+                    pass.set_bind_group(2, level, &[]);
+                    pass.draw(0..3, 0..1);
+                }
+            }
+        }
+    }
+
+    fn bind_planes(&self, gpu: &Gpu, store: &Store) -> wgpu::BindGroup {
+        let conversions = self.conversions.get().expect("conversions are written before they are bound");
+        let view = |binding, view| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        };
+        let [luma, u, v, mask] = &store.plane_views;
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("yuv planes"),
+            layout: &self.planes_layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: conversions.as_entire_binding() },
+                view(1, luma),
+                view(2, u),
+                view(3, v),
+                view(4, mask),
+            ],
+        })
+    }
+
+    fn bind_level(&self, gpu: &Gpu, finer: &wgpu::TextureView) -> wgpu::BindGroup {
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("yuv level"),
+            layout: &self.level_layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(finer),
+            }],
+        })
+    }
+}
+
+fn begin<'e>(
+    encoder: &'e mut wgpu::CommandEncoder,
+    target: &wgpu::TextureView,
+    timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
+) -> wgpu::RenderPass<'e> {
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some(LABEL),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: target,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        depth_stencil_attachment: None,
+        timestamp_writes,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    })
+}
+
+fn plane_of(mask: &Mask) -> Plane<'_> {
+    Plane { data: &mask.data, stride: mask.width as usize, width: mask.width, height: mask.height }
+}
+
+fn upload_planes(gpu: &Gpu, store: &Store, wanted: &Wanted<'_>, layer: u32) {
+    for plane in 0..3 {
+        upload(gpu, store, plane, layer, &wanted.image.plane(plane));
+    }
+    if let Some(mask) = wanted.mask {
+        upload(gpu, store, 3, layer, &plane_of(mask));
+    }
+}
+
+/// Hands a plane to the device as it lies in the decoder's memory.
+fn upload(gpu: &Gpu, store: &Store, texture: usize, layer: u32, plane: &Plane<'_>) {
+    let len = plane.stride * (plane.height as usize - 1) + plane.width as usize;
+    gpu.queue.write_texture(
+        wgpu::TexelCopyTextureInfo {
+            texture: &store.planes[texture],
+            mip_level: 0,
+            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+            aspect: wgpu::TextureAspect::All,
+        },
+        &plane.data[..len],
+        wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(plane.stride as u32),
+            rows_per_image: None,
+        },
+        wgpu::Extent3d { width: plane.width, height: plane.height, depth_or_array_layers: 1 },
+    );
+}

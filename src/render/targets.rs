@@ -1,0 +1,106 @@
+//! What a frame is drawn on, kept between frames of one size.
+
+use crate::gpu::Gpu;
+
+/// Colour of every target: 8-bit sRGB, blended in linear light by the hardware.
+pub(super) const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+/// Depth of every target: reversed, 0 at infinity.
+pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// Sizes that are kept.
+const MAX_SIZES: usize = 4;
+
+/// Colour and depth of one size.
+#[derive(Debug)]
+pub(super) struct Targets {
+    /// The finished picture.
+    pub color: wgpu::Texture,
+    color_view: wgpu::TextureView,
+    /// With several samples a pixel, what is drawn on before it is resolved.
+    samples_view: Option<wgpu::TextureView>,
+    depth_view: wgpu::TextureView,
+}
+
+/// The sizes used last, the latest first.
+#[derive(Debug, Default)]
+pub(super) struct TargetCache {
+    sizes: Vec<Targets>,
+}
+
+impl TargetCache {
+    pub(super) fn get(&mut self, gpu: &Gpu, width: u32, height: u32, samples: u32) -> &Targets {
+        let is_wanted = |targets: &Targets| (targets.color.width(), targets.color.height()) == (width, height);
+        let targets = match self.sizes.iter().position(is_wanted) {
+            Some(idx) => self.sizes.remove(idx),
+            None => {
+                self.sizes.truncate(MAX_SIZES - 1);
+                Targets::new(gpu, width, height, samples)
+            }
+        };
+        self.sizes.insert(0, targets);
+        &self.sizes[0]
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.sizes.clear();
+    }
+}
+
+impl Targets {
+    fn new(gpu: &Gpu, width: u32, height: u32, samples: u32) -> Self {
+        let texture = |label, format, sample_count, usage| {
+            gpu.device.create_texture(&wgpu::TextureDescriptor {
+                label: Some(label),
+                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
+        };
+        let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let color = texture("color", COLOR_FORMAT, 1, attachment | wgpu::TextureUsages::COPY_SRC);
+        let samples_view =
+            (samples > 1).then(|| view(&texture("color samples", COLOR_FORMAT, samples, attachment)));
+        let depth_view = view(&texture("depth", DEPTH_FORMAT, samples, attachment));
+        Self { color_view: view(&color), color, samples_view, depth_view }
+    }
+
+    /// Where a pass draws. The first pass of a frame gives a colour to `clear` with; the last resolves.
+    pub(super) fn color_attachment(
+        &self,
+        clear: Option<wgpu::Color>,
+        is_last: bool,
+    ) -> wgpu::RenderPassColorAttachment<'_> {
+        let load = clear.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear);
+        let (view, resolve_target) = match &self.samples_view {
+            Some(samples) => (samples, is_last.then_some(&self.color_view)),
+            None => (&self.color_view, None),
+        };
+        let store = if resolve_target.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+        wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target,
+            ops: wgpu::Operations { load, store },
+        }
+    }
+
+    /// The depth that a pass tests against; the first pass clears it to infinity, the last lets it go.
+    pub(super) fn depth_attachment(
+        &self,
+        is_first: bool,
+        is_last: bool,
+    ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+        let load = if is_first { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
+        let store = if is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+        wgpu::RenderPassDepthStencilAttachment {
+            view: &self.depth_view,
+            depth_ops: Some(wgpu::Operations { load, store }),
+            stencil_ops: None,
+        }
+    }
+}

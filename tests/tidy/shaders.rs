@@ -1,0 +1,75 @@
+//! Every shader is valid, has its owner, and agrees with the Rust structs that mirror its own.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use videofields::gpu::{SHADERS, compose};
+use wgpu::naga;
+
+fn parse(path: &str) -> naga::Module {
+    let source = compose(path).expect("every embedded shader composes");
+    naga::front::wgsl::parse_str(&source)
+        .unwrap_or_else(|error| panic!("{path}: {}", error.emit_to_string_with_path(&source, path)))
+}
+
+#[test]
+fn every_shader_is_valid() {
+    for (path, _) in SHADERS {
+        let module = parse(path);
+        let mut validator =
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+        if let Err(error) = validator.validate(&module) {
+            panic!("{path}: {}", error.emit_to_string(&compose(path).expect("it composed before")));
+        }
+        let is_common = path.starts_with("common/");
+        assert_eq!(module.entry_points.is_empty(), is_common, "{path}: only common/ has no entry point");
+    }
+}
+
+#[test]
+fn every_shader_file_is_embedded_and_has_its_owner() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut on_disk = BTreeSet::new();
+    for folder in ["common", "render"] {
+        for entry in fs::read_dir(root.join("shaders").join(folder)).expect("the folder is there") {
+            let name = entry.expect("an entry").file_name().into_string().expect("ASCII");
+            on_disk.insert(format!("{folder}/{name}"));
+        }
+    }
+    let embedded: BTreeSet<String> = SHADERS.iter().map(|(path, _)| (*path).to_owned()).collect();
+    assert_eq!(on_disk, embedded);
+    for path in embedded.iter().filter_map(|path| path.strip_prefix("render/")) {
+        let owner = root.join("src/render/passes").join(path).with_extension("rs");
+        assert!(owner.is_file(), "{path} has no {}", owner.display());
+    }
+}
+
+#[test]
+fn mirror_structs_match_their_shaders() {
+    let mirrors = videofields::render::mirrors();
+    assert!(!mirrors.is_empty());
+    for mirror in mirrors {
+        let module = parse(mirror.shader);
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).expect("a valid module has a layout");
+        let (handle, found) = module
+            .types
+            .iter()
+            .find(|(_, candidate)| candidate.name.as_deref() == Some(mirror.name))
+            .unwrap_or_else(|| panic!("{} has no struct {}", mirror.shader, mirror.name));
+        let naga::TypeInner::Struct { members, span } = &found.inner else {
+            panic!("{} in {} is no struct", mirror.name, mirror.shader)
+        };
+        let place = format!("{} in {}", mirror.name, mirror.shader);
+        assert_eq!(*span as usize, mirror.size, "size of {place}");
+        assert_eq!(members.len(), mirror.fields.len(), "fields of {place}");
+        for (member, field) in members.iter().zip(mirror.fields) {
+            assert_eq!(member.name.as_deref(), Some(field.name), "{place}");
+            assert_eq!(member.offset as usize, field.offset, "offset of {} in {place}", field.name);
+            let size = layouter[member.ty].size as usize;
+            assert_eq!(size, field.size, "size of {} in {place}", field.name);
+        }
+        let alignment = layouter[handle].alignment.round_up(1);
+        assert_eq!(mirror.size % alignment as usize, 0, "{place} can stand in an array");
+    }
+}
