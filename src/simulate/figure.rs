@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
 /// Height for which the body's measures below are given, metres; others scale with it.
-const MODEL_HEIGHT_M: f64 = 1.72;
+const MODEL_HEIGHT_M: f64 = 1.74;
 /// Share of a stride before and after the middle of its stance for which a foot stands.
 const STANCE_HALF: f64 = 0.28;
 const THIGH_M: f64 = 0.45;
@@ -111,7 +111,7 @@ impl Figure {
         let axes = Axes::along(here.heading);
         let foot = here.position.extend(0.0);
         // The hips are highest when a leg passes under them, twice a stride.
-        let hips = foot + DVec3::Z * (0.872 + 0.012 * (2.0 * TAU * cycles).cos()) * scale;
+        let hips = foot + DVec3::Z * (0.894 + 0.012 * (2.0 * TAU * cycles).cos()) * scale;
         let mut parts = Vec::with_capacity(24);
         for (side, offset) in [(1.0, 0.0), (-1.0, 0.5)] {
             self.leg(&mut parts, hips, axes, side, cycles - offset, offset, scale);

@@ -177,7 +177,7 @@ fn figures() -> Vec<Figure> {
                 [5.8, 3.6],
             ]),
             start: 0.1,
-            n_strides: 24,
+            n_strides: 27,
             height_m: 1.74,
             clothes: Clothes {
                 jacket: srgb(0xc8302c),
@@ -201,7 +201,7 @@ fn figures() -> Vec<Figure> {
                 [-4.4, -6.4],
             ]),
             start: 0.3,
-            n_strides: 25,
+            n_strides: 27,
             height_m: 1.66,
             clothes: Clothes {
                 jacket: srgb(0xe6b42a),
@@ -228,7 +228,7 @@ fn figures() -> Vec<Figure> {
                 [-11.2, 3.8],
             ]),
             start: 0.62,
-            n_strides: 30,
+            n_strides: 31,
             height_m: 1.80,
             clothes: Clothes {
                 jacket: srgb(0x2c5cb4),

@@ -110,10 +110,10 @@ struct FigureDocument {
     box_high_m: [f64; 3],
 }
 
-/// Simulates the world with this id into the folder that the options name, as [`write`] does.
+/// Simulates the world with this id into the folder that the options name, as [`write()`] does.
 ///
 /// # Errors
-/// When there is no such world, and as [`write`].
+/// When there is no such world, and as [`write()`].
 pub fn run(world_id: &str, options: &SimulateOptions) -> Result<Written, SimulateError> {
     write(&World::named(world_id)?, options)
 }
