@@ -2,10 +2,10 @@
 
 use super::Api;
 use super::error::Problem;
-use super::picture::{Encoding, Picture, server_timing, split};
+use super::picture::{Picture, server_timing, split, write_rgb, write_yuv};
 use super::query::Query;
 use super::segments::Segments;
-use crate::encode::{self, EncodeError};
+use crate::encode::{self, EncodeError, PictureFormat};
 use crate::engine::{At, CameraSummary, EngineError};
 use crate::frame::{Mask, RgbImage};
 use crate::timeline::Observation;
@@ -49,13 +49,13 @@ pub(super) async fn picture(
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
-    let (kind, encoding) = split(&file, &KINDS)?;
+    let (kind, format) = split(&file, &KINDS)?;
     let mut query = Query::parse(raw.as_deref(), &["t"]);
     let at = query.at();
     query.finish(Some(()))?;
     let observation = api.door.observation(&id, at).map_err(|error| problem_of(&api, error))?;
     let (instant, number) = (observation.frame.timestamp, observation.frame.number);
-    let (bytes, encoding_time) = api.encoded(move || write(&observation, kind, encoding)).await?;
+    let (bytes, encoding_time) = api.encoded(move || write(&observation, kind, format)).await?;
     let mut fields = vec![
         ("videofields-frame", number.to_string()),
         ("server-timing", server_timing(&[("encode", encoding_time)])),
@@ -65,7 +65,7 @@ pub(super) async fn picture(
     {
         fields.push(("videofields-age", format!("{age_secs:.3}")));
     }
-    Ok(Picture { encoding, bytes, at, instant, fields })
+    Ok(Picture { format, bytes, at, instant, fields })
 }
 
 fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {
@@ -85,12 +85,12 @@ pub(super) fn problem_of(api: &Api, error: EngineError) -> Problem {
     }
 }
 
-fn write(observation: &Observation, kind: Kind, encoding: Encoding) -> Result<Vec<u8>, EncodeError> {
-    match (kind, encoding) {
-        (Kind::Frame, _) => encoding.write(&observation.frame.image.to_rgb()),
-        (Kind::Background, _) => encoding.write(&observation.background.to_rgb()),
-        (Kind::Mask, Encoding::Png) => encode::png_gray(&observation.labels),
-        (Kind::Mask, Encoding::Jpeg) => encoding.write(&gray(&observation.labels)),
+fn write(observation: &Observation, kind: Kind, format: PictureFormat) -> Result<Vec<u8>, EncodeError> {
+    match (kind, format) {
+        (Kind::Frame, _) => write_yuv(format, &observation.frame.image),
+        (Kind::Background, _) => write_yuv(format, &observation.background),
+        (Kind::Mask, PictureFormat::Png) => encode::png_gray(&observation.labels),
+        (Kind::Mask, PictureFormat::Jpeg) => write_rgb(format, &gray(&observation.labels)),
     }
 }
 

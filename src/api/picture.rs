@@ -4,10 +4,10 @@
 use super::Api;
 use super::error::Problem;
 use crate::clock::Timestamp;
-use crate::encode::{self, EncodeError};
+use crate::encode::{self, EncodeError, PictureFormat};
 use crate::engine::At;
 use crate::error::ErrorKind;
-use crate::frame::RgbImage;
+use crate::frame::{RgbImage, YuvImage};
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
@@ -19,31 +19,22 @@ const JPEG_QUALITY: u8 = 88;
 /// Seconds for which a picture of a fixed time may be kept.
 const FIXED_TIME_CACHING: HeaderValue = HeaderValue::from_static("private, max-age=10");
 
-/// How a picture is written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
-    /// Lossy, small.
-    Jpeg,
-    /// Exact.
-    Png,
+/// The formats in which every picture can be had.
+const FORMATS: [PictureFormat; 2] = [PictureFormat::Jpeg, PictureFormat::Png];
+
+/// Writes a colour picture.
+pub(super) fn write_rgb(format: PictureFormat, image: &RgbImage) -> Result<Vec<u8>, EncodeError> {
+    match format {
+        PictureFormat::Jpeg => encode::jpeg(image, JPEG_QUALITY),
+        PictureFormat::Png => encode::png_rgb(image),
+    }
 }
 
-impl Encoding {
-    const ALL: [(&'static str, Self); 2] = [("jpg", Self::Jpeg), ("png", Self::Png)];
-
-    const fn content_type(self) -> HeaderValue {
-        match self {
-            Self::Jpeg => HeaderValue::from_static("image/jpeg"),
-            Self::Png => HeaderValue::from_static("image/png"),
-        }
-    }
-
-    /// Writes a colour picture.
-    pub(super) fn write(self, image: &RgbImage) -> Result<Vec<u8>, EncodeError> {
-        match self {
-            Self::Jpeg => encode::jpeg(image, JPEG_QUALITY),
-            Self::Png => encode::png_rgb(image),
-        }
+/// Writes a camera's picture.
+pub(super) fn write_yuv(format: PictureFormat, image: &YuvImage) -> Result<Vec<u8>, EncodeError> {
+    match format {
+        PictureFormat::Jpeg => encode::jpeg_yuv(image, JPEG_QUALITY),
+        PictureFormat::Png => encode::png_rgb(&image.to_rgb()),
     }
 }
 
@@ -51,16 +42,16 @@ impl Encoding {
 ///
 /// # Errors
 /// Not found, with the list of what there is, where the name is none of `names` or the ending none of the two.
-pub(super) fn split<T: Copy>(file: &str, names: &[(&str, T)]) -> Result<(T, Encoding), Problem> {
+pub(super) fn split<T: Copy>(file: &str, names: &[(&str, T)]) -> Result<(T, PictureFormat), Problem> {
     let found = file.rsplit_once('.').and_then(|(name, ending)| {
         let (_, picture) = names.iter().find(|(known, _)| *known == name)?;
-        let (_, encoding) = Encoding::ALL.iter().find(|(known, _)| *known == ending)?;
-        Some((*picture, *encoding))
+        let format = FORMATS.into_iter().find(|format| format.extension() == ending)?;
+        Some((*picture, format))
     });
     found.ok_or_else(|| {
         let files: Vec<String> = names
             .iter()
-            .flat_map(|(name, _)| Encoding::ALL.map(|(ending, _)| format!("{name}.{ending}")))
+            .flat_map(|(name, _)| FORMATS.map(|format| format!("{name}.{}", format.extension())))
             .collect();
         let files: Vec<&str> = files.iter().map(String::as_str).collect();
         Problem::missing("picture", file, &files)
@@ -93,7 +84,7 @@ impl Api {
 /// An encoded picture on its way to the client.
 pub(super) struct Picture {
     /// How it is written.
-    pub(super) encoding: Encoding,
+    pub(super) format: PictureFormat,
     /// The file.
     pub(super) bytes: Vec<u8>,
     /// Which time was asked for.
@@ -108,7 +99,7 @@ impl IntoResponse for Picture {
     fn into_response(self) -> Response {
         let mut response = self.bytes.into_response();
         let headers = response.headers_mut();
-        headers.insert(header::CONTENT_TYPE, self.encoding.content_type());
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.format.content_type()));
         let caching = match self.at {
             At::Live => HeaderValue::from_static("no-store"),
             At::Time(_) => FIXED_TIME_CACHING,

@@ -1,7 +1,7 @@
 //! `/api/v1/scenes/{id}/view.{jpg,png}`: the fused picture of a scene from anywhere.
 
 use super::error::Problem;
-use super::picture::{Picture, server_timing, split};
+use super::picture::{Picture, server_timing, split, write_rgb};
 use super::query::Query;
 use super::segments::Segments;
 use super::{Api, scenes};
@@ -16,7 +16,7 @@ use std::ops::RangeInclusive;
 /// Columns and rows of a picture where the request names none.
 const DEFAULT_SIZE_PX: [u32; 2] = [1280, 720];
 
-/// Most columns and rows that any encoding can hold; what the renderer allows is the engine's to say.
+/// Most columns and rows that any format can hold; what the renderer allows is the engine's to say.
 const SIDE_PX: RangeInclusive<u32> = 1..=65_535;
 
 /// Vertical field of view, degrees.
@@ -36,7 +36,7 @@ pub(super) async fn picture(
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
-    let ((), encoding) = split(&file, &[("view", ())])?;
+    let ((), format) = split(&file, &[("view", ())])?;
     let request = read(id, raw.as_deref())?;
     let at = request.at;
     let own_view = scenes::find(&api, &request.scene)?.view;
@@ -44,7 +44,7 @@ pub(super) async fn picture(
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
     let instant = answer.instant;
     let image = std::sync::Arc::clone(&answer.image);
-    let (bytes, encoding_time) = api.encoded(move || encoding.write(&image)).await?;
+    let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &image)).await?;
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
     let mut fields = vec![
@@ -53,7 +53,7 @@ pub(super) async fn picture(
         ("server-timing", server_timing(&stages)),
     ];
     fields.extend(resolved.map(|view| ("videofields-view", view)));
-    Ok(Picture { encoding, bytes, at, instant, fields })
+    Ok(Picture { format, bytes, at, instant, fields })
 }
 
 fn read(scene: String, raw: Option<&str>) -> Result<ViewRequest, Problem> {
