@@ -70,6 +70,11 @@ impl Problem {
         Self { errors: errors.clone(), ..Self::new(kind, join_faults(&errors)) }
     }
 
+    /// The named places of the request that are at fault.
+    pub(super) fn into_faults(self) -> Vec<Fault> {
+        self.errors
+    }
+
     /// Something that is not there, with the names of what is.
     pub(super) fn missing(what: &str, name: &str, there_are: &[&str]) -> Self {
         let shown = super::query::shown(name);

@@ -19,6 +19,7 @@ mod serve;
 mod view;
 
 pub use serve::serve;
+pub use view::read_view_request;
 
 use crate::clock::Clock;
 use crate::engine::Handle;

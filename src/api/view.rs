@@ -40,20 +40,28 @@ pub(super) async fn picture(
     let request = read(id, raw.as_deref())?;
     let at = request.at;
     let own_view = scenes::find(&api, &request.scene)?.view;
-    let resolved = resolve(&request, own_view)?;
+    check_direction(&request, own_view)?;
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
     let instant = answer.instant;
     let image = std::sync::Arc::clone(&answer.image);
     let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &image)).await?;
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
-    let mut fields = vec![
+    let fields = vec![
+        ("videofields-view", shown_view(&answer.view)),
         ("videofields-sources", sources(&answer)),
         ("videofields-plan", effects(&answer)),
         ("server-timing", server_timing(&stages)),
     ];
-    fields.extend(resolved.map(|view| ("videofields-view", view)));
     Ok(Picture { format, bytes, at, instant, fields })
+}
+
+/// Reads a view's parameters as this route's query string has them, for callers that speak no HTTP.
+///
+/// # Errors
+/// With every wrong parameter.
+pub fn read_view_request(scene: &str, query: &str) -> Result<ViewRequest, Vec<Fault>> {
+    read(scene.to_owned(), Some(query)).map_err(Problem::into_faults)
 }
 
 fn read(scene: String, raw: Option<&str>) -> Result<ViewRequest, Problem> {
@@ -71,22 +79,23 @@ fn read(scene: String, raw: Option<&str>) -> Result<ViewRequest, Problem> {
     query.finish(Some(request))
 }
 
-/// The view that will be shown, as a header field says it; nothing where the engine alone can tell.
-///
-/// # Errors
-/// When eye and target, given or the scene's own, leave no direction to look in.
-fn resolve(request: &ViewRequest, own: Option<SceneView>) -> Result<Option<String>, Problem> {
+/// Refuses, before anything is drawn, an eye and a target (given, or the scene's own) that leave no direction to
+/// look in.
+fn check_direction(request: &ViewRequest, own: Option<SceneView>) -> Result<(), Problem> {
     let eye = request.eye.or(own.map(|view| view.eye));
     let target = request.target.or(own.map(|view| view.target));
-    let fov_y_rad = request.fov_y_rad.or(own.map(|view| view.fov_y_rad));
-    let Some((eye, target)) = eye.zip(target) else { return Ok(None) };
-    if eye.distance(target) < MIN_DISTANCE_M {
-        let place = if request.target.is_some() { "target" } else { "eye" };
-        let message = format!("eye and target must be at least {MIN_DISTANCE_M} m apart");
-        return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new(place, message)]));
+    let Some((eye, target)) = eye.zip(target) else { return Ok(()) };
+    if eye.distance(target) >= MIN_DISTANCE_M {
+        return Ok(());
     }
+    let place = if request.target.is_some() { "target" } else { "eye" };
+    let message = format!("eye and target must be at least {MIN_DISTANCE_M} m apart");
+    Err(Problem::at(ErrorKind::Invalid, vec![Fault::new(place, message)]))
+}
+
+fn shown_view(view: &SceneView) -> String {
     let point = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
-    Ok(fov_y_rad.map(|fov| format!("eye={};target={};fov={}", point(eye), point(target), fov.to_degrees())))
+    format!("eye={};target={};fov={}", point(view.eye), point(view.target), view.fov_y_rad.to_degrees())
 }
 
 fn sources(answer: &ViewAnswer) -> String {

@@ -4,6 +4,7 @@
 //! timed from the first one on; a `CameraWorker` turns them into `Frame`s of scene time and hands them to its
 //! consumer. Knows nothing of what consumers do with frames, nor of scenes.
 
+mod clip;
 mod decoder;
 mod error;
 mod file;
@@ -19,10 +20,11 @@ mod stop;
 mod timed;
 mod worker;
 
+pub use clip::{index_rate_hz, learn_clip};
 pub use error::IngestError;
-pub use pipeline::Pipeline;
+pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use roots::MediaRoots;
-pub use status::{CameraState, CameraStatus};
+pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
 pub use worker::{CameraWorker, FrameConsumer};
 

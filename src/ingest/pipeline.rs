@@ -17,8 +17,11 @@ const MAX_ASIDE: usize = 2;
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
 
-/// Checkpoints begin with this and a version.
-const MAGIC: [u8; 5] = *b"vfpl\x01";
+/// Version of the checkpoints that this build writes, the only one that it reads.
+pub const CHECKPOINT_VERSION: u32 = 1;
+
+/// Checkpoints begin with this: a name and the version.
+const MAGIC: [u8; 5] = [b'v', b'f', b'p', b'l', CHECKPOINT_VERSION as u8];
 
 /// Bytes of a model in a checkpoint before the model's own: its flags and their length.
 const MODEL_HEADER_LEN: usize = 9;
@@ -129,6 +132,12 @@ impl Pipeline {
                 self.aside.remove(0);
             }
         }
+    }
+
+    /// What the current model was made for and the time of the frame it saw last; `None` before the first.
+    #[must_use]
+    pub fn current(&self) -> Option<(Format, Option<Timestamp>)> {
+        self.current.as_ref().map(|model| (model.mixture.format(), model.seen))
     }
 
     /// Everything that later masks depend on, as bytes; `None` before anything was learned.

@@ -18,6 +18,19 @@ pub enum CameraState {
     Failed,
 }
 
+impl CameraState {
+    /// Its name, as the API shows it.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Connecting => "connecting",
+            Self::Live => "live",
+            Self::Ended => "ended",
+            Self::Failed => "failed",
+        }
+    }
+}
+
 /// How a camera is doing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraStatus {
@@ -31,10 +44,24 @@ pub struct CameraStatus {
     pub dropped: u64,
     /// Scene time of the frame delivered last.
     pub last_timestamp: Option<Timestamp>,
+    /// Monotonic time at which a frame was delivered last.
+    pub last_frame_at: Option<Duration>,
     /// Columns and rows of the frame delivered last.
     pub size: Option<(u32, u32)>,
     /// Frames delivered a second, over the last second or more; 0 until a second has passed, and when none come.
     pub fps: f64,
+}
+
+/// Reads a camera's status wherever its thread stands. Cheap to clone; outlives the thread.
+#[derive(Clone, Debug)]
+pub struct StatusReader(SharedStatus);
+
+impl StatusReader {
+    /// How the camera is doing now.
+    #[must_use]
+    pub fn read(&self) -> CameraStatus {
+        self.0.read()
+    }
 }
 
 /// A camera's status with one writer, its thread, and any number of readers. Cheap to clone.
@@ -49,9 +76,14 @@ impl SharedStatus {
             frames: 0,
             dropped: 0,
             last_timestamp: None,
+            last_frame_at: None,
             size: None,
             fps: 0.0,
         })))
+    }
+
+    pub(super) fn reader(&self) -> StatusReader {
+        StatusReader(self.clone())
     }
 
     pub(super) fn read(&self) -> CameraStatus {
@@ -77,11 +109,17 @@ impl SharedStatus {
     }
 
     /// Counts a delivered frame; whether it is the first since the source was opened.
-    pub(super) fn count_frame(&self, timestamp: Timestamp, size: (u32, u32), fps: f64) -> bool {
+    pub(super) fn count_frame(
+        &self,
+        timestamp: Timestamp,
+        now: Duration,
+        size: (u32, u32),
+        fps: f64,
+    ) -> bool {
         let mut status = self.lock();
         let is_first = status.state != CameraState::Live;
         (status.state, status.reason, status.fps) = (CameraState::Live, None, fps);
-        (status.last_timestamp, status.size) = (Some(timestamp), Some(size));
+        (status.last_timestamp, status.last_frame_at, status.size) = (Some(timestamp), Some(now), Some(size));
         status.frames += 1;
         is_first
     }

@@ -5,7 +5,7 @@
 //! begins anew: then it goes on where real time stands.
 
 use super::pacing::{Pacer, Turn};
-use super::status::{CameraState, CameraStatus, RateMeter, SharedStatus};
+use super::status::{CameraState, CameraStatus, RateMeter, SharedStatus, StatusReader};
 use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, open_stoppable};
 use crate::clock::{Clock, Timestamp};
 use crate::config::SourceSettings;
@@ -102,6 +102,12 @@ impl CameraWorker {
     #[must_use]
     pub fn status(&self) -> CameraStatus {
         self.status.read()
+    }
+
+    /// What reads the camera's status also where the worker is not at hand.
+    #[must_use]
+    pub fn status_reader(&self) -> StatusReader {
+        self.status.reader()
     }
 
     /// Asks the camera to end and returns at once; it ends within half a second, or when its consumer returns.
@@ -213,8 +219,9 @@ impl Camera {
             number: first_number + frame.number,
             image: frame.image,
         });
-        let fps = self.rate.count(self.clock.monotonic());
-        if self.status.count_frame(timestamp, size, fps) {
+        let now = self.clock.monotonic();
+        let fps = self.rate.count(now);
+        if self.status.count_frame(timestamp, now, size, fps) {
             tracing::info!(width = size.0, height = size.1, "a camera is live");
         }
     }

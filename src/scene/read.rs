@@ -1,8 +1,8 @@
 //! A document's tree -> the normalised document and the scene, or all of its faults.
 
 use super::document::{
-    BoxDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument, VERSION,
-    ViewDocument,
+    BoxDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument,
+    VERSION, ViewDocument,
 };
 use super::polygon::{first_crossing, first_repeat};
 use super::{Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json};

@@ -149,11 +149,7 @@ impl Door for FakeDoor {
             box_materials: Vec::new(),
             sky_srgb: [0; 3],
             cameras: Vec::new(),
-            view: Some(SceneView {
-                eye: DVec3::new(1.0, -20.0, 8.0),
-                target: DVec3::new(1.0, 2.0, 1.0),
-                fov_y_rad: std::f64::consts::FRAC_PI_4,
-            }),
+            view: Some(own_view()),
             document: DOCUMENT.into(),
         }))
     }
@@ -188,6 +184,14 @@ impl Door for FakeDoor {
     }
 }
 
+fn own_view() -> SceneView {
+    SceneView {
+        eye: DVec3::new(1.0, -20.0, 8.0),
+        target: DVec3::new(1.0, 2.0, 1.0),
+        fov_y_rad: std::f64::consts::FRAC_PI_4,
+    }
+}
+
 /// A picture whose every byte is 200, at most 64 x 64 so that huge requests stay cheap here.
 fn answer(request: &ViewRequest) -> ViewAnswer {
     let (width, height) = (request.width_px.min(64), request.height_px.min(64));
@@ -196,12 +200,18 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         surface_cameras: vec![0],
         depth_map_cameras: vec![],
         entities: EntityStyle::None,
+        billboards: vec![],
         entity_cameras: vec![],
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };
     ViewAnswer {
         image: Arc::new(RgbImage { width, height, data: vec![200; width as usize * height as usize * 3] }),
         instant: LAST,
+        view: SceneView {
+            eye: request.eye.unwrap_or(own_view().eye),
+            target: request.target.unwrap_or(own_view().target),
+            fov_y_rad: request.fov_y_rad.unwrap_or(own_view().fov_y_rad),
+        },
         sources: vec![
             SourceTime { camera: id("north"), timestamp: LAST },
             SourceTime { camera: id("south"), timestamp: FIRST },
