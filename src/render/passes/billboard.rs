@@ -106,6 +106,7 @@ impl BillboardPass {
             &instances,
             wgpu::PrimitiveTopology::TriangleStrip,
             Mixing { blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING), writes_depth: false },
+            &[],
             samples,
         )?;
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);

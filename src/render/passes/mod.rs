@@ -9,7 +9,7 @@ mod yuv;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
-pub(super) use surface::SurfacePass;
+pub(super) use surface::{Shown, SurfaceKey, SurfacePass};
 pub(super) use yuv::YuvPass;
 
 use super::image_array::ImageArray;
@@ -69,7 +69,8 @@ struct Mixing {
     writes_depth: bool,
 }
 
-/// The pipeline of a pass that draws into the frame's targets: `vs_main` and `fs_main` of the shader of its stem.
+/// The pipeline of a pass that draws into the frame's targets: `vs_main` and `fs_main` of the shader of its stem,
+/// with the shader's override constants as `variant` says.
 fn draw_pipeline(
     gpu: &Gpu,
     label: &'static str,
@@ -77,9 +78,12 @@ fn draw_pipeline(
     vertices: &wgpu::VertexBufferLayout<'_>,
     topology: wgpu::PrimitiveTopology,
     mixing: Mixing,
+    variant: &[(&str, f64)],
     samples: u32,
 ) -> Result<wgpu::RenderPipeline, GpuError> {
     let module = gpu.shader(&format!("render/{label}.wgsl"))?;
+    let compilation_options =
+        wgpu::PipelineCompilationOptions { constants: variant, ..wgpu::PipelineCompilationOptions::default() };
     let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(label),
@@ -92,7 +96,7 @@ fn draw_pipeline(
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: compilation_options.clone(),
             buffers: &[Some(vertices.clone())],
         },
         primitive: wgpu::PrimitiveState { topology, ..wgpu::PrimitiveState::default() },
@@ -107,7 +111,7 @@ fn draw_pipeline(
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some("fs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: COLOR_FORMAT,
                 blend: mixing.blend,

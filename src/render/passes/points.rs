@@ -59,6 +59,7 @@ impl PointsPass {
             &instances,
             wgpu::PrimitiveTopology::TriangleStrip,
             Mixing { blend: None, writes_depth: true },
+            &[],
             samples,
         )?;
         let instances = GrowingBuffer::new("points instances", wgpu::BufferUsages::VERTEX);

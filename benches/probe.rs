@@ -1,0 +1,107 @@
+//! What a picture costs once its cameras' pictures and depth maps are on the device.
+
+use glam::{DVec2, DVec3};
+use std::hint::black_box;
+use std::sync::Arc;
+use videofields::clock::Timestamp;
+use videofields::config::RenderSettings;
+use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields::fuse::{CameraState, SceneState};
+use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
+use videofields::gpu::Gpu;
+use videofields::plan::{self, EntityStyle, View, ViewLimits};
+use videofields::render::Renderer;
+use videofields::scene::{Material, Scene};
+use videofields::timeline::Observation;
+
+const WIDTH: u32 = 1280;
+const HEIGHT: u32 = 720;
+
+fn picture() -> Arc<YuvImage> {
+    Arc::new(YuvImage::filled(WIDTH, HEIGHT, [120, 110, 140], ColorMatrix::Bt709, ColorRange::Limited))
+}
+
+/// A square with six boxes, seen by `n_cameras` around it.
+fn state(n_cameras: u32) -> SceneState {
+    let corner = |x: f64, y: f64| DVec2::new(x, y) * 60.0;
+    let corners = vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+    let ground = GroundPolygon::new(corners, 0.0).expect("a square");
+    let boxes: Vec<OrientedBox> = (0..6)
+        .map(|idx| {
+            let (sin, cos) = (f64::from(idx) * 1.05).sin_cos();
+            let center = DVec3::new(9.0 * cos, 9.0 * sin, 1.5);
+            OrientedBox::new(center, DVec3::new(2.0, 3.0, 3.0), f64::from(idx)).expect("a box")
+        })
+        .collect();
+    let cameras = (0..n_cameras)
+        .map(|idx| {
+            let (sin, cos) = (f64::from(idx) * std::f64::consts::TAU / f64::from(n_cameras)).sin_cos();
+            let pose = Pose::looking_at(DVec3::new(25.0 * cos, 25.0 * sin, 9.0), DVec3::ZERO).expect("a view");
+            let center = DVec2::new(f64::from(WIDTH), f64::from(HEIGHT)) * 0.5;
+            let camera = Camera::new((WIDTH, HEIGHT), DVec2::splat(900.0), center, Distortion::None, pose);
+            let id = CameraId::new(&format!("cam{idx}")).expect("an id");
+            let observation = Observation {
+                frame: Frame {
+                    camera: id.clone(),
+                    timestamp: Timestamp::from_nanos(0),
+                    number: 0,
+                    image: picture(),
+                },
+                soft_mask: Arc::new(Mask::filled(WIDTH, HEIGHT, 0)),
+                labels: Arc::new(Mask::filled(WIDTH, HEIGHT, 0)),
+                background: picture(),
+                blobs: Arc::from([]),
+            };
+            CameraState { id, camera: Arc::new(camera.expect("a camera")), observation }
+        })
+        .collect();
+    let scene = Scene {
+        id: "bench".to_owned(),
+        name: "Bench".to_owned(),
+        ground_materials: vec![Material { color_srgb: [110, 110, 100] }],
+        box_materials: vec![Material { color_srgb: [170, 150, 130] }; boxes.len()],
+        surfaces: Surfaces { ground: vec![ground], boxes },
+        sky_srgb: [120, 160, 210],
+        cameras: Vec::new(),
+        view: None,
+        document: Arc::from("{}"),
+    };
+    SceneState {
+        scene: Arc::new(scene),
+        instant: Timestamp::from_nanos(0),
+        cameras,
+        entities: Vec::new(),
+        points: Vec::new(),
+    }
+}
+
+fn view(width: u32, height: u32) -> View {
+    let limits = ViewLimits { max_side_px: 16_384, max_pixels: 1 << 28 };
+    // Ground fills the picture: the dearest case.
+    View::new(DVec3::new(3.0, -20.0, 12.0), DVec3::ZERO, 0.7, width, height, &limits).expect("a view")
+}
+
+
+fn main() {
+    let samples: u32 = std::env::var("S").map_or(1, |s| s.parse().unwrap());
+    for n in [0, 1, 3, 8] {
+        let settings = RenderSettings { samples, ..RenderSettings::default() };
+        let mut renderer = Renderer::new(Gpu::new("").unwrap(), &settings).unwrap();
+        let state = state(n);
+        let view = view(WIDTH, HEIGHT);
+        let plan = plan::make(&state, &view, EntityStyle::None);
+        let cpu = || { let t = std::fs::read_to_string("/proc/self/stat").unwrap(); let f: Vec<&str> = t.rsplit(')').next().unwrap().split_whitespace().collect(); (f[11].parse::<f64>().unwrap() + f[12].parse::<f64>().unwrap()) * 10.0 };
+        let mut c0 = 0.0; let mut best = vec![];
+        for i in 0..13 {
+            if i == 1 { c0 = cpu(); }
+            #[allow(clippy::disallowed_methods)]
+            let t = std::time::Instant::now();
+            let r = renderer.render(&state, &view, black_box(&plan)).unwrap();
+            let e = t.elapsed();
+            if i == 0 { println!("{n} first {e:?} {:?}", r.timings); } else { best.push((e, r.timings[0].gpu)); }
+        }
+        println!("{n}: cpu ms per frame / 2 cores: {}", (cpu() - c0) / 24.0);
+        best.sort();
+        println!("{n} cams {:?} min {:?} max {:?}", plan.depth_map_cameras.len(), best[0], best[best.len()-1]);
+    }
+}
