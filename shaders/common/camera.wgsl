@@ -53,7 +53,7 @@ struct Camera {
 @group(0) @binding(2) var<storage, read> limits: array<f32>;
 
 struct Projection {
-    // Texture coordinate; outside [0, 1]^2 the point is beside the picture.
+    // Texture coordinate; outside [0, 1]^2 the point is beside the picture. Means nothing unless `is_seen`.
     texture: vec2<f32>,
     // False where there is no texture coordinate at all.
     is_seen: bool,
@@ -117,5 +117,5 @@ fn project(camera_idx: u32, point_from_eye: vec3<f32>) -> Projection {
         }
     }
     let texture = cameras[camera_idx].focal * distorted + cameras[camera_idx].center;
-    return Projection(select(vec2<f32>(-1.0), texture, is_seen), is_seen, local);
+    return Projection(texture, is_seen, local);
 }

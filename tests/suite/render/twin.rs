@@ -50,7 +50,7 @@ pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
 struct Pixel {
     eye: DVec3,
     hit: Option<Hit>,
-    /// Steps along the surface to the next pixel to the right and below.
+    /// Steps along the surface to the other pixel of its pair, across and down: devices take differences in quads.
     steps: [DVec3; 2],
     is_interior: bool,
 }
@@ -70,7 +70,13 @@ impl Pixel {
         };
         let hit = surfaces.hit(&ray(0.0, 0.0), 0.0);
         let same = |dx, dy| surface_of(surfaces.hit(&ray(dx, dy), 0.0).as_ref()) == surface_of(hit.as_ref());
-        let is_interior = same(0.2, 0.2) && same(-0.2, 0.2) && same(0.2, -0.2) && same(-0.2, -0.2);
+        // Where a quad reaches beyond the horizon, its differences mean nothing.
+        let partner = |along: f64| if along as u32 % 2 == 0 { 1.0 } else { -1.0 };
+        let meets_plane = |dx, dy| {
+            hit.is_none_or(|hit| ray(dx, dy).distance_to_plane(hit.point_in_world, hit.normal_in_world).is_some())
+        };
+        let has_differences = meets_plane(partner(x), 0.0) && meets_plane(0.0, partner(y));
+        let is_interior = has_differences && same(0.2, 0.2) && same(-0.2, 0.2) && same(0.2, -0.2) && same(-0.2, -0.2);
         let step = |dx, dy| {
             hit.map_or(DVec3::ZERO, |hit| {
                 let ray = ray(dx, dy);
@@ -78,7 +84,7 @@ impl Pixel {
                 further.map_or(DVec3::ZERO, |distance| ray.at(distance) - hit.point_in_world)
             })
         };
-        Self { eye, hit, steps: [step(1.0, 0.0), step(0.0, 1.0)], is_interior }
+        Self { eye, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
     }
 
     fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid)]) -> ([u8; 3], bool) {
@@ -96,6 +102,7 @@ impl Pixel {
             let texture = projection.texture;
             let inset = texture.min(1.0 - texture).min_element();
             is_clear &= inset.abs() > 2e-3 || cosine <= 0.0;
+            is_clear &= self.steps.iter().all(|step| camera.project(point + *step).is_some());
             if cosine <= 0.0 || inset < 0.0 {
                 continue;
             }
@@ -123,8 +130,8 @@ impl Pixel {
 
     fn level_of_detail(&self, camera: &Camera, pyramid: &Pyramid, point: DVec3, texture: DVec2) -> f64 {
         let crossed = |step: DVec3| {
-            let moved = camera.project(point + step * 1e-3).map_or(texture, |projection| projection.texture);
-            ((moved - texture) * pyramid.size).length() * 1e3
+            let moved = camera.project(point + step).map_or(texture, |projection| projection.texture);
+            ((moved - texture) * pyramid.size).length()
         };
         (0.5 * (crossed(self.steps[0]) * crossed(self.steps[1])).max(1e-12).log2()).max(0.0)
     }
