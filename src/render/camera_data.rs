@@ -214,7 +214,10 @@ impl FrameData {
         let entries = [
             wgpu::BindGroupEntry { binding: 0, resource: resource(self.view.write(gpu, &[view])) },
             wgpu::BindGroupEntry { binding: 1, resource: resource(self.cameras.write(gpu, &self.scratch)) },
-            wgpu::BindGroupEntry { binding: 2, resource: resource(self.limits.write(gpu, &self.scratch_limits)) },
+            wgpu::BindGroupEntry {
+                binding: 2,
+                resource: resource(self.limits.write(gpu, &self.scratch_limits)),
+            },
         ];
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),

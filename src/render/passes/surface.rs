@@ -2,8 +2,8 @@
 
 use super::camera_depth::DepthMaps;
 use super::{
-    Attributes, DrawInto, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED, draw_pipeline, linear_sampler,
-    texture_entry,
+    Attributes, DrawInto, DrawPipeline, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED,
+    draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::camera_data::Camera;
@@ -121,13 +121,15 @@ impl SurfacePass {
                 };
                 let pipeline = draw_pipeline(
                     gpu,
-                    LABEL,
-                    &[frame_layout, &self.layout],
-                    &vertices,
-                    wgpu::PrimitiveTopology::TriangleList,
-                    Mixing { blend: None, writes_depth: true },
-                    &key.constants(),
-                    self.samples,
+                    DrawPipeline {
+                        label: LABEL,
+                        bind_groups: &[frame_layout, &self.layout],
+                        vertices,
+                        topology: wgpu::PrimitiveTopology::TriangleList,
+                        mixing: Mixing { blend: None, writes_depth: true },
+                        variant: &key.constants(),
+                        samples: self.samples,
+                    },
                 )?;
                 self.pipelines.push((key, pipeline));
                 self.pipelines.len() - 1
