@@ -37,7 +37,8 @@ fn state(n_cameras: u32) -> SceneState {
     let cameras = (0..n_cameras)
         .map(|idx| {
             let (sin, cos) = (f64::from(idx) * std::f64::consts::TAU / f64::from(n_cameras)).sin_cos();
-            let pose = Pose::looking_at(DVec3::new(25.0 * cos, 25.0 * sin, 9.0), DVec3::ZERO).expect("a view");
+            let pose =
+                Pose::looking_at(DVec3::new(25.0 * cos, 25.0 * sin, 9.0), DVec3::ZERO).expect("a view");
             let center = DVec2::new(f64::from(WIDTH), f64::from(HEIGHT)) * 0.5;
             let camera = Camera::new((WIDTH, HEIGHT), DVec2::splat(900.0), center, Distortion::None, pose);
             let id = CameraId::new(&format!("cam{idx}")).expect("an id");

@@ -7,7 +7,12 @@ const MODEL_FISHEYE: u32 = 2u;
 // Distance along the axis below which a point has no texture coordinate, metres: geometry::NEAR_M.
 const CAMERA_NEAR_M: f32 = 0.01;
 
-const NO_LAYER: u32 = 0xffffffffu;
+// Most cameras of one frame: MAX_CAMERAS of src/render/camera_data.rs.
+const MAX_CAMERAS: u32 = 128u;
+// Whether any camera has a lens that bends: a variant without leaves the models out. Rasterisers on a processor run
+// both sides of every branch.
+override HAS_LENSES: bool = true;
+
 // Directions around the axis in which the lens's limit is tabulated.
 const N_LIMIT_DIRECTIONS: u32 = 64u;
 const TAU: f32 = 6.283185307179586;
@@ -44,11 +49,11 @@ struct Camera {
     depth_layers_high: vec4<u32>,
 }
 
-@group(0) @binding(1) var<storage, read> cameras: array<Camera>;
+@group(0) @binding(1) var<uniform> cameras: array<Camera, MAX_CAMERAS>;
 @group(0) @binding(2) var<storage, read> limits: array<f32>;
 
 struct Projection {
-    // Texture coordinate; outside [0, 1]^2 the point is beside the picture.
+    // Texture coordinate; outside [0, 1]^2 the point is beside the picture. Means nothing unless `is_seen`.
     texture: vec2<f32>,
     // False where there is no texture coordinate at all.
     is_seen: bool,
@@ -78,7 +83,18 @@ fn distort_brown_conrady(camera_idx: u32, p: vec2<f32>) -> vec2<f32> {
     return p * (numerator / denominator) + tangential;
 }
 
-// Algorithms: u = (fx x' + cx) / width, tested before dividing, rejected beyond the lens's limit.
+fn distort_fisheye(camera_idx: u32, local: vec3<f32>, theta: f32) -> vec2<f32> {
+    let k = cameras[camera_idx].coefficients_low;
+    let t2 = theta * theta;
+    let bent = theta * (1.0 + t2 * (k.x + t2 * (k.y + t2 * (k.z + t2 * k.w))));
+    let radius = length(local.xy);
+    // On the axis the direction is free and theta over the radius tends to 1 / z.
+    let factor = select(bent / max(radius, 1e-20), 1.0 / local.z, radius < 1e-6 * abs(local.z));
+    return local.xy * factor;
+}
+
+// u = (fx x' + cx) / width, with nothing behind the near plane or beyond the lens's limit. Free of divergent
+// branches, so that neighbouring pixels' results may be subtracted.
 fn project(camera_idx: u32, point_from_eye: vec3<f32>) -> Projection {
     let point = vec4<f32>(point_from_eye, 1.0);
     let local = vec3<f32>(
@@ -86,31 +102,20 @@ fn project(camera_idx: u32, point_from_eye: vec3<f32>) -> Projection {
         dot(cameras[camera_idx].row_y, point),
         dot(cameras[camera_idx].row_z, point),
     );
-    let model = cameras[camera_idx].model;
-    var distorted = vec2<f32>(0.0);
-    if model == MODEL_FISHEYE {
-        let radius = length(local.xy);
-        let theta = atan2(radius, local.z);
-        if length(local) <= CAMERA_NEAR_M || theta >= lens_limit(camera_idx, local.xy) {
-            return Projection(vec2<f32>(0.0), false, local);
-        }
-        let k = cameras[camera_idx].coefficients_low;
-        let t2 = theta * theta;
-        let bent = theta * (1.0 + t2 * (k.x + t2 * (k.y + t2 * (k.z + t2 * k.w))));
-        // On the axis the direction is free and theta over the radius tends to 1 / z.
-        distorted = local.xy * select(bent / max(radius, 1e-20), 1.0 / local.z, radius < 1e-6 * abs(local.z));
-    } else {
-        if local.z <= CAMERA_NEAR_M {
-            return Projection(vec2<f32>(0.0), false, local);
-        }
-        distorted = local.xy / local.z;
+    var is_seen = local.z > CAMERA_NEAR_M;
+    let pinhole = local.xy / select(1.0, local.z, is_seen);
+    var distorted = pinhole;
+    if HAS_LENSES {
+        let model = cameras[camera_idx].model;
         if model == MODEL_BROWN_CONRADY {
-            if length(distorted) >= lens_limit(camera_idx, distorted) {
-                return Projection(vec2<f32>(0.0), false, local);
-            }
-            distorted = distort_brown_conrady(camera_idx, distorted);
+            is_seen = is_seen && length(pinhole) < lens_limit(camera_idx, pinhole);
+            distorted = distort_brown_conrady(camera_idx, pinhole);
+        } else if model == MODEL_FISHEYE {
+            let theta = atan2(length(local.xy), local.z);
+            is_seen = length(local) > CAMERA_NEAR_M && theta < lens_limit(camera_idx, local.xy);
+            distorted = distort_fisheye(camera_idx, local, theta);
         }
     }
     let texture = cameras[camera_idx].focal * distorted + cameras[camera_idx].center;
-    return Projection(texture, true, local);
+    return Projection(texture, is_seen, local);
 }

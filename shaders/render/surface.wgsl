@@ -6,15 +6,20 @@
 #import "common/view.wgsl"
 #import "common/camera.wgsl"
 
-// rg: depth and dilated depth of camera_depth.wgsl.
 @group(1) @binding(0) var backgrounds: texture_2d_array<f32>;
 @group(1) @binding(1) var background_sampler: sampler;
+// rg: depth and dilated depth of camera_depth.wgsl.
 @group(1) @binding(2) var depth_maps: texture_2d_array<f32>;
+@group(1) @binding(3) var depth_sampler: sampler;
+
+// Whether any camera has a depth map, and whether any map is a cube: variants without leave them out.
+override HAS_DEPTH_MAPS: bool = true;
+override HAS_DEPTH_CUBES: bool = true;
 
 // Distance from the border at which a picture counts in full, share of its size.
 const FEATHER: f32 = 0.06;
-// A feather below this counts as beside the picture, so that the sum of weights cannot underflow.
-const LEAST_FEATHER: f32 = 1e-6;
+// A share of visibility and feather below this counts as none, so that the sum of weights cannot underflow.
+const LEAST_SHARE: f32 = 1e-6;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
 
@@ -43,11 +48,6 @@ fn fifth_power(x: f32) -> f32 {
     return x2 * x2 * x;
 }
 
-fn feather(texture: vec2<f32>) -> f32 {
-    let inset = min(texture, 1.0 - texture);
-    return smoothstep(0.0, FEATHER, min(inset.x, inset.y));
-}
-
 struct DepthPlace {
     // Coordinate in the face, [0, 1]^2 inside.
     texture: vec2<f32>,
@@ -57,112 +57,72 @@ struct DepthPlace {
     texel_tangent: f32,
 }
 
+// Which face of a cube, and the point in its axes: the rotations of FACE_FROM_CAMERA in passes/camera_depth.rs.
+fn on_cube(local: vec3<f32>) -> vec4<f32> {
+    let size = abs(local);
+    if size.z >= size.x && size.z >= size.y {
+        return select(
+            vec4<f32>(local, 0.0), vec4<f32>(-local.x, local.y, -local.z, 1.0), local.z < 0.0);
+    }
+    if size.x >= size.y {
+        return select(
+            vec4<f32>(-local.z, local.y, local.x, 2.0), vec4<f32>(local.z, local.y, -local.x, 3.0), local.x < 0.0);
+    }
+    return select(
+        vec4<f32>(local.x, -local.z, local.y, 4.0), vec4<f32>(local.x, local.z, -local.y, 5.0), local.y < 0.0);
+}
+
 fn depth_place(camera_idx: u32, local: vec3<f32>) -> DepthPlace {
-    var bounds = cameras[camera_idx].depth_bounds;
     var on_face = local;
-    var face = 0u;
-    if cameras[camera_idx].n_depth_faces == 6u {
-        // The rotations are those of FACE_FROM_CAMERA in passes/camera_depth.rs.
-        let size = abs(local);
-        if size.z >= size.x && size.z >= size.y {
-            face = select(0u, 1u, local.z < 0.0);
-            on_face = select(local, vec3<f32>(-local.x, local.y, -local.z), local.z < 0.0);
-        } else if size.x >= size.y {
-            face = select(2u, 3u, local.x < 0.0);
-            on_face = select(
-                vec3<f32>(-local.z, local.y, local.x), vec3<f32>(local.z, local.y, -local.x), local.x < 0.0);
-        } else {
-            face = select(4u, 5u, local.y < 0.0);
-            on_face = select(
-                vec3<f32>(local.x, -local.z, local.y), vec3<f32>(local.x, local.z, -local.y), local.y < 0.0);
-        }
+    var layer = cameras[camera_idx].depth_layers_low.x;
+    if HAS_DEPTH_CUBES && cameras[camera_idx].n_depth_faces == 6u {
+        let cube = on_cube(local);
+        on_face = cube.xyz;
+        let face = u32(cube.w);
+        let low = cameras[camera_idx].depth_layers_low[face & 3u];
+        let high = cameras[camera_idx].depth_layers_high[face & 3u];
+        layer = select(low, high, face >= 4u);
     }
+    let bounds = cameras[camera_idx].depth_bounds;
     let tangent = (on_face.xy / on_face.z - bounds.xy) / bounds.zw;
-    var layer = 0u;
-    if face < 4u {
-        layer = cameras[camera_idx].depth_layers_low[face];
-    } else {
-        layer = cameras[camera_idx].depth_layers_high[face - 4u];
-    }
     let size = f32(textureDimensions(depth_maps).x);
     return DepthPlace(tangent * 0.5 + 0.5, layer, on_face.z, 2.0 * max(bounds.z, bounds.w) / size);
 }
 
-fn load_depth(place: DepthPlace, texel: vec2<i32>) -> vec2<f32> {
-    let last = vec2<i32>(textureDimensions(depth_maps)) - 1;
-    return textureLoad(depth_maps, clamp(texel, vec2<i32>(0), last), place.layer, 0).rg;
+fn bilinear(corners: vec4<f32>, share: vec2<f32>) -> f32 {
+    // Gathered: lower left, lower right, upper right, upper left.
+    return mix(mix(corners.w, corners.z, share.x), mix(corners.x, corners.y, share.x), share.y);
 }
 
-// V: the share of the four nearest texels of the dilated map that nothing stands before. The bias grows with the
-// slope of the surface to the camera (the tangent of the angle of incidence).
-fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> f32 {
-    if cameras[camera_idx].n_depth_faces == 0u {
-        return 1.0;
-    }
+// V: the share of the four nearest texels that nothing stands before: x by the map as it is, y with discontinuities
+// dilated. The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
+fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> vec2<f32> {
     let place = depth_place(camera_idx, local);
-    if any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0)) || place.distance_m <= DEPTH_NEAR_M {
-        return 1.0;
+    let is_beside = any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0));
+    if cameras[camera_idx].n_depth_faces == 0u || is_beside || place.distance_m <= DEPTH_NEAR_M {
+        return vec2<f32>(1.0);
     }
     let incidence = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 0.02);
-    let bias = 1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence;
-    let limit = bias * DEPTH_NEAR_M / place.distance_m;
-    let at = place.texture * vec2<f32>(textureDimensions(depth_maps)) - 0.5;
-    let corner = vec2<i32>(floor(at));
-    let share = fract(at);
-    let open = vec4<f32>(
-        step(load_depth(place, corner).g, limit),
-        step(load_depth(place, corner + vec2<i32>(1, 0)).g, limit),
-        step(load_depth(place, corner + vec2<i32>(0, 1)).g, limit),
-        step(load_depth(place, corner + vec2<i32>(1, 1)).g, limit),
-    );
-    return mix(mix(open.x, open.y, share.x), mix(open.z, open.w, share.x), share.y);
+    let limit = vec4<f32>(
+        (1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence) * DEPTH_NEAR_M / place.distance_m);
+    let depth = textureGather(0, depth_maps, depth_sampler, place.texture, place.layer);
+    let dilated = textureGather(1, depth_maps, depth_sampler, place.texture, place.layer);
+    let share = fract(place.texture * vec2<f32>(textureDimensions(depth_maps)) - 0.5);
+    return vec2<f32>(bilinear(step(depth, limit), share), bilinear(step(dilated, limit), share));
 }
 
-// As `visibility`, by the map as it is: nothing is dilated.
-fn is_visible(camera_idx: u32, local: vec3<f32>, cosine: f32) -> bool {
-    if cameras[camera_idx].n_depth_faces == 0u {
-        return true;
-    }
-    let place = depth_place(camera_idx, local);
-    if any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0)) || place.distance_m <= DEPTH_NEAR_M {
-        return true;
-    }
-    let incidence = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 0.02);
-    let bias = 1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence;
-    let texel = vec2<i32>(place.texture * vec2<f32>(textureDimensions(depth_maps)));
-    return load_depth(place, texel).r <= bias * DEPTH_NEAR_M / place.distance_m;
-}
-
-// Pixels of the camera's picture that a step (metres, world axes) at `local` crosses.
-fn crossed_px(camera_idx: u32, local: vec3<f32>, step_from_eye: vec3<f32>) -> f32 {
-    let moved = vec3<f32>(
-        dot(cameras[camera_idx].row_x.xyz, step_from_eye),
-        dot(cameras[camera_idx].row_y.xyz, step_from_eye),
-        dot(cameras[camera_idx].row_z.xyz, step_from_eye),
-    );
-    let focal_px = cameras[camera_idx].focal * cameras[camera_idx].background_size_px;
-    if cameras[camera_idx].model == MODEL_FISHEYE {
-        return focal_px.x * length(cross(local, moved)) / max(dot(local, local), 1e-12);
-    }
-    return length(focal_px * (moved.xy - local.xy * (moved.z / local.z)) / local.z);
-}
-
-fn background(camera_idx: u32, texture: vec2<f32>, level: f32) -> vec3<f32> {
-    let place = texture * cameras[camera_idx].background_scale;
-    return textureSampleLevel(backgrounds, background_sampler, place, cameras[camera_idx].background_layer, level).rgb;
-}
-
-fn level_of_detail(camera_idx: u32, local: vec3<f32>, step_x: vec3<f32>, step_y: vec3<f32>) -> f32 {
-    // The geometric mean of the footprint's sides: between blurring its short side and aliasing along its long.
-    let area = crossed_px(camera_idx, local, step_x) * crossed_px(camera_idx, local, step_y);
-    return max(0.5 * log2(max(area, 1e-12)), 0.0);
+// The geometric mean of a pixel's sides in the camera's picture: between blurring its short side and aliasing along
+// its long one.
+fn level_of_detail(camera_idx: u32, step_x: vec2<f32>, step_y: vec2<f32>) -> f32 {
+    let size = cameras[camera_idx].background_size_px;
+    let x = step_x * size;
+    let y = step_y * size;
+    return max(0.25 * log2(max(dot(x, x) * dot(y, y), 1e-12)), 0.0);
 }
 
 @fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     let point = in.position_from_eye;
-    let step_x = dpdx(point);
-    let step_y = dpdy(point);
     let to_viewer = -point / max(length(point), 1e-12);
     let normal = select(-in.normal, in.normal, dot(in.normal, to_viewer) >= 0.0);
 
@@ -171,56 +131,44 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     var sum = vec3<f32>(0.0);
     var sum_of_weights = 0.0;
     var greatest = 0.0;
+    // What shows where every weight vanishes.
+    var squarest = 0.0;
+    var fallback = in.material;
     for (var k = 0u; k < view.n_surface_cameras; k++) {
+        let projection = project(k, point);
+        let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
         let to_camera = normalize(cameras[k].position_from_eye - point);
         let cosine = dot(to_camera, normal);
+        let inset = min(projection.texture, 1.0 - projection.texture);
+        let border = min(inset.x, inset.y);
+        if !(projection.is_seen && border >= 0.0 && cosine > 0.0) {
+            continue;
+        }
+        var open = vec2<f32>(1.0);
+        if HAS_DEPTH_MAPS {
+            open = visibility(k, projection.local, cosine);
+        }
+        let place = projection.texture * cameras[k].background_scale;
+        let layer = cameras[k].background_layer;
+        let color = textureSampleLevel(backgrounds, background_sampler, place, layer, level).rgb;
+        if open.x >= 0.5 && cosine > squarest {
+            squarest = cosine;
+            fallback = color;
+        }
         // d_k . d_v + 1, without the cancellation where camera and viewer face each other.
         let between = to_camera + to_viewer;
         let s = cosine * 0.5 * dot(between, between);
-        if !(cosine > 0.0 && s > 0.0) {
+        let share = smoothstep(0.0, FEATHER, border) * open.y;
+        if !(share > LEAST_SHARE && s > 0.0) {
             continue;
         }
-        let projection = project(k, point);
-        if !projection.is_seen {
-            continue;
-        }
-        let border = feather(projection.texture);
-        if !(border > LEAST_FEATHER) {
-            continue;
-        }
-        let share = border * visibility(k, projection.local, cosine);
-        if !(share > LEAST_FEATHER) {
-            continue;
-        }
-        if s > greatest {
-            let rescale = fifth_power(greatest / s);
-            sum *= rescale;
-            sum_of_weights *= rescale;
-            greatest = s;
-        }
-        let weight = share * fifth_power(s / greatest);
-        let level = level_of_detail(k, projection.local, step_x, step_y);
-        sum += weight * background(k, projection.texture, level);
-        sum_of_weights += weight;
+        let smaller = fifth_power(min(s, greatest) / max(s, greatest));
+        let is_greatest = s > greatest;
+        let keep = select(1.0, smaller, is_greatest);
+        let weight = share * select(smaller, 1.0, is_greatest);
+        sum = sum * keep + weight * color;
+        sum_of_weights = sum_of_weights * keep + weight;
+        greatest = max(greatest, s);
     }
-    if sum_of_weights > 0.0 {
-        return vec4<f32>(sum / sum_of_weights, 1.0);
-    }
-
-    var best = 0.0;
-    var color = in.material;
-    for (var k = 0u; k < view.n_surface_cameras; k++) {
-        let cosine = dot(normalize(cameras[k].position_from_eye - point), normal);
-        if !(cosine > best) {
-            continue;
-        }
-        let projection = project(k, point);
-        let inset = min(projection.texture, 1.0 - projection.texture);
-        if !projection.is_seen || !(min(inset.x, inset.y) >= 0.0) || !is_visible(k, projection.local, cosine) {
-            continue;
-        }
-        best = cosine;
-        color = background(k, projection.texture, level_of_detail(k, projection.local, step_x, step_y));
-    }
-    return vec4<f32>(color, 1.0);
+    return vec4<f32>(select(fallback, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
 }

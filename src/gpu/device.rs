@@ -201,9 +201,8 @@ impl Gpu {
     /// # Errors
     /// A loss (also when it takes longer than two minutes), or what the device reported meanwhile.
     pub fn finish(&self) -> Result<(), GpuError> {
-        let waited = self
-            .device
-            .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(FINISH_WITHIN) });
+        let waited =
+            self.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(FINISH_WITHIN) });
         self.check()?;
         waited.map(drop).map_err(|error| GpuError::Lost { message: error.to_string() })
     }

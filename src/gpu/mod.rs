@@ -12,8 +12,8 @@ mod timing;
 
 pub use buffer::GrowingBuffer;
 pub use device::{Gpu, GpuError};
-pub use mirror::{Mirror, MirrorField};
 pub(crate) use mirror::mirror;
+pub use mirror::{Mirror, MirrorField};
 pub use readback::Readback;
 pub use shader::{SHADERS, compose};
 pub use timing::{PassTime, Span, Timer};

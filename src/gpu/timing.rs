@@ -56,10 +56,7 @@ impl Timer {
                 "timing resolved",
                 wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
             ),
-            readable: buffer(
-                "timing readable",
-                wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            ),
+            readable: buffer("timing readable", wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ),
         });
         Self { queries, passes: Vec::new() }
     }
@@ -79,14 +76,20 @@ impl Timer {
         Span(Some(idx))
     }
 
-    /// What a render pass must write: its start when it is the span's `first`, its end when it is the `last`.
+    /// What the `idx`-th of a span's `count` render passes must write: the first its start, the last its end.
     #[must_use]
-    pub fn writes(&self, span: Span, first: bool, last: bool) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
-        let (queries, idx) = (self.queries.as_ref()?, span.0?);
+    pub fn writes(
+        &self,
+        span: Span,
+        idx: usize,
+        count: usize,
+    ) -> Option<wgpu::RenderPassTimestampWrites<'_>> {
+        let (first, last) = (idx == 0, idx + 1 == count);
+        let (queries, query) = (self.queries.as_ref()?, span.0?);
         (first || last).then_some(wgpu::RenderPassTimestampWrites {
             query_set: &queries.set,
-            beginning_of_pass_write_index: first.then_some(idx * 2),
-            end_of_pass_write_index: last.then_some(idx * 2 + 1),
+            beginning_of_pass_write_index: first.then_some(query * 2),
+            end_of_pass_write_index: last.then_some(query * 2 + 1),
         })
     }
 

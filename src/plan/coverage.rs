@@ -15,7 +15,10 @@ const MARGIN: f64 = 0.15;
 fn grid((columns, rows): (u32, u32)) -> impl Iterator<Item = DVec2> {
     (0..rows).flat_map(move |row| {
         (0..columns).map(move |column| {
-            DVec2::new((f64::from(column) + 0.5) / f64::from(columns), (f64::from(row) + 0.5) / f64::from(rows))
+            DVec2::new(
+                (f64::from(column) + 0.5) / f64::from(columns),
+                (f64::from(row) + 0.5) / f64::from(rows),
+            )
         })
     })
 }
@@ -29,7 +32,9 @@ pub(super) fn rank_cameras(state: &SceneState, view: &View) -> Vec<usize> {
     let surfaces = &state.scene.surfaces;
     let eye = view.pose.position_in_world;
     let shown: Vec<Hit> = grid(VIEW_GRID)
-        .filter_map(|place| surfaces.hit(&Ray { origin: eye, direction: view.direction(place.x, place.y) }, 0.0))
+        .filter_map(|place| {
+            surfaces.hit(&Ray { origin: eye, direction: view.direction(place.x, place.y) }, 0.0)
+        })
         .collect();
     let mut ranked: Vec<(f64, usize)> = state
         .cameras
@@ -73,7 +78,13 @@ pub(super) fn may_be_obstructed(camera: &Camera, surfaces: &Surfaces) -> bool {
         let half_angle = half_angle_rad(camera);
         surfaces.boxes.iter().any(|solid| {
             let (center, radius) = (solid.center(), solid.half_size().length());
-            cone_meets_sphere(camera.pose().position_in_world, camera.pose().forward_in_world(), half_angle, center, radius)
+            cone_meets_sphere(
+                camera.pose().position_in_world,
+                camera.pose().forward_in_world(),
+                half_angle,
+                center,
+                radius,
+            )
         })
     }
 }
@@ -95,7 +106,13 @@ fn half_angle_rad(camera: &Camera) -> f64 {
 
 /// Whether a sphere reaches into the cone around unit `axis` from `apex`. May say yes to a near miss behind the
 /// apex, never no to a meeting.
-pub(super) fn cone_meets_sphere(apex: DVec3, axis: DVec3, half_angle_rad: f64, center: DVec3, radius_m: f64) -> bool {
+pub(super) fn cone_meets_sphere(
+    apex: DVec3,
+    axis: DVec3,
+    half_angle_rad: f64,
+    center: DVec3,
+    radius_m: f64,
+) -> bool {
     let to_center = center - apex;
     let distance = to_center.length();
     if distance <= radius_m {

@@ -69,7 +69,8 @@ fn billboards(state: &SceneState, view: &View) -> Vec<PlannedBillboard> {
 fn best_source(entity: &Entity, state: &SceneState, eye: DVec3) -> Option<usize> {
     let closeness = |billboard: &Billboard| {
         let camera = state.cameras.get(billboard.camera_idx)?.camera.pose().position_in_world;
-        let level = |from: DVec3| -> DVec2 { (billboard.foot_in_world - from).truncate().normalize_or_zero() };
+        let level =
+            |from: DVec3| -> DVec2 { (billboard.foot_in_world - from).truncate().normalize_or_zero() };
         Some((!billboard.is_truncated, level(camera).dot(level(eye))))
     };
     let rated = entity.sources.iter().enumerate().filter_map(|(idx, source)| Some((closeness(source)?, idx)));

@@ -97,14 +97,17 @@ fn plan_surface(state: &SceneState, view: &View, reasons: &mut Vec<Reason>) -> V
     let mut ranked = coverage::rank_cameras(state, view);
     let n_seeing = ranked.len();
     ranked.truncate(MAX_SURFACE_CAMERAS);
-    reason(true, match (n_seeing, state.cameras.len()) {
-        (_, 0) => "no camera has a picture: surfaces show their material".to_owned(),
-        (0, n) => format!("none of {n} cameras sees a surface in view: surfaces show their material"),
-        (seeing, n) if seeing > ranked.len() => {
-            format!("{seeing} of {n} cameras see surfaces in view; the best {} are blended", ranked.len())
-        }
-        (seeing, n) => format!("{seeing} of {n} cameras see surfaces in view"),
-    });
+    reason(
+        true,
+        match (n_seeing, state.cameras.len()) {
+            (_, 0) => "no camera has a picture: surfaces show their material".to_owned(),
+            (0, n) => format!("none of {n} cameras sees a surface in view: surfaces show their material"),
+            (seeing, n) if seeing > ranked.len() => {
+                format!("{seeing} of {n} cameras see surfaces in view; the best {} are blended", ranked.len())
+            }
+            (seeing, n) => format!("{seeing} of {n} cameras see surfaces in view"),
+        },
+    );
     ranked
 }
 
@@ -115,7 +118,11 @@ fn plan_depth_maps(state: &SceneState, surface_cameras: &[usize], reasons: &mut 
     let because = if cameras.is_empty() {
         "no occluder between any camera and any surface".to_owned()
     } else {
-        format!("something may stand before a surface for {} of {} cameras", cameras.len(), surface_cameras.len())
+        format!(
+            "something may stand before a surface for {} of {} cameras",
+            cameras.len(),
+            surface_cameras.len()
+        )
     };
     reasons.push(Reason { effect: "camera_depth", is_on: !cameras.is_empty(), because });
     cameras

@@ -140,12 +140,12 @@ mod tests {
 
     #[test]
     fn a_direction_projects_to_where_it_came_from() {
-        let view = View::new(DVec3::new(5e5, 5e6, 9.0), DVec3::new(5e5, 5e6 + 8.0, 0.0), 1.1, 320, 200, &LIMITS)
-            .expect("a view");
+        let view =
+            View::new(DVec3::new(5e5, 5e6, 9.0), DVec3::new(5e5, 5e6 + 8.0, 0.0), 1.1, 320, 200, &LIMITS)
+                .expect("a view");
         for (x, y) in [(0.5, 0.5), (0.0, 1.0), (0.93, 0.11)] {
-            let [px, py] = view
-                .project(view.pose.position_in_world + view.direction(x, y) * 7.0)
-                .expect("in front");
+            let [px, py] =
+                view.project(view.pose.position_in_world + view.direction(x, y) * 7.0).expect("in front");
             assert!((px - x).abs() < 1e-8 && (py - y).abs() < 1e-8);
         }
         assert_eq!(view.project(view.pose.position_in_world), None);

@@ -12,6 +12,8 @@ const VIEW_NEAR_M: f64 = 0.05;
 const N_LIMIT_DIRECTIONS: usize = 64;
 /// Beyond this tangent (for fisheyes, angle) nothing is looked for.
 const WIDEST_TANGENT: f64 = 1e4;
+/// Most cameras of one frame, backgrounds and live frames together: the size of the uniform array.
+pub(super) const MAX_CAMERAS: usize = 128;
 /// Lenses whose tables are kept.
 const MAX_LENSES: usize = 256;
 
@@ -101,6 +103,11 @@ impl Camera {
             ..bytemuck::Zeroable::zeroed()
         }
     }
+
+    /// Whether the lens bends what a pinhole shows.
+    pub(super) const fn has_lens(&self) -> bool {
+        self.model != 0
+    }
 }
 
 /// Where a lens's picture ends, in every tabulated direction around the axis: the tangent of the angle off the axis
@@ -154,15 +161,16 @@ impl FrameData {
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
             count: None,
         };
+        let uniform = wgpu::BufferBindingType::Uniform;
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("frame"),
-            entries: &[entry(0, wgpu::BufferBindingType::Uniform), entry(1, storage), entry(2, storage)],
+            entries: &[entry(0, uniform), entry(1, uniform), entry(2, storage)],
         });
         Self {
             layout,
             view: GrowingBuffer::new("view", wgpu::BufferUsages::UNIFORM),
-            cameras: GrowingBuffer::new("cameras", wgpu::BufferUsages::STORAGE),
+            cameras: GrowingBuffer::new("cameras", wgpu::BufferUsages::UNIFORM),
             limits: GrowingBuffer::new("lens limits", wgpu::BufferUsages::STORAGE),
             scratch: Vec::new(),
             scratch_limits: Vec::new(),
@@ -200,11 +208,16 @@ impl FrameData {
 
     /// Writes the frame's data and binds it.
     pub(super) fn bind(&mut self, gpu: &Gpu, view: View) -> wgpu::BindGroup {
+        // The shader's array is of fixed size: the buffer must be as large.
+        self.scratch.resize(MAX_CAMERAS, bytemuck::Zeroable::zeroed());
         let resource = wgpu::Buffer::as_entire_binding;
         let entries = [
             wgpu::BindGroupEntry { binding: 0, resource: resource(self.view.write(gpu, &[view])) },
             wgpu::BindGroupEntry { binding: 1, resource: resource(self.cameras.write(gpu, &self.scratch)) },
-            wgpu::BindGroupEntry { binding: 2, resource: resource(self.limits.write(gpu, &self.scratch_limits)) },
+            wgpu::BindGroupEntry {
+                binding: 2,
+                resource: resource(self.limits.write(gpu, &self.scratch_limits)),
+            },
         ];
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),

@@ -174,11 +174,7 @@ impl ImageArray {
 
 impl Slot {
     fn new(wanted: &Wanted<'_>, frame: u64) -> Self {
-        Self {
-            image: Arc::downgrade(wanted.image),
-            mask: wanted.mask.map(Arc::downgrade),
-            last_used: frame,
-        }
+        Self { image: Arc::downgrade(wanted.image), mask: wanted.mask.map(Arc::downgrade), last_used: frame }
     }
 
     fn holds(&self, wanted: &Wanted<'_>) -> bool {

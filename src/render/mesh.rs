@@ -45,7 +45,11 @@ fn append_ground(polygon: &GroundPolygon, material: Material, vertices: &mut Vec
     let corners = polygon.corners();
     let origin = corners[0];
     let mut indices: Vec<u32> = Vec::new();
-    earcut::Earcut::new().earcut(corners.iter().map(|corner| (*corner - origin).to_array()), &[], &mut indices);
+    earcut::Earcut::new().earcut(
+        corners.iter().map(|corner| (*corner - origin).to_array()),
+        &[],
+        &mut indices,
+    );
     let (ears, _) = indices.as_chunks::<3>();
     for ear in ears {
         let [a, mut b, mut c] = ear.map(|idx| corners[idx as usize]);
@@ -70,7 +74,8 @@ fn append_box(solid: &OrientedBox, material: Material, vertices: &mut Vec<MeshVe
             let mut along = DVec3::ZERO;
             along[(axis + 1) % 3] = 1.0;
             let across = outward.cross(along);
-            let corner = |u: f64, v: f64| solid.world_from_box_point((outward + along * u + across * v) * half);
+            let corner =
+                |u: f64, v: f64| solid.world_from_box_point((outward + along * u + across * v) * half);
             let normal = (solid.world_from_box_point(outward) - solid.center()).normalize().as_vec3();
             let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
             vertices.extend([0, 1, 2, 0, 2, 3].map(|idx| MeshVertex {
@@ -95,8 +100,9 @@ mod tests {
     #[test]
     fn ground_keeps_its_area_and_faces_up_either_way_round() {
         let offset = DVec2::new(5e5, 5e6);
-        let mut corners: Vec<DVec2> =
-            [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0), (0.0, 4.0)].map(|c| DVec2::from(c) + offset).into();
+        let mut corners: Vec<DVec2> = [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (2.0, 1.0), (0.0, 4.0)]
+            .map(|c| DVec2::from(c) + offset)
+            .into();
         for _ in 0..2 {
             let polygon = GroundPolygon::new(corners.clone(), 1.5).expect("a polygon");
             let mut vertices = Vec::new();

@@ -1,14 +1,15 @@
 //! The renderer: what is kept between frames, and the order of one frame.
 
-use super::camera_data::{FrameData, View as ViewData};
+use super::camera_data::{FrameData, MAX_CAMERAS, View as ViewData};
 use super::error::RenderError;
 use super::image_array::{ImageArray, Job, Wanted};
 use super::mesh::{self, MeshVertex};
-use super::passes::{
-    BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, SurfacePass, YuvPass,
-};
 use super::passes::{BillboardInstance, PointInstance};
-use super::targets::TargetCache;
+use super::passes::{
+    BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, Shown, SurfaceKey,
+    SurfacePass, YuvPass,
+};
+use super::targets::{Place, TargetCache};
 use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
@@ -168,7 +169,8 @@ impl Renderer {
         let eye = view.pose.position_in_world;
         let mut uploads = Uploads::default();
         let mut layers = Vec::new();
-        let background = |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
+        let background =
+            |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
         let wanted: Vec<_> = plan.surface_cameras.iter().map(background).collect();
         self.backgrounds.assign(&self.gpu, &wanted, &mut layers, &mut uploads.backgrounds)?;
         self.frame.clear();
@@ -234,8 +236,7 @@ impl Renderer {
                 }));
             }
             EntityStyle::Points => {
-                let instance =
-                    |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, eye));
+                let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, eye));
                 self.points.extend(state.points.iter().filter_map(instance));
             }
             EntityStyle::None => {}
@@ -275,14 +276,16 @@ impl Renderer {
         }
 
         let eye = view.pose.position_in_world;
+        let key = SurfaceKey::of(&frame.scratch[..plan.surface_cameras.len()]);
         let frame_group = frame.bind(gpu, ViewData::new(view, plan.surface_cameras.len()));
         let targets = self.targets.get(gpu, view.width_px, view.height_px, samples);
         let has_entities = !self.billboards.is_empty() || !self.points.is_empty();
-        let mut into =
-            DrawInto { targets, frame: &frame_group, clear: Some(sky(&state.scene)), is_last: !has_entities };
-        let surface = made(&mut passes.surface, || SurfacePass::new(gpu, frame.layout(), samples))?;
-        surface.record(&mut recording, &into, mesh, eye, backgrounds, depth_maps);
-        into = DrawInto { clear: None, is_last: true, ..into };
+        let place = Place { clear: Some(sky(&state.scene)), is_last: !has_entities };
+        let mut into = DrawInto { targets, frame: &frame_group, place };
+        let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu, samples)))?;
+        let shown = Shown { mesh, eye_in_world: eye, key };
+        surface.record(&mut recording, &into, frame.layout(), &shown, backgrounds, depth_maps)?;
+        into.place = Place { clear: None, is_last: true };
         if !self.billboards.is_empty() {
             let pass = made(&mut passes.billboard, || BillboardPass::new(gpu, frame.layout(), samples))?;
             pass.record(&mut recording, &into, &self.billboards, frames);
@@ -313,6 +316,11 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
             let message = format!("{list} names camera {idx} of {}", state.cameras.len());
             return Err(RenderError::Plan(message));
         }
+    }
+    let needed = plan.surface_cameras.len() + plan.entity_cameras.len();
+    if needed > MAX_CAMERAS {
+        let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
+        return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
     }
     for planned in &plan.billboards {
         let source = state.entities.get(planned.entity).and_then(|entity| entity.sources.get(planned.source));

@@ -21,6 +21,15 @@ pub(super) struct Targets {
     depth_view: wgpu::TextureView,
 }
 
+/// A pass's place among those that draw one frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Colour to clear with; given to the first pass only.
+    pub clear: Option<wgpu::Color>,
+    /// Whether nothing is drawn after this pass.
+    pub is_last: bool,
+}
+
 /// The sizes used last, the latest first.
 #[derive(Debug, Default)]
 pub(super) struct TargetCache {
@@ -29,7 +38,8 @@ pub(super) struct TargetCache {
 
 impl TargetCache {
     pub(super) fn get(&mut self, gpu: &Gpu, width: u32, height: u32, samples: u32) -> &Targets {
-        let is_wanted = |targets: &Targets| (targets.color.width(), targets.color.height()) == (width, height);
+        let is_wanted =
+            |targets: &Targets| (targets.color.width(), targets.color.height()) == (width, height);
         let targets = match self.sizes.iter().position(is_wanted) {
             Some(idx) => self.sizes.remove(idx),
             None => {
@@ -69,15 +79,11 @@ impl Targets {
         Self { color_view: view(&color), color, samples_view, depth_view }
     }
 
-    /// Where a pass draws. The first pass of a frame gives a colour to `clear` with; the last resolves.
-    pub(super) fn color_attachment(
-        &self,
-        clear: Option<wgpu::Color>,
-        is_last: bool,
-    ) -> wgpu::RenderPassColorAttachment<'_> {
-        let load = clear.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear);
+    /// Where a pass draws: the first clears, the last resolves.
+    pub(super) fn color_attachment(&self, place: Place) -> wgpu::RenderPassColorAttachment<'_> {
+        let load = place.clear.map_or(wgpu::LoadOp::Load, wgpu::LoadOp::Clear);
         let (view, resolve_target) = match &self.samples_view {
-            Some(samples) => (samples, is_last.then_some(&self.color_view)),
+            Some(samples) => (samples, place.is_last.then_some(&self.color_view)),
             None => (&self.color_view, None),
         };
         let store = if resolve_target.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
@@ -89,14 +95,10 @@ impl Targets {
         }
     }
 
-    /// The depth that a pass tests against; the first pass clears it to infinity, the last lets it go.
-    pub(super) fn depth_attachment(
-        &self,
-        is_first: bool,
-        is_last: bool,
-    ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        let load = if is_first { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
-        let store = if is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+    /// The depth that a pass tests against: the first clears it to infinity, the last lets it go.
+    pub(super) fn depth_attachment(&self, place: Place) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+        let load = if place.clear.is_some() { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
+        let store = if place.is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         wgpu::RenderPassDepthStencilAttachment {
             view: &self.depth_view,
             depth_ops: Some(wgpu::Operations { load, store }),

@@ -62,9 +62,9 @@ fn keep(name: &str, picture: &RgbImage) {
     golden::write_png(&folder.join(name).with_extension("png"), picture);
 }
 
-const RED: [f64; 3] = [1.0, 0.7, 0.7];
-const GREEN: [f64; 3] = [0.7, 1.0, 0.7];
-const BLUE: [f64; 3] = [0.7, 0.7, 1.0];
+const RED: [f64; 3] = [1.0, 0.3, 0.3];
+const GREEN: [f64; 3] = [0.3, 1.0, 0.3];
+const BLUE: [f64; 3] = [0.3, 0.3, 1.0];
 
 /// Three cameras around two boxes.
 fn plaza(offset: DVec3) -> Stage {
@@ -193,9 +193,13 @@ fn a_person_stands_where_the_feet_are() {
     let mut n_changed = 0;
     for y in 0..200 {
         for x in 0..320 {
-            let is_changed = pixel(&rendered.image, x, y).iter().zip(pixel(&without.image, x, y)).any(|(a, b)| a.abs_diff(b) > 24);
+            let is_changed = pixel(&rendered.image, x, y)
+                .iter()
+                .zip(pixel(&without.image, x, y))
+                .any(|(a, b)| a.abs_diff(b) > 24);
             let at = (f64::from(x) / 320.0, f64::from(y) / 200.0);
-            let is_inside = (left - 0.01..right + 0.01).contains(&at.0) && (top - 0.01..bottom + 0.01).contains(&at.1);
+            let is_inside =
+                (left - 0.01..right + 0.01).contains(&at.0) && (top - 0.01..bottom + 0.01).contains(&at.1);
             assert!(!is_changed || is_inside, "({x}, {y}) is beside the person");
             n_changed += u32::from(is_changed);
         }
@@ -329,14 +333,11 @@ fn sixteen_cameras_are_ranked_and_the_best_are_blended() {
     assert_eq!(plan.surface_cameras.len(), MAX_SURFACE_CAMERAS);
     assert_eq!(plan.surface_cameras[0], 12, "the camera beside the viewer is the best: {plan:?}");
     check_twin("sixteen", &stage, &view, 0.5);
-    let all = Plan {
-        surface_cameras: (0..16).collect(),
-        depth_map_cameras: (0..16).collect(),
-        ..plan
-    };
+    let all = Plan { surface_cameras: (0..16).collect(), depth_map_cameras: (0..16).collect(), ..plan };
     let rendered = renderer.render(&state, &view, &all).expect("a plan may also name all");
     let twin = twin::render(&state, &view, &all);
-    golden::compare(&rendered.image, &twin.image, TWIN, |idx| twin.is_clear[idx]).expect("the twin's picture");
+    golden::compare(&rendered.image, &twin.image, TWIN, |idx| twin.is_clear[idx])
+        .expect("the twin's picture");
 }
 
 #[test]

@@ -76,11 +76,15 @@ pub(crate) fn compare(
 /// # Panics
 /// When it differs, is missing, or is larger than 64 KiB.
 pub(crate) fn check(name: &str, actual: &RgbImage) {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name).with_extension("png");
+    let path =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name).with_extension("png");
     if std::env::var("UPDATE_GOLDEN").is_ok_and(|wanted| wanted == name || wanted == "all") {
         write_png(&path, actual);
         let len = fs::metadata(&path).expect("it was written").len();
-        assert!(len <= MAX_GOLDEN_BYTES as u64, "{name} has {len} bytes, at most {MAX_GOLDEN_BYTES} are kept");
+        assert!(
+            len <= MAX_GOLDEN_BYTES as u64,
+            "{name} has {len} bytes, at most {MAX_GOLDEN_BYTES} are kept"
+        );
         return;
     }
     let bytes = fs::read(&path).unwrap_or_else(|error| {

@@ -16,8 +16,10 @@ fn parse(path: &str) -> naga::Module {
 fn every_shader_is_valid() {
     for (path, _) in SHADERS {
         let module = parse(path);
-        let mut validator =
-            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), naga::valid::Capabilities::empty());
+        let mut validator = naga::valid::Validator::new(
+            naga::valid::ValidationFlags::all(),
+            naga::valid::Capabilities::empty(),
+        );
         if let Err(error) = validator.validate(&module) {
             panic!("{path}: {}", error.emit_to_string(&compose(path).expect("it composed before")));
         }

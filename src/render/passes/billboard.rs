@@ -1,6 +1,6 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
-use super::{Attributes, DrawInto, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{Attributes, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
 use crate::fuse::Billboard;
 use crate::geometry;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -101,12 +101,18 @@ impl BillboardPass {
         };
         let pipeline = draw_pipeline(
             gpu,
-            LABEL,
-            &[frame_layout, &frames.layout],
-            &instances,
-            wgpu::PrimitiveTopology::TriangleStrip,
-            Mixing { blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING), writes_depth: false },
-            samples,
+            DrawPipeline {
+                label: LABEL,
+                bind_groups: &[frame_layout, &frames.layout],
+                vertices: instances,
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                mixing: Mixing {
+                    blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                    writes_depth: false,
+                },
+                variant: &[],
+                samples,
+            },
         )?;
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
         Ok(Self { frames, pipeline, instances })
@@ -138,7 +144,8 @@ mod tests {
     fn a_rectangle_is_never_seen_narrower_than_half() {
         let right = DVec3::new(0.6, 0.8, 0.0);
         for degrees in 0..360 {
-            let to_viewer = DQuat::from_rotation_z(f64::from(degrees).to_radians()) * DVec3::new(5.0, 0.0, 2.0);
+            let to_viewer =
+                DQuat::from_rotation_z(f64::from(degrees).to_radians()) * DVec3::new(5.0, 0.0, 2.0);
             let turned = turned_towards(right, to_viewer);
             let seen = |along: DVec3| along.truncate().perp_dot(to_viewer.truncate().normalize()).abs();
             assert!((turned.length() - 1.0).abs() < 1e-9 && turned.dot(right) >= 0.866 - 1e-3);

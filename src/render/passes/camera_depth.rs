@@ -393,7 +393,7 @@ impl CameraDepthPass {
                     }),
                     stencil_ops: None,
                 }),
-                timestamp_writes: recording.timer.writes(span, idx == 0, false),
+                timestamp_writes: recording.timer.writes(span, 2 * idx, 2 * n_jobs),
                 occlusion_query_set: None,
                 multiview_mask: None,
             });
@@ -415,7 +415,7 @@ impl CameraDepthPass {
                     },
                 })],
                 depth_stencil_attachment: None,
-                timestamp_writes: recording.timer.writes(span, false, idx + 1 == n_jobs),
+                timestamp_writes: recording.timer.writes(span, 2 * idx + 1, 2 * n_jobs),
                 occlusion_query_set: None,
                 multiview_mask: None,
             });

@@ -9,11 +9,11 @@ mod yuv;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
-pub(super) use surface::SurfacePass;
+pub(super) use surface::{Shown, SurfaceKey, SurfacePass};
 pub(super) use yuv::YuvPass;
 
 use super::image_array::ImageArray;
-use super::targets::{COLOR_FORMAT, DEPTH_FORMAT, Targets};
+use super::targets::{COLOR_FORMAT, DEPTH_FORMAT, Place, Targets};
 use crate::gpu::{Gpu, GpuError, Mirror, Timer};
 
 /// The mirror structs of all passes.
@@ -37,10 +37,7 @@ pub(super) struct DrawInto<'a> {
     pub targets: &'a Targets,
     /// Bind group 0.
     pub frame: &'a wgpu::BindGroup,
-    /// Colour to clear with; given to the first pass only.
-    pub clear: Option<wgpu::Color>,
-    /// Whether nothing is drawn after this pass.
-    pub is_last: bool,
+    pub place: Place,
 }
 
 impl Recording<'_> {
@@ -49,11 +46,9 @@ impl Recording<'_> {
         let span = self.timer.span(label);
         let mut pass = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(label),
-            color_attachments: &[Some(into.targets.color_attachment(into.clear, into.is_last))],
-            depth_stencil_attachment: Some(
-                into.targets.depth_attachment(into.clear.is_some(), into.is_last),
-            ),
-            timestamp_writes: self.timer.writes(span, true, true),
+            color_attachments: &[Some(into.targets.color_attachment(into.place))],
+            depth_stencil_attachment: Some(into.targets.depth_attachment(into.place)),
+            timestamp_writes: self.timer.writes(span, 0, 1),
             occlusion_query_set: None,
             multiview_mask: None,
         });
@@ -69,17 +64,25 @@ struct Mixing {
     writes_depth: bool,
 }
 
-/// The pipeline of a pass that draws into the frame's targets: `vs_main` and `fs_main` of the shader of its stem.
-fn draw_pipeline(
-    gpu: &Gpu,
+/// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` of the shader of the label's stem.
+struct DrawPipeline<'a> {
     label: &'static str,
-    bind_groups: &[&wgpu::BindGroupLayout],
-    vertices: &wgpu::VertexBufferLayout<'_>,
+    bind_groups: &'a [&'a wgpu::BindGroupLayout],
+    vertices: wgpu::VertexBufferLayout<'a>,
     topology: wgpu::PrimitiveTopology,
     mixing: Mixing,
+    /// Values of the shader's override constants.
+    variant: &'a [(&'a str, f64)],
     samples: u32,
-) -> Result<wgpu::RenderPipeline, GpuError> {
+}
+
+fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipeline, GpuError> {
+    let DrawPipeline { label, bind_groups, vertices, topology, mixing, variant, samples } = wanted;
     let module = gpu.shader(&format!("render/{label}.wgsl"))?;
+    let compilation_options = wgpu::PipelineCompilationOptions {
+        constants: variant,
+        ..wgpu::PipelineCompilationOptions::default()
+    };
     let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(label),
@@ -92,8 +95,8 @@ fn draw_pipeline(
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[Some(vertices.clone())],
+            compilation_options: compilation_options.clone(),
+            buffers: &[Some(vertices)],
         },
         primitive: wgpu::PrimitiveState { topology, ..wgpu::PrimitiveState::default() },
         depth_stencil: Some(wgpu::DepthStencilState {
@@ -107,7 +110,7 @@ fn draw_pipeline(
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some("fs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: COLOR_FORMAT,
                 blend: mixing.blend,

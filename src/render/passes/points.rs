@@ -1,6 +1,6 @@
 //! Entities as squares in space, one a foreground texel.
 
-use super::{Attributes, DrawInto, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{Attributes, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
 use crate::fuse::EntityPoint;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::image_array::ImageArray;
@@ -54,12 +54,15 @@ impl PointsPass {
         };
         let pipeline = draw_pipeline(
             gpu,
-            LABEL,
-            &[frame_layout, &frames.layout],
-            &instances,
-            wgpu::PrimitiveTopology::TriangleStrip,
-            Mixing { blend: None, writes_depth: true },
-            samples,
+            DrawPipeline {
+                label: LABEL,
+                bind_groups: &[frame_layout, &frames.layout],
+                vertices: instances,
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                mixing: Mixing { blend: None, writes_depth: true },
+                variant: &[],
+                samples,
+            },
         )?;
         let instances = GrowingBuffer::new("points instances", wgpu::BufferUsages::VERTEX);
         Ok(Self { frames, pipeline, instances })

@@ -2,10 +2,11 @@
 
 use super::camera_depth::DepthMaps;
 use super::{
-    Attributes, DrawInto, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED, draw_pipeline, linear_sampler,
-    texture_entry,
+    Attributes, DrawInto, DrawPipeline, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED,
+    draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
+use crate::render::camera_data::Camera;
 use crate::render::image_array::ImageArray;
 use crate::render::mesh::MeshVertex;
 use glam::DVec3;
@@ -21,12 +22,50 @@ struct Vertex {
 
 const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3];
 
+/// Which variant of the shader a frame needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::render) struct SurfaceKey {
+    has_lenses: bool,
+    has_depth_maps: bool,
+    has_depth_cubes: bool,
+}
+
+impl SurfaceKey {
+    /// The least that serves the cameras whose backgrounds are projected.
+    pub(in crate::render) fn of(cameras: &[Camera]) -> Self {
+        Self {
+            has_lenses: cameras.iter().any(Camera::has_lens),
+            has_depth_maps: cameras.iter().any(|camera| camera.n_depth_faces > 0),
+            has_depth_cubes: cameras.iter().any(|camera| camera.n_depth_faces > 1),
+        }
+    }
+
+    fn constants(self) -> [(&'static str, f64); 3] {
+        let flag = |is_set: bool| f64::from(u8::from(is_set));
+        [
+            ("HAS_LENSES", flag(self.has_lenses)),
+            ("HAS_DEPTH_MAPS", flag(self.has_depth_maps)),
+            ("HAS_DEPTH_CUBES", flag(self.has_depth_cubes)),
+        ]
+    }
+}
+
+/// What is shown, from where, by which variant.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct Shown<'a> {
+    pub mesh: &'a [MeshVertex],
+    pub eye_in_world: DVec3,
+    pub key: SurfaceKey,
+}
+
 /// Draws the static scene.
 #[derive(Debug)]
 pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::RenderPipeline,
-    sampler: wgpu::Sampler,
+    samples: u32,
+    pipelines: Vec<(SurfaceKey, wgpu::RenderPipeline)>,
+    background_sampler: wgpu::Sampler,
+    depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
     scratch: Vec<Vertex>,
 }
@@ -34,79 +73,112 @@ pub(in crate::render) struct SurfacePass {
 const LABEL: &str = "surface";
 
 impl SurfacePass {
-    pub(in crate::render) fn new(
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        samples: u32,
-    ) -> Result<Self, GpuError> {
+    pub(in crate::render) fn new(gpu: &Gpu, samples: u32) -> Self {
+        let depth_sampler_entry = wgpu::BindGroupLayoutEntry {
+            binding: 3,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering),
+            count: None,
+        };
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[
                 texture_entry(0, wgpu::TextureViewDimension::D2Array, FILTERED),
                 SAMPLER_ENTRY,
                 texture_entry(2, wgpu::TextureViewDimension::D2Array, UNFILTERED),
+                depth_sampler_entry,
             ],
         });
-        let vertices = wgpu::VertexBufferLayout {
-            array_stride: size_of::<Vertex>() as u64,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &ATTRIBUTES,
-        };
-        let pipeline = draw_pipeline(
-            gpu,
-            LABEL,
-            &[frame_layout, &layout],
-            &vertices,
-            wgpu::PrimitiveTopology::TriangleList,
-            Mixing { blend: None, writes_depth: true },
-            samples,
-        )?;
-        Ok(Self {
+        Self {
             layout,
-            pipeline,
-            sampler: linear_sampler(gpu, LABEL),
+            samples,
+            pipelines: Vec::new(),
+            background_sampler: linear_sampler(gpu, LABEL),
+            depth_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("surface depth"),
+                ..wgpu::SamplerDescriptor::default()
+            }),
             vertices: GrowingBuffer::new("surface vertices", wgpu::BufferUsages::VERTEX),
             scratch: Vec::new(),
-        })
+        }
     }
 
-    /// Records the sky (the colour to clear with) and the scene's `mesh`.
+    /// The pipeline of a variant, made when a frame first calls for it.
+    fn pipeline(
+        &mut self,
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        key: SurfaceKey,
+    ) -> Result<&wgpu::RenderPipeline, GpuError> {
+        let known = self.pipelines.iter().position(|(known, _)| *known == key);
+        let idx = match known {
+            Some(idx) => idx,
+            None => {
+                let vertices = wgpu::VertexBufferLayout {
+                    array_stride: size_of::<Vertex>() as u64,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes: &ATTRIBUTES,
+                };
+                let pipeline = draw_pipeline(
+                    gpu,
+                    DrawPipeline {
+                        label: LABEL,
+                        bind_groups: &[frame_layout, &self.layout],
+                        vertices,
+                        topology: wgpu::PrimitiveTopology::TriangleList,
+                        mixing: Mixing { blend: None, writes_depth: true },
+                        variant: &key.constants(),
+                        samples: self.samples,
+                    },
+                )?;
+                self.pipelines.push((key, pipeline));
+                self.pipelines.len() - 1
+            }
+        };
+        Ok(&self.pipelines[idx].1)
+    }
+
+    /// Records the sky (the colour to clear with) and the scene's mesh.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,
-        mesh: &[MeshVertex],
-        eye_in_world: DVec3,
+        frame_layout: &wgpu::BindGroupLayout,
+        shown: &Shown<'_>,
         backgrounds: &mut ImageArray,
         depth_maps: &mut DepthMaps,
-    ) {
+    ) -> Result<(), GpuError> {
         let gpu = recording.gpu;
         self.scratch.clear();
-        self.scratch.extend(mesh.iter().map(|vertex| Vertex {
-            position_from_eye: (vertex.position_in_world - eye_in_world).as_vec3().to_array(),
+        self.scratch.extend(shown.mesh.iter().map(|vertex| Vertex {
+            position_from_eye: (vertex.position_in_world - shown.eye_in_world).as_vec3().to_array(),
             normal: vertex.normal.to_array(),
             material: vertex.material.to_array(),
         }));
-        let vertices = self.vertices.write(gpu, &self.scratch);
-        let textures = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        self.vertices.write(gpu, &self.scratch);
+        let textures = self.bind(gpu, backgrounds, depth_maps);
+        let pipeline = self.pipeline(gpu, frame_layout, shown.key)?.clone();
+        let mut pass = recording.draw(LABEL, into);
+        if let (Some(vertices), false) = (self.vertices.get(), self.scratch.is_empty()) {
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(1, &textures, &[]);
+            pass.set_vertex_buffer(0, vertices.slice(..));
+            pass.draw(0..self.scratch.len() as u32, 0..1);
+        }
+        Ok(())
+    }
+
+    fn bind(&self, gpu: &Gpu, backgrounds: &mut ImageArray, depth_maps: &mut DepthMaps) -> wgpu::BindGroup {
+        let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
             layout: &self.layout,
             entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&backgrounds.store(gpu).sampled),
-                },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
-                wgpu::BindGroupEntry {
-                    binding: 2,
-                    resource: wgpu::BindingResource::TextureView(depth_maps.view(gpu)),
-                },
+                entry(0, wgpu::BindingResource::TextureView(&backgrounds.store(gpu).sampled)),
+                entry(1, wgpu::BindingResource::Sampler(&self.background_sampler)),
+                entry(2, wgpu::BindingResource::TextureView(depth_maps.view(gpu))),
+                entry(3, wgpu::BindingResource::Sampler(&self.depth_sampler)),
             ],
-        });
-        let mut pass = recording.draw(LABEL, into);
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(1, &textures, &[]);
-        pass.set_vertex_buffer(0, vertices.slice(..));
-        pass.draw(0..self.scratch.len() as u32, 0..1);
+        })
     }
 }

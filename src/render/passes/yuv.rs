@@ -1,7 +1,7 @@
 //! Pictures that are new since the last frame: from the decoder's planes to sRGB layers and their smaller levels.
 
 use super::{Recording, UNFILTERED, texture_entry};
-use crate::frame::{Mask, Plane, YuvImage};
+use crate::frame::{Mask, Plane};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
 use crate::render::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
 
@@ -21,15 +21,15 @@ pub(super) struct Conversion {
 }}
 
 impl Conversion {
-    fn new(image: &YuvImage, has_mask: bool, layer: u32) -> Self {
+    fn new(Job { wanted: Wanted { image, mask }, layer }: &Job<'_>) -> Self {
         let [row_r, row_g, row_b] = image.matrix().rgb_from_ypbpr();
         let (luma_offset, luma_scale, chroma_scale) = image.range().luma_offset_luma_scale_chroma_scale();
         let chroma_gain = 255.0 / chroma_scale;
         Self {
             row_r,
-            layer,
+            layer: *layer,
             row_g,
-            has_mask: u32::from(has_mask),
+            has_mask: u32::from(mask.is_some()),
             row_b,
             pad: 0,
             offset: [luma_offset / 255.0, 128.0 / 255.0, 128.0 / 255.0],
@@ -137,10 +137,7 @@ impl YuvPass {
         let gpu = recording.gpu;
         self.scratch.clear();
         for (_, jobs) in &batches {
-            let conversion = |Job { wanted, layer }: &Job<'_>| {
-                Conversion::new(wanted.image, wanted.mask.is_some(), *layer)
-            };
-            self.scratch.extend(jobs.iter().map(conversion));
+            self.scratch.extend(jobs.iter().map(Conversion::new));
         }
         self.conversions.write(gpu, &self.scratch);
         let mut draws = Vec::new();
@@ -166,7 +163,7 @@ impl YuvPass {
         let span = recording.timer.span(LABEL);
         let mut conversion_idx = 0;
         for (idx, draw) in draws.iter().enumerate() {
-            let writes = recording.timer.writes(span, idx == 0, idx + 1 == draws.len());
+            let writes = recording.timer.writes(span, idx, draws.len());
             let mut pass = begin(recording.encoder, &draw.target, writes);
             match &draw.source {
                 Source::Planes(planes) => {

@@ -29,7 +29,13 @@ pub(super) struct Stage {
 
 impl Stage {
     pub(super) fn new() -> Self {
-        Self { offset: DVec3::ZERO, half_ground_m: 20.0, boxes: Vec::new(), cameras: Vec::new(), person: None }
+        Self {
+            offset: DVec3::ZERO,
+            half_ground_m: 20.0,
+            boxes: Vec::new(),
+            cameras: Vec::new(),
+            person: None,
+        }
     }
 
     pub(super) fn at(offset: DVec3) -> Self {
@@ -116,7 +122,13 @@ impl Stage {
             Some(foot_in_world) if !sources.is_empty() => vec![Entity { foot_in_world, sources }],
             _ => Vec::new(),
         };
-        SceneState { scene: Arc::new(scene), instant: Timestamp::from_nanos(0), cameras, entities, points: Vec::new() }
+        SceneState {
+            scene: Arc::new(scene),
+            instant: Timestamp::from_nanos(0),
+            cameras,
+            entities,
+            points: Vec::new(),
+        }
     }
 
     fn observe(&self, surfaces: &Surfaces, idx: usize) -> CameraState {
@@ -211,7 +223,13 @@ pub(super) fn srgb_code(linear: f64) -> u8 {
     (f64::from(srgb_from_linear(linear.clamp(0.0, 1.0) as f32)) * 255.0).round() as u8
 }
 
-fn yuv_from_rgb(rgb: &[[u8; 3]], width: u32, height: u32, matrix: ColorMatrix, range: ColorRange) -> YuvImage {
+fn yuv_from_rgb(
+    rgb: &[[u8; 3]],
+    width: u32,
+    height: u32,
+    matrix: ColorMatrix,
+    range: ColorRange,
+) -> YuvImage {
     let (kr, kb) = matrix.red_blue_weights();
     let (offset, luma_scale, chroma_scale) = range.luma_offset_luma_scale_chroma_scale();
     let layout = YuvLayout::packed(width, height);

@@ -50,7 +50,7 @@ pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
 struct Pixel {
     eye: DVec3,
     hit: Option<Hit>,
-    /// Steps along the surface to the next pixel to the right and below.
+    /// Steps along the surface to the other pixel of its pair, across and down: devices take differences in quads.
     steps: [DVec3; 2],
     is_interior: bool,
 }
@@ -70,7 +70,16 @@ impl Pixel {
         };
         let hit = surfaces.hit(&ray(0.0, 0.0), 0.0);
         let same = |dx, dy| surface_of(surfaces.hit(&ray(dx, dy), 0.0).as_ref()) == surface_of(hit.as_ref());
-        let is_interior = same(0.2, 0.2) && same(-0.2, 0.2) && same(0.2, -0.2) && same(-0.2, -0.2);
+        // Where a quad reaches beyond the horizon, its differences mean nothing.
+        let partner = |along: f64| if (along as u32).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let meets_plane = |dx, dy| {
+            hit.is_none_or(|hit| {
+                ray(dx, dy).distance_to_plane(hit.point_in_world, hit.normal_in_world).is_some()
+            })
+        };
+        let has_differences = meets_plane(partner(x), 0.0) && meets_plane(0.0, partner(y));
+        let is_interior =
+            has_differences && same(0.2, 0.2) && same(-0.2, 0.2) && same(0.2, -0.2) && same(-0.2, -0.2);
         let step = |dx, dy| {
             hit.map_or(DVec3::ZERO, |hit| {
                 let ray = ray(dx, dy);
@@ -78,7 +87,7 @@ impl Pixel {
                 further.map_or(DVec3::ZERO, |distance| ray.at(distance) - hit.point_in_world)
             })
         };
-        Self { eye, hit, steps: [step(1.0, 0.0), step(0.0, 1.0)], is_interior }
+        Self { eye, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
     }
 
     fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid)]) -> ([u8; 3], bool) {
@@ -96,10 +105,12 @@ impl Pixel {
             let texture = projection.texture;
             let inset = texture.min(1.0 - texture).min_element();
             is_clear &= inset.abs() > 2e-3 || cosine <= 0.0;
+            is_clear &= self.steps.iter().all(|step| camera.project(point + *step).is_some());
             if cosine <= 0.0 || inset < 0.0 {
                 continue;
             }
-            let (is_visible, is_far_from_silhouettes) = visibility(&state.scene.surfaces, camera, texture, hit);
+            let (is_visible, is_far_from_silhouettes) =
+                visibility(&state.scene.surfaces, camera, texture, hit);
             is_clear &= is_far_from_silhouettes;
             if !is_visible {
                 continue;
@@ -118,13 +129,16 @@ impl Pixel {
             Some((_, color)) => color,
             None => return (material(state, hit), is_clear),
         };
-        (color.to_array().map(|light| (f64::from(srgb_from_linear(light as f32)) * 255.0).round() as u8), is_clear)
+        (
+            color.to_array().map(|light| (f64::from(srgb_from_linear(light as f32)) * 255.0).round() as u8),
+            is_clear,
+        )
     }
 
     fn level_of_detail(&self, camera: &Camera, pyramid: &Pyramid, point: DVec3, texture: DVec2) -> f64 {
         let crossed = |step: DVec3| {
-            let moved = camera.project(point + step * 1e-3).map_or(texture, |projection| projection.texture);
-            ((moved - texture) * pyramid.size).length() * 1e3
+            let moved = camera.project(point + step).map_or(texture, |projection| projection.texture);
+            ((moved - texture) * pyramid.size).length()
         };
         (0.5 * (crossed(self.steps[0]) * crossed(self.steps[1])).max(1e-12).log2()).max(0.0)
     }
@@ -188,7 +202,9 @@ impl Pyramid {
             .flat_map(|y| (0..padded.0).map(move |x| (x, y)))
             .map(|(x, y)| {
                 let at = (y.min(height - 1) * width + x.min(width - 1)) * 3;
-                DVec3::from([0, 1, 2].map(|c| f64::from(linear_from_srgb(f32::from(rgb.data[at + c]) / 255.0))))
+                DVec3::from(
+                    [0, 1, 2].map(|c| f64::from(linear_from_srgb(f32::from(rgb.data[at + c]) / 255.0))),
+                )
             })
             .collect();
         let mut levels = vec![Level { width: padded.0, height: padded.1, linear }];
