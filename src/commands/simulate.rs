@@ -14,19 +14,19 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Length of the clips, seconds. Default: the world's period, so that they loop without a seam.
-    #[arg(long)]
+    #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
-    /// Frames a second.
-    #[arg(long, default_value_t = 10.0)]
+    /// Frames a second, 0.1 to 240.
+    #[arg(long, value_name = "RATE", default_value_t = 10.0)]
     rate_hz: f64,
-    /// Columns and rows of the cameras' pictures.
-    #[arg(long, value_parser = super::calibration::parse_size, default_value = "640x360")]
+    /// Columns and rows of the cameras' pictures, 16 to 16383 each.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::calibration::parse_size, default_value = "640x360")]
     size_px: [u32; 2],
-    /// Samples a pixel, each way.
-    #[arg(long, default_value_t = 3)]
+    /// Samples a pixel, each way, 1 to 16.
+    #[arg(long, value_name = "COUNT", default_value_t = 3)]
     samples: u32,
     /// Writes truth for every n-th frame; 0 writes none.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     truth_every: u32,
 }
 
@@ -40,11 +40,10 @@ impl Simulate {
         options.samples_per_side = self.samples;
         options.truth_every_frames = self.truth_every;
         let written = write(&world, &options)?;
-        super::say(&format!("{} frames a clip", written.n_frames));
+        super::say(&format!("{} frames a clip", written.n_frames))?;
         for clip in &written.clips {
-            super::say(&clip.display().to_string());
+            super::say(&clip.display().to_string())?;
         }
-        super::say(&written.config.display().to_string());
-        Ok(())
+        super::say(&written.config.display().to_string())
     }
 }

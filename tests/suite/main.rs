@@ -8,6 +8,7 @@ mod api;
 mod background;
 mod calibrate;
 mod config;
+mod daemon;
 mod engine;
 mod fuse;
 mod geometry;
