@@ -81,10 +81,12 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
 
 async fn migrate(durable: &sqlx::SqlitePool, path: &Path) -> Result<(), StoreError> {
     let migrator = migrator(SCHEMA_VERSION);
-    // Two processes may open a fresh file at once: the one that comes second fails at a table that is there now,
-    // and finds nothing left to do when it looks again.
-    if migrator.run(durable).await.is_ok() {
-        return Ok(());
+    // Two processes may open a fresh file at once. The one that comes second at a step fails, as its table is there
+    // now, and goes on with the next when it looks again: it can come second once a step.
+    for _step in 0..SCHEMA_VERSION {
+        if migrator.run(durable).await.is_ok() {
+            return Ok(());
+        }
     }
     migrator.run(durable).await.map_err(|error| StoreError::classify_migration(error, path))
 }
