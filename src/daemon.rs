@@ -1,1 +1,95 @@
-//! To be furnished.
+//! Start order, supervision, signals: from a configuration to a running daemon and back.
+//!
+//! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
+//! no request meets half a daemon and every background is written before the store closes.
+
+use crate::api;
+use crate::clock::{Clock, SystemClock};
+use crate::config::{Config, SceneSettings};
+use crate::engine::Engine;
+use crate::scene::{self, Scene};
+use crate::store::Store;
+use crate::telemetry::Metrics;
+use anyhow::{Context, Result};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use tokio::net::TcpListener;
+use tokio::signal::unix::{SignalKind, signal};
+
+/// Runs the daemon until SIGTERM or SIGINT; `announce` hears the address once requests are answered.
+///
+/// # Errors
+/// When the store cannot be opened, the address cannot be taken, or a thread cannot be started. A camera or scene
+/// that fails stops nothing: the API shows its state.
+pub fn serve(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .thread_name("videofields-io")
+        .enable_all()
+        .build()
+        .context("cannot start the I/O threads")?;
+    runtime.block_on(run(config, announce))
+}
+
+async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
+    let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
+    let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
+    let settings = config.settings();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    // First the address: when another daemon holds it, nothing else should have been touched.
+    let listen = settings.server.listen;
+    let listener = TcpListener::bind(listen).await.with_context(|| format!("cannot listen on {listen}"))?;
+    let store = Store::open(&settings.storage.database).await?;
+    let scenes = load_scenes(config, &store, &*clock).await;
+    let metrics = Arc::new(Metrics::new());
+    let engine = Engine::start(config, scenes, store.clone(), metrics, Arc::clone(&clock))?;
+    let address = listener.local_addr().context("the listener has no address")?;
+    tracing::info!(%address, "listening");
+    announce(address);
+
+    let stopped = async move {
+        tokio::select! {
+            _some = terminate.recv() => tracing::info!("stopping on SIGTERM"),
+            _some = interrupt.recv() => tracing::info!("stopping on SIGINT"),
+        }
+    };
+    api::serve(listener, api::router(engine.handle(), clock), stopped).await;
+    // Joining threads blocks; nothing else is left to do for this one.
+    tokio::task::block_in_place(|| engine.stop());
+    store.close().await?;
+    tracing::info!("stopped");
+    Ok(())
+}
+
+/// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and
+/// left out otherwise: one bad document takes no other scene down.
+async fn load_scenes(config: &Config, store: &Store, clock: &dyn Clock) -> Vec<Arc<Scene>> {
+    let mut scenes = Vec::new();
+    for settings in &config.settings().scene {
+        match load_scene(config, settings, store, clock).await {
+            Ok(scene) => scenes.push(Arc::new(scene)),
+            Err(error) => {
+                tracing::error!(scene = settings.id, error = format!("{error:#}"), "scene left out");
+            }
+        }
+    }
+    scenes
+}
+
+async fn load_scene(
+    config: &Config,
+    settings: &SceneSettings,
+    store: &Store,
+    clock: &dyn Clock,
+) -> Result<Scene> {
+    match scene::load_file(&settings.id, &settings.file, &config.settings().media.roots) {
+        Ok(parsed) => {
+            store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await?;
+            Ok(parsed.scene)
+        }
+        Err(error) => {
+            let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
+            tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document is served");
+            Ok(scene::parse(&settings.id, &kept.document, scene::no_imports)?.scene)
+        }
+    }
+}

@@ -2,7 +2,13 @@
 //!
 //! Every room has its own `thiserror` enum with a `kind()`; this file owns the kinds and the one shape in which
 //! faults of a document (configuration, scene, request) name their place. It knows nothing of HTTP: `api` alone
-//! maps a kind to a status.
+//! maps a kind to a status. `gather` reads such documents and finds all their faults, `wording` says them.
+
+mod gather;
+mod wording;
+
+pub use gather::{Fields, Gatherer, MAX_FAULTS, pointer_to};
+pub use wording::{closest, unknown};
 
 use std::fmt;
 

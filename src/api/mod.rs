@@ -1,1 +1,116 @@
-//! To be furnished.
+//! The HTTP control interface: one file a resource, over the engine's door and nothing else of the engine.
+//!
+//! Requests flow in, are held to limits (`guard`), read strictly (`query`) and asked of the [`Handle`]; pictures are
+//! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). Only GET and
+//! HEAD are answered: nothing here changes the daemon.
+
+mod cameras;
+mod error;
+mod guard;
+mod health;
+mod locate;
+mod metrics;
+mod page;
+mod picture;
+mod query;
+mod scenes;
+mod segments;
+mod serve;
+mod view;
+
+pub use serve::serve;
+pub use view::read_view_request;
+
+use crate::clock::Clock;
+use crate::engine::Handle;
+use crate::error::ErrorKind;
+use axum::Router;
+use axum::http::{HeaderValue, Uri, header};
+use axum::middleware::from_fn_with_state;
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use error::Problem;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::Semaphore;
+
+/// What requests are held to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Longest path and query together, bytes. Default 2048.
+    pub target_bytes: usize,
+    /// Most bytes of header fields. Default 16384.
+    pub field_bytes: usize,
+    /// Longest time until the answer begins; then 503. Default 10 s.
+    pub request_time: Duration,
+    /// Requests answered at once, the probes and metrics not counted; more get 503. Default 64.
+    pub requests_at_once: usize,
+    /// Pictures encoded at once; more wait. Default: the machine's processors.
+    pub encoders: usize,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            target_bytes: 2048,
+            field_bytes: 16_384,
+            request_time: Duration::from_secs(10),
+            requests_at_once: 64,
+            encoders: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
+        }
+    }
+}
+
+/// What every route has at hand. Cheap to clone.
+#[derive(Clone)]
+struct Api {
+    door: Handle,
+    clock: Arc<dyn Clock>,
+    limits: Limits,
+    requests: Arc<Semaphore>,
+    encoders: Arc<Semaphore>,
+}
+
+/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take.
+pub fn router(door: Handle, clock: Arc<dyn Clock>) -> Router {
+    router_within(Limits::default(), door, clock)
+}
+
+/// As [`router`], with limits of the caller's.
+pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>) -> Router {
+    let requests = Arc::new(Semaphore::new(limits.requests_at_once));
+    let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
+    let api = Api { door, clock, limits, requests, encoders };
+    let limited = Router::new()
+        .merge(page::routes())
+        .route("/api/v1/cameras", get(cameras::list))
+        .route("/api/v1/cameras/{id}", get(cameras::one))
+        .route("/api/v1/cameras/{id}/locate", get(locate::locate))
+        .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
+        .route("/api/v1/scenes", get(scenes::list))
+        .route("/api/v1/scenes/{id}", get(scenes::one))
+        .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
+        .layer(from_fn_with_state(api.clone(), guard::limit));
+    Router::new()
+        .route("/healthz", get(health::live))
+        .route("/readyz", get(health::ready))
+        .route("/metrics", get(metrics::scrape))
+        .merge(limited)
+        .fallback(no_route)
+        .method_not_allowed_fallback(no_method)
+        .layer(from_fn_with_state(api.clone(), guard::observe))
+        .with_state(api)
+}
+
+async fn no_route(uri: Uri) -> Problem {
+    let shown = query::shown(uri.path());
+    let detail =
+        format!("there is nothing at {shown}; the interface begins at /api/v1/cameras and /api/v1/scenes");
+    Problem::new(ErrorKind::NotFound, detail)
+}
+
+async fn no_method() -> Response {
+    let mut response = Problem::method().into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD"));
+    response
+}

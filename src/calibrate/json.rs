@@ -1,5 +1,8 @@
 //! A calibration as plain JSON: what a scene holds, what every importer ends in.
+//!
+//! Text in, a validated document out, with every fault at its JSON pointer; and a camera back into a document.
 
+use super::{CalibrateError, ImportOptions, Imported, agreed_size};
 use crate::error::Fault;
 use crate::geometry::{Camera, CameraError, Distortion, Pose};
 use glam::{DQuat, DVec2, DVec3};
@@ -44,6 +47,19 @@ pub enum DistortionDocument {
 }
 
 impl CameraDocument {
+    /// Reads a document from JSON text.
+    ///
+    /// # Errors
+    /// A fault with the pointer of the unknown, missing or mistyped field; a fault of the syntax says its line
+    /// and column.
+    pub fn from_json(text: &str) -> Result<Self, Fault> {
+        let mut deserializer = serde_json::Deserializer::from_str(text);
+        let document = serde_path_to_error::deserialize(&mut deserializer)
+            .map_err(|error| Fault::new(json_pointer(error.path()), error.inner().to_string()))?;
+        deserializer.end().map_err(|error| Fault::new("", error.to_string()))?;
+        Ok(document)
+    }
+
     /// The camera that the document describes.
     ///
     /// # Errors
@@ -104,6 +120,37 @@ impl CameraDocument {
     }
 }
 
+pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, CalibrateError> {
+    if options.metres_per_unit.is_some_and(|unit| unit != 1.0) {
+        return Err(CalibrateError::invalid("metres_per_unit", "the json format is in metres"));
+    }
+    if let Some(name) = &options.camera {
+        return Err(CalibrateError::NoSuchCamera {
+            name: name.clone(),
+            known: "one camera without a name".to_owned(),
+        });
+    }
+    let document = CameraDocument::from_json(text).map_err(CalibrateError::Invalid)?;
+    agreed_size(Some(document.image_size_px), options, "/image_size_px")?;
+    let camera = document.to_camera().map_err(CalibrateError::Invalid)?;
+    Ok(Imported { camera, residual_px: None })
+}
+
+/// RFC 6901, from where the deserialiser stood.
+fn json_pointer(path: &serde_path_to_error::Path) -> String {
+    use serde_path_to_error::Segment;
+    path.iter().fold(String::new(), |pointer, segment| match segment {
+        Segment::Seq { index } => format!("{pointer}/{index}"),
+        Segment::Map { key } => format!("{pointer}/{}", escaped(key)),
+        Segment::Enum { .. } | Segment::Unknown => pointer,
+    })
+}
+
+/// A member's name as it stands in a pointer.
+pub(super) fn escaped(key: &str) -> String {
+    key.replace('~', "~0").replace('/', "~1")
+}
+
 fn pointer_of(error: &CameraError) -> &'static str {
     let (CameraError::NotFinite { field } | CameraError::OutOfRange { field, .. }) = error;
     match *field {
@@ -113,5 +160,55 @@ fn pointer_of(error: &CameraError) -> &'static str {
         "position" => "/position_m",
         "rotation" => "/world_from_camera",
         _ => "/distortion",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"{"image_size_px": [640, 480], "focal_px": [500, 501], "center_px": [320.5, 240.25],
+        "distortion": {"model": "brown_conrady", "coefficients": [-0.3, 0.1, 0.001, -0.002]},
+        "position_m": [1, 2, 3.5], "world_from_camera": [1, 0, 0, 0]}"#;
+
+    #[test]
+    fn a_document_survives_the_camera() {
+        let document = CameraDocument::from_json(TEXT).expect("a document");
+        let camera = document.to_camera().expect("a camera");
+        let written = serde_json::to_string(&CameraDocument::from_camera(&camera)).expect("JSON");
+        let again = CameraDocument::from_json(&written).expect("a document").to_camera().expect("a camera");
+        assert_eq!(camera, again);
+        assert_eq!(import(TEXT, &ImportOptions::default()).expect("a camera").camera, camera);
+    }
+
+    #[test]
+    fn faults_name_their_place() {
+        let check = |from: &str, to: &str, place: &str, message: &str| {
+            assert!(TEXT.contains(from), "{from}");
+            let text = TEXT.replacen(from, to, 1);
+            let fault = CameraDocument::from_json(&text)
+                .and_then(|document| document.to_camera())
+                .expect_err("a fault");
+            assert_eq!(fault.place, place, "{fault}");
+            assert!(fault.message.contains(message), "{fault}");
+        };
+        check("501", "\"501\"", "/focal_px/1", "expected f64");
+        check("[640, 480]", "[640, -1]", "/image_size_px/1", "expected u32");
+        check("[640, 480]", "[640, 0]", "/image_size_px", "1 to 65536");
+        check("position_m", "position", "/position", "unknown field");
+        check("-0.002]", "-0.002, 0, 0]", "/distortion/coefficients", "4, 5 or 8");
+        check("brown_conrady", "tilted", "/distortion/model", "tilted");
+        check("[1, 0, 0, 0]", "[1, 1, 0, 0]", "/world_from_camera", "unit quaternion");
+        check("[1, 0, 0, 0]}", "[1, 0, 0, 0]} x", "", "trailing");
+        check("[1, 2, 3.5]", "[1, 2, 1e999]", "/position_m/2", "number out of range");
+        check("[1, 2, 3.5]", "[1, 2, 1e9]", "/position_m", "1e8");
+    }
+
+    #[test]
+    fn options_that_contradict_are_refused() {
+        let check = |options: ImportOptions| import(TEXT, &options).expect_err("a contradiction");
+        check(ImportOptions { image_size_px: Some([320, 240]), ..ImportOptions::default() });
+        check(ImportOptions { camera: Some("a".to_owned()), ..ImportOptions::default() });
+        check(ImportOptions { metres_per_unit: Some(0.001), ..ImportOptions::default() });
     }
 }

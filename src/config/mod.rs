@@ -1,5 +1,175 @@
-//! TOML -> validated, immutable settings; every fault with file, line, column and path.
+//! TOML and environment -> validated, immutable settings; every fault with file, line, column and path.
+//!
+//! A file's text goes in, overlaid by variables `VIDEOFIELDS_SECTION__KEY`; a [`Config`] whose paths are absolute
+//! comes out, or all faults of the file at once. Opens nothing that the settings name: whether a camera's file is
+//! there is found out when the camera starts, so that one missing file leaves the others working.
 
+mod document;
+mod environment;
+mod error;
 mod settings;
+mod validate;
 
+pub use error::{ConfigError, ConfigFault, Origin};
 pub use settings::*;
+
+use crate::error::Gatherer;
+use document::Document;
+use std::ffi::OsString;
+use std::path::{Component, Path, PathBuf};
+
+/// Most bytes of a configuration file.
+pub const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// Settings that were validated. Immutable; every path in it is absolute.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    settings: Settings,
+    folder: PathBuf,
+}
+
+/// Reads a configuration file, overlaid by this process's environment.
+///
+/// # Errors
+/// When the file cannot be read, or with every fault that it or the environment has.
+pub fn load(path: &Path) -> Result<Config, ConfigError> {
+    load_with(path, std::env::vars_os())
+}
+
+/// As [`load`], overlaid by the variables given.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(
+    path: &Path,
+    variables: impl IntoIterator<Item = (OsString, OsString)>,
+) -> Result<Config, ConfigError> {
+    let text = document::read_text(path)?;
+    parse(&text, path, variables)
+}
+
+/// As [`load_with`], for text that would stand in a file at `path`.
+///
+/// # Errors
+/// With every fault of the text and the variables.
+pub fn parse(
+    text: &str,
+    path: &Path,
+    variables: impl IntoIterator<Item = (OsString, OsString)>,
+) -> Result<Config, ConfigError> {
+    let mut document = Document::parse(text, path)?;
+    let mut gatherer = Gatherer::default();
+    environment::overlay(&mut document, variables, &mut gatherer);
+    let settings = gather(document.take_tree(), &mut gatherer);
+    let faults = gatherer.into_faults();
+    if !faults.is_empty() {
+        return Err(ConfigError::Faults(faults.iter().map(|fault| document.locate(fault)).collect()));
+    }
+    let folder = folder_of(path)?;
+    Ok(resolve(settings, folder))
+}
+
+impl Config {
+    /// Validates settings that come from no file, such as a demonstration's; relative paths start at `folder`.
+    ///
+    /// # Errors
+    /// With every fault of the settings.
+    pub fn from_settings(settings: Settings, folder: &Path) -> Result<Self, ConfigError> {
+        let mut gatherer = Gatherer::default();
+        validate::check(&settings, &mut gatherer);
+        let faults = gatherer.into_faults();
+        if !faults.is_empty() {
+            return Err(ConfigError::Faults(faults.iter().map(ConfigFault::of_settings).collect()));
+        }
+        Ok(resolve(settings, absolute(folder)?))
+    }
+
+    /// The settings; every path in them is absolute, every camera has a name.
+    #[must_use]
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The folder at which relative paths began: the file's own.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The same with another address to listen on.
+    ///
+    /// # Errors
+    /// When the address is not a loopback address.
+    pub fn with_listen(self, listen: std::net::SocketAddr) -> Result<Self, ConfigError> {
+        let mut settings = self.settings;
+        settings.server.listen = listen;
+        Self::from_settings(settings, &self.folder)
+    }
+}
+
+/// Reads the tree section by section, so that a fault in one hides none in another, and checks what was read.
+fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
+    let Some(mut fields) = gatherer.object(tree, "") else { return Settings::default() };
+    macro_rules! section {
+        ($key:literal) => {
+            fields.take($key).and_then(|(value, place)| gatherer.read(value, &place)).unwrap_or_default()
+        };
+    }
+    let mut settings = Settings {
+        server: section!("server"),
+        storage: section!("storage"),
+        media: section!("media"),
+        timeline: section!("timeline"),
+        render: section!("render"),
+        camera: Vec::new(),
+        scene: Vec::new(),
+    };
+    validate::check(&settings, gatherer);
+    let cameras = gatherer.list(fields.take("camera"), validate::MAX_CAMERAS);
+    let scenes = gatherer.list(fields.take("scene"), validate::MAX_SCENES);
+    // Each is checked with its own place: an element that could not be read must not renumber those after it.
+    let mut ids = validate::Ids::default();
+    for (value, place) in cameras {
+        if let Some(camera) = gatherer.read(value, &place) {
+            validate::check_camera(&camera, &place, &mut ids, gatherer);
+            settings.camera.push(camera);
+        }
+    }
+    for (value, place) in scenes {
+        if let Some(scene) = gatherer.read(value, &place) {
+            validate::check_scene(&scene, &place, &mut ids, gatherer);
+            settings.scene.push(scene);
+        }
+    }
+    fields.finish(gatherer);
+    settings
+}
+
+fn folder_of(path: &Path) -> Result<PathBuf, ConfigError> {
+    let path = absolute(path)?;
+    Ok(path.parent().unwrap_or(&path).to_owned())
+}
+
+fn absolute(path: &Path) -> Result<PathBuf, ConfigError> {
+    std::path::absolute(path).map_err(|source| ConfigError::Unreadable { path: path.to_owned(), source })
+}
+
+/// Makes every path absolute and gives every camera a name.
+fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
+    let place = |path: &mut PathBuf| {
+        *path = folder.join(&*path).components().filter(|part| *part != Component::CurDir).collect();
+    };
+    place(&mut settings.storage.database);
+    settings.media.roots.iter_mut().for_each(place);
+    for camera in &mut settings.camera {
+        place(&mut camera.source.path);
+        camera.background.clip.iter_mut().for_each(place);
+        if camera.name.is_empty() {
+            camera.id.as_str().clone_into(&mut camera.name);
+        }
+    }
+    for scene in &mut settings.scene {
+        place(&mut scene.file);
+    }
+    Config { settings, folder }
+}

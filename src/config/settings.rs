@@ -3,6 +3,8 @@
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use serde::Deserialize;
+use serde::de::{self, Deserializer, Visitor};
+use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -20,9 +22,9 @@ pub struct Settings {
     pub timeline: TimelineSettings,
     /// The renderer.
     pub render: RenderSettings,
-    /// The cameras, in any order; ids are unique.
+    /// The cameras, in any order; ids are unique; at most 256.
     pub camera: Vec<CameraSettings>,
-    /// The scenes, the default one first; ids are unique.
+    /// The scenes, the default one first; ids are unique; at most 64.
     pub scene: Vec<SceneSettings>,
 }
 
@@ -31,6 +33,7 @@ pub struct Settings {
 #[serde(deny_unknown_fields, default)]
 pub struct ServerSettings {
     /// Address and port. There are no users yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
+    #[serde(deserialize_with = "listen_address")]
     pub listen: SocketAddr,
 }
 
@@ -61,7 +64,7 @@ impl Default for StorageSettings {
 #[serde(deny_unknown_fields, default)]
 pub struct MediaSettings {
     /// Folders beneath which file sources may open files (symbolic links resolved first). Default: the
-    /// configuration file's own folder.
+    /// configuration file's own folder. 1 to 64 of them.
     pub roots: Vec<PathBuf>,
 }
 
@@ -75,7 +78,7 @@ impl Default for MediaSettings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TimelineSettings {
-    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 256.
+    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 300.
     pub mib_per_camera: u32,
 }
 
@@ -112,7 +115,7 @@ impl Default for RenderSettings {
 pub struct CameraSettings {
     /// Id: 1 to 64 of a-z, 0-9, - and _.
     pub id: CameraId,
-    /// Name for people. Default: the id.
+    /// Name for people, at most 200 characters, none of them a control character. Default: the id.
     #[serde(default)]
     pub name: String,
     /// Where its frames come from.
@@ -150,9 +153,39 @@ const fn default_rate_hz() -> f64 {
     25.0
 }
 
-fn timestamp<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+/// An instant as text, or as a whole number of nanoseconds.
+fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+    struct InstantVisitor;
+
+    impl Visitor<'_> for InstantVisitor {
+        type Value = Timestamp;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("an RFC 3339 instant or nanoseconds since 1970-01-01 (UTC)")
+        }
+
+        fn visit_i64<E: de::Error>(self, nanos: i64) -> Result<Timestamp, E> {
+            Ok(Timestamp::from_nanos(nanos))
+        }
+
+        fn visit_u64<E: de::Error>(self, nanos: u64) -> Result<Timestamp, E> {
+            i64::try_from(nanos).map(Timestamp::from_nanos).map_err(E::custom)
+        }
+
+        fn visit_str<E: de::Error>(self, text: &str) -> Result<Timestamp, E> {
+            text.parse().map_err(E::custom)
+        }
+    }
+
+    deserializer.deserialize_any(InstantVisitor).map(Some)
+}
+
+/// An address and a port.
+fn listen_address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SocketAddr, D::Error> {
     let text = String::deserialize(deserializer)?;
-    text.parse().map(Some).map_err(serde::de::Error::custom)
+    text.parse().map_err(|error| {
+        de::Error::custom(format!("{error}: expected an address and a port, such as 127.0.0.1:8080"))
+    })
 }
 
 /// Where frame times come from.
@@ -189,12 +222,19 @@ pub struct BackgroundSettings {
     pub match_threshold: f64,
     /// Share of the weights that is background, 0.1 to 0.99. Default 0.7.
     pub background_ratio: f64,
-    /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000. Default 15.
+    /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000 and within `variance_min` and `variance_max`.
+    /// Default 15.
     pub variance_init: f64,
     /// Least variance, 8-bit levels squared, 0.01 to 10000. Default 4.
     pub variance_min: f64,
     /// Greatest variance, 8-bit levels squared, 0.1 to 65025. Default 75.
     pub variance_max: f64,
+    /// How many times less noise chroma has than luma, 0.25 to 8: chroma differences count so many times. Default
+    /// 2, which averaging 2 x 2 samples gives; codecs often leave 3 and more.
+    pub chroma_scale: f64,
+    /// Longest time that one frame stands for, seconds, 0.001 to 3600: a gap in the stream teaches no more than
+    /// this. Default 2.
+    pub max_step_secs: f64,
     /// A clip (or pattern of pictures) of the empty place that is learned first. Default: none.
     pub clip: Option<PathBuf>,
     /// What follows the clip. Default `adapt`.
@@ -211,6 +251,8 @@ impl Default for BackgroundSettings {
             variance_init: 15.0,
             variance_min: 4.0,
             variance_max: 75.0,
+            chroma_scale: 2.0,
+            max_step_secs: 2.0,
             clip: None,
             learning: Learning::Adapt,
         }
@@ -236,14 +278,50 @@ pub struct SegmentSettings {
     pub delta: f64,
     /// Standard deviation of the blur, pixels, 0 (none) to 16. Default 1.5.
     pub blur_sigma_px: f64,
-    /// Least area of a blob, pixels, 1 to 1e9. Default 64.
+    /// How the mixture's own match test counts. Default `require`.
+    pub mixture: MixtureRule,
+    /// A pixel that kept its chromaticity and at least this share of its background's luma, 0.05 to 1, is in
+    /// shadow, not foreground. 1 looks for no shadows. Default 0.5.
+    pub shadow_darkest: f64,
+    /// Chroma that a shadow may change, share of full scale, 0 to 0.5: outdoors the sky tints shadows. Default
+    /// 0.05.
+    pub shadow_chroma: f64,
+    /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
+    /// stands close together. Default 0.
+    pub close_radius_px: u32,
+    /// Greatest hole in a blob that is filled, pixels, 0 (none) to 1e9. Default 64.
+    pub max_hole_px: u32,
+    /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. Default 300.
     pub min_area_px: u32,
 }
 
 impl Default for SegmentSettings {
     fn default() -> Self {
-        Self { delta: 0.08, blur_sigma_px: 1.5, min_area_px: 64 }
+        Self {
+            delta: 0.08,
+            blur_sigma_px: 1.5,
+            mixture: MixtureRule::Require,
+            shadow_darkest: 0.5,
+            shadow_chroma: 0.05,
+            close_radius_px: 0,
+            max_hole_px: 64,
+            min_area_px: 300,
+        }
     }
+}
+
+/// How the mixture's own match test counts when foreground is found. Its verdict at a pixel is that of most pixels
+/// of the 5 x 5 around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum MixtureRule {
+    /// Not at all: the blurred difference decides.
+    Ignore,
+    /// Both must agree, so that what sways or flickers, which has several modes, stays background.
+    #[default]
+    Require,
+    /// Either suffices, which finds what hardly differs from its background, and more noise.
+    Add,
 }
 
 /// One scene.

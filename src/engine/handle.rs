@@ -4,7 +4,7 @@ use super::EngineError;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{EntityStyle, Plan};
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneView};
 use crate::timeline::Observation;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
@@ -124,6 +124,8 @@ pub struct ViewAnswer {
     pub image: Arc<RgbImage>,
     /// The instant shown.
     pub instant: Timestamp,
+    /// Where it is seen from: what the request named, else the scene's own view.
+    pub view: SceneView,
     /// The cameras that had a frame for it.
     pub sources: Vec<SourceTime>,
     /// Which effects ran, and why.

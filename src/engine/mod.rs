@@ -1,11 +1,169 @@
 //! Threads, tasks and channels: cameras on one side, the renderer on the other. [`Handle`] is the only door that
 //! `api` uses.
 
+mod camera;
+mod checkpoint;
 mod error;
 mod handle;
+mod maps;
+mod offline;
+mod picture;
+mod renderer;
+mod shared;
 
 pub use error::EngineError;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, SceneSummary, SourceTime, ViewAnswer,
     ViewRequest,
 };
+pub use offline::view_once;
+
+use crate::clock::Clock;
+use crate::config::{CameraSettings, Config};
+use crate::ingest::{CameraWorker, IngestError, MediaRoots, StopFlag};
+use crate::scene::Scene;
+use crate::store::Store;
+use crate::telemetry::Metrics;
+use crate::timeline::Timeline;
+use camera::CameraConsumer;
+use checkpoint::Checkpoints;
+use shared::{CameraEntry, Shared};
+use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+use std::thread::JoinHandle;
+use std::time::Duration;
+use tokio::runtime::Handle as Runtime;
+
+/// Why the engine did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The media roots cannot be used, or a camera's thread cannot be started.
+    #[error(transparent)]
+    Ingest(#[from] IngestError),
+    /// Another thread cannot be started.
+    #[error("cannot start the thread {name}: {source}")]
+    Thread {
+        /// Its name.
+        name: &'static str,
+        /// What the system says.
+        source: std::io::Error,
+    },
+}
+
+/// The running engine: its threads, and what they share.
+pub struct Engine {
+    shared: Arc<Shared>,
+    workers: Vec<CameraWorker>,
+    threads: Vec<(&'static str, JoinHandle<()>)>,
+    stop_maps: StopFlag,
+}
+
+impl Engine {
+    /// Starts every camera, the renderer and the building of maps. Must be called within a tokio runtime, which the
+    /// store's work runs on.
+    ///
+    /// # Errors
+    /// When the media roots cannot be used or a thread cannot be started. What a camera meets later is its state.
+    pub fn start(
+        config: &Config,
+        scenes: Vec<Arc<Scene>>,
+        store: Store,
+        metrics: Arc<Metrics>,
+        clock: Arc<dyn Clock>,
+    ) -> Result<Self, StartError> {
+        let settings = config.settings();
+        let runtime = Runtime::current();
+        let roots = MediaRoots::new(&settings.media.roots)?;
+        // One zero for all cameras that name no start, so that clips which belong together stay together.
+        let origin = clock.now();
+        let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
+        let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
+            .unwrap_or(Duration::from_secs(60));
+        let mut workers = Vec::new();
+        let mut cameras = Vec::new();
+        for camera in &settings.camera {
+            metrics.announce_camera(camera.id.as_str());
+            let timeline = Arc::new(Timeline::new(capacity_bytes));
+            let checkpoints = Checkpoints::new(
+                camera,
+                interval,
+                store.clone(),
+                runtime.clone(),
+                Arc::clone(&metrics),
+                Arc::clone(&clock),
+            );
+            let consumer = CameraConsumer::new(
+                camera.clone(),
+                roots.clone(),
+                Arc::clone(&timeline),
+                checkpoints,
+                Arc::clone(&metrics),
+                Arc::clone(&clock),
+            );
+            let worker = CameraWorker::spawn(
+                camera.id.clone(),
+                camera.source.clone(),
+                roots.clone(),
+                Arc::clone(&clock),
+                origin,
+                Box::new(consumer),
+            )?;
+            cameras.push(entry(camera, timeline, &worker));
+            workers.push(worker);
+        }
+        let (queue, jobs) = sync_channel(settings.render.queue_length);
+        let shared = Arc::new(Shared::new(clock, metrics, cameras, scenes, settings.render.clone(), queue));
+        let renderer = {
+            let shared = Arc::clone(&shared);
+            spawn("renderer", move || renderer::run(&shared, &jobs))?
+        };
+        let stop_maps = StopFlag::default();
+        let builder = {
+            let (shared, stop) = (Arc::clone(&shared), stop_maps.clone());
+            spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
+        };
+        Ok(Self { shared, workers, threads: vec![renderer, builder], stop_maps })
+    }
+
+    /// The door to the engine; it outlives it, and then answers that the daemon is stopping.
+    #[must_use]
+    pub fn handle(&self) -> Handle {
+        Handle::new(Arc::clone(&self.shared) as Arc<dyn Door>)
+    }
+
+    /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
+    /// done.
+    pub fn stop(self) {
+        self.stop_maps.raise();
+        self.shared.close_queue();
+        // All are told before any is waited for.
+        for worker in &self.workers {
+            worker.request_stop();
+        }
+        for worker in self.workers {
+            worker.stop();
+        }
+        for (name, thread) in self.threads {
+            if thread.join().is_err() {
+                tracing::error!(name, "a thread panicked");
+            }
+        }
+    }
+}
+
+fn entry(camera: &CameraSettings, timeline: Arc<Timeline>, worker: &CameraWorker) -> CameraEntry {
+    CameraEntry {
+        id: camera.id.clone(),
+        name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
+        timeline,
+        status: worker.status_reader(),
+    }
+}
+
+fn spawn(
+    name: &'static str,
+    run: impl FnOnce() + Send + 'static,
+) -> Result<(&'static str, JoinHandle<()>), StartError> {
+    let thread = std::thread::Builder::new().name(name.to_owned()).spawn(run);
+    thread.map(|thread| (name, thread)).map_err(|source| StartError::Thread { name, source })
+}

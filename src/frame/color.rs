@@ -81,6 +81,31 @@ pub(super) fn rgb_from_yuv_rows(
     }
 }
 
+/// Rows Y, U, V: 16-bit fixed-point factors of 8-bit R, G, B, and the offset that rounds and places them.
+pub(super) type YuvFromRgb = [([i32; 3], i32); 3];
+
+/// Fraction bits of [`YuvFromRgb`].
+pub(super) const FRACTION_BITS: u32 = 16;
+
+/// The inverse of [`rgb_from_yuv_rows`] ([H.273] equations 38 to 40 with 20 to 25).
+pub(super) fn yuv_from_rgb(matrix: ColorMatrix, range: ColorRange) -> YuvFromRgb {
+    let (kr, kb) = matrix.red_blue_weights();
+    let (luma_offset, luma_scale, chroma_scale) = range.luma_offset_luma_scale_chroma_scale();
+    let one = (1_u32 << FRACTION_BITS) as f32;
+    // An 8-bit channel c stands for c / 255; grey must come out without chroma, so green takes what the rounded
+    // factors of red and blue leave over.
+    let row = |red: f32, blue: f32, sum: f32, offset: f32| {
+        let [red, blue, sum] = [red, blue, sum].map(|factor| (factor / 255.0 * one).round() as i32);
+        ([red, sum - red - blue, blue], (offset * one + 0.5 * one) as i32)
+    };
+    let (u_red, v_blue) = (-0.5 * kr / (1.0 - kb), -0.5 * kb / (1.0 - kr));
+    [
+        row(kr * luma_scale, kb * luma_scale, luma_scale, luma_offset),
+        row(u_red * chroma_scale, 0.5 * chroma_scale, 0.0, 128.0),
+        row(0.5 * chroma_scale, v_blue * chroma_scale, 0.0, 128.0),
+    ]
+}
+
 /// Linear light of an sRGB-coded value, both 0 to 1 (IEC 61966-2-1).
 #[must_use]
 pub fn linear_from_srgb(value: f32) -> f32 {

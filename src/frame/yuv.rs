@@ -1,7 +1,7 @@
 //! A picture in planar YUV 4:2:0, as decoders deliver it.
 
 use super::RgbImage;
-use super::color::{ColorMatrix, ColorRange, rgb_from_yuv_rows};
+use super::color::{ColorMatrix, ColorRange, FRACTION_BITS, rgb_from_yuv_rows, yuv_from_rgb};
 use std::fmt;
 
 /// Where the planes lie in the bytes of a picture.
@@ -167,6 +167,56 @@ impl YuvImage {
         Self::new(layout, matrix, range, data).expect("a packed layout fits its own length")
     }
 
+    /// The picture that `rgb` shows; chroma is the mean of its 2 x 2 pixels (of those that exist at odd edges).
+    ///
+    /// # Errors
+    /// When the picture has no pixels, or fewer bytes than its size promises.
+    pub fn from_rgb(rgb: &RgbImage, matrix: ColorMatrix, range: ColorRange) -> Result<Self, YuvError> {
+        let (width, height) = (rgb.width as usize, rgb.height as usize);
+        if width == 0 || height == 0 {
+            return Err(YuvError::Empty { width: rgb.width, height: rgb.height });
+        }
+        let needed = width * height * 3;
+        if rgb.data.len() < needed {
+            return Err(YuvError::Short { plane: 0, needed, available: rgb.data.len() });
+        }
+        let layout = YuvLayout::packed(rgb.width, rgb.height);
+        let mut data = vec![0; YuvLayout::packed_len(rgb.width, rgb.height)];
+        let (luma, chroma) = data.split_at_mut(layout.offsets[1]);
+        let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
+        let [from_luma, from_u, from_v] = yuv_from_rgb(matrix, range);
+        let code = |(factors, offset): ([i32; 3], i32), [r, g, b]: [i32; 3], shift: u32| {
+            let value = (factors[0] * r + factors[1] * g + factors[2] * b) >> shift;
+            ((value + offset) >> FRACTION_BITS).clamp(0, 255) as u8
+        };
+        for (pixel, out) in rgb.data.chunks_exact(3).zip(luma) {
+            *out = code(from_luma, [pixel[0], pixel[1], pixel[2]].map(i32::from), 0);
+        }
+        let chroma_width = layout.chroma_width() as usize;
+        let rows = rgb.data[..needed].chunks(2 * width * 3);
+        for ((rows, u), v) in rows.zip(u.chunks_exact_mut(chroma_width)).zip(v.chunks_exact_mut(chroma_width))
+        {
+            let (upper, lower) = rows.split_at(width * 3);
+            let lower = if lower.is_empty() { upper } else { lower };
+            for (x, (u, v)) in u.iter_mut().zip(v).enumerate() {
+                let (left, right) = (6 * x, (6 * x + 3).min(3 * width - 3));
+                let sum = [0, 1, 2].map(|channel| {
+                    [
+                        upper[left + channel],
+                        upper[right + channel],
+                        lower[left + channel],
+                        lower[right + channel],
+                    ]
+                    .map(i32::from)
+                    .iter()
+                    .sum()
+                });
+                (*u, *v) = (code(from_u, sum, 2), code(from_v, sum, 2));
+            }
+        }
+        Self::new(layout, matrix, range, data)
+    }
+
     /// Columns of the luma plane.
     #[must_use]
     pub const fn width(&self) -> u32 {
@@ -264,5 +314,59 @@ mod tests {
         check([63, 102, 240], ColorMatrix::Bt709, ColorRange::Limited, [255, 0, 0]);
         check([76, 85, 255], ColorMatrix::Bt601, ColorRange::Full, [254, 0, 0]);
         check([0, 128, 128], ColorMatrix::Bt601, ColorRange::Limited, [0, 0, 0]);
+    }
+
+    #[test]
+    fn colours_survive_the_way_to_yuv_and_back() {
+        let colors =
+            [[0, 0, 0], [255, 255, 255], [255, 0, 0], [0, 255, 0], [0, 0, 255], [12, 130, 251], [77, 77, 77]];
+        for (color, (width, height)) in
+            colors.iter().zip([(4, 4), (1, 1), (3, 5), (5, 3), (2, 1), (1, 2), (7, 7)])
+        {
+            let rgb = RgbImage { width, height, data: color.repeat((width * height) as usize) };
+            for matrix in [ColorMatrix::Bt601, ColorMatrix::Bt709, ColorMatrix::Bt2020] {
+                for (range, tolerance) in [(ColorRange::Full, 2), (ColorRange::Limited, 2)] {
+                    let back = YuvImage::from_rgb(&rgb, matrix, range).unwrap().to_rgb();
+                    let worst = back.data.iter().zip(&rgb.data).map(|(a, b)| a.abs_diff(*b)).max();
+                    assert!(
+                        worst <= Some(tolerance),
+                        "{color:?} {matrix:?} {range:?}: {:?}",
+                        &back.data[..3]
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn grey_has_no_chroma_and_chroma_is_the_mean_of_four_pixels() {
+        for grey in 0..=255_u8 {
+            let rgb = RgbImage { width: 2, height: 2, data: vec![grey; 12] };
+            let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt709, ColorRange::Full).unwrap();
+            assert_eq!(
+                (yuv.plane(0).row(0)[0], yuv.plane(1).row(0), yuv.plane(2).row(0)),
+                (grey, &[128][..], &[128][..])
+            );
+        }
+        let rgb = RgbImage { width: 2, height: 2, data: vec![255, 0, 0, 0, 0, 0, 0, 0, 0, 255, 0, 0] };
+        let yuv = YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full).unwrap();
+        assert_eq!(yuv.plane(0).row(0)[..2], [76, 0]);
+        assert_eq!((yuv.plane(1).row(0)[0], yuv.plane(2).row(0)[0]), (106, 192));
+        assert!(
+            YuvImage::from_rgb(
+                &RgbImage { width: 2, height: 2, data: vec![0; 11] },
+                ColorMatrix::Bt601,
+                ColorRange::Full
+            )
+            .is_err()
+        );
+        assert!(
+            YuvImage::from_rgb(
+                &RgbImage { width: 0, height: 2, data: vec![] },
+                ColorMatrix::Bt601,
+                ColorRange::Full
+            )
+            .is_err()
+        );
     }
 }

@@ -1,1 +1,95 @@
-//! To be furnished.
+//! From files to frames: sources, the thread that paces one camera, and the bounds on what may be opened.
+//!
+//! In: settings (a path, a timing, an end) and the media roots. Out: `SourceFrame`s in the decoder's own planes,
+//! timed from the first one on; a `CameraWorker` turns them into `Frame`s of scene time and hands them to its
+//! consumer. Knows nothing of what consumers do with frames, nor of scenes.
+
+mod clip;
+mod decoder;
+mod error;
+mod file;
+mod images;
+mod media;
+mod pacing;
+mod pattern;
+mod pipeline;
+mod planes;
+mod roots;
+mod status;
+mod stop;
+mod timed;
+mod worker;
+
+pub use clip::{index_rate_hz, learn_clip};
+pub use error::IngestError;
+pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
+pub use roots::MediaRoots;
+pub use status::{CameraState, CameraStatus, StatusReader};
+pub use stop::StopFlag;
+pub use worker::{CameraWorker, FrameConsumer};
+
+use crate::config::{SourceSettings, Timing};
+use crate::frame::YuvImage;
+use std::sync::Arc;
+
+/// One picture of a source, before it belongs to a camera.
+#[derive(Clone, Debug)]
+pub struct SourceFrame {
+    /// The pixels, in the decoder's own planes.
+    pub image: Arc<YuvImage>,
+    /// Nanoseconds since the source's first frame: 0 for it, then strictly growing, through loops too.
+    pub stream_nanos: i64,
+    /// Number of the frame, from 0; counts on through loops.
+    pub number: u64,
+}
+
+/// Something that delivers pictures one after the other.
+pub trait Source: Send {
+    /// The next picture, or `None` after the last. Blocks until there is one, but never for longer than a few
+    /// seconds: a source that gives nothing fails.
+    ///
+    /// # Errors
+    /// When the source ends other than by its end: unreadable, damaged, no decoder, silent for too long, stopped.
+    fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError>;
+}
+
+/// Opens the file or the numbered pictures that `settings` name. A path whose file name has a `%` is a pattern of
+/// numbered pictures, every other is a video file.
+///
+/// # Errors
+/// When the path lies outside `roots`, does not exist, cannot be read, or the settings contradict themselves.
+/// Whether a file is a video that can be decoded shows with its first frame.
+pub fn open(settings: &SourceSettings, roots: &MediaRoots) -> Result<Box<dyn Source>, IngestError> {
+    open_stoppable(settings, roots, &StopFlag::default())
+}
+
+/// As [`open`]; once `stop` is raised the source fails with [`IngestError::Stopped`] within a quarter of a second.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_stoppable(
+    settings: &SourceSettings,
+    roots: &MediaRoots,
+    stop: &StopFlag,
+) -> Result<Box<dyn Source>, IngestError> {
+    let is_usable_rate = settings.rate_hz.is_finite() && (0.01..=1000.0).contains(&settings.rate_hz);
+    if !is_usable_rate {
+        return Err(IngestError::Rate { rate_hz: settings.rate_hz });
+    }
+    let path = &settings.path;
+    if pattern::is_pattern(path) {
+        if settings.timing == Some(Timing::Pts) {
+            return Err(IngestError::PictureTimes { path: path.clone() });
+        }
+        let pictures = images::NumberedPictures::open(path, roots, stop)?;
+        return Ok(Box::new(timed::TimedSource::new(
+            pictures,
+            Timing::Index,
+            settings.rate_hz,
+            settings.end,
+        )));
+    }
+    let file = file::VideoFile::open(path, roots, stop)?;
+    let timing = settings.timing.unwrap_or(Timing::Pts);
+    Ok(Box::new(timed::TimedSource::new(file, timing, settings.rate_hz, settings.end)))
+}

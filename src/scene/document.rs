@@ -1,1 +1,205 @@
-//! The document as it is written.
+//! The document as it is written, version 1; and as it is written back: every default filled in, every imported
+//! calibration in the project's own form, so that it needs no other file.
+
+use crate::calibrate::{CameraDocument, Format};
+use crate::frame::CameraId;
+use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+
+/// The only version there is.
+pub const VERSION: u32 = 1;
+
+/// A normalised scene document.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneDocument {
+    /// Always [`VERSION`].
+    pub version: u32,
+    /// Name for people, 1 to 200 characters. Default: the scene's id.
+    pub name: String,
+    /// Where the scene's origin lies on the earth, if that is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub origin: Option<OriginDocument>,
+    /// What is seen where nothing stands.
+    pub sky: SkyDocument,
+    /// Level polygons of ground, at most 256 with 16384 corners together.
+    pub ground: Vec<GroundDocument>,
+    /// Upright boxes, at most 4096; ids are unique.
+    pub boxes: Vec<BoxDocument>,
+    /// The cameras that look at the scene, at most 256; ids are unique.
+    pub cameras: Vec<SceneCameraDocument>,
+    /// The view shown where a request names none. Default: all of the ground from the south and above.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view: Option<ViewDocument>,
+}
+
+impl SceneDocument {
+    /// The document as JSON.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("every key is text and every number is finite")
+    }
+}
+
+/// A place on the earth (WGS 84).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OriginDocument {
+    /// Latitude, degrees, -90 to 90.
+    pub latitude_deg: f64,
+    /// Longitude, degrees, -180 to 180.
+    pub longitude_deg: f64,
+    /// Height above the ellipsoid, metres, -20000 to 100000. Default 0.
+    #[serde(default)]
+    pub height_m: f64,
+}
+
+/// A place to look from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ViewDocument {
+    /// The viewer's place, metres, within 1e8 of the origin.
+    pub eye_m: [f64; 3],
+    /// What the viewer looks at, metres, within 1e8 of the origin and at least 1 mm from the eye.
+    pub target_m: [f64; 3],
+    /// Vertical field of view, degrees, 1 to 170. Default 45.
+    #[serde(default = "view_fov_deg")]
+    pub fov_deg: f64,
+}
+
+const fn view_fov_deg() -> f64 {
+    45.0
+}
+
+/// The sky.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SkyDocument {
+    /// Its colour. Default `#87b5dd`.
+    pub color_srgb: Color,
+}
+
+impl Default for SkyDocument {
+    fn default() -> Self {
+        Self { color_srgb: Color([0x87, 0xb5, 0xdd]) }
+    }
+}
+
+/// A level polygon of ground.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GroundDocument {
+    /// Corners x, y in metres, 3 to 4096 of them, either way round, the first not repeated; no edge crosses
+    /// another.
+    pub polygon: Vec<[f64; 2]>,
+    /// Its height, metres. Default 0.
+    #[serde(default)]
+    pub height_m: f64,
+    /// Its colour where no camera sees it. Default `#8a8a84`.
+    #[serde(default = "ground_color")]
+    pub color_srgb: Color,
+}
+
+const fn ground_color() -> Color {
+    Color([0x8a, 0x8a, 0x84])
+}
+
+/// An upright box.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoxDocument {
+    /// As a camera's id.
+    pub id: String,
+    /// Its middle, metres.
+    pub center_m: [f64; 3],
+    /// Its full extents along its own x, y and z, metres, 0.001 to 100000.
+    pub size_m: [f64; 3],
+    /// Its turn from east towards north, degrees, -360 to 360. Default 0.
+    #[serde(default)]
+    pub yaw_deg: f64,
+    /// Its colour where no camera sees it. Default `#b0a080`.
+    #[serde(default = "box_color")]
+    pub color_srgb: Color,
+}
+
+const fn box_color() -> Color {
+    Color([0xb0, 0xa0, 0x80])
+}
+
+/// A camera of the scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneCameraDocument {
+    /// Which camera.
+    pub id: CameraId,
+    /// How it is calibrated.
+    pub calibration: CameraDocument,
+}
+
+/// Where a calibration is to be imported from, in place of the calibration itself.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ImportReference {
+    /// The file; a relative path starts at the scene file's folder.
+    pub file: String,
+    /// Its format. Default: told from the text.
+    #[serde(default)]
+    pub format: Option<Format>,
+    /// Columns and rows of the calibrated picture, for formats that may not say.
+    #[serde(default)]
+    pub image_size_px: Option<[u32; 2]>,
+    /// Which camera of a file that holds several.
+    #[serde(default)]
+    pub camera: Option<String>,
+    /// Length of the file's unit in metres. Default: as the format has it.
+    #[serde(default)]
+    pub metres_per_unit: Option<f64>,
+}
+
+/// A colour, 8-bit sRGB, written `#rrggbb`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Color(pub [u8; 3]);
+
+impl Serialize for Color {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let [red, green, blue] = self.0;
+        serializer.serialize_str(&format!("#{red:02x}{green:02x}{blue:02x}"))
+    }
+}
+
+impl<'de> Deserialize<'de> for Color {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        parse_color(&text).ok_or_else(|| {
+            let shown: String = text.chars().take(16).collect();
+            de::Error::custom(format!("expected a colour such as \"#87b5dd\", got {shown:?}"))
+        })
+    }
+}
+
+fn parse_color(text: &str) -> Option<Color> {
+    let digits = text.strip_prefix('#')?;
+    if digits.len() != 6 || !digits.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return None;
+    }
+    let number = u32::from_str_radix(digits, 16).ok()?;
+    let [_, red, green, blue] = number.to_be_bytes();
+    Some(Color([red, green, blue]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_are_six_hexadecimal_digits() {
+        let check = |text: &str, expected: Option<[u8; 3]>| {
+            assert_eq!(parse_color(text).map(|color| color.0), expected, "{text}");
+        };
+        check("#87b5dd", Some([0x87, 0xb5, 0xdd]));
+        check("#FFffFF", Some([255; 3]));
+        check("87b5dd", None);
+        check("#87b5d", None);
+        check("#87b5ddff", None);
+        check("#+7b5dd", None);
+        check("#\u{fc}\u{fc}\u{fc}", None);
+        check("", None);
+    }
+}

@@ -1,11 +1,103 @@
 //! The scene document: cameras, ground, boxes, sky; versioned JSON, validated with JSON pointers.
+//!
+//! Text goes in; a [`Scene`] ready to be fused and rendered comes out, with the normalised document beside it, or
+//! all faults of the text. Calibrations may stand in other files: who brings them in is the caller's choice.
+//! Knows nothing of pictures, time or the GPU.
 
 mod document;
+mod import;
+mod json;
+mod polygon;
+mod read;
 
+pub use document::{
+    BoxDocument, Color, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument,
+    SkyDocument, VERSION, ViewDocument,
+};
+pub use import::{load_file, no_imports};
+
+use crate::error::{ErrorKind, Fault, join_faults};
 use crate::frame::CameraId;
 use crate::geometry::{Camera, Surfaces};
 use glam::DVec3;
+use std::path::PathBuf;
 use std::sync::Arc;
+
+/// Most bytes of a scene document.
+pub const MAX_DOCUMENT_BYTES: usize = 4 << 20;
+
+/// Reads a scene document. `resolve` brings in the calibrations that stand elsewhere, or says why not;
+/// [`no_imports`] takes none.
+///
+/// # Errors
+/// With every fault of the document, each with its JSON pointer, or when it has more than
+/// [`MAX_DOCUMENT_BYTES`].
+pub fn parse(
+    id: &str,
+    text: &str,
+    mut resolve: impl FnMut(&ImportReference) -> Result<Camera, String>,
+) -> Result<ParsedScene, SceneError> {
+    read::parse(id, text, &mut resolve)
+}
+
+/// What a document says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParsedScene {
+    /// The scene.
+    pub scene: Scene,
+    /// The document with all defaults filled in and no imports left; to parse its JSON gives the same again.
+    pub document: SceneDocument,
+}
+
+/// Why there is no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// The file cannot be read.
+    #[error("cannot read the scene document: {source}: {}", path.display())]
+    Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// What stands there is no text file.
+    #[error("the scene document must be a JSON file, but this is {what}: {}", path.display())]
+    NotAFile {
+        /// Where.
+        path: PathBuf,
+        /// What it is instead.
+        what: &'static str,
+    },
+    /// The document is too large.
+    #[error("a scene document may have at most {MAX_DOCUMENT_BYTES} bytes, got {bytes}")]
+    TooLarge {
+        /// How many it has.
+        bytes: u64,
+    },
+    /// The document's faults; never empty.
+    #[error("{}", join_faults(.0))]
+    Faults(Vec<Fault>),
+}
+
+impl SceneError {
+    /// What the caller can do about it.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                ErrorKind::NotFound
+            }
+            Self::TooLarge { .. } => ErrorKind::TooLarge,
+            Self::Unreadable { .. } | Self::NotAFile { .. } | Self::Faults(_) => ErrorKind::Invalid,
+        }
+    }
+
+    /// The document's faults; empty when it could not be read at all.
+    #[must_use]
+    pub fn faults(&self) -> &[Fault] {
+        if let Self::Faults(faults) = self { faults } else { &[] }
+    }
+}
 
 /// A scene that was validated and is ready to be fused and rendered. Immutable.
 #[derive(Clone, Debug, PartialEq)]

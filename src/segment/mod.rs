@@ -1,4 +1,27 @@
 //! From a frame and its background to soft masks and blobs.
+//!
+//! A frame, its background picture and the mixture's own verdict flow in; a soft mask, a hard one and its connected
+//! pieces flow out. Knows nothing of how backgrounds are learned, of cameras in the world, or of time.
+//!
+//! The stages, one file each: signed difference and norm (`difference`), one label a pixel (`label`), repair of the
+//! labels (`repair`), pieces (`components`), and their order (`segmenter`).
+
+mod components;
+mod difference;
+mod label;
+mod repair;
+mod segmenter;
+
+pub use segmenter::{Segmentation, Segmenter};
+
+/// Label of a background pixel.
+pub const BACKGROUND: u8 = 0;
+
+/// Label of a pixel whose background lies in a moving thing's shadow.
+pub const SHADOW: u8 = 50;
+
+/// Label of a pixel of a moving thing.
+pub const MOVING: u8 = 255;
 
 /// A rectangle in pixels: columns `x .. x + width`, rows `y .. y + height`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

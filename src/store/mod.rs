@@ -1,1 +1,97 @@
-//! To be furnished.
+//! The SQLite database: scenes, backgrounds and texture-to-world maps, one file a table.
+//!
+//! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
+//! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
+//! rebuilt, on disk before it is acknowledged; `cache` (`synchronous = normal`) reads everything and writes what
+//! can be rebuilt: a power cut may lose its last commits, never the file's consistency, and the end of the process
+//! alone loses nothing.
+
+mod background;
+mod error;
+mod migrate;
+mod open;
+mod scene;
+mod texture_map;
+
+pub use background::BackgroundRecord;
+pub use error::StoreError;
+pub use migrate::SCHEMA_VERSION;
+pub use scene::{SceneEntry, SceneRecord};
+pub use texture_map::TextureMapRecord;
+
+use sqlx::SqlitePool;
+use std::path::{Path, PathBuf};
+
+/// Most bytes of one background or map; SQLite's own limit is a little above.
+pub const MAX_BLOB_BYTES: usize = 900_000_000;
+
+/// Bytes of texture-to-world maps that are kept when nothing else is said.
+pub const TEXTURE_MAPS_BYTES: u64 = 1 << 30;
+
+/// An open database. Cheap to clone: the connections are shared.
+#[derive(Clone, Debug)]
+pub struct Store {
+    path: PathBuf,
+    durable: SqlitePool,
+    cache: SqlitePool,
+    texture_maps_bytes: u64,
+}
+
+impl Store {
+    /// Opens the database at `path`, makes it and its folder if they are not there, and brings its schema up to
+    /// date. Reads the whole file once to check it.
+    ///
+    /// # Errors
+    /// When the folder cannot be written, lies on a network file system, or the file is not a database, is
+    /// another program's, is damaged, or has a newer schema; nothing is changed then.
+    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+        open::open(path, TEXTURE_MAPS_BYTES).await
+    }
+
+    /// As [`Self::open`], keeping at most `texture_maps_bytes` of texture-to-world maps.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub async fn open_with_texture_maps_bytes(
+        path: &Path,
+        texture_maps_bytes: u64,
+    ) -> Result<Self, StoreError> {
+        open::open(path, texture_maps_bytes).await
+    }
+
+    /// The database's file.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Waits for what is being written, puts the log into the file and closes all connections.
+    ///
+    /// # Errors
+    /// When the log cannot be put into the file; nothing is lost then, the next start does it.
+    pub async fn close(self) -> Result<(), StoreError> {
+        self.cache.close().await;
+        let checkpoint = sqlx::query("pragma wal_checkpoint(truncate)").execute(&self.durable).await;
+        self.durable.close().await;
+        checkpoint.map(|_| ()).map_err(|error| self.classify(error))
+    }
+
+    fn classify(&self, error: sqlx::Error) -> StoreError {
+        StoreError::classify(error, &self.path)
+    }
+}
+
+/// Refuses what SQLite could not hold.
+fn check_size(what: &'static str, bytes: &[u8]) -> Result<(), StoreError> {
+    if bytes.len() > MAX_BLOB_BYTES {
+        return Err(StoreError::TooLarge { what, bytes: bytes.len() as u64, most: MAX_BLOB_BYTES as u64 });
+    }
+    Ok(())
+}
+
+/// SHA-256 of `bytes` in lower-case hexadecimal.
+#[must_use]
+pub fn digest_hex(bytes: &[u8]) -> String {
+    use sha2::Digest;
+    sha2::Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}

@@ -1,5 +1,9 @@
 //! What every camera saw lately: one ring of observations a camera, bounded in bytes.
 
+mod ring;
+
+pub use ring::{Timeline, TimelineError};
+
 use crate::frame::{Frame, Mask, YuvImage};
 use crate::segment::Blob;
 use std::sync::Arc;

@@ -1,1 +1,323 @@
-//! The api room seen from outside.
+//! The api room seen from outside: the router over a stand-in for the engine, and the server on a loopback socket.
+
+#![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
+
+mod door;
+mod refusals;
+mod server;
+
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::{HeaderMap, Request, StatusCode};
+use door::{DOCUMENT, FIRST, FakeDoor, LAST, State};
+use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+use tower::ServiceExt;
+use videofields::api::{Limits, router_within};
+use videofields::clock::{Clock, Timestamp};
+use videofields::engine::{At, Handle, LocateMethod};
+use videofields::plan::EntityStyle;
+
+/// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
+#[derive(Default)]
+struct TickingClock(AtomicU64);
+
+impl Clock for TickingClock {
+    fn now(&self) -> Timestamp {
+        LAST
+    }
+
+    fn monotonic(&self) -> Duration {
+        Duration::from_millis(self.0.fetch_add(1, Ordering::Relaxed))
+    }
+
+    fn sleep(&self, _duration: Duration) {}
+}
+
+/// The router over a stand-in, and the stand-in.
+struct Bench {
+    router: Router,
+    door: Arc<FakeDoor>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        Self::within(Limits::default(), State::default())
+    }
+
+    fn within(limits: Limits, state: State) -> Self {
+        let door = Arc::new(FakeDoor(state.into()));
+        let handle = Handle::new(Arc::clone(&door) as _);
+        Self { router: router_within(limits, handle, Arc::new(TickingClock::default())), door }
+    }
+
+    async fn send(&self, request: Request<Body>) -> Answer {
+        let response = self.router.clone().oneshot(request).await.unwrap();
+        let (parts, body) = response.into_parts();
+        let body = to_bytes(body, 1 << 24).await.unwrap().to_vec();
+        Answer { status: parts.status, headers: parts.headers, body }
+    }
+
+    async fn get(&self, target: &str) -> Answer {
+        self.send(Request::get(target).body(Body::empty()).unwrap()).await
+    }
+}
+
+struct Answer {
+    status: StatusCode,
+    headers: HeaderMap,
+    body: Vec<u8>,
+}
+
+impl Answer {
+    fn field(&self, name: &str) -> &str {
+        self.headers.get(name).map_or("(absent)", |value| value.to_str().unwrap())
+    }
+
+    fn json(&self) -> Value {
+        serde_json::from_slice(&self.body).unwrap()
+    }
+
+    /// The problem document, after a look at everything that every one of them has.
+    fn problem(&self, status: u16, path: &str) -> Value {
+        let body = String::from_utf8_lossy(&self.body);
+        assert_eq!(self.status.as_u16(), status, "{path}: {body}");
+        assert_eq!(self.field("content-type"), "application/problem+json", "{path}");
+        assert_eq!(self.field("cache-control"), "no-store", "{path}");
+        let problem = self.json();
+        assert!(problem["type"].as_str().unwrap().starts_with("urn:videofields:problem:"), "{problem}");
+        assert!(!problem["title"].as_str().unwrap().is_empty(), "{problem}");
+        assert_eq!(problem["status"], status, "{problem}");
+        assert!(!problem["detail"].as_str().unwrap().is_empty(), "{problem}");
+        assert_eq!(problem["instance"], path, "{problem}");
+        problem
+    }
+}
+
+#[tokio::test]
+async fn probes_say_whether_the_daemon_lives_and_is_ready() {
+    let bench = Bench::new();
+    let healthy = bench.get("/healthz").await;
+    assert_eq!((healthy.status, &healthy.json()["status"]), (StatusCode::OK, &json!("ok")));
+    let ready = bench.get("/readyz").await;
+    assert_eq!(ready.status, StatusCode::OK);
+    assert_eq!(
+        ready.json(),
+        json!({"ready": true, "store": true, "renderer": "llvmpipe", "cameras_with_frames": [1, 2]})
+    );
+    bench.door.0.lock().unwrap().is_unready = true;
+    let unready = bench.get("/readyz").await;
+    assert_eq!((unready.status, &unready.json()["ready"]), (StatusCode::SERVICE_UNAVAILABLE, &json!(false)));
+    assert_eq!(bench.get("/healthz").await.status, StatusCode::OK);
+}
+
+#[tokio::test]
+async fn metrics_are_plain_text() {
+    let answer = Bench::new().get("/metrics").await;
+    assert_eq!(answer.field("content-type"), "text/plain; version=0.0.4; charset=utf-8");
+    assert_eq!(answer.body, b"# TYPE videofields_up gauge\nvideofields_up 1\n");
+}
+
+#[tokio::test]
+async fn cameras_show_their_state() {
+    let bench = Bench::new();
+    let all = bench.get("/api/v1/cameras").await;
+    assert_eq!((all.status, all.field("cache-control")), (StatusCode::OK, "no-store"));
+    let south = bench.get("/api/v1/cameras/south").await.json();
+    assert_eq!(all.json()["cameras"][1], south);
+    assert_eq!(
+        south,
+        json!({
+            "id": "south", "name": "SOUTH", "state": "failed", "reason": "no such file", "size_px": [6, 4],
+            "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
+            "scenes": ["plaza"],
+        })
+    );
+}
+
+#[tokio::test]
+async fn camera_pictures_hold_what_the_camera_saw() {
+    let bench = Bench::new();
+    let check = async |file: &str, first_pixels: &[u8]| {
+        let answer = bench.get(&format!("/api/v1/cameras/north/{file}")).await;
+        assert_eq!(answer.status, StatusCode::OK, "{file}");
+        let is_png = file.ends_with("png");
+        assert_eq!(answer.field("content-type"), if is_png { "image/png" } else { "image/jpeg" }, "{file}");
+        let picture = image::load_from_memory(&answer.body).unwrap();
+        assert_eq!((picture.width(), picture.height()), (6, 4), "{file}");
+        let expected_color = if file == "mask.png" { image::ColorType::L8 } else { image::ColorType::Rgb8 };
+        assert_eq!(picture.color(), expected_color, "{file}");
+        let tolerance = if is_png { 0 } else { 60 };
+        for (got, want) in picture.to_luma8().as_raw().iter().zip(first_pixels) {
+            assert!(got.abs_diff(*want) <= tolerance, "{file}: {got}, not {want}");
+        }
+        assert_eq!(answer.field("videofields-time"), LAST.to_string(), "{file}");
+        assert_eq!(answer.field("videofields-frame"), "42", "{file}");
+        assert_eq!(answer.field("videofields-age"), "0.250", "{file}");
+        assert_eq!(answer.field("server-timing"), "encode;dur=1.000", "{file}");
+        assert_eq!(answer.field("cache-control"), "no-store", "{file}");
+    };
+    check("frame.png", &[255, 255]).await;
+    check("frame.jpg", &[255, 255]).await;
+    check("background.png", &[0, 0]).await;
+    check("background.jpg", &[0, 0]).await;
+    check("mask.png", &[255, 50, 0]).await;
+    check("mask.jpg", &[255]).await;
+}
+
+#[tokio::test]
+async fn a_fixed_time_shows_the_newest_frame_at_or_before_it() {
+    let bench = Bench::new();
+    for t in
+        ["2000000000", "1970-01-01T00:00:02Z", "1970-01-01T02:00:02+02:00", "1970-01-01T02:00:02%2B02:00"]
+    {
+        let answer = bench.get(&format!("/api/v1/cameras/north/frame.jpg?t={t}")).await;
+        assert_eq!(answer.field("videofields-time"), "1970-01-01T00:00:02Z", "{t}");
+        assert_eq!(answer.field("cache-control"), "private, max-age=10", "{t}");
+        assert_eq!(answer.field("videofields-age"), "(absent)", "{t}");
+    }
+}
+
+#[tokio::test]
+async fn locate_asks_for_what_the_query_says() {
+    let bench = Bench::new();
+    let answer = bench.get("/api/v1/cameras/north/locate?u=0.25&v=1").await;
+    assert_eq!(
+        answer.json(),
+        json!({
+            "point_m": [1.5, -2.0, 0.0], "theta_rad": 0.5, "reliable": true, "footprint_m": 0.01,
+            "surface": "ground", "surface_idx": 0,
+        })
+    );
+    let asked = |bench: &Bench| bench.door.0.lock().unwrap().located.clone().unwrap();
+    assert_eq!(asked(&bench), ("north".into(), DVec2::new(0.25, 1.0), None, LocateMethod::Ray));
+    let answer = bench.get("/api/v1/cameras/south/locate?method=map&v=0&u=0&scene=plaza").await;
+    assert_eq!(answer.status, StatusCode::OK);
+    assert_eq!(asked(&bench), ("south".into(), DVec2::ZERO, Some("plaza".into()), LocateMethod::Map));
+}
+
+#[tokio::test]
+async fn scenes_answer_their_document_byte_for_byte() {
+    let bench = Bench::new();
+    let expected = json!({"scenes": [{"id": "plaza", "name": "Plaza", "cameras": ["north", "south"]}]});
+    assert_eq!(bench.get("/api/v1/scenes").await.json(), expected);
+    let one = bench.get("/api/v1/scenes/plaza").await;
+    assert_eq!(one.field("content-type"), "application/json");
+    assert_eq!(one.body, DOCUMENT.as_bytes());
+}
+
+#[tokio::test]
+async fn a_view_asks_for_what_the_query_says() {
+    let bench = Bench::new();
+    let asked = |bench: &Bench| bench.door.0.lock().unwrap().view.clone().unwrap();
+    let target = "/api/v1/scenes/plaza/view.png?eye=1,-2,3.5&target=0,0,1e0&fov=60&width=32&height=16\
+                  &t=1970-01-01T00:00:05Z&entities=points";
+    let answer = bench.get(target).await;
+    assert_eq!(answer.status, StatusCode::OK);
+    let request = asked(&bench);
+    assert_eq!(request.scene, "plaza");
+    assert_eq!(request.eye, Some(DVec3::new(1.0, -2.0, 3.5)));
+    assert_eq!(request.target, Some(DVec3::new(0.0, 0.0, 1.0)));
+    assert!((request.fov_y_rad.unwrap() - std::f64::consts::FRAC_PI_3).abs() < 1e-15);
+    assert_eq!((request.width_px, request.height_px), (32, 16));
+    assert_eq!(request.at, At::Time(Timestamp::from_nanos(5_000_000_000)));
+    assert_eq!(request.style, EntityStyle::Points);
+
+    assert_eq!(bench.get("/api/v1/scenes/plaza/view.jpg").await.status, StatusCode::OK);
+    let request = asked(&bench);
+    assert_eq!((request.eye, request.target, request.fov_y_rad), (None, None, None));
+    assert_eq!((request.width_px, request.height_px), (1280, 720));
+    assert_eq!((request.at, request.style), (At::Live, EntityStyle::Billboards));
+}
+
+#[tokio::test]
+async fn a_view_says_what_it_shows() {
+    let bench = Bench::new();
+    let answer = bench.get("/api/v1/scenes/plaza/view.png?width=8&height=4&eye=5,6,7").await;
+    assert_eq!(answer.field("content-type"), "image/png");
+    let picture = image::load_from_memory(&answer.body).unwrap().into_rgb8();
+    assert_eq!(picture.dimensions(), (8, 4));
+    assert!(picture.as_raw().iter().all(|value| *value == 200));
+    assert_eq!(answer.field("videofields-time"), LAST.to_string());
+    assert_eq!(answer.field("videofields-sources"), format!("north={LAST},south={FIRST}"));
+    assert_eq!(answer.field("videofields-plan"), "surface,billboard");
+    assert_eq!(answer.field("videofields-view"), "eye=5,6,7;target=1,2,1;fov=45");
+    assert_eq!(answer.field("server-timing"), "fuse;dur=1.500, render;dur=4.000, encode;dur=1.000");
+    assert_eq!(answer.field("cache-control"), "no-store");
+    let fixed = bench.get("/api/v1/scenes/plaza/view.jpg?t=5").await;
+    assert_eq!(fixed.field("content-type"), "image/jpeg");
+    assert_eq!(fixed.field("cache-control"), "private, max-age=10");
+}
+
+#[tokio::test]
+async fn the_page_needs_nothing_from_elsewhere() {
+    let bench = Bench::new();
+    let page = bench.get("/").await;
+    assert_eq!(page.field("content-type"), "text/html; charset=utf-8");
+    let policy = page.field("content-security-policy").to_owned();
+    assert!(policy.starts_with("default-src 'none'; script-src 'self'; style-src 'self';"), "{policy}");
+    assert!(!policy.contains("unsafe"), "{policy}");
+    let html = String::from_utf8(page.body).unwrap();
+    let linked = html.split(['"', '\'']).filter(|text| text.starts_with('/') && text.len() > 1);
+    let mut n_linked = 0;
+    for path in linked {
+        let file = bench.get(path).await;
+        assert_eq!(file.status, StatusCode::OK, "{path}");
+        assert!(!String::from_utf8(file.body).unwrap().contains("https://"), "{path}");
+        n_linked += 1;
+    }
+    assert!(n_linked >= 3, "{html}");
+    for inline in ["<style", "style=", "onclick", "https://"] {
+        assert!(!html.contains(inline), "the policy forbids {inline}");
+    }
+}
+
+#[tokio::test]
+async fn head_answers_as_get_without_the_body() {
+    let bench = Bench::new();
+    for path in ["/", "/healthz", "/api/v1/cameras", "/api/v1/cameras/north/frame.jpg", "/api/v1/nowhere"] {
+        let whole = bench.get(path).await;
+        let head = bench.send(Request::head(path).body(Body::empty()).unwrap()).await;
+        assert_eq!(head.status, whole.status, "{path}");
+        assert_eq!(head.field("content-type"), whole.field("content-type"), "{path}");
+        assert!(head.body.is_empty(), "{path}");
+        if head.headers.contains_key("content-length") {
+            assert_eq!(head.field("content-length"), whole.body.len().to_string(), "{path}");
+        }
+    }
+}
+
+#[tokio::test]
+async fn every_answer_is_counted_by_its_route() {
+    let bench = Bench::new();
+    let check = async |target: &str, route: &str, status: u16| {
+        bench.get(target).await;
+        let (counted_route, counted_status, duration) = bench.door.0.lock().unwrap().counted.pop().unwrap();
+        assert_eq!((counted_route.as_str(), counted_status), (route, status), "{target}");
+        assert!(duration >= Duration::from_millis(1), "{target}");
+        assert!(bench.door.0.lock().unwrap().counted.is_empty(), "{target} is counted once");
+    };
+    check("/", "/", 200).await;
+    check("/healthz", "/healthz", 200).await;
+    check("/api/v1/cameras/north", "/api/v1/cameras/{id}", 200).await;
+    check("/api/v1/cameras/west", "/api/v1/cameras/{id}", 404).await;
+    check("/api/v1/cameras/north/mask.png", "/api/v1/cameras/{id}/{picture}", 200).await;
+    check("/api/v1/cameras/north/locate?u=7", "/api/v1/cameras/{id}/locate", 400).await;
+    check("/api/v1/scenes/plaza/view.jpg", "/api/v1/scenes/{id}/{picture}", 200).await;
+    check("/wp-login.php", "(none)", 404).await;
+}
+
+#[tokio::test]
+async fn every_answer_keeps_other_sites_out() {
+    let bench = Bench::new();
+    for path in ["/", "/healthz", "/nowhere", "/api/v1/scenes", "/api/v1/cameras/north/frame.jpg"] {
+        let answer = bench.get(path).await;
+        assert_eq!(answer.field("x-content-type-options"), "nosniff", "{path}");
+        assert_eq!(answer.field("cross-origin-resource-policy"), "same-origin", "{path}");
+        assert_eq!(answer.field("referrer-policy"), "no-referrer", "{path}");
+        assert!(answer.field("content-security-policy").contains("default-src 'none'"), "{path}");
+    }
+}

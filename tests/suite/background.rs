@@ -1,1 +1,36 @@
-//! The background room seen from outside.
+//! The background room seen from outside: a restart in the middle of real footage.
+
+use crate::support::real_data;
+use videofields::clock::Timestamp;
+use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings};
+use videofields::frame::{CameraId, Frame};
+use videofields::ingest::{self, MediaRoots, Pipeline};
+
+#[test]
+fn restart_in_the_middle_of_a_clip_changes_no_mask() {
+    let Some(path) = real_data("pets2009_s2l1/vtest.avi") else { return };
+    let roots = MediaRoots::folder_of(&path).unwrap();
+    let settings = SourceSettings { path, timing: None, rate_hz: 25.0, end: End::Stop, start: None };
+    let mut source = ingest::open(&settings, &roots).unwrap();
+    let mut frames = std::iter::from_fn(|| source.next_frame().unwrap()).map(|frame| Frame {
+        camera: CameraId::new("campus").unwrap(),
+        timestamp: Timestamp::from_nanos(frame.stream_nanos),
+        number: frame.number,
+        image: frame.image,
+    });
+    let new = || Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default());
+    let mut unbroken = new();
+    for frame in frames.by_ref().take(150) {
+        unbroken.process(frame);
+    }
+    let checkpoint = unbroken.checkpoint().unwrap();
+    assert!(checkpoint.len() < 20 << 20, "{} bytes for 768 x 576", checkpoint.len());
+    let mut restarted = new();
+    restarted.restore(&checkpoint).unwrap();
+    for frame in frames.take(5) {
+        let [before, after] = [&mut unbroken, &mut restarted].map(|pipeline| pipeline.process(frame.clone()));
+        assert!(before.labels == after.labels, "labels of frame {}", frame.number);
+        assert!(before.soft_mask == after.soft_mask, "soft mask of frame {}", frame.number);
+        assert!(before.blobs == after.blobs && !before.blobs.is_empty(), "blobs of frame {}", frame.number);
+    }
+}

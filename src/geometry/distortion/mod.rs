@@ -72,8 +72,8 @@ impl Distortion {
         if let Self::Fisheye { coefficients } = self {
             return distort_fisheye(coefficients, point, limit.max_theta_rad());
         }
-        // Tested before dividing; a NaN fails the test as well.
-        if !(point.z > NEAR_M) {
+        // Tested before dividing.
+        if point.z.is_nan() || point.z <= NEAR_M {
             return None;
         }
         let pinhole = point.truncate() / point.z;
@@ -101,14 +101,16 @@ impl Distortion {
             Self::BrownConrady { coefficients } => {
                 Some(undistort_brown_conrady(coefficients, distorted, limit)?.extend(1.0))
             }
-            Self::Fisheye { coefficients } => undistort_fisheye(coefficients, distorted, limit.max_theta_rad()),
+            Self::Fisheye { coefficients } => {
+                undistort_fisheye(coefficients, distorted, limit.max_theta_rad())
+            }
         }
     }
 }
 
 /// \[KB06\] eq. 6 with theta against the axis, never z alone: beyond 180 degrees of view z is not positive.
 fn distort_fisheye(k: &[f64; 4], point: DVec3, max_theta_rad: f64) -> Option<DVec2> {
-    if !(point.length() > NEAR_M) || !point.is_finite() {
+    if !point.is_finite() || point.length() <= NEAR_M {
         return None;
     }
     let across = point.truncate();
@@ -209,7 +211,8 @@ fn refine(k: &[f64; 8], start: DVec2, distorted: DVec2, limit: &DistortionLimit)
     let mut error = brown_conrady(k, point) - distorted;
     for _ in 0..50 {
         let jacobian = brown_conrady_jacobian(k, point);
-        if !(jacobian.determinant() > 0.0) {
+        let determinant = jacobian.determinant();
+        if determinant.is_nan() || determinant <= 0.0 {
             return None;
         }
         let step = jacobian.inverse() * error;

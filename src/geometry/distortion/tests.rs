@@ -34,9 +34,8 @@ fn every_model_comes_back() {
 fn opencvs_example_is_met() {
     // Worked by hand from the documentation's formula: r^2 = 0.25, radial 1 + 0.25 k1 = 0.975 at k1 = -0.1.
     let lens = brown(&[-0.1, 0.0, 0.01, 0.02]);
-    let shown = lens
-        .distort_direction(DVec3::new(0.6, 0.8, 2.0), &lens.limit().expect("a limit"))
-        .expect("in front");
+    let shown =
+        lens.distort_direction(DVec3::new(0.6, 0.8, 2.0), &lens.limit().expect("a limit")).expect("in front");
     let expected = DVec2::new(
         0.3 * 0.975 + 2.0 * 0.01 * 0.12 + 0.02 * (0.25 + 0.18),
         0.4 * 0.975 + 0.01 * (0.25 + 0.32) + 2.0 * 0.02 * 0.12,

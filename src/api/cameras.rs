@@ -1,0 +1,100 @@
+//! `/api/v1/cameras`: the cameras, their state, and what they see: frame, background and mask.
+
+use super::Api;
+use super::error::Problem;
+use super::picture::{Picture, server_timing, split, write_rgb, write_yuv};
+use super::query::Query;
+use super::segments::Segments;
+use crate::encode::{self, EncodeError, PictureFormat};
+use crate::engine::{At, CameraSummary, EngineError};
+use crate::frame::{Mask, RgbImage};
+use crate::timeline::Observation;
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+
+/// Which picture of a camera.
+#[derive(Clone, Copy)]
+enum Kind {
+    Frame,
+    Background,
+    Mask,
+}
+
+const KINDS: [(&str, Kind); 3] =
+    [("frame", Kind::Frame), ("background", Kind::Background), ("mask", Kind::Mask)];
+
+/// Every camera.
+pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let body = Json(serde_json::json!({ "cameras": api.door.cameras() }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+/// One camera.
+pub(super) async fn one(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let camera = find(&api, &id)?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(camera)).into_response())
+}
+
+/// What a camera saw.
+pub(super) async fn picture(
+    State(api): State<Api>,
+    Segments((id, file)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Picture, Problem> {
+    let (kind, format) = split(&file, &KINDS)?;
+    let mut query = Query::parse(raw.as_deref(), &["t"]);
+    let at = query.at();
+    query.finish(Some(()))?;
+    let observation = api.door.observation(&id, at).map_err(|error| problem_of(&api, error))?;
+    let (instant, number) = (observation.frame.timestamp, observation.frame.number);
+    let (bytes, encoding_time) = api.encoded(move || write(&observation, kind, format)).await?;
+    let mut fields = vec![
+        ("videofields-frame", number.to_string()),
+        ("server-timing", server_timing(&[("encode", encoding_time)])),
+    ];
+    if at == At::Live
+        && let Some(age_secs) = find(&api, &id)?.age_secs
+    {
+        fields.push(("videofields-age", format!("{age_secs:.3}")));
+    }
+    Ok(Picture { format, bytes, at, instant, fields })
+}
+
+fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {
+    let found = api.door.cameras().into_iter().find(|camera| camera.id.as_str() == id);
+    found.ok_or_else(|| problem_of(api, EngineError::NoCamera { id: id.to_owned() }))
+}
+
+/// As any failure of the engine; for a camera that is not there, with those that are.
+pub(super) fn problem_of(api: &Api, error: EngineError) -> Problem {
+    match error {
+        EngineError::NoCamera { id } => {
+            let cameras = api.door.cameras();
+            let ids: Vec<&str> = cameras.iter().map(|camera| camera.id.as_str()).collect();
+            Problem::missing("camera", &id, &ids)
+        }
+        other => other.into(),
+    }
+}
+
+fn write(observation: &Observation, kind: Kind, format: PictureFormat) -> Result<Vec<u8>, EncodeError> {
+    match (kind, format) {
+        (Kind::Frame, _) => write_yuv(format, &observation.frame.image),
+        (Kind::Background, _) => write_yuv(format, &observation.background),
+        (Kind::Mask, PictureFormat::Png) => encode::png_gray(&observation.labels),
+        (Kind::Mask, PictureFormat::Jpeg) => write_rgb(format, &gray(&observation.labels)),
+    }
+}
+
+fn gray(mask: &Mask) -> RgbImage {
+    let data = mask.data.iter().flat_map(|value| [*value; 3]).collect();
+    RgbImage { width: mask.width, height: mask.height, data }
+}

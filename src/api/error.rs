@@ -1,0 +1,234 @@
+//! What a caller reads when a request fails: RFC 9457 problem documents, and the one map from what a caller can do
+//! about a failure to an HTTP status.
+//!
+//! Failures of the rooms flow in, a [`Problem`] flows out; `guard` writes it down as the answer's body, since only
+//! there the request's path is known. What a client may not read (the text of an internal fault) stays aside for
+//! the log.
+
+use crate::encode::EncodeError;
+use crate::engine::EngineError;
+use crate::error::{ErrorKind, Fault, join_faults};
+use axum::body::Body;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Serialize;
+
+/// Why a request failed, on its way to become a problem document.
+#[derive(Clone, Debug)]
+pub(super) struct Problem {
+    class: Class,
+    detail: String,
+    errors: Vec<Fault>,
+    /// What only the log may say.
+    internal: Option<String>,
+}
+
+/// A class of problems: its status, the last part of its type's URN and its title.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Class {
+    status: StatusCode,
+    slug: &'static str,
+    title: &'static str,
+}
+
+const fn class(status: StatusCode, slug: &'static str, title: &'static str) -> Class {
+    Class { status, slug, title }
+}
+
+/// The one map from what a caller can do about a failure to an HTTP status.
+const fn class_of(kind: ErrorKind) -> Class {
+    match kind {
+        ErrorKind::Invalid => class(StatusCode::BAD_REQUEST, "invalid", "The request is wrong"),
+        ErrorKind::NotFound => class(StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+        ErrorKind::Unsupported => {
+            class(StatusCode::NOT_IMPLEMENTED, "unsupported", "This daemon cannot do that")
+        }
+        ErrorKind::TooLarge => {
+            class(StatusCode::UNPROCESSABLE_ENTITY, "too-large", "More is asked for than a limit allows")
+        }
+        ErrorKind::Unavailable => class(StatusCode::SERVICE_UNAVAILABLE, "unavailable", "Not now"),
+        ErrorKind::Internal => {
+            class(StatusCode::INTERNAL_SERVER_ERROR, "internal", "The daemon met a fault of its own")
+        }
+    }
+}
+
+impl Problem {
+    /// A failure of that kind; `detail` is what the client reads, or what the log says of an internal fault.
+    pub(super) fn new(kind: ErrorKind, detail: impl Into<String>) -> Self {
+        let class = class_of(kind);
+        let detail = detail.into();
+        if matches!(kind, ErrorKind::Internal) {
+            let public = "the daemon could not answer; its log says why".to_owned();
+            return Self { class, detail: public, errors: Vec::new(), internal: Some(detail) };
+        }
+        Self { class, detail, errors: Vec::new(), internal: None }
+    }
+
+    /// A failure at named places of the request.
+    pub(super) fn at(kind: ErrorKind, errors: Vec<Fault>) -> Self {
+        Self { errors: errors.clone(), ..Self::new(kind, join_faults(&errors)) }
+    }
+
+    /// The named places of the request that are at fault.
+    pub(super) fn into_faults(self) -> Vec<Fault> {
+        self.errors
+    }
+
+    /// Something that is not there, with the names of what is.
+    pub(super) fn missing(what: &str, name: &str, there_are: &[&str]) -> Self {
+        let shown = super::query::shown(name);
+        let listed = super::query::listed(name, there_are);
+        Self::new(ErrorKind::NotFound, format!("there is no {what} {shown}; {listed}"))
+    }
+
+    /// A method that no route takes.
+    pub(super) fn method() -> Self {
+        let class = class(StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not allowed");
+        let detail = "only GET and HEAD are answered".to_owned();
+        Self { class, detail, errors: Vec::new(), internal: None }
+    }
+
+    /// A target of more than `limit_bytes`.
+    pub(super) fn target_too_long(limit_bytes: usize) -> Self {
+        let class = class(StatusCode::URI_TOO_LONG, "target-too-long", "The request's target is too long");
+        let detail = format!("path and query together may have {limit_bytes} bytes");
+        Self { class, detail, errors: Vec::new(), internal: None }
+    }
+
+    /// Header fields of more than `limit_bytes`.
+    pub(super) fn fields_too_large(limit_bytes: usize) -> Self {
+        let status = StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE;
+        let class = class(status, "fields-too-large", "The request's header fields are too large");
+        let detail = format!("header fields together may have {limit_bytes} bytes");
+        Self { class, detail, errors: Vec::new(), internal: None }
+    }
+
+    /// What the log must say, where the client reads nothing of it.
+    pub(super) fn internal(&self) -> Option<&str> {
+        self.internal.as_deref()
+    }
+
+    /// The problem document for a request of `path`.
+    pub(super) fn document(&self, path: &str) -> Vec<u8> {
+        let document = Document {
+            kind: format!("urn:videofields:problem:{}", self.class.slug),
+            title: self.class.title,
+            status: self.class.status.as_u16(),
+            detail: &self.detail,
+            instance: path,
+            errors: self.errors.iter().map(Place::from).collect(),
+        };
+        serde_json::to_vec(&document).unwrap_or_default()
+    }
+}
+
+/// RFC 9457, section 3.1; `errors` is the extension of its section 3.
+#[derive(Serialize)]
+struct Document<'a> {
+    #[serde(rename = "type")]
+    kind: String,
+    title: &'static str,
+    status: u16,
+    detail: &'a str,
+    instance: &'a str,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    errors: Vec<Place<'a>>,
+}
+
+#[derive(Serialize)]
+struct Place<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pointer: Option<&'a str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    parameter: Option<&'a str>,
+    detail: &'a str,
+}
+
+impl<'a> From<&'a Fault> for Place<'a> {
+    fn from(fault: &'a Fault) -> Self {
+        let place = fault.place.as_str();
+        let is_pointer = place.is_empty() || place.starts_with('/');
+        Self {
+            pointer: is_pointer.then_some(place),
+            parameter: (!is_pointer).then_some(place),
+            detail: &fault.message,
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    /// Status and header fields; the body is written by `guard`, which finds the problem among the extensions.
+    fn into_response(self) -> Response {
+        let mut response = Response::new(Body::empty());
+        *response.status_mut() = self.class.status;
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
+        headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+        if self.class.status == StatusCode::SERVICE_UNAVAILABLE {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+        }
+        response.extensions_mut().insert(self);
+        response
+    }
+}
+
+impl From<EngineError> for Problem {
+    fn from(error: EngineError) -> Self {
+        let kind = error.kind();
+        match (&error, error.fault()) {
+            (_, Some(fault)) => Self::at(kind, vec![fault.clone()]),
+            (EngineError::BeforeFirst { .. }, None) => {
+                let fault = Fault::new("t", error.to_string());
+                Self { errors: vec![fault], ..Self::new(kind, error.to_string()) }
+            }
+            (_, None) => Self::new(kind, error.to_string()),
+        }
+    }
+}
+
+impl From<EncodeError> for Problem {
+    fn from(error: EncodeError) -> Self {
+        Self::new(error.kind(), error.to_string())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_has_its_own_status() {
+        let check = |kind, status: u16| {
+            assert_eq!(Problem::new(kind, "x").into_response().status().as_u16(), status, "{kind:?}");
+        };
+        check(ErrorKind::Invalid, 400);
+        check(ErrorKind::NotFound, 404);
+        check(ErrorKind::Unsupported, 501);
+        check(ErrorKind::TooLarge, 422);
+        check(ErrorKind::Unavailable, 503);
+        check(ErrorKind::Internal, 500);
+    }
+
+    #[test]
+    fn places_are_pointers_or_parameters() {
+        let faults =
+            vec![Fault::new("/ground/0", "a"), Fault::new("width", "b"), Fault::new("", "whole document")];
+        let document = Problem::at(ErrorKind::Invalid, faults).document("/x");
+        let document: serde_json::Value = serde_json::from_slice(&document).unwrap();
+        let expected = serde_json::json!([
+            {"pointer": "/ground/0", "detail": "a"},
+            {"parameter": "width", "detail": "b"},
+            {"pointer": "", "detail": "whole document"},
+        ]);
+        assert_eq!(document["errors"], expected);
+        assert_eq!(document["instance"], "/x");
+    }
+
+    #[test]
+    fn an_internal_fault_is_told_to_the_log_alone() {
+        let problem = Problem::new(ErrorKind::Internal, "disk /dev/sda1 is on fire");
+        assert_eq!(problem.internal(), Some("disk /dev/sda1 is on fire"));
+        assert!(!String::from_utf8(problem.document("/x")).unwrap().contains("sda1"));
+    }
+}

@@ -1,0 +1,82 @@
+//! What stands before every route: limits on the request, on its time and on how many are answered at once; and
+//! what is done to every answer: problem documents written down, security header fields set, the answer counted.
+
+use super::Api;
+use super::error::Problem;
+use crate::error::ErrorKind;
+use axum::body::Body;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderMap, HeaderValue, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use tracing::Instrument;
+
+/// Route label of requests that no route matches.
+const NO_ROUTE: &str = "(none)";
+
+/// Sees every request first and every answer last.
+pub(super) async fn observe(
+    State(api): State<Api>,
+    matched: Option<MatchedPath>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let start = api.clock.monotonic();
+    let path = request.uri().path().to_owned();
+    let span = tracing::debug_span!("request", method = %request.method(), ?path);
+    let mut response = match too_large(&api, &request) {
+        Some(problem) => problem.into_response(),
+        None => next.run(request).instrument(span.clone()).await,
+    };
+    let _entered = span.enter();
+    if let Some(problem) = response.extensions_mut().remove::<Problem>() {
+        if let Some(internal) = problem.internal() {
+            tracing::error!(?path, error = internal, "a request met a fault of the daemon");
+        }
+        *response.body_mut() = Body::from(problem.document(&path));
+    }
+    set_security_fields(response.headers_mut());
+    let duration = api.clock.monotonic().saturating_sub(start);
+    let status = response.status().as_u16();
+    tracing::debug!(status, millis = duration.as_secs_f64() * 1e3, "answered");
+    api.door.count_http(matched.as_ref().map_or(NO_ROUTE, MatchedPath::as_str), status, duration);
+    response
+}
+
+fn too_large(api: &Api, request: &Request) -> Option<Problem> {
+    let target_bytes = request.uri().path_and_query().map_or(0, |target| target.as_str().len());
+    if target_bytes > api.limits.target_bytes {
+        return Some(Problem::target_too_long(api.limits.target_bytes));
+    }
+    let field_bytes: usize =
+        request.headers().iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
+    (field_bytes > api.limits.field_bytes).then(|| Problem::fields_too_large(api.limits.field_bytes))
+}
+
+fn set_security_fields(headers: &mut HeaderMap) {
+    let mut set = |name, value| {
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
+    };
+    set(header::X_CONTENT_TYPE_OPTIONS, "nosniff");
+    set(header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'");
+    set(header::REFERRER_POLICY, "no-referrer");
+    // The daemon has no users yet: without this, any page open in the operator's browser could show its pictures.
+    set(header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin");
+}
+
+/// Holds the requests behind it to a number at once, and each to a time.
+pub(super) async fn limit(State(api): State<Api>, request: Request, next: Next) -> Response {
+    let Ok(_permit) = api.requests.try_acquire() else {
+        let at_once = api.limits.requests_at_once;
+        let detail = format!("{at_once} requests are being answered already");
+        return Problem::new(ErrorKind::Unavailable, detail).into_response();
+    };
+    let time = api.limits.request_time;
+    match tokio::time::timeout(time, next.run(request)).await {
+        Ok(response) => response,
+        Err(_elapsed) => {
+            let detail = format!("no answer within {:.1} s", time.as_secs_f64());
+            Problem::new(ErrorKind::Unavailable, detail).into_response()
+        }
+    }
+}

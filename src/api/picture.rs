@@ -1,0 +1,129 @@
+//! Pictures as answers: `{name}.{jpg,png}` taken apart, pixels encoded off the async threads and a bounded number
+//! at once, and the header fields that say what is shown.
+
+use super::Api;
+use super::error::Problem;
+use crate::clock::Timestamp;
+use crate::encode::{self, EncodeError, PictureFormat};
+use crate::engine::At;
+use crate::error::ErrorKind;
+use crate::frame::{RgbImage, YuvImage};
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Quality of every JPEG, 1 to 100: above it files grow faster than pictures get better.
+const JPEG_QUALITY: u8 = 88;
+
+/// Seconds for which a picture of a fixed time may be kept.
+const FIXED_TIME_CACHING: HeaderValue = HeaderValue::from_static("private, max-age=10");
+
+/// The formats in which every picture can be had.
+const FORMATS: [PictureFormat; 2] = [PictureFormat::Jpeg, PictureFormat::Png];
+
+/// Writes a colour picture.
+pub(super) fn write_rgb(format: PictureFormat, image: &RgbImage) -> Result<Vec<u8>, EncodeError> {
+    match format {
+        PictureFormat::Jpeg => encode::jpeg(image, JPEG_QUALITY),
+        PictureFormat::Png => encode::png_rgb(image),
+    }
+}
+
+/// Writes a camera's picture.
+pub(super) fn write_yuv(format: PictureFormat, image: &YuvImage) -> Result<Vec<u8>, EncodeError> {
+    match format {
+        PictureFormat::Jpeg => encode::jpeg_yuv(image, JPEG_QUALITY),
+        PictureFormat::Png => encode::png_rgb(&image.to_rgb()),
+    }
+}
+
+/// Takes `{name}.{jpg,png}` apart.
+///
+/// # Errors
+/// Not found, with the list of what there is, where the name is none of `names` or the ending none of the two.
+pub(super) fn split<T: Copy>(file: &str, names: &[(&str, T)]) -> Result<(T, PictureFormat), Problem> {
+    let found = file.rsplit_once('.').and_then(|(name, ending)| {
+        let (_, picture) = names.iter().find(|(known, _)| *known == name)?;
+        let format = FORMATS.into_iter().find(|format| format.extension() == ending)?;
+        Some((*picture, format))
+    });
+    found.ok_or_else(|| {
+        let files: Vec<String> = names
+            .iter()
+            .flat_map(|(name, _)| FORMATS.map(|format| format!("{name}.{}", format.extension())))
+            .collect();
+        let files: Vec<&str> = files.iter().map(String::as_str).collect();
+        Problem::missing("picture", file, &files)
+    })
+}
+
+impl Api {
+    /// Runs `work` where it may take its time; the number of such works at once is bounded.
+    pub(super) async fn encoded(
+        &self,
+        work: impl FnOnce() -> Result<Vec<u8>, EncodeError> + Send + 'static,
+    ) -> Result<(Vec<u8>, Duration), Problem> {
+        let permit = Arc::clone(&self.encoders).acquire_owned().await.expect("the semaphore is never closed");
+        let clock = Arc::clone(&self.clock);
+        let timed = move || {
+            let start = clock.monotonic();
+            let bytes = work()?;
+            drop(permit);
+            Ok::<_, EncodeError>((bytes, clock.monotonic().saturating_sub(start)))
+        };
+        match tokio::task::spawn_blocking(timed).await {
+            Ok(outcome) => Ok(outcome?),
+            Err(panicked) => {
+                Err(Problem::new(ErrorKind::Internal, format!("encoding a picture: {panicked}")))
+            }
+        }
+    }
+}
+
+/// An encoded picture on its way to the client.
+pub(super) struct Picture {
+    /// How it is written.
+    pub(super) format: PictureFormat,
+    /// The file.
+    pub(super) bytes: Vec<u8>,
+    /// Which time was asked for.
+    pub(super) at: At,
+    /// The instant shown.
+    pub(super) instant: Timestamp,
+    /// Further header fields, by name.
+    pub(super) fields: Vec<(&'static str, String)>,
+}
+
+impl IntoResponse for Picture {
+    fn into_response(self) -> Response {
+        let mut response = self.bytes.into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.format.content_type()));
+        let caching = match self.at {
+            At::Live => HeaderValue::from_static("no-store"),
+            At::Time(_) => FIXED_TIME_CACHING,
+        };
+        headers.insert(header::CACHE_CONTROL, caching);
+        headers.insert("videofields-time", field_value(&self.instant.to_string()));
+        for (name, value) in self.fields {
+            headers.insert(name, field_value(&value));
+        }
+        response
+    }
+}
+
+/// `text` as a header field's value; what may not stand in one becomes a question mark.
+fn field_value(text: &str) -> HeaderValue {
+    let visible: String = text.chars().map(|c| if matches!(c, ' '..='~') { c } else { '?' }).collect();
+    HeaderValue::try_from(visible).unwrap_or(HeaderValue::from_static("?"))
+}
+
+/// A `Server-Timing` value: stages and their milliseconds.
+pub(super) fn server_timing(stages: &[(&str, Duration)]) -> String {
+    let stage = |(name, duration): &(&str, Duration)| {
+        let token = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-', "_");
+        format!("{token};dur={:.3}", duration.as_secs_f64() * 1e3)
+    };
+    stages.iter().map(stage).collect::<Vec<_>>().join(", ")
+}

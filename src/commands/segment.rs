@@ -1,0 +1,149 @@
+//! `segment`: what moves in a video, as masks and blobs, without a scene or a daemon.
+
+use anyhow::{Context, Result, bail};
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use videofields::clock::{Clock, SystemClock, Timestamp};
+use videofields::config::{BackgroundSettings, End, Learning, SegmentSettings, SourceSettings, Timing};
+use videofields::encode;
+use videofields::frame::{CameraId, Frame};
+use videofields::ingest::{self, MediaRoots, Pipeline};
+use videofields::timeline::Observation;
+
+/// Finds what moves in a video: masks and blobs.
+///
+/// Without --masks and --blobs it only runs, for timing. A line on standard error says how many frames a second
+/// were decoded, learned and segmented.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Segment {
+    /// A video file, or a pattern of numbered pictures such as in%06d.jpg.
+    #[arg(long, value_name = "FILE|PATTERN")]
+    input: PathBuf,
+    /// Writes one 8-bit PNG a frame into this folder: 255 moving, 50 shadow, 0 background, named by the frame's
+    /// number in the input from 0.
+    #[arg(long, value_name = "DIR")]
+    masks: Option<PathBuf>,
+    /// Writes blobs as JSON lines: {"frame": number, "rect": [x, y, width, height], "area": pixels}.
+    #[arg(long, value_name = "FILE")]
+    blobs: Option<PathBuf>,
+    /// A clip (or pattern) of the empty place that is learned first.
+    #[arg(long, value_name = "FILE|PATTERN")]
+    background: Option<PathBuf>,
+    /// Keeps the background as the clip left it.
+    #[arg(long, requires = "background")]
+    hold: bool,
+    /// Times frames by their number at this rate instead of by the file's timestamps, frames a second.
+    #[arg(long, value_name = "RATE")]
+    rate_hz: Option<f64>,
+    /// Stops after this many frames.
+    #[arg(long, value_name = "COUNT")]
+    frames: Option<u64>,
+    /// Blurred difference that is foreground, share of full scale.
+    #[arg(long)]
+    delta: Option<f64>,
+    /// Least area of a blob, pixels.
+    #[arg(long)]
+    min_area_px: Option<u32>,
+}
+
+impl Segment {
+    pub(crate) fn run(&self) -> Result<()> {
+        let background = BackgroundSettings {
+            clip: self.background.clone(),
+            learning: if self.hold { Learning::Hold } else { Learning::Adapt },
+            ..BackgroundSettings::default()
+        };
+        let mut segment = SegmentSettings::default();
+        segment.delta = self.delta.unwrap_or(segment.delta);
+        segment.min_area_px = self.min_area_px.unwrap_or(segment.min_area_px);
+        let mut pipeline = Pipeline::new(&background, &segment);
+        let mut output = Output::open(self.masks.as_deref(), self.blobs.as_deref())?;
+        if let Some(clip) = &self.background {
+            let roots = MediaRoots::folder_of(clip)?;
+            ingest::learn_clip(&mut pipeline, clip, self.rate_hz, &roots)?;
+        }
+
+        let roots = MediaRoots::folder_of(&self.input)?;
+        let mut source = ingest::open(&self.source(), &roots)?;
+        let camera = CameraId::new("input")?;
+        let clock = SystemClock::new();
+        let started = clock.monotonic();
+        let mut n_frames = 0_u64;
+        while self.frames.is_none_or(|most| n_frames < most) {
+            let Some(next) = source.next_frame()? else { break };
+            let frame = Frame {
+                camera: camera.clone(),
+                timestamp: Timestamp::from_nanos(next.stream_nanos),
+                number: next.number,
+                image: Arc::clone(&next.image),
+            };
+            output.write(&pipeline.process(frame))?;
+            n_frames += 1;
+        }
+        if n_frames == 0 {
+            bail!("{} holds no frame", self.input.display());
+        }
+        output.finish()?;
+        let secs = clock.monotonic().saturating_sub(started).as_secs_f64().max(1e-9);
+        super::complain(&format!(
+            "{n_frames} frames in {secs:.2} s, {:.1} frames a second",
+            n_frames as f64 / secs
+        ));
+        Ok(())
+    }
+
+    fn source(&self) -> SourceSettings {
+        SourceSettings {
+            path: self.input.clone(),
+            timing: self.rate_hz.map(|_| Timing::Index),
+            rate_hz: self.rate_hz.unwrap_or(25.0),
+            end: End::Stop,
+            start: None,
+        }
+    }
+}
+
+/// Where results go.
+struct Output {
+    masks: Option<PathBuf>,
+    blobs: Option<BufWriter<File>>,
+}
+
+impl Output {
+    fn open(masks: Option<&Path>, blobs: Option<&Path>) -> Result<Self> {
+        if let Some(folder) = masks {
+            std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        }
+        let open = |path: &Path| {
+            let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
+            anyhow::Ok(BufWriter::new(file))
+        };
+        Ok(Self { masks: masks.map(Path::to_owned), blobs: blobs.map(open).transpose()? })
+    }
+
+    fn write(&mut self, observation: &Observation) -> Result<()> {
+        let number = observation.frame.number;
+        if let Some(folder) = &self.masks {
+            let path = folder.join(format!("{number:06}.png"));
+            let png = encode::png_gray(&observation.labels)?;
+            std::fs::write(&path, png).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        if let Some(blobs) = &mut self.blobs {
+            for blob in observation.blobs.iter() {
+                let rect = [blob.rect.x, blob.rect.y, blob.rect.width, blob.rect.height];
+                let line = serde_json::json!({ "frame": number, "rect": rect, "area": blob.area_px });
+                writeln!(blobs, "{line}")?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<()> {
+        if let Some(mut blobs) = self.blobs {
+            blobs.flush().context("cannot write the blobs")?;
+        }
+        Ok(())
+    }
+}

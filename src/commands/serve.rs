@@ -1,0 +1,90 @@
+//! `serve` and `demo`: the daemon.
+
+use anyhow::{Context, Result, bail};
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use videofields::config::{self, Config};
+use videofields::daemon;
+use videofields::telemetry::{self, LogFormat};
+
+/// The demo's configuration, from the project's root.
+const DEMO_CONFIG: &str = "config/demo/plaza.toml";
+
+/// Runs the daemon until SIGTERM or SIGINT.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Serve {
+    /// The configuration (TOML); every key is in config/example.toml.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// Listens here instead of where the configuration says.
+    #[arg(long, value_name = "ADDR")]
+    listen: Option<SocketAddr>,
+    #[command(flatten)]
+    log: Log,
+}
+
+/// Runs the daemon with the simulated plaza.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Demo {
+    /// Where to listen.
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:8080")]
+    listen: SocketAddr,
+    /// The demo's configuration; by default that of the project in whose folder the command runs.
+    #[arg(long, value_name = "FILE", default_value = DEMO_CONFIG)]
+    config: PathBuf,
+    #[command(flatten)]
+    log: Log,
+}
+
+#[derive(Debug, clap::Args)]
+struct Log {
+    /// Writes logs as JSON lines.
+    #[arg(long)]
+    log_json: bool,
+    /// What is logged: a level, or directives such as info,videofields::ingest=debug.
+    #[arg(long, value_name = "FILTER")]
+    log: Option<String>,
+}
+
+impl Log {
+    fn init(&self) -> Result<()> {
+        let format = if self.log_json { LogFormat::Json } else { LogFormat::Text };
+        Ok(telemetry::init(format, self.log.as_deref())?)
+    }
+}
+
+fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config> {
+    let config = config::load(path)?;
+    Ok(match listen {
+        Some(listen) => config.with_listen(listen)?,
+        None => config,
+    })
+}
+
+impl Serve {
+    pub(crate) fn run(&self) -> Result<()> {
+        self.log.init()?;
+        daemon::serve(&load(&self.config, self.listen)?, |address| super::say(&format!("http://{address}/")))
+    }
+}
+
+impl Demo {
+    pub(crate) fn run(&self) -> Result<()> {
+        self.log.init()?;
+        let path = &self.config;
+        if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
+            bail!(
+                "there is no {}: run the demo in the project's folder, or name it with --config",
+                path.display()
+            );
+        }
+        let config = load(path, Some(self.listen))?;
+        let scene = config.settings().scene.first().map_or_else(String::new, |scene| scene.id.clone());
+        daemon::serve(&config, |address| {
+            super::say(&format!("the page      http://{address}/"));
+            super::say(&format!("a fused view  http://{address}/api/v1/scenes/{scene}/view.jpg"));
+            super::say(&format!("the cameras   http://{address}/api/v1/cameras"));
+            super::say(&format!("the metrics   http://{address}/metrics"));
+        })
+    }
+}

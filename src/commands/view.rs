@@ -1,0 +1,104 @@
+//! `view`: one picture of a scene without a daemon.
+
+use anyhow::{Context, Result, bail};
+use percent_encoding::{NON_ALPHANUMERIC, utf8_percent_encode};
+use std::path::PathBuf;
+use std::sync::Arc;
+use videofields::clock::SystemClock;
+use videofields::error::join_faults;
+use videofields::telemetry::{self, LogFormat};
+use videofields::{api, config, encode, engine, scene};
+
+/// Draws one picture of a scene without a daemon.
+///
+/// Every camera of the scene is played from its start up to the time asked for. Cameras whose configuration names
+/// no start begin at 1970-01-01T00:00:00Z, so that --t in nanoseconds is time into the clip. The other flags are
+/// those of /api/v1/scenes/{id}/view.
+#[derive(Debug, clap::Args)]
+pub(crate) struct View {
+    /// The configuration (TOML).
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+    /// The scene's id.
+    #[arg(long, value_name = "ID")]
+    scene: String,
+    /// Where the picture goes; its ending, .png, .jpg or .jpeg, says how it is written.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// The viewer's place, metres: x,y,z.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    eye: Option<String>,
+    /// What the viewer looks at, metres: x,y,z.
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    target: Option<String>,
+    /// Vertical field of view, degrees.
+    #[arg(long)]
+    fov: Option<String>,
+    /// Columns.
+    #[arg(long)]
+    width: Option<String>,
+    /// Rows.
+    #[arg(long)]
+    height: Option<String>,
+    /// live (each clip's end), an RFC 3339 time, or nanoseconds.
+    #[arg(long, allow_hyphen_values = true)]
+    t: Option<String>,
+    /// How moving entities are drawn: billboards, points or none.
+    #[arg(long)]
+    entities: Option<String>,
+    /// Says on standard error which effects ran, why, and what each stage took.
+    #[arg(long)]
+    explain: bool,
+}
+
+impl View {
+    pub(crate) fn run(&self) -> Result<()> {
+        telemetry::init(LogFormat::Text, Some("warn"))?;
+        let request = api::read_view_request(&self.scene, &self.query())
+            .map_err(|faults| anyhow::anyhow!("{}", join_faults(&faults)))?;
+        let is_png = match self.out.extension().and_then(|extension| extension.to_str()) {
+            Some("png") => true,
+            Some("jpg" | "jpeg") => false,
+            _ => bail!("--out must end in .png, .jpg or .jpeg: {}", self.out.display()),
+        };
+        let config = config::load(&self.config)?;
+        let scenes = &config.settings().scene;
+        let Some(settings) = scenes.iter().find(|scene| scene.id == self.scene) else {
+            let known: Vec<&str> = scenes.iter().map(|scene| scene.id.as_str()).collect();
+            bail!("{} has no scene {:?}; it has {known:?}", self.config.display(), self.scene);
+        };
+        let scene = scene::load_file(&settings.id, &settings.file, &config.settings().media.roots)
+            .with_context(|| settings.file.display().to_string())?
+            .scene;
+        let answer = engine::view_once(&config, &Arc::new(scene), &request, &SystemClock::new())?;
+        let bytes = if is_png { encode::png_rgb(&answer.image)? } else { encode::jpeg(&answer.image, 90)? };
+        std::fs::write(&self.out, bytes).with_context(|| format!("cannot write {}", self.out.display()))?;
+        if self.explain {
+            for reason in &answer.plan.reasons {
+                let state = if reason.is_on { "on " } else { "off" };
+                super::complain(&format!("{state} {}: {}", reason.effect, reason.because));
+            }
+            for (stage, time) in &answer.timings {
+                super::complain(&format!("{stage}: {:.2} ms", time.as_secs_f64() * 1e3));
+            }
+        }
+        Ok(())
+    }
+
+    /// The flags as the API's query string, so that both are read by the same rules.
+    fn query(&self) -> String {
+        let flags = [
+            ("eye", &self.eye),
+            ("target", &self.target),
+            ("fov", &self.fov),
+            ("width", &self.width),
+            ("height", &self.height),
+            ("t", &self.t),
+            ("entities", &self.entities),
+        ];
+        let pair = |(name, value): (&str, &Option<String>)| {
+            value.as_ref().map(|value| format!("{name}={}", utf8_percent_encode(value, NON_ALPHANUMERIC)))
+        };
+        flags.into_iter().filter_map(pair).collect::<Vec<_>>().join("&")
+    }
+}

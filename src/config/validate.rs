@@ -1,0 +1,148 @@
+//! What the types of the settings cannot say: ranges, ids, and keys that need one another.
+
+use super::settings::{CameraSettings, Learning, SceneSettings, Settings};
+use crate::error::Gatherer;
+use crate::frame::is_id;
+use std::collections::HashSet;
+use std::path::Path;
+
+/// Most cameras of one configuration.
+pub(super) const MAX_CAMERAS: usize = 256;
+/// Most scenes of one configuration.
+pub(super) const MAX_SCENES: usize = 64;
+const MAX_ROOTS: usize = 64;
+const MAX_NAME_CHARS: usize = 200;
+const MAX_PATH_BYTES: usize = 4096;
+
+/// The ids met so far.
+#[derive(Debug, Default)]
+pub(super) struct Ids {
+    cameras: HashSet<String>,
+    scenes: HashSet<String>,
+}
+
+/// Checks everything.
+pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
+    if !settings.server.listen.ip().is_loopback() {
+        let message = format!(
+            "{} can be reached from other machines, and there are no users yet to keep strangers out: listen on \
+             a loopback address (127.0.0.1 or [::1]) and put a proxy with a log-in before it",
+            settings.server.listen.ip()
+        );
+        gatherer.fault("/server/listen", message);
+    }
+    check_path(&settings.storage.database, "/storage/database", gatherer);
+    let secs = settings.storage.checkpoint_interval_secs;
+    range(gatherer, "/storage/checkpoint_interval_secs", secs, 1.0, 86_400.0, "seconds");
+    if !(1..=MAX_ROOTS).contains(&settings.media.roots.len()) {
+        let message = format!("expected 1 to {MAX_ROOTS} folders, got {}", settings.media.roots.len());
+        gatherer.fault("/media/roots", message);
+    }
+    for (i, root) in settings.media.roots.iter().enumerate() {
+        check_path(root, &format!("/media/roots/{i}"), gatherer);
+    }
+    let mib = f64::from(settings.timeline.mib_per_camera);
+    range(gatherer, "/timeline/mib_per_camera", mib, 8.0, 65_536.0, "MiB");
+    let render = &settings.render;
+    check_text(&render.adapter, "/render/adapter", gatherer);
+    if !matches!(render.samples, 1 | 4) {
+        gatherer.fault("/render/samples", format!("expected 1 or 4, got {}", render.samples));
+    }
+    range(gatherer, "/render/max_pixels", render.max_pixels as f64, 1.0, 268_435_456.0, "pixels");
+    range(gatherer, "/render/queue_length", render.queue_length as f64, 1.0, 1024.0, "pictures");
+    let mut ids = Ids::default();
+    for (key, count, most) in
+        [("/camera", settings.camera.len(), MAX_CAMERAS), ("/scene", settings.scene.len(), MAX_SCENES)]
+    {
+        if count > most {
+            gatherer.fault(key, format!("at most {most} are allowed, got {count}"));
+        }
+    }
+    for (i, camera) in settings.camera.iter().enumerate() {
+        check_camera(camera, &format!("/camera/{i}"), &mut ids, gatherer);
+    }
+    for (i, scene) in settings.scene.iter().enumerate() {
+        check_scene(scene, &format!("/scene/{i}"), &mut ids, gatherer);
+    }
+}
+
+/// Checks the camera at `place`.
+pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, gatherer: &mut Gatherer) {
+    if !ids.cameras.insert(camera.id.to_string()) {
+        gatherer
+            .fault(format!("{place}/id"), format!("there is another camera `{}`; ids are unique", camera.id));
+    }
+    check_text(&camera.name, &format!("{place}/name"), gatherer);
+    check_path(&camera.source.path, &format!("{place}/source/path"), gatherer);
+    let rate = format!("{place}/source/rate_hz");
+    range(gatherer, &rate, camera.source.rate_hz, 0.01, 1000.0, "frames a second");
+
+    let background = &camera.background;
+    let at = |key: &str| format!("{place}/background/{key}");
+    let numbers = [
+        ("modes", background.modes as f64, 1.0, 5.0, "modes"),
+        ("tau_secs", background.tau_secs, 0.1, 1e7, "seconds"),
+        ("match_threshold", background.match_threshold, 9.0, 16.0, "(squared distance over variance)"),
+        ("background_ratio", background.background_ratio, 0.1, 0.99, "(share of the weights)"),
+        ("variance_init", background.variance_init, 0.1, 10_000.0, "8-bit levels squared"),
+        ("variance_min", background.variance_min, 0.01, 10_000.0, "8-bit levels squared"),
+        ("variance_max", background.variance_max, 0.1, 65_025.0, "8-bit levels squared"),
+    ];
+    for (key, value, least, most, unit) in numbers {
+        range(gatherer, &at(key), value, least, most, unit);
+    }
+    let (min, init, max) = (background.variance_min, background.variance_init, background.variance_max);
+    let is_ordered = min <= init && init <= max;
+    // Judged only when the three themselves are sound: a default that stands in for a fault would mislead.
+    if !is_ordered && !gatherer.is_faulty(&format!("{place}/background")) {
+        let message = format!("variance_min {min} <= variance_init {init} <= variance_max {max} must hold");
+        gatherer.fault(at("variance_init"), message);
+    }
+    match &background.clip {
+        Some(clip) => check_path(clip, &at("clip"), gatherer),
+        None if background.learning == Learning::Hold && !gatherer.is_faulty(&at("clip")) => {
+            gatherer.fault(at("learning"), "`hold` needs a `clip` from which the background was learned");
+        }
+        None => {}
+    }
+
+    let segment = &camera.segment;
+    let at = |key: &str| format!("{place}/segment/{key}");
+    range(gatherer, &at("delta"), segment.delta, 0.001, 1.0, "(share of full scale)");
+    range(gatherer, &at("blur_sigma_px"), segment.blur_sigma_px, 0.0, 16.0, "pixels");
+    range(gatherer, &at("min_area_px"), f64::from(segment.min_area_px), 1.0, 1e9, "pixels");
+}
+
+/// Checks the scene at `place`.
+pub(super) fn check_scene(scene: &SceneSettings, place: &str, ids: &mut Ids, gatherer: &mut Gatherer) {
+    let id = format!("{place}/id");
+    if !is_id(&scene.id) {
+        let message = format!("invalid id {:?}: {}", scene.id, crate::frame::IdError);
+        gatherer.fault(id, message);
+    } else if !ids.scenes.insert(scene.id.clone()) {
+        gatherer.fault(id, format!("there is another scene `{}`; ids are unique", scene.id));
+    }
+    check_path(&scene.file, &format!("{place}/file"), gatherer);
+}
+
+fn range(gatherer: &mut Gatherer, place: &str, value: f64, least: f64, most: f64, unit: &str) {
+    // Written so that NaN is outside.
+    if !(least..=most).contains(&value) {
+        gatherer.fault(place, format!("expected {least} to {most} {unit}, got {value}"));
+    }
+}
+
+fn check_text(text: &str, place: &str, gatherer: &mut Gatherer) {
+    if text.chars().count() > MAX_NAME_CHARS || text.chars().any(char::is_control) {
+        let message =
+            format!("expected at most {MAX_NAME_CHARS} characters, none of them a control character");
+        gatherer.fault(place, message);
+    }
+}
+
+fn check_path(path: &Path, place: &str, gatherer: &mut Gatherer) {
+    let bytes = path.as_os_str().as_encoded_bytes();
+    if bytes.is_empty() || bytes.len() > MAX_PATH_BYTES || bytes.contains(&0) {
+        gatherer.fault(place, format!("expected a path of 1 to {MAX_PATH_BYTES} bytes, none of them NUL"));
+    }
+}

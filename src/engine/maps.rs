@@ -1,0 +1,95 @@
+//! Keeps every scene camera's texture-to-world map: from the store where its digest is still right, built anew
+//! where it is not.
+
+use super::shared::{MapState, Shared};
+use crate::frame::CameraId;
+use crate::ingest::StopFlag;
+use crate::mapping::{Builder, MappingError, WorldMap, digest};
+use crate::scene::{Scene, SceneCamera};
+use crate::store::{Store, StoreError, TextureMapRecord};
+use std::sync::Arc;
+use tokio::runtime::Handle as Runtime;
+
+/// How maps are made: exactly. The grid is the cheap form, measured against this one.
+const BUILDER: Builder = Builder::Ray;
+
+#[derive(Debug, thiserror::Error)]
+enum MapError {
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+/// Brings every map in, one after the other; ends after the one in hand once `stop` is raised.
+pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &StopFlag) {
+    for scene in &shared.scenes {
+        for member in &scene.cameras {
+            if stop.is_raised() {
+                return;
+            }
+            let state = match map(shared, store, runtime, scene, member) {
+                Ok(map) => MapState::Ready(Arc::new(map)),
+                Err(error) => {
+                    tracing::error!(scene = scene.id, camera = %member.id, %error, "no texture-to-world map");
+                    MapState::Failed(error.to_string())
+                }
+            };
+            shared.set_map(&scene.id, &member.id, state);
+        }
+    }
+}
+
+fn map(
+    shared: &Shared,
+    store: &Store,
+    runtime: &Runtime,
+    scene: &Scene,
+    member: &SceneCamera,
+) -> Result<WorldMap, MapError> {
+    let size_px = member.camera.size_px();
+    let digest = digest(&member.camera, &scene.surfaces, BUILDER, size_px);
+    if let Some(stored) = stored(store, runtime, &digest, &member.id) {
+        return Ok(stored);
+    }
+    let started = shared.clock.monotonic();
+    let map = BUILDER.build(&member.camera, &scene.surfaces, size_px)?;
+    let took = shared.clock.monotonic().saturating_sub(started);
+    tracing::info!(scene = scene.id, camera = %member.id, ?took, "texture-to-world map built");
+    let record = TextureMapRecord {
+        digest,
+        scene: scene.id.clone(),
+        camera: member.id.clone(),
+        created_at: shared.clock.now(),
+        bytes: map.encode()?,
+    };
+    // A map that cannot be kept is still a map; it is built again at the next start.
+    if let Err(error) = runtime.block_on(keep(store, &record)) {
+        tracing::warn!(scene = scene.id, camera = %member.id, %error, "texture-to-world map not kept");
+    }
+    Ok(map)
+}
+
+/// The map of that digest, if the store has it whole.
+fn stored(store: &Store, runtime: &Runtime, digest: &[u8; 32], camera: &CameraId) -> Option<WorldMap> {
+    let record = match runtime.block_on(store.texture_map(digest)) {
+        Ok(record) => record?,
+        Err(error) => {
+            tracing::warn!(%camera, %error, "stored texture-to-world map not read");
+            return None;
+        }
+    };
+    match WorldMap::decode(&record.bytes) {
+        Ok(map) => Some(map),
+        Err(error) => {
+            tracing::warn!(%camera, %error, "stored texture-to-world map damaged, building it anew");
+            None
+        }
+    }
+}
+
+async fn keep(store: &Store, record: &TextureMapRecord) -> Result<(), StoreError> {
+    store.put_texture_map(record).await?;
+    store.delete_stale_texture_maps(&record.scene, &record.camera, &record.digest).await?;
+    Ok(())
+}

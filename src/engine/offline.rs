@@ -1,0 +1,115 @@
+//! One picture without a daemon: every camera of the scene is played up to the instant as fast as it goes.
+
+use super::EngineError;
+use super::handle::{At, ViewAnswer, ViewRequest};
+use super::picture::{Observations, Subject, failure_of};
+use super::renderer::open_renderer;
+use crate::clock::{Clock, Timestamp};
+use crate::config::{CameraSettings, Config, End};
+use crate::error::Fault;
+use crate::frame::{CameraId, Frame};
+use crate::ingest::{self, MediaRoots, Pipeline};
+use crate::scene::Scene;
+use crate::timeline::Observation;
+use std::sync::Arc;
+
+/// Draws what `request` asks of `scene`. Sources that name no start begin at 1970-01-01T00:00:00Z, so that `t` in
+/// nanoseconds is time into the clip; `live` is each clip's end, looped or not.
+///
+/// # Errors
+/// As [`super::Door::view`]. A camera that fails is left out (and logged), unless all do.
+pub fn view_once(
+    config: &Config,
+    scene: &Arc<Scene>,
+    request: &ViewRequest,
+    clock: &dyn Clock,
+) -> Result<ViewAnswer, EngineError> {
+    let settings = config.settings();
+    // The renderer first: a request that it refuses should not wait for the clips.
+    let (mut renderer, _adapter) = open_renderer(&settings.render)?;
+    Subject::of(request, scene, Timestamp::default(), &Observations::new(), &renderer)?;
+    let roots = MediaRoots::new(&settings.media.roots)
+        .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?;
+    let until = match request.at {
+        At::Live => None,
+        At::Time(instant) => Some(instant),
+    };
+    let members: Vec<&CameraSettings> = scene
+        .cameras
+        .iter()
+        .filter_map(|member| settings.camera.iter().find(|camera| camera.id == member.id))
+        .collect();
+    let (found, failures) = play_all(&members, &roots, until)?;
+    for (camera, reason) in &failures {
+        tracing::warn!(%camera, reason, "camera left out");
+    }
+    if let (true, Some((camera, reason))) = (found.is_empty(), failures.first()) {
+        return Err(EngineError::NoFrame { camera: camera.to_string(), state: reason.clone() });
+    }
+    let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
+    let instant = until.or(latest).unwrap_or_default();
+    let subject = Subject::of(request, scene, instant, &found, &renderer)?;
+    subject.draw(&found, &mut renderer, clock).map_err(|error| failure_of(&error))
+}
+
+type Failures = Vec<(CameraId, String)>;
+
+/// Plays every camera on a thread of its own.
+fn play_all(
+    members: &[&CameraSettings],
+    roots: &MediaRoots,
+    until: Option<Timestamp>,
+) -> Result<(Observations, Failures), EngineError> {
+    std::thread::scope(|scope| {
+        let mut threads = Vec::new();
+        for camera in members {
+            let builder = std::thread::Builder::new().name(format!("camera-{}", camera.id));
+            let thread = builder
+                .spawn_scoped(scope, || play(camera, roots, until))
+                .map_err(|error| EngineError::Internal(format!("cannot start a thread: {error}")))?;
+            threads.push((camera.id.clone(), thread));
+        }
+        let (mut found, mut failures) = (Observations::new(), Failures::new());
+        for (id, thread) in threads {
+            match thread.join() {
+                Ok(Ok(observation)) => found.push((id, observation)),
+                Ok(Err(reason)) => failures.push((id, reason)),
+                Err(_panic) => failures.push((id, "its thread panicked".to_owned())),
+            }
+        }
+        Ok((found, failures))
+    })
+}
+
+/// A camera's newest observation at or before `until`.
+fn play(
+    camera: &CameraSettings,
+    roots: &MediaRoots,
+    until: Option<Timestamp>,
+) -> Result<Observation, String> {
+    let mut source = camera.source.clone();
+    let mut pipeline = Pipeline::new(&camera.background, &camera.segment);
+    if let Some(clip) = &camera.background.clip {
+        ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots)
+            .map_err(|error| error.to_string())?;
+    }
+    // A loop has no end to wait for.
+    if until.is_none() {
+        source.end = End::Stop;
+    }
+    let start = source.start.unwrap_or_default();
+    let mut frames = ingest::open(&source, roots).map_err(|error| error.to_string())?;
+    let mut newest = None;
+    while let Some(next) = frames.next_frame().map_err(|error| error.to_string())? {
+        let timestamp = start.saturating_add_nanos(next.stream_nanos);
+        if until.is_some_and(|until| timestamp > until) {
+            break;
+        }
+        let frame = Frame { camera: camera.id.clone(), timestamp, number: next.number, image: next.image };
+        newest = Some(pipeline.process(frame));
+    }
+    newest.ok_or_else(|| match until {
+        Some(until) => format!("no frame at or before {until}: the first is at {start}"),
+        None => "no frame at all".to_owned(),
+    })
+}

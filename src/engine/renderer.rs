@@ -1,0 +1,144 @@
+//! The render thread: owns the GPU, takes one request after the other, and answers equal ones with one picture.
+
+use super::EngineError;
+use super::handle::{At, Door, ViewAnswer, ViewRequest};
+use super::picture::{Observations, Subject, failure_of};
+use super::shared::Shared;
+use crate::clock::Timestamp;
+use crate::error::ErrorKind;
+use crate::gpu::Gpu;
+use crate::render::Renderer;
+use crate::scene::Scene;
+use std::sync::mpsc::Receiver;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// A request on its way to the renderer.
+pub(super) struct Job {
+    pub(super) request: ViewRequest,
+    pub(super) reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+}
+
+/// After a device could not be had, it is not tried again for this long.
+const DEVICE_RETRY: Duration = Duration::from_secs(5);
+
+/// Serves `jobs` until every sender is gone.
+pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
+    let mut thread = RenderThread { shared, renderer: None, failed_at: None, last: None };
+    // Opening the device now takes the wait out of the first request, and readiness tells how it went.
+    thread.open_device();
+    while let Ok(job) = jobs.recv() {
+        shared.count_dequeued();
+        // A caller that has gone wants no picture.
+        if job.reply.is_closed() {
+            continue;
+        }
+        let answer = thread.answer(&job.request);
+        if job.reply.send(answer).is_err() {
+            tracing::debug!("the caller left before its picture was ready");
+        }
+    }
+}
+
+struct RenderThread<'a> {
+    shared: &'a Shared,
+    renderer: Option<Renderer>,
+    failed_at: Option<Duration>,
+    /// The picture drawn last: what asks for the same again gets it.
+    last: Option<(Subject, ViewAnswer)>,
+}
+
+impl RenderThread<'_> {
+    fn answer(&mut self, request: &ViewRequest) -> Result<ViewAnswer, EngineError> {
+        let scene = self.shared.scene(&request.scene)?;
+        let started = self.shared.clock.monotonic();
+        let instant = match request.at {
+            At::Live => self.shared.live_instant(&scene)?,
+            At::Time(instant) => instant,
+        };
+        let observations = self.observations(&scene, instant)?;
+        let clock = &*self.shared.clock;
+        let renderer = self.ensure_renderer()?;
+        let subject = Subject::of(request, &scene, instant, &observations, renderer)?;
+        if let Some((of, answer)) = &self.last
+            && *of == subject
+        {
+            return Ok(answer.clone());
+        }
+        let renderer = self.ensure_renderer()?;
+        match subject.draw(&observations, renderer, clock) {
+            Ok(answer) => {
+                let metrics = &self.shared.metrics;
+                metrics.render_picture.observe(clock.monotonic().saturating_sub(started).as_secs_f64());
+                for (pass, time) in &answer.timings {
+                    metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
+                }
+                self.last = Some((subject, answer.clone()));
+                Ok(answer)
+            }
+            Err(error) => {
+                if error.kind() == ErrorKind::Unavailable {
+                    tracing::warn!(%error, "the renderer is lost and will be made anew");
+                    self.renderer = None;
+                    self.shared.set_renderer_state(Err(error.to_string()));
+                }
+                Err(failure_of(&error))
+            }
+        }
+    }
+
+    /// What every camera of the scene saw at `instant`. A camera without anything is left out, but not all may be:
+    /// then the first camera's reason is the answer.
+    fn observations(&self, scene: &Scene, instant: Timestamp) -> Result<Observations, EngineError> {
+        let mut failure = None;
+        let mut found = Vec::new();
+        for member in &scene.cameras {
+            match self.shared.observation(member.id.as_str(), At::Time(instant)) {
+                Ok(observation) => found.push((member.id.clone(), observation)),
+                Err(error) => failure = failure.or(Some(error)),
+            }
+        }
+        match failure {
+            Some(error) if found.is_empty() => Err(error),
+            _ => Ok(found),
+        }
+    }
+
+    fn ensure_renderer(&mut self) -> Result<&mut Renderer, EngineError> {
+        if self.renderer.is_none() {
+            let now = self.shared.clock.monotonic();
+            if self.failed_at.is_none_or(|failed_at| now.saturating_sub(failed_at) >= DEVICE_RETRY) {
+                self.open_device();
+            }
+        }
+        let shared = self.shared;
+        let none = || EngineError::Unavailable(format!("no renderer: {}", shared.renderer_state()));
+        self.renderer.as_mut().ok_or_else(none)
+    }
+
+    fn open_device(&mut self) {
+        match open_renderer(&self.shared.render_settings) {
+            Ok((renderer, adapter)) => {
+                tracing::info!(adapter, "renderer ready");
+                self.shared.set_renderer_state(Ok(adapter));
+                self.renderer = Some(renderer);
+                self.failed_at = None;
+            }
+            Err(error) => {
+                tracing::error!(%error, "no renderer");
+                self.shared.set_renderer_state(Err(error.to_string()));
+                self.failed_at = Some(self.shared.clock.monotonic());
+            }
+        }
+    }
+}
+
+/// The GPU that the settings name and a renderer on it, with the adapter's name.
+pub(super) fn open_renderer(
+    settings: &crate::config::RenderSettings,
+) -> Result<(Renderer, String), EngineError> {
+    let gpu = Gpu::new(&settings.adapter).map_err(|error| EngineError::Unavailable(error.to_string()))?;
+    let adapter = gpu.name().to_owned();
+    let renderer = Renderer::new(gpu, settings).map_err(|error| failure_of(&error))?;
+    Ok((renderer, adapter))
+}

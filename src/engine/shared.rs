@@ -1,0 +1,336 @@
+//! What the engine's threads and its callers share, and the door's answers from it.
+
+use super::EngineError;
+use super::handle::{
+    At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
+};
+use super::renderer::Job;
+use crate::clock::{Clock, Timestamp};
+use crate::config::RenderSettings;
+use crate::frame::CameraId;
+use crate::geometry::SurfaceId;
+use crate::ingest::{CameraState, StatusReader};
+use crate::mapping::{self, Location, WorldMap};
+use crate::scene::{Scene, SceneCamera};
+use crate::telemetry::Metrics;
+use crate::timeline::{Observation, Timeline, TimelineError};
+use glam::DVec2;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{SyncSender, TrySendError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// A camera as callers see it.
+pub(super) struct CameraEntry {
+    pub(super) id: CameraId,
+    pub(super) name: String,
+    pub(super) timeline: Arc<Timeline>,
+    pub(super) status: StatusReader,
+}
+
+/// A camera's texture-to-world map, while it is being built, when it is there, or why it could not be built.
+#[derive(Clone)]
+pub(super) enum MapState {
+    Building,
+    Ready(Arc<WorldMap>),
+    Failed(String),
+}
+
+/// What the engine's threads and its callers share.
+pub(super) struct Shared {
+    pub(super) clock: Arc<dyn Clock>,
+    pub(super) metrics: Arc<Metrics>,
+    pub(super) cameras: Vec<CameraEntry>,
+    pub(super) scenes: Vec<Arc<Scene>>,
+    pub(super) render_settings: RenderSettings,
+    /// By scene and camera.
+    maps: Mutex<HashMap<(String, CameraId), MapState>>,
+    /// The adapter's name, or why there is none.
+    renderer: Mutex<Result<String, String>>,
+    /// Gone once the engine stops.
+    queue: Mutex<Option<SyncSender<Job>>>,
+    waiting: AtomicUsize,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    // Nothing behind these locks is left half-changed by a panic: each holds one value that is replaced whole.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    pub(super) fn new(
+        clock: Arc<dyn Clock>,
+        metrics: Arc<Metrics>,
+        cameras: Vec<CameraEntry>,
+        scenes: Vec<Arc<Scene>>,
+        render_settings: RenderSettings,
+        queue: SyncSender<Job>,
+    ) -> Self {
+        let maps = scenes
+            .iter()
+            .flat_map(|scene| scene.cameras.iter().map(|camera| (scene.id.clone(), camera.id.clone())))
+            .map(|key| (key, MapState::Building))
+            .collect();
+        Self {
+            clock,
+            metrics,
+            cameras,
+            scenes,
+            render_settings,
+            maps: Mutex::new(maps),
+            renderer: Mutex::new(Err("starting".to_owned())),
+            queue: Mutex::new(Some(queue)),
+            waiting: AtomicUsize::new(0),
+        }
+    }
+
+    /// Ends the render thread once it has answered what waits.
+    pub(super) fn close_queue(&self) {
+        lock(&self.queue).take();
+    }
+
+    pub(super) fn count_dequeued(&self) {
+        let waiting = self.waiting.fetch_sub(1, Ordering::Relaxed) - 1;
+        self.metrics.render_queue_length.set(waiting as i64);
+    }
+
+    pub(super) fn set_renderer_state(&self, state: Result<String, String>) {
+        *lock(&self.renderer) = state;
+    }
+
+    pub(super) fn renderer_state(&self) -> String {
+        match &*lock(&self.renderer) {
+            Ok(text) | Err(text) => text.clone(),
+        }
+    }
+
+    pub(super) fn set_map(&self, scene: &str, camera: &CameraId, state: MapState) {
+        lock(&self.maps).insert((scene.to_owned(), camera.clone()), state);
+    }
+
+    fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
+        let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
+        found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
+    }
+
+    /// The newest instant that all live cameras of a scene have reached; where none is live, the newest that all
+    /// which have a frame have reached.
+    pub(super) fn live_instant(&self, scene: &Scene) -> Result<Timestamp, EngineError> {
+        let mut live: Option<Timestamp> = None;
+        let mut any: Option<Timestamp> = None;
+        for member in &scene.cameras {
+            let Ok(camera) = self.camera(member.id.as_str()) else { continue };
+            let Some((_, last)) = camera.timeline.range() else { continue };
+            any = Some(any.map_or(last, |instant| instant.max(last)));
+            if camera.status.read().state == CameraState::Live {
+                live = Some(live.map_or(last, |instant| instant.min(last)));
+            }
+        }
+        match (live.or(any), scene.cameras.first()) {
+            (Some(instant), _) => Ok(instant),
+            (None, Some(member)) => {
+                self.observation(member.id.as_str(), At::Live).map(|seen| seen.frame.timestamp)
+            }
+            // A scene without cameras is always as it is.
+            (None, None) => Ok(self.clock.now()),
+        }
+    }
+
+    fn member<'a>(
+        &'a self,
+        camera: &str,
+        scene: Option<&str>,
+    ) -> Result<(&'a Scene, &'a SceneCamera), EngineError> {
+        self.camera(camera)?;
+        let of = |scene: &'a Scene| scene.cameras.iter().find(|member| member.id.as_str() == camera);
+        match scene {
+            Some(id) => {
+                let scene = self.scenes.iter().find(|scene| scene.id == id);
+                let scene = scene.ok_or_else(|| EngineError::NoScene { id: id.to_owned() })?;
+                let member = of(scene).ok_or_else(|| {
+                    EngineError::NoSurface(format!("camera {camera} is not part of scene {id}"))
+                })?;
+                Ok((scene, member))
+            }
+            None => self
+                .scenes
+                .iter()
+                .find_map(|scene| Some((&**scene, of(scene)?)))
+                .ok_or_else(|| EngineError::NoSurface(format!("camera {camera} is part of no scene"))),
+        }
+    }
+}
+
+impl Door for Shared {
+    fn cameras(&self) -> Vec<CameraSummary> {
+        let now = self.clock.monotonic();
+        let summary = |camera: &CameraEntry| {
+            let status = camera.status.read();
+            let range = camera.timeline.range();
+            let holds = |scene: &&Arc<Scene>| scene.cameras.iter().any(|member| member.id == camera.id);
+            CameraSummary {
+                id: camera.id.clone(),
+                name: camera.name.clone(),
+                state: status.state.as_str().to_owned(),
+                reason: status.reason,
+                size_px: status.size.map(|(width, height)| [width, height]),
+                frames: status.frames,
+                dropped: status.dropped,
+                first: range.map(|(first, _)| first.to_string()),
+                last: range.map(|(_, last)| last.to_string()),
+                age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
+                scenes: self.scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
+            }
+        };
+        self.cameras.iter().map(summary).collect()
+    }
+
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
+        let entry = self.camera(camera)?;
+        let no_frame = || {
+            let status = entry.status.read();
+            let reason = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+            EngineError::NoFrame {
+                camera: camera.to_owned(),
+                state: format!("{}{reason}", status.state.as_str()),
+            }
+        };
+        match at {
+            At::Live => entry.timeline.latest(),
+            At::Time(instant) => entry.timeline.at(instant),
+        }
+        .map_err(|error| match error {
+            TimelineError::Empty => no_frame(),
+            TimelineError::BeforeFirst { at, first, last } => EngineError::BeforeFirst {
+                camera: camera.to_owned(),
+                asked: at.to_string(),
+                first: first.to_string(),
+                last: last.to_string(),
+            },
+            TimelineError::NotNewer { .. } => EngineError::Internal(error.to_string()),
+        })
+    }
+
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError> {
+        let is_inside = |value: f64| (0.0..=1.0).contains(&value);
+        for (name, value) in [("u", texture.x), ("v", texture.y)] {
+            if !is_inside(value) {
+                let fault = crate::error::Fault::new(name, "expected a number from 0 to 1");
+                return Err(EngineError::Request(fault));
+            }
+        }
+        let (scene, member) = self.member(camera, scene)?;
+        let found: Option<Location> = match method {
+            LocateMethod::Ray => mapping::locate(&member.camera, &scene.surfaces, texture),
+            LocateMethod::Map => {
+                let key = (scene.id.clone(), member.id.clone());
+                let state = lock(&self.maps).get(&key).cloned();
+                match state {
+                    Some(MapState::Ready(map)) => map.locate(texture),
+                    Some(MapState::Failed(reason)) => return Err(EngineError::Internal(reason)),
+                    Some(MapState::Building) | None => {
+                        return Err(EngineError::Unavailable(format!(
+                            "the map of camera {camera} is being built"
+                        )));
+                    }
+                }
+            }
+        };
+        let Some(location) = found else {
+            let text = format!(
+                "camera {camera} shows no surface of scene {} at u {}, v {}: above the horizon or beside every surface",
+                scene.id, texture.x, texture.y
+            );
+            return Err(EngineError::NoSurface(text));
+        };
+        let (surface, surface_idx) = match location.surface {
+            SurfaceId::Ground(idx) => ("ground", idx),
+            SurfaceId::Box(idx) => ("box", idx),
+        };
+        Ok(Located {
+            point_m: location.point_in_world.to_array(),
+            theta_rad: location.theta_rad,
+            reliable: location.is_reliable,
+            footprint_m: location.footprint_m,
+            surface,
+            surface_idx,
+        })
+    }
+
+    fn scenes(&self) -> Vec<SceneSummary> {
+        let summary = |scene: &Arc<Scene>| SceneSummary {
+            id: scene.id.clone(),
+            name: scene.name.clone(),
+            cameras: scene.cameras.iter().map(|member| member.id.clone()).collect(),
+        };
+        self.scenes.iter().map(summary).collect()
+    }
+
+    fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
+        let found = self.scenes.iter().find(|scene| scene.id == id);
+        found.cloned().ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
+    }
+
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError> {
+        let queue = lock(&self.queue);
+        let Some(queue) = &*queue else {
+            return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
+        };
+        let waiting = self.waiting.fetch_add(1, Ordering::Relaxed) + 1;
+        match queue.try_send(Job { request, reply }) {
+            Ok(()) => {
+                self.metrics.render_queue_length.set(waiting as i64);
+                Ok(())
+            }
+            Err(error) => {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
+                Err(match error {
+                    TrySendError::Full(_) => EngineError::Busy { waiting: waiting - 1 },
+                    TrySendError::Disconnected(_) => {
+                        EngineError::Unavailable("the renderer stopped".to_owned())
+                    }
+                })
+            }
+        }
+    }
+
+    fn readiness(&self) -> Readiness {
+        let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
+        let renderer = lock(&self.renderer).clone();
+        Readiness {
+            ready: renderer.is_ok(),
+            store: true,
+            renderer: renderer.unwrap_or_else(|reason| format!("not ready: {reason}")),
+            cameras_with_frames: [with_frames, self.cameras.len()],
+        }
+    }
+
+    fn metrics_text(&self) -> String {
+        for camera in &self.cameras {
+            let id = camera.id.as_str();
+            if let Some(at) = camera.status.read().last_frame_at {
+                let age = self.clock.monotonic().saturating_sub(at);
+                self.metrics.ingest_frame_age.with_label_values(&[id]).set(age.as_secs_f64());
+            }
+            let kept = i64::try_from(camera.timeline.len_bytes()).unwrap_or(i64::MAX);
+            self.metrics.timeline_kept.with_label_values(&[id]).set(kept);
+        }
+        self.metrics.encode()
+    }
+
+    fn count_http(&self, route: &str, status: u16, duration: Duration) {
+        self.metrics.observe_request(route, status, duration.as_secs_f64());
+    }
+}

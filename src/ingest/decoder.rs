@@ -1,0 +1,354 @@
+//! One `GStreamer` pipeline from a file to I420 pictures, and what its messages mean.
+//!
+//! `filesrc ! decodebin ! [videoconvert !] appsink`: decodebin finds demuxer and decoder, and works without the
+//! parsers of plugins-bad. Only the first video stream is decoded. The decoder's own buffers arrive: where it
+//! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied.
+
+use gst::glib;
+use gst::prelude::*;
+use gstreamer as gst;
+use gstreamer_app as gst_app;
+use gstreamer_video as gst_video;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+/// Most columns and rows of a video: beyond it lies what no camera makes and no memory holds.
+const MAX_SIDE: u32 = 8192;
+
+/// Decoded pictures that wait in the sink; decoding blocks when it is full.
+const QUEUE_LENGTH: u32 = 4;
+
+/// Most threads of one decoder: many cameras decode side by side.
+const MAX_DECODER_THREADS: usize = 2;
+
+/// Why a pipeline gives no further picture.
+#[derive(Debug)]
+pub(super) enum Fault {
+    /// No type, no video stream.
+    NotVideo(String),
+    /// No demuxer or decoder.
+    MissingCodec {
+        /// What is missing.
+        codec: String,
+        /// Debian packages that may have it.
+        package: &'static str,
+    },
+    /// A picture beyond the limit.
+    TooLarge {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Most of either.
+        limit: u32,
+    },
+    /// The stream breaks off.
+    Damaged(String),
+    /// `GStreamer` fails or is incomplete.
+    Gstreamer {
+        /// What was tried.
+        action: &'static str,
+        /// What it said.
+        detail: String,
+    },
+}
+
+/// A running pipeline; it ends when this is dropped.
+#[derive(Debug)]
+pub(super) struct Decoder {
+    pipeline: gst::Pipeline,
+    bus: gst::Bus,
+    sink: gst_app::AppSink,
+    link_faults: Receiver<Fault>,
+    unknown_streams: Receiver<gst::Caps>,
+}
+
+impl Decoder {
+    /// Starts decoding the file at `location`.
+    pub(super) fn start(location: &Path) -> Result<Self, Fault> {
+        gst::init().map_err(|error| gstreamer_fault("start", &error))?;
+        let make = |name: &str| {
+            gst::ElementFactory::make(name)
+                .build()
+                .map_err(|error| gstreamer_fault("make an element", &error))
+        };
+        let (source, decode) = (make("filesrc")?, make("decodebin")?);
+        source.set_property("location", location);
+        let sink = make_sink();
+        let pipeline = gst::Pipeline::new();
+        let add = [&source, &decode, sink.upcast_ref()];
+        pipeline.add_many(add).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
+        source.link(&decode).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
+        pipeline.connect_deep_element_added(|_pipeline, _bin, element| cap_threads(element));
+        let (sender, link_faults) = sync_channel(1);
+        link_first_video(&decode, &pipeline, &sink, sender);
+        decode_video_only(&decode);
+        let unknown_streams = watch_unknown_streams(&decode);
+        let bus = pipeline.bus().ok_or_else(|| Fault::Gstreamer {
+            action: "build a pipeline",
+            detail: "the pipeline has no bus".to_owned(),
+        })?;
+        let decoder = Self { pipeline, bus, sink, link_faults, unknown_streams };
+        match decoder.pipeline.set_state(gst::State::Playing) {
+            Ok(_) => Ok(decoder),
+            Err(error) => Err(decoder.fault().unwrap_or_else(|| gstreamer_fault("start a pipeline", &error))),
+        }
+    }
+
+    /// The next picture if one comes within `patience`.
+    pub(super) fn pull(&self, patience: gst::ClockTime) -> Option<gst::Sample> {
+        self.sink.try_pull_sample(patience)
+    }
+
+    /// Whether every picture was pulled.
+    pub(super) fn has_ended(&self) -> bool {
+        self.sink.is_eos()
+    }
+
+    /// Whether nothing in the pipeline is at work, so that nothing will come. An error that a demuxer posts while
+    /// decodebin still tries it is swallowed there (seen with 1.22 on a file that breaks off in its header): the
+    /// demuxer then rests for ever, and this is its only trace.
+    pub(super) fn is_idle(&self) -> bool {
+        let mut elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
+        let is_at_work = |pad: &gst::Pad| pad.task_state() == gst::TaskState::Started;
+        !elements.any(|element| element.pads().iter().any(is_at_work))
+    }
+
+    /// What went wrong since the last call, if anything did.
+    pub(super) fn fault(&self) -> Option<Fault> {
+        if let Ok(fault) = self.link_faults.try_recv() {
+            return Some(if matches!(fault, Fault::NotVideo(_)) {
+                self.unread_video().unwrap_or(fault)
+            } else {
+                fault
+            });
+        }
+        let message = self.bus.pop_filtered(&[gst::MessageType::Error])?;
+        let gst::MessageView::Error(message) = message.view() else { return None };
+        let error = message.error();
+        // The debug text holds line numbers and element names: for the log alone.
+        tracing::debug!(%error, source = message.debug().as_deref().unwrap_or(""), "a pipeline failed");
+        Some(self.error_fault(&error))
+    }
+
+    /// What an error on the bus means.
+    fn error_fault(&self, error: &glib::Error) -> Fault {
+        if let Some(fault) = self.unread_video() {
+            return fault;
+        }
+        let detail = error.message().trim_end_matches('.').to_owned();
+        match error.kind::<gst::StreamError>() {
+            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => Fault::NotVideo(detail),
+            _ => Fault::Damaged(detail),
+        }
+    }
+
+    /// The missing codec, if a stream was found that nothing installed reads.
+    fn unread_video(&self) -> Option<Fault> {
+        self.unknown_streams.try_iter().find_map(|caps| caps.structure(0).map(missing_codec))
+    }
+}
+
+impl Drop for Decoder {
+    fn drop(&mut self) {
+        if let Err(error) = self.pipeline.set_state(gst::State::Null) {
+            tracing::warn!(%error, "a decoder did not stop");
+        }
+    }
+}
+
+fn make_sink() -> gst_app::AppSink {
+    let caps = gst::Caps::builder("video/x-raw")
+        .field("format", "I420")
+        .field("width", gst::IntRange::new(1, MAX_SIDE as i32))
+        .field("height", gst::IntRange::new(1, MAX_SIDE as i32))
+        .build();
+    let sink = gst_app::AppSink::builder()
+        .caps(&caps)
+        .max_buffers(QUEUE_LENGTH)
+        .drop(false)
+        .sync(false)
+        .enable_last_sample(false)
+        .build();
+    // The sink answers the decoder's question for memory itself: rows may be padded. Without that answer decoders
+    // that pad copy every picture into unpadded rows.
+    if let Some(pad) = sink.static_pad("sink") {
+        pad.add_probe(gst::PadProbeType::QUERY_DOWNSTREAM, |_pad, info| {
+            let Some(query) = info.query_mut() else { return gst::PadProbeReturn::Ok };
+            let gst::QueryViewMut::Allocation(query) = query.view_mut() else {
+                return gst::PadProbeReturn::Ok;
+            };
+            query.add_allocation_meta::<gst_video::VideoMeta>(None);
+            gst::PadProbeReturn::Handled
+        });
+    }
+    sink
+}
+
+/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads. The property's name and type depend on the decoder.
+fn cap_threads(element: &gst::Element) {
+    let is_decoder =
+        element.factory().is_some_and(|factory| factory.has_type(gst::ElementFactoryType::DECODER));
+    if !is_decoder {
+        return;
+    }
+    let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let threads = available.min(MAX_DECODER_THREADS) as u32;
+    for name in ["max-threads", "threads", "n-threads"] {
+        match element.find_property(name).map(|property| property.value_type()) {
+            Some(glib::Type::I32) => element.set_property(name, threads as i32),
+            Some(glib::Type::U32) => element.set_property(name, threads),
+            _ => {}
+        }
+    }
+}
+
+fn link_first_video(
+    decode: &gst::Element,
+    pipeline: &gst::Pipeline,
+    sink: &gst_app::AppSink,
+    faults: SyncSender<Fault>,
+) {
+    let (pipeline, sink) = (pipeline.downgrade(), sink.downgrade());
+    let is_linked = Arc::new(AtomicBool::new(false));
+    let (was_linked, no_video) = (Arc::clone(&is_linked), faults.clone());
+    decode.connect_no_more_pads(move |_decode| {
+        if !was_linked.load(Ordering::Acquire) {
+            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
+        }
+    });
+    decode.connect_pad_added(move |_decode, pad| {
+        let (Some(pipeline), Some(sink)) = (pipeline.upgrade(), sink.upgrade()) else { return };
+        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
+        let is_video = caps.structure(0).is_some_and(|structure| structure.name() == "video/x-raw");
+        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        if let Err(fault) = link_video(pad, &caps, &pipeline, &sink) {
+            tell(&faults, fault);
+        }
+    });
+}
+
+/// One fault is enough: when the channel is full, the one in it is told.
+fn tell(faults: &SyncSender<Fault>, fault: Fault) {
+    if let Err(error) = faults.try_send(fault) {
+        tracing::debug!(%error, "a second fault of one stream is not told");
+    }
+}
+
+fn link_video(
+    pad: &gst::Pad,
+    caps: &gst::Caps,
+    pipeline: &gst::Pipeline,
+    sink: &gst_app::AppSink,
+) -> Result<(), Fault> {
+    let structure =
+        caps.structure(0).ok_or_else(|| Fault::NotVideo("a stream without a format".to_owned()))?;
+    let side = |name| structure.get::<i32>(name).ok().and_then(|side| u32::try_from(side).ok()).unwrap_or(1);
+    let (width, height) = (side("width"), side("height"));
+    if width > MAX_SIDE || height > MAX_SIDE {
+        return Err(Fault::TooLarge { width, height, limit: MAX_SIDE });
+    }
+    let mut target = sink.static_pad("sink");
+    if structure.get::<&str>("format") != Ok("I420") {
+        let converter = add_converter(pipeline, sink, structure)
+            .map_err(|error| gstreamer_fault("convert the decoder's pictures", &error))?;
+        target = converter.static_pad("sink");
+    }
+    let target = target.ok_or_else(|| Fault::Gstreamer {
+        action: "link the decoder",
+        detail: "an element has no sink pad".to_owned(),
+    })?;
+    pad.link(&target).map(|_linked| ()).map_err(|error| gstreamer_fault("link the decoder", &error))
+}
+
+/// A converter to I420 in front of the sink. The colours keep the code that the decoder gave them, so that no
+/// range is squeezed.
+fn add_converter(
+    pipeline: &gst::Pipeline,
+    sink: &gst_app::AppSink,
+    from: &gst::StructureRef,
+) -> Result<gst::Element, glib::BoolError> {
+    let has_luma = from
+        .get::<&str>("format")
+        .ok()
+        .and_then(|name| name.parse::<gst_video::VideoFormat>().ok())
+        .map(gst_video::VideoFormatInfo::from_format)
+        .is_some_and(|format| format.is_yuv() || format.is_gray());
+    let colorimetry = from.get::<&str>("colorimetry").ok().filter(|_| has_luma);
+    let to = gst::Caps::builder("video/x-raw").field("format", "I420");
+    let to = to.field_if_some("colorimetry", colorimetry).build();
+    let converter = gst::ElementFactory::make("videoconvert").build()?;
+    let filter = gst::ElementFactory::make("capsfilter").property("caps", to).build()?;
+    pipeline.add_many([&converter, &filter])?;
+    gst::Element::link_many([&converter, &filter, sink.upcast_ref()])?;
+    filter.sync_state_with_parent()?;
+    converter.sync_state_with_parent()?;
+    Ok(converter)
+}
+
+fn gstreamer_fault(action: &'static str, error: &dyn std::error::Error) -> Fault {
+    Fault::Gstreamer { action, detail: error.to_string() }
+}
+
+/// Leaves sound and text as they are: what is not needed is neither decoded nor missed.
+fn decode_video_only(decode: &gst::Element) {
+    decode.connect("autoplug-continue", false, |values| {
+        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
+        let is_beside =
+            caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
+        Some((!is_beside).to_value())
+    });
+}
+
+/// Collects the formats of streams for which decodebin finds no decoder.
+fn watch_unknown_streams(decode: &gst::Element) -> Receiver<gst::Caps> {
+    let (sender, receiver) = sync_channel(8);
+    decode.connect("unknown-type", false, move |values| {
+        if let Some(Ok(caps)) = values.get(2).map(glib::Value::get::<gst::Caps>)
+            && sender.try_send(caps).is_err()
+        {
+            tracing::debug!("more unknown streams than are told of");
+        }
+        None
+    });
+    receiver
+}
+
+fn is_beside_video(kind: &str) -> bool {
+    ["audio/", "text/", "subpicture/", "closedcaption/"].iter().any(|prefix| kind.starts_with(prefix))
+}
+
+fn missing_codec(format: &gst::StructureRef) -> Fault {
+    let kind = format.name().as_str();
+    let fourcc = format.get::<i32>("fourcc").ok().map(i32::to_le_bytes);
+    let codec =
+        fourcc.map_or_else(|| kind.to_owned(), |code| format!("{:?}", String::from_utf8_lossy(&code)));
+    Fault::MissingCodec { codec: format!("decoder for {codec}"), package: package_of(kind) }
+}
+
+const ANY_PACKAGE: &str = "gstreamer1.0-libav, gstreamer1.0-plugins-bad or gstreamer1.0-plugins-ugly";
+
+fn package_of(kind: &str) -> &'static str {
+    match kind {
+        "video/x-vp8" | "video/x-vp9" | "image/jpeg" | "image/png" | "video/x-dv" | "video/quicktime"
+        | "video/x-matroska" | "video/webm" | "video/x-msvideo" => "gstreamer1.0-plugins-good",
+        "video/x-theora" | "application/ogg" => "gstreamer1.0-plugins-base",
+        "video/x-h264"
+        | "video/x-h265"
+        | "video/mpeg"
+        | "video/x-divx"
+        | "video/x-xvid"
+        | "video/x-msmpeg"
+        | "video/x-h263"
+        | "video/x-wmv"
+        | "video/x-flash-video"
+        | "video/x-prores"
+        | "video/x-dnxhd" => "gstreamer1.0-libav",
+        "video/mpegts" | "video/x-av1" => "gstreamer1.0-plugins-bad",
+        _ => ANY_PACKAGE,
+    }
+}

@@ -1,0 +1,423 @@
+//! One camera's way from frames to observations: background, then segmentation.
+//!
+//! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
+//! a later mask depends on. Knows nothing of sources, threads or databases.
+
+use crate::background::{BackgroundError, Format, GaussianMixture};
+use crate::clock::Timestamp;
+use crate::config::{BackgroundSettings, Learning, SegmentSettings};
+use crate::frame::{CameraId, Frame, YuvImage};
+use crate::segment::Segmenter;
+use crate::timeline::Observation;
+use std::sync::Arc;
+
+/// Models of other picture sizes or colours that are kept; the one left longest ago goes first.
+const MAX_ASIDE: usize = 2;
+
+/// Scene time during which frames share one background picture.
+const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
+
+/// Version of the checkpoints that this build writes, the only one that it reads.
+pub const CHECKPOINT_VERSION: u32 = 1;
+
+/// Checkpoints begin with this: a name and the version.
+const MAGIC: [u8; 5] = [b'v', b'f', b'p', b'l', CHECKPOINT_VERSION as u8];
+
+/// Bytes of a model in a checkpoint before the model's own: its flags and their length.
+const MODEL_HEADER_LEN: usize = 9;
+
+/// Turns the frames of one camera into observations.
+#[derive(Debug)]
+pub struct Pipeline {
+    settings: BackgroundSettings,
+    segmenter: Segmenter,
+    current: Option<Model>,
+    /// Models of formats that the camera left, the one left last at the end: a picture of one size is never read by
+    /// the model of another, and a size that comes back finds what was learned.
+    aside: Vec<Model>,
+    /// The background picture that frames share, and when it was taken.
+    picture: Option<(Timestamp, Arc<YuvImage>)>,
+}
+
+/// One model and what its next step depends on.
+#[derive(Debug)]
+struct Model {
+    mixture: GaussianMixture,
+    /// The frame it saw last; none before the first that has a time.
+    seen: Option<Timestamp>,
+    /// Whether it learned a background clip.
+    has_clip: bool,
+}
+
+impl Pipeline {
+    /// A pipeline that has seen nothing.
+    #[must_use]
+    pub fn new(background: &BackgroundSettings, segment: &SegmentSettings) -> Self {
+        Self {
+            settings: background.clone(),
+            segmenter: Segmenter::new(segment),
+            current: None,
+            aside: Vec::new(),
+            picture: None,
+        }
+    }
+
+    /// Whether the model in use learned a background clip, be it before the checkpoint that it came from: then the
+    /// clip need not be learned again.
+    #[must_use]
+    pub fn has_learned_clip(&self) -> bool {
+        self.current.as_ref().is_some_and(|model| model.has_clip)
+    }
+
+    /// Learns a picture of the background clip, `dt_secs` after the one before it.
+    pub fn learn(&mut self, image: &YuvImage, dt_secs: f64) {
+        self.choose_model(image, None);
+        if let Some(model) = &mut self.current {
+            model.has_clip = true;
+            update(&mut model.mixture, image, dt_secs, None);
+        }
+        self.picture = None;
+    }
+
+    /// Takes the next frame: learns it, unless the background is held, and finds what moves in it.
+    ///
+    /// A background is held (`learning = "hold"`) once a clip was learned at the frame's size; at a size of which
+    /// there is no clip it adapts, since a picture without a background would show nothing at all. A frame of
+    /// another size or colour begins another model, or takes up the one left behind at that size.
+    pub fn process(&mut self, frame: Frame) -> Observation {
+        self.choose_model(&frame.image, Some(&frame.camera));
+        let is_hold = self.settings.learning == Learning::Hold;
+        let model = self.current.as_mut().expect("a model was just chosen");
+        let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
+        model.seen = Some(frame.timestamp);
+        let is_held = is_hold && model.has_clip;
+        if is_held {
+            model.mixture.classify(&frame.image).expect(MODEL_FITS);
+        } else {
+            update(&mut model.mixture, &frame.image, dt_secs, Some(&frame.camera));
+        }
+        let mixture = &model.mixture;
+        let found = self.segmenter.segment(&frame.image, mixture.background_planes(), mixture.foreground());
+        // A held background never ages.
+        let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
+        let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);
+        Observation {
+            frame,
+            soft_mask: Arc::new(found.soft_mask),
+            labels: Arc::new(found.labels),
+            background,
+            blobs: found.blobs.into(),
+        }
+    }
+
+    /// Makes the model of the picture's format the current one.
+    fn choose_model(&mut self, image: &YuvImage, camera: Option<&CameraId>) {
+        let format = Format::of(image);
+        if self.current.as_ref().is_some_and(|model| model.mixture.format() == format) {
+            return;
+        }
+        self.picture = None;
+        let kept = self.aside.iter().position(|model| model.mixture.format() == format);
+        let next = match kept {
+            Some(index) => self.aside.remove(index),
+            None => {
+                Model { mixture: GaussianMixture::new(&self.settings, format), seen: None, has_clip: false }
+            }
+        };
+        if let Some(left) = self.current.replace(next) {
+            let camera = camera.map(CameraId::as_str);
+            tracing::warn!(camera, from = %left.mixture.format(), to = %format, "picture format changed");
+            self.aside.push(left);
+            if self.aside.len() > MAX_ASIDE {
+                self.aside.remove(0);
+            }
+        }
+    }
+
+    /// What the current model was made for and the time of the frame it saw last; `None` before the first.
+    #[must_use]
+    pub fn current(&self) -> Option<(Format, Option<Timestamp>)> {
+        self.current.as_ref().map(|model| (model.mixture.format(), model.seen))
+    }
+
+    /// Everything that later masks depend on, as bytes; `None` before anything was learned.
+    ///
+    /// **Cost** about a tenth of a second a megapixel, most of it compression: not for every frame.
+    #[must_use]
+    pub fn checkpoint(&self) -> Option<Vec<u8>> {
+        let mut bytes = Vec::from(MAGIC);
+        for model in self.current.iter().chain(self.aside.iter().rev()) {
+            if model.mixture.n_frames() == 0 {
+                continue;
+            }
+            match model.mixture.encode(model.seen.unwrap_or_default()) {
+                Ok(encoded) => {
+                    bytes.push(u8::from(model.has_clip) | u8::from(model.seen.is_some()) << 1);
+                    bytes.extend((encoded.len() as u64).to_le_bytes());
+                    bytes.extend(encoded);
+                }
+                Err(error) => tracing::error!(%error, "background model not kept"),
+            }
+        }
+        (bytes.len() > MAGIC.len()).then_some(bytes)
+    }
+
+    /// Goes on from a checkpoint. Thresholds and rates are the settings' own, so they may have changed since.
+    ///
+    /// # Errors
+    /// When `bytes` are not a whole checkpoint or were made with another number of modes; nothing has changed then.
+    pub fn restore(&mut self, bytes: &[u8]) -> Result<(), BackgroundError> {
+        let mut rest = bytes
+            .strip_prefix(&MAGIC)
+            .ok_or_else(|| refused("it is of another kind or version than this build writes"))?;
+        let mut models = Vec::new();
+        while !rest.is_empty() {
+            models.push(self.read_model(&mut rest)?);
+        }
+        if models.is_empty() || models.len() > 1 + MAX_ASIDE {
+            return Err(refused("it has no models or too many"));
+        }
+        models.reverse();
+        self.current = models.pop();
+        self.aside = models;
+        self.picture = None;
+        Ok(())
+    }
+
+    /// Takes one model off the front of `rest`.
+    fn read_model(&self, rest: &mut &[u8]) -> Result<Model, BackgroundError> {
+        let (header, after) = rest
+            .split_first_chunk::<MODEL_HEADER_LEN>()
+            .ok_or_else(|| refused("it ends within a model's header"))?;
+        let [flags, len @ ..] = *header;
+        let encoded = usize::try_from(u64::from_le_bytes(len))
+            .ok()
+            .and_then(|len| after.split_at_checked(len))
+            .ok_or_else(|| refused("it ends within a model"))?;
+        *rest = encoded.1;
+        if flags > 3 {
+            return Err(refused("a model has flags that no build writes"));
+        }
+        let (mixture, time) = GaussianMixture::decode(encoded.0, &self.settings)?;
+        Ok(Model { mixture, seen: (flags & 2 != 0).then_some(time), has_clip: flags & 1 != 0 })
+    }
+}
+
+/// Why a model and its picture cannot mismatch here.
+const MODEL_FITS: &str = "the model was chosen by the picture's format";
+
+fn update(mixture: &mut GaussianMixture, image: &YuvImage, dt_secs: f64, camera: Option<&CameraId>) {
+    let update = mixture.update(image, dt_secs).expect(MODEL_FITS);
+    if update.light_changed {
+        let camera = camera.map(CameraId::as_str);
+        tracing::info!(camera, share = update.foreground_share, "light changed, background learned afresh");
+    }
+}
+
+/// The background picture for a frame seen at `now`: the shared one, or a new one if that is too old.
+fn refresh(
+    picture: &mut Option<(Timestamp, Arc<YuvImage>)>,
+    mixture: &GaussianMixture,
+    now: Timestamp,
+    max_age_nanos: i64,
+) -> Arc<YuvImage> {
+    if let Some((taken, shared)) = picture {
+        let age = now.nanos_since(*taken);
+        if (0..max_age_nanos).contains(&age) {
+            return Arc::clone(shared);
+        }
+    }
+    let fresh = Arc::new(mixture.background_picture());
+    *picture = Some((now, Arc::clone(&fresh)));
+    fresh
+}
+
+fn refused(reason: &str) -> BackgroundError {
+    BackgroundError::Checkpoint { reason: reason.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
+
+    /// Frame `number` of a noisy floor over which a box walks, at ten frames a second.
+    fn frame(width: u32, height: u32, number: u64) -> Frame {
+        let layout = YuvLayout::packed(width, height);
+        let mut data: Vec<u8> = (0..YuvLayout::packed_len(width, height) as u64)
+            .map(|i| {
+                let hash = (i ^ number.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+                let is_luma = i < layout.offsets[1] as u64;
+                126 + (hash >> if is_luma { 61 } else { 62 }) as u8
+            })
+            .collect();
+        let left = (number as u32 * 3) % (width - 12);
+        for y in height / 4..height / 4 + 24 {
+            data[(y * width + left) as usize..][..12].fill(30);
+        }
+        let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+        Frame {
+            camera: CameraId::new("cam").unwrap(),
+            timestamp: Timestamp::from_nanos(1_700_000_000_000_000_000 + number as i64 * 100_000_000),
+            number,
+            image: Arc::new(image),
+        }
+    }
+
+    fn settings() -> (BackgroundSettings, SegmentSettings) {
+        let segment = SegmentSettings { min_area_px: 40, ..SegmentSettings::default() };
+        (BackgroundSettings::default(), segment)
+    }
+
+    fn pipeline() -> Pipeline {
+        let (background, segment) = settings();
+        Pipeline::new(&background, &segment)
+    }
+
+    fn assert_same(a: &Observation, b: &Observation) {
+        assert!(a.labels == b.labels && a.soft_mask == b.soft_mask && a.blobs == b.blobs);
+    }
+
+    #[test]
+    fn walker_is_found_and_the_floor_is_the_background() {
+        let mut pipeline = pipeline();
+        let last = (0..60).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+        assert_eq!(last.blobs.len(), 1, "{:?}", last.blobs);
+        let rect = last.blobs[0].rect;
+        assert!(rect.x.abs_diff(59 * 3 % 84) <= 2 && rect.width.abs_diff(12) <= 4, "{rect:?}");
+        assert!(last.background.plane(0).row(20).iter().all(|luma| luma.abs_diff(129) <= 4));
+        assert_eq!(last.frame.number, 59);
+    }
+
+    #[test]
+    fn restart_in_the_middle_changes_no_bit_of_any_mask() {
+        let mut unbroken = pipeline();
+        for number in 0..40 {
+            unbroken.process(frame(96, 64, number));
+        }
+        let mut restarted = pipeline();
+        restarted.restore(&unbroken.checkpoint().unwrap()).unwrap();
+        for number in 40..80 {
+            let [a, b] = [&mut unbroken, &mut restarted].map(|one| one.process(frame(96, 64, number)));
+            assert_same(&a, &b);
+            assert!(!a.blobs.is_empty());
+        }
+        assert_eq!(unbroken.checkpoint(), restarted.checkpoint());
+    }
+
+    #[test]
+    fn background_picture_is_shared_for_a_second_of_scene_time() {
+        let mut pipeline = pipeline();
+        let seen: Vec<_> = (0..25).map(|number| pipeline.process(frame(96, 64, number)).background).collect();
+        assert!(Arc::ptr_eq(&seen[0], &seen[9]) && Arc::ptr_eq(&seen[10], &seen[19]));
+        assert!(!Arc::ptr_eq(&seen[9], &seen[10]) && !Arc::ptr_eq(&seen[19], &seen[20]));
+    }
+
+    #[test]
+    fn held_background_stays_as_the_clip_left_it() {
+        let (mut background, segment) = settings();
+        background.learning = Learning::Hold;
+        let mut held = Pipeline::new(&background, &segment);
+        assert!(!held.has_learned_clip());
+        let empty = YuvImage::filled(96, 64, [127, 127, 127], ColorMatrix::Bt601, ColorRange::Limited);
+        for _ in 0..20 {
+            held.learn(&empty, 0.04);
+        }
+        assert!(held.has_learned_clip());
+        let before = held.current.as_ref().unwrap().mixture.n_frames();
+        let mut pictures = Vec::new();
+        for _ in 0..200 {
+            let observation = held.process(frame(96, 64, 5));
+            assert_eq!(observation.blobs.len(), 1);
+            pictures.push(observation.background);
+        }
+        assert_eq!(held.current.as_ref().unwrap().mixture.n_frames(), before);
+        assert!(pictures.iter().all(|picture| Arc::ptr_eq(picture, &pictures[0])));
+        let mut restored = Pipeline::new(&background, &segment);
+        restored.restore(&held.checkpoint().unwrap()).unwrap();
+        assert!(restored.has_learned_clip());
+        assert_same(&restored.process(frame(96, 64, 6)), &held.process(frame(96, 64, 6)));
+    }
+
+    #[test]
+    fn clip_of_another_size_leaves_the_stream_to_adapt() {
+        let (mut background, segment) = settings();
+        background.learning = Learning::Hold;
+        let mut pipeline = Pipeline::new(&background, &segment);
+        let other = YuvImage::filled(48, 32, [10, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        pipeline.learn(&other, 0.04);
+        let last = (0..30).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+        assert_eq!(last.blobs.len(), 1);
+    }
+
+    #[test]
+    fn size_that_comes_back_finds_what_was_learned_even_after_a_restart() {
+        let mut one = pipeline();
+        for number in 0..30 {
+            one.process(frame(96, 64, number));
+        }
+        for number in 30..33 {
+            let observation = one.process(frame(64, 96, number));
+            assert_eq!((observation.labels.width, observation.background.width()), (64, 64));
+        }
+        let mut two = pipeline();
+        two.restore(&one.checkpoint().unwrap()).unwrap();
+        for pipeline in [&mut one, &mut two] {
+            let observation = pipeline.process(frame(96, 64, 33));
+            assert_eq!(observation.blobs.len(), 1, "known at once, not begun anew");
+        }
+        assert_same(&one.process(frame(64, 96, 34)), &two.process(frame(64, 96, 34)));
+        // However often the size changes, memory stays bounded.
+        for size in 40..60 {
+            one.process(frame(size, 64, 100));
+        }
+        assert_eq!(one.aside.len(), MAX_ASIDE);
+    }
+
+    #[test]
+    fn time_that_stands_still_or_runs_back_is_survived() {
+        let mut pipeline = pipeline();
+        for number in [5, 5, 3, 0, 1000, 999] {
+            pipeline.process(frame(96, 64, number));
+        }
+        let mut last = frame(96, 64, 7);
+        for nanos in [i64::MAX, i64::MIN, 0] {
+            last.timestamp = Timestamp::from_nanos(nanos);
+            pipeline.process(last.clone());
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_no_checkpoint_change_nothing() {
+        let mut one = pipeline();
+        assert_eq!(one.checkpoint(), None);
+        for number in 0..10 {
+            one.process(frame(96, 64, number));
+        }
+        let good = one.checkpoint().unwrap();
+        let mut other_version = good.clone();
+        other_version[4] = 2;
+        let mut other_flags = good.clone();
+        other_flags[MAGIC.len()] = 4;
+        let mut endless = good.clone();
+        endless[MAGIC.len() + 1..MAGIC.len() + 9].fill(0xff);
+        let cut = good[..good.len() - 1].to_vec();
+        let longer = [good.clone(), vec![1]].concat();
+        let often = [&good[..], &good[5..], &good[5..], &good[5..]].concat();
+        for bytes in [
+            vec![],
+            b"vfpl".to_vec(),
+            MAGIC.to_vec(),
+            other_version,
+            other_flags,
+            endless,
+            cut,
+            longer,
+            often,
+        ] {
+            assert!(one.restore(&bytes).is_err());
+        }
+        assert_eq!(one.checkpoint().unwrap(), good);
+        one.restore(&good).unwrap();
+    }
+}

@@ -1,0 +1,291 @@
+//! A document's tree -> the normalised document and the scene, or all of its faults.
+
+use super::document::{
+    BoxDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument,
+    VERSION, ViewDocument,
+};
+use super::polygon::{first_crossing, first_repeat};
+use super::{Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json};
+use crate::calibrate::CameraDocument;
+use crate::error::{Gatherer, pointer_to};
+use crate::frame::{CameraId, IdError, is_id};
+use crate::geometry::{Camera, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
+use glam::{DVec2, DVec3};
+use serde_json::Value;
+use std::collections::HashSet;
+use std::sync::Arc;
+
+const MAX_NAME_CHARS: usize = 200;
+const MAX_POLYGONS: usize = 256;
+/// Of all polygons together: to look for crossings costs the square of a polygon's corners.
+const MAX_CORNERS: usize = 16_384;
+const MAX_BOXES: usize = 4096;
+const MAX_CAMERAS: usize = 256;
+const MAX_VIEW_M: f64 = 1e8;
+const MIN_VIEW_DISTANCE_M: f64 = 1e-3;
+
+/// A value and its place in the document.
+type Placed = (Value, String);
+
+/// Reads a document; `resolve` brings in calibrations that stand elsewhere.
+pub(super) fn parse(
+    id: &str,
+    text: &str,
+    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+) -> Result<ParsedScene, SceneError> {
+    let mut gatherer = Gatherer::default();
+    if !is_id(id) {
+        gatherer.fault("", format!("invalid scene id {id:?}: {IdError}"));
+    }
+    let tree = json::tree(text, &mut gatherer)?;
+    let read = read(id, tree, resolve, &mut gatherer);
+    match read {
+        Some(parsed) if gatherer.faults().is_empty() => Ok(parsed),
+        _ => Err(SceneError::Faults(gatherer.into_faults())),
+    }
+}
+
+fn read(
+    id: &str,
+    tree: Value,
+    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+    gatherer: &mut Gatherer,
+) -> Option<ParsedScene> {
+    let mut fields = gatherer.object(tree, "")?;
+    let version = fields.require("version", gatherer)?;
+    if version.0.as_u64() != Some(u64::from(VERSION)) {
+        // The rest of a document of another version cannot be judged.
+        let message = format!(
+            "expected {VERSION}, the only version that this release reads, got {}",
+            short(&version.0)
+        );
+        gatherer.fault(version.1, message);
+        return None;
+    }
+    let name = fields.take("name").and_then(|placed| name(placed, gatherer)).unwrap_or_else(|| id.to_owned());
+    let origin = fields.take("origin").and_then(|placed| origin(placed, gatherer));
+    let sky = fields.take("sky").and_then(|(value, place)| gatherer.read(value, &place)).unwrap_or_default();
+    let ground = gatherer.list(fields.take("ground"), MAX_POLYGONS);
+    let boxes = gatherer.list(fields.take("boxes"), MAX_BOXES);
+    let cameras = gatherer.list(fields.take("cameras"), MAX_CAMERAS);
+    let view = fields.take("view").and_then(|placed| view(placed, gatherer));
+    fields.finish(gatherer);
+
+    let ground = bounded(ground, gatherer);
+    let ground = all(ground, |placed| polygon(placed, gatherer));
+    let mut ids = HashSet::new();
+    let boxes = all(boxes, |placed| upright_box(placed, &mut ids, gatherer));
+    let mut ids = HashSet::new();
+    let cameras = all(cameras, |placed| camera(placed, &mut ids, resolve, gatherer));
+
+    let ground_materials = ground.iter().map(|(g, _)| Material { color_srgb: g.color_srgb.0 }).collect();
+    let box_materials = boxes.iter().map(|(b, _)| Material { color_srgb: b.color_srgb.0 }).collect();
+    let (ground_documents, ground) = ground.into_iter().unzip();
+    let (box_documents, boxes) = boxes.into_iter().unzip();
+    let (camera_documents, cameras) = cameras.into_iter().unzip();
+    let document = SceneDocument {
+        version: VERSION,
+        name: name.clone(),
+        origin,
+        sky,
+        ground: ground_documents,
+        boxes: box_documents,
+        cameras: camera_documents,
+        view,
+    };
+    let scene = Scene {
+        id: id.to_owned(),
+        name,
+        surfaces: Surfaces { ground, boxes },
+        ground_materials,
+        box_materials,
+        sky_srgb: document.sky.color_srgb.0,
+        cameras,
+        view: view.map(|view| SceneView {
+            eye: DVec3::from_array(view.eye_m),
+            target: DVec3::from_array(view.target_m),
+            fov_y_rad: view.fov_deg.to_radians(),
+        }),
+        document: document.to_json().into(),
+    };
+    Some(ParsedScene { scene, document })
+}
+
+/// The polygons, unless they have too many corners together. Asked before any is looked at closely.
+fn bounded(ground: Vec<Placed>, gatherer: &mut Gatherer) -> Vec<Placed> {
+    let corners = |(value, _): &Placed| value.get("polygon").and_then(Value::as_array).map_or(0, Vec::len);
+    if ground.iter().map(corners).sum::<usize>() <= MAX_CORNERS {
+        return ground;
+    }
+    gatherer.fault("/ground", format!("at most {MAX_CORNERS} corners are allowed in all polygons together"));
+    Vec::new()
+}
+
+/// Reads every element, though some are faulty.
+fn all<T>(elements: Vec<Placed>, read: impl FnMut(Placed) -> Option<T>) -> Vec<T> {
+    elements.into_iter().filter_map(read).collect()
+}
+
+fn name((value, place): Placed, gatherer: &mut Gatherer) -> Option<String> {
+    let name: String = gatherer.read(value, &place)?;
+    let count = name.chars().count();
+    if !(1..=MAX_NAME_CHARS).contains(&count) || name.chars().any(char::is_control) {
+        let message = format!("expected 1 to {MAX_NAME_CHARS} characters, none of them a control character");
+        gatherer.fault(place, message);
+    }
+    Some(name)
+}
+
+fn origin((value, place): Placed, gatherer: &mut Gatherer) -> Option<OriginDocument> {
+    let origin: OriginDocument = gatherer.read(value, &place)?;
+    range(gatherer, &place, "latitude_deg", origin.latitude_deg, -90.0, 90.0, "degrees");
+    range(gatherer, &place, "longitude_deg", origin.longitude_deg, -180.0, 180.0, "degrees");
+    range(gatherer, &place, "height_m", origin.height_m, -20_000.0, 100_000.0, "metres");
+    Some(origin)
+}
+
+fn view((value, place): Placed, gatherer: &mut Gatherer) -> Option<ViewDocument> {
+    let view: ViewDocument = gatherer.read(value, &place)?;
+    for (key, point) in [("eye_m", view.eye_m), ("target_m", view.target_m)] {
+        if !point.iter().all(|value| value.abs() <= MAX_VIEW_M) {
+            let message = format!("expected three numbers within {MAX_VIEW_M:e} of the origin (metres)");
+            gatherer.fault(pointer_to(&place, key), message);
+        }
+    }
+    if DVec3::from_array(view.eye_m).distance(DVec3::from_array(view.target_m)) < MIN_VIEW_DISTANCE_M {
+        let message = "must differ from eye_m: the view has no direction";
+        gatherer.fault(pointer_to(&place, "target_m"), message);
+    }
+    range(gatherer, &place, "fov_deg", view.fov_deg, 1.0, 170.0, "degrees");
+    Some(view)
+}
+
+fn polygon((value, place): Placed, gatherer: &mut Gatherer) -> Option<(GroundDocument, GroundPolygon)> {
+    let document: GroundDocument = gatherer.read(value, &place)?;
+    let corners = &document.polygon;
+    let at = |key: &str| pointer_to(&place, key);
+    let made =
+        GroundPolygon::new(corners.iter().copied().map(DVec2::from_array).collect(), document.height_m);
+    if matches!(made, Ok(_) | Err(SurfaceError::NoArea)) {
+        // These two have a place that is nearer than the polygon's.
+        if let Some(corner) = first_repeat(corners) {
+            let message = "this corner repeats the one before it (a polygon closes by itself)";
+            gatherer.fault(format!("{place}/polygon/{corner}"), message);
+            return None;
+        }
+        if let Some((one, other)) = first_crossing(corners) {
+            let message = format!("the edge from this corner crosses the edge from corner {one}");
+            gatherer.fault(format!("{place}/polygon/{other}"), message);
+            return None;
+        }
+    }
+    match made {
+        Ok(polygon) => Some((document, polygon)),
+        Err(error) => {
+            let is_height = matches!(error, SurfaceError::NotFinite { field: "the height" });
+            gatherer.fault(at(if is_height { "height_m" } else { "polygon" }), error.to_string());
+            None
+        }
+    }
+}
+
+fn upright_box(
+    (value, place): Placed,
+    ids: &mut HashSet<String>,
+    gatherer: &mut Gatherer,
+) -> Option<(BoxDocument, OrientedBox)> {
+    let document: BoxDocument = gatherer.read(value, &place)?;
+    let id = &document.id;
+    if !is_id(id) {
+        let shown: String = id.chars().take(70).collect();
+        gatherer.fault(pointer_to(&place, "id"), format!("invalid id {shown:?}: {IdError}"));
+    } else if !ids.insert(id.clone()) {
+        gatherer.fault(pointer_to(&place, "id"), format!("there is another box `{id}`; ids are unique"));
+    }
+    range(gatherer, &place, "yaw_deg", document.yaw_deg, -360.0, 360.0, "degrees");
+    let center = DVec3::from_array(document.center_m);
+    let size = DVec3::from_array(document.size_m);
+    match OrientedBox::new(center, size, document.yaw_deg.to_radians()) {
+        Ok(made) => Some((document, made)),
+        Err(error) => {
+            let key = match error {
+                SurfaceError::NotFinite { field: "the yaw" } => "yaw_deg",
+                SurfaceError::NotFinite { .. } => "center_m",
+                _ => "size_m",
+            };
+            gatherer.fault(pointer_to(&place, key), error.to_string());
+            None
+        }
+    }
+}
+
+fn camera(
+    (value, place): Placed,
+    ids: &mut HashSet<CameraId>,
+    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+    gatherer: &mut Gatherer,
+) -> Option<(SceneCameraDocument, SceneCamera)> {
+    let mut fields = gatherer.object(value, &place)?;
+    let id = fields.require("id", gatherer);
+    let calibration = fields.require("calibration", gatherer);
+    fields.finish(gatherer);
+    let id: Option<CameraId> = id.and_then(|(value, place)| {
+        let id = gatherer.read::<CameraId>(value, &place)?;
+        if !ids.insert(id.clone()) {
+            gatherer.fault(place, format!("there is another camera `{id}`; ids are unique"));
+        }
+        Some(id)
+    });
+    let (calibration, place) = calibration?;
+    let calibration = if calibration.get("import").is_some() {
+        import((calibration, place.clone()), resolve, gatherer)?
+    } else {
+        gatherer.read::<CameraDocument>(calibration, &place)?
+    };
+    match calibration.to_camera() {
+        // Made from the normalised document, so that to read that again gives the same camera to the last bit.
+        Ok(camera) => {
+            let id = id?;
+            Some((
+                SceneCameraDocument { id: id.clone(), calibration },
+                SceneCamera { id, camera: Arc::new(camera) },
+            ))
+        }
+        Err(fault) => {
+            gatherer.fault(format!("{place}{}", fault.place), fault.message);
+            None
+        }
+    }
+}
+
+fn import(
+    (value, place): Placed,
+    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+    gatherer: &mut Gatherer,
+) -> Option<CameraDocument> {
+    let mut fields = gatherer.object(value, &place)?;
+    let (reference, place) = fields.require("import", gatherer)?;
+    fields.finish(gatherer);
+    let reference: ImportReference = gatherer.read(reference, &place)?;
+    if gatherer.is_faulty(&place) {
+        return None;
+    }
+    match resolve(&reference) {
+        Ok(camera) => Some(CameraDocument::from_camera(&camera)),
+        Err(message) => {
+            gatherer.fault(place, message);
+            None
+        }
+    }
+}
+
+fn range(gatherer: &mut Gatherer, place: &str, key: &str, value: f64, least: f64, most: f64, unit: &str) {
+    if !(least..=most).contains(&value) {
+        gatherer.fault(pointer_to(place, key), format!("expected {least} to {most} {unit}, got {value}"));
+    }
+}
+
+/// A value for a message.
+fn short(value: &Value) -> String {
+    value.to_string().chars().take(40).collect()
+}

@@ -1,0 +1,264 @@
+//! A simulated world: what stands, what moves, what looks at it.
+//!
+//! Owns the world's parts and answers where its figures are and how bright a static place is. What numbers a world
+//! is made of stands in a file of its own (`plaza`); pictures are `cast`'s.
+
+use super::SimulateError;
+use super::figure::{Body, Figure};
+use super::light::{Effects, Light};
+use super::paint::{BoxPaint, GroundPaint, WallPoint};
+use crate::frame::srgb_from_linear;
+use crate::geometry::{Camera, Distortion, Face, Hit, OrientedBox, Pose, SurfaceId, Surfaces};
+use glam::{DMat2, DVec2, DVec3};
+
+/// A world with exact truth about everything in it.
+#[derive(Clone, Debug)]
+pub struct World {
+    pub(super) id: &'static str,
+    pub(super) name: &'static str,
+    pub(super) period_secs: f64,
+    pub(super) surfaces: Surfaces,
+    /// In the order of `surfaces.ground`.
+    pub(super) ground_paints: Vec<GroundPaint>,
+    /// In the order of `surfaces.boxes`.
+    pub(super) box_paints: Vec<BoxPaint>,
+    /// In the order of `surfaces.boxes`.
+    pub(super) box_ids: Vec<&'static str>,
+    /// In the order of `surfaces.boxes`: turn from east towards north.
+    pub(super) box_yaws_deg: Vec<f64>,
+    pub(super) figures: Vec<Figure>,
+    pub(super) light: Light,
+    pub(super) sky_srgb: [u8; 3],
+    pub(super) sky: DVec3,
+    pub(super) cameras: Vec<WorldCamera>,
+}
+
+/// A camera of a world, for pictures of any size.
+#[derive(Clone, Debug)]
+pub(super) struct WorldCamera {
+    pub(super) id: &'static str,
+    /// Name for people.
+    pub(super) name: &'static str,
+    pub(super) eye: DVec3,
+    pub(super) target: DVec3,
+    /// Horizontal field of view of the lens without its distortion.
+    pub(super) fov_x_rad: f64,
+    pub(super) distortion: Distortion,
+}
+
+/// Where a figure is at an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigurePosition {
+    /// Its value in instance masks, from 1.
+    pub instance: u8,
+    /// Name for people.
+    pub name: &'static str,
+    /// The ground below its hips, metres.
+    pub foot_in_world: DVec3,
+    /// Direction walked, from east towards north.
+    pub heading_rad: f64,
+    /// Highest point above the ground, metres.
+    pub height_m: f64,
+    /// Low and high corner of the tightest box along the world's axes, metres.
+    pub box_in_world: (DVec3, DVec3),
+}
+
+impl World {
+    /// The world with this id: so far only `plaza`.
+    ///
+    /// # Errors
+    /// When there is no such world.
+    pub fn named(id: &str) -> Result<Self, SimulateError> {
+        match id {
+            "plaza" => Ok(Self::plaza()),
+            _ => Err(SimulateError::UnknownWorld { id: id.to_owned() }),
+        }
+    }
+
+    /// The id by which configurations and addresses name the world's scene.
+    #[must_use]
+    pub const fn id(&self) -> &'static str {
+        self.id
+    }
+
+    /// Seconds after which everything repeats.
+    #[must_use]
+    pub const fn period_secs(&self) -> f64 {
+        self.period_secs
+    }
+
+    /// Ground and boxes, as rays meet them.
+    #[must_use]
+    pub const fn surfaces(&self) -> &Surfaces {
+        &self.surfaces
+    }
+
+    /// Which effects beyond plain shading the world simulates.
+    #[must_use]
+    pub const fn effects(&self) -> Effects {
+        self.light.effects
+    }
+
+    /// Colour of the sky, 8-bit sRGB.
+    #[must_use]
+    pub const fn sky_srgb(&self) -> [u8; 3] {
+        self.sky_srgb
+    }
+
+    /// Ids and calibrations of the world's cameras, for pictures of `size_px` columns and rows.
+    ///
+    /// # Errors
+    /// When the size is none that a camera can have.
+    pub fn cameras(&self, size_px: (u32, u32)) -> Result<Vec<(&'static str, Camera)>, SimulateError> {
+        self.cameras.iter().map(|camera| Ok((camera.id, camera.at_size(size_px)?))).collect()
+    }
+
+    /// Where every figure is at `time_secs`, by instance.
+    ///
+    /// # Errors
+    /// When the time is not a finite number.
+    pub fn figures(&self, time_secs: f64) -> Result<Vec<FigurePosition>, SimulateError> {
+        let bodies = self.bodies(time_secs)?;
+        let positions = self.figures.iter().zip(bodies).zip(1..).map(|((figure, body), instance)| {
+            let (low, high) = body.bounds;
+            FigurePosition {
+                instance,
+                name: figure.name,
+                foot_in_world: body.foot,
+                heading_rad: body.heading.to_angle(),
+                height_m: high.z,
+                box_in_world: (low, high),
+            }
+        });
+        Ok(positions.collect())
+    }
+
+    pub(super) fn bodies(&self, time_secs: f64) -> Result<Vec<Body>, SimulateError> {
+        if !time_secs.is_finite() {
+            return Err(SimulateError::Time);
+        }
+        let phase = (time_secs / self.period_secs).rem_euclid(1.0);
+        Ok(self.figures.iter().map(|figure| figure.body(phase)).collect())
+    }
+
+    /// Light from a place of a static surface, for a sample that is `width_m` wide across the ray.
+    pub(super) fn surface_light(&self, hit: &Hit, width_m: f64, cosine: f64) -> DVec3 {
+        // A sample is stretched along the surface by 1/cos; the footprint is the mean of both ways.
+        let footprint_m = width_m / cosine.max(0.02).sqrt();
+        let albedo = match hit.surface {
+            SurfaceId::Ground(idx) => {
+                self.ground_paints[usize::from(idx)].albedo(hit.point_in_world.truncate(), footprint_m)
+            }
+            SurfaceId::Box(idx) => {
+                let idx = usize::from(idx);
+                self.box_paints[idx].albedo(&self.wall_point(idx, hit), footprint_m)
+            }
+        };
+        albedo * self.light.on(hit.point_in_world, hit.normal_in_world, &self.surfaces)
+    }
+
+    fn wall_point(&self, idx: usize, hit: &Hit) -> WallPoint {
+        let solid = &self.surfaces.boxes[idx];
+        let box_from_world = DMat2::from_angle(-self.box_yaws_deg[idx].to_radians());
+        let local = box_from_world * (hit.point_in_world - solid.center()).truncate();
+        let half = solid.half_size();
+        if hit.face != Face::Side {
+            return WallPoint { wall: None, at: local, size: half.truncate() * 2.0 };
+        }
+        let normal = box_from_world * hit.normal_in_world.truncate();
+        let (wall, along, half_width) = if normal.y.abs() > normal.x.abs() {
+            if normal.y < 0.0 { (0, local.x, half.x) } else { (2, -local.x, half.x) }
+        } else if normal.x > 0.0 {
+            (1, local.y, half.y)
+        } else {
+            (3, -local.y, half.y)
+        };
+        let foot = solid.center().z - half.z;
+        WallPoint {
+            wall: Some(wall),
+            at: DVec2::new(along + half_width, hit.point_in_world.z - foot),
+            size: DVec2::new(half_width, half.z) * 2.0,
+        }
+    }
+
+    /// The mean colour of a surface (a box's walls) as it is lit, 8-bit sRGB: what a scene shows where no camera
+    /// looks.
+    pub(super) fn mean_srgb(&self, surface: SurfaceId) -> [u8; 3] {
+        const STEPS: u32 = 48;
+        let share = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
+        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
+        let mut add = |point: DVec3, normal: DVec3, face: Face| {
+            let hit = Hit { distance_m: 1.0, point_in_world: point, normal_in_world: normal, surface, face };
+            sum += self.surface_light(&hit, 0.05, 1.0);
+            count += 1.0;
+        };
+        match surface {
+            SurfaceId::Ground(idx) => {
+                let polygon = &self.surfaces.ground[usize::from(idx)];
+                let low = polygon.corners().iter().copied().fold(DVec2::INFINITY, DVec2::min);
+                let high = polygon.corners().iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+                for i in 0..STEPS * STEPS {
+                    let at = low + (high - low) * DVec2::new(share(i % STEPS), share(i / STEPS));
+                    if polygon.covers(at) {
+                        add(at.extend(polygon.height_m()), DVec3::Z, Face::Top);
+                    }
+                }
+            }
+            SurfaceId::Box(idx) => {
+                let solid: &OrientedBox = &self.surfaces.boxes[usize::from(idx)];
+                let half = solid.half_size();
+                for wall in 0..4 {
+                    let outward = DVec2::from_angle(f64::from(wall) * std::f64::consts::FRAC_PI_2);
+                    let normal =
+                        (solid.world_from_box_point(outward.extend(0.0)) - solid.center()).normalize();
+                    for i in 0..STEPS * STEPS {
+                        let along = outward.perp() * (2.0 * share(i % STEPS) - 1.0);
+                        let up = 2.0 * share(i / STEPS) - 1.0;
+                        let at = solid.world_from_box_point((outward + along).extend(up) * half);
+                        add(at, normal, Face::Side);
+                    }
+                }
+            }
+        }
+        (sum / f64::max(count, 1.0)).to_array().map(srgb_code)
+    }
+}
+
+/// The 8-bit sRGB code of a linear value; what is brighter than white becomes white.
+pub(super) fn srgb_code(linear: f64) -> u8 {
+    (srgb_from_linear(linear.clamp(0.0, 1.0) as f32) * 255.0 + 0.5) as u8
+}
+
+impl WorldCamera {
+    fn at_size(&self, size_px: (u32, u32)) -> Result<Camera, SimulateError> {
+        let size = DVec2::new(f64::from(size_px.0), f64::from(size_px.1));
+        let focal_px = size.x * 0.5 / (self.fov_x_rad * 0.5).tan();
+        let pose = Pose::looking_at(self.eye, self.target).ok_or(SimulateError::View {
+            field: "camera",
+            allowed: "somewhere else than what it looks at",
+        })?;
+        Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, self.distortion, pose)?)
+    }
+}
+
+/// A pinhole camera at `eye` that looks at `target`, for views where no camera of the world stands.
+///
+/// `fov_y_rad` is the vertical field of view, 0.01 to 3.0; `size_px` are columns and rows.
+///
+/// # Errors
+/// When a number is out of its range or not finite, or eye and target coincide.
+pub fn pinhole(
+    eye: DVec3,
+    target: DVec3,
+    fov_y_rad: f64,
+    size_px: (u32, u32),
+) -> Result<Camera, SimulateError> {
+    if !(0.01..=3.0).contains(&fov_y_rad) {
+        return Err(SimulateError::View { field: "field of view", allowed: "0.01 to 3.0 rad" });
+    }
+    let pose = Pose::looking_at(eye, target)
+        .ok_or(SimulateError::View { field: "eye", allowed: "finite and somewhere else than the target" })?;
+    let size = DVec2::new(f64::from(size_px.0), f64::from(size_px.1));
+    let focal_px = size.y * 0.5 / (fov_y_rad * 0.5).tan();
+    Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, Distortion::None, pose)?)
+}

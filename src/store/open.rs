@@ -1,0 +1,198 @@
+//! Opens the database, or says exactly why it must not be opened. Nothing is changed before all is checked.
+
+use super::migrate::{SCHEMA_VERSION, migrator};
+use super::{Store, StoreError};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::{ConnectOptions, Connection, SqliteConnection};
+use std::io::Read;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::time::Duration;
+
+/// "vfld" in ASCII, as the first migration writes it.
+const APPLICATION_ID: i64 = 0x7666_6c64;
+
+/// What every SQLite file begins with: <https://www.sqlite.org/fileformat.html>, section 1.3.
+const MAGIC: &[u8] = b"SQLite format 3\0";
+
+/// How long another process's or connection's write is waited for.
+const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Connections that read, and write what can be rebuilt.
+const CACHE_CONNECTIONS: u32 = 4;
+
+/// The log is cut to this size after it was put into the file; one background may have made it much longer.
+const LOG_BYTES: &str = "67108864";
+
+/// File systems without the shared memory or the locks that a write-ahead log needs.
+const NETWORK_FILE_SYSTEMS: [&str; 13] = [
+    "afs",
+    "ceph",
+    "cifs",
+    "coda",
+    "fuse.ceph",
+    "fuse.glusterfs",
+    "fuse.rclone",
+    "fuse.s3fs",
+    "fuse.sshfs",
+    "nfs",
+    "nfs4",
+    "smb3",
+    "smbfs",
+];
+
+pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, StoreError> {
+    let not_writable =
+        |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
+    let path = std::path::absolute(path).map_err(not_writable)?;
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(not_writable)?;
+        refuse_network(&path, &folder.canonicalize().map_err(not_writable)?)?;
+    }
+    refuse_other_files(&path)?;
+    // Made here for the system's own words where it cannot be, and for its owner's eyes alone: what cameras saw
+    // is in it. SQLite gives its log the same rights.
+    std::fs::OpenOptions::new().append(true).create(true).mode(0o600).open(&path).map_err(not_writable)?;
+
+    let options = SqliteConnectOptions::new()
+        .filename(&path)
+        .busy_timeout(BUSY_TIMEOUT)
+        .foreign_keys(true)
+        .disable_statement_logging();
+    let classify = |error| StoreError::classify(error, &path);
+    let mut connection = options.connect().await.map_err(classify)?;
+    inspect(&mut connection, &path).await?;
+    connection.close().await.map_err(classify)?;
+
+    let options = options.journal_mode(SqliteJournalMode::Wal).pragma("journal_size_limit", LOG_BYTES);
+    let pool = |connections, options: SqliteConnectOptions| {
+        SqlitePoolOptions::new()
+            .max_connections(connections)
+            .idle_timeout(None)
+            .max_lifetime(None)
+            .acquire_timeout(BUSY_TIMEOUT * 2)
+            .connect_with(options)
+    };
+    let durable = pool(1, options.clone().synchronous(SqliteSynchronous::Full)).await.map_err(classify)?;
+    migrate(&durable, &path).await?;
+    let cache = pool(CACHE_CONNECTIONS, options.synchronous(SqliteSynchronous::Normal)).await;
+    Ok(Store { durable, cache: cache.map_err(classify)?, path, texture_maps_bytes })
+}
+
+async fn migrate(durable: &sqlx::SqlitePool, path: &Path) -> Result<(), StoreError> {
+    let migrator = migrator(SCHEMA_VERSION);
+    // Two processes may open a fresh file at once: the one that comes second fails at a table that is there now,
+    // and finds nothing left to do when it looks again.
+    if migrator.run(durable).await.is_ok() {
+        return Ok(());
+    }
+    migrator.run(durable).await.map_err(|error| StoreError::classify_migration(error, path))
+}
+
+/// Reads what the file says of itself, and all of its pages.
+async fn inspect(connection: &mut SqliteConnection, path: &Path) -> Result<(), StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let application_id: i64 =
+        sqlx::query_scalar("pragma application_id").fetch_one(&mut *connection).await.map_err(classify)?;
+    let tables: Vec<String> = sqlx::query_scalar("select name from sqlite_schema where type = 'table'")
+        .fetch_all(&mut *connection)
+        .await
+        .map_err(classify)?;
+    // The table of migrations stands alone in a file whose first migration was interrupted.
+    let is_fresh = tables.iter().all(|name| name == "_sqlx_migrations");
+    if application_id != APPLICATION_ID && !(is_fresh && application_id == 0) {
+        return Err(StoreError::Foreign { path: path.to_owned(), application_id });
+    }
+    let check: Vec<String> =
+        sqlx::query_scalar("pragma quick_check(1)").fetch_all(&mut *connection).await.map_err(classify)?;
+    if check != ["ok"] {
+        return Err(StoreError::Damaged { path: path.to_owned(), detail: check.join(", ") });
+    }
+    if tables.is_empty() {
+        return Ok(());
+    }
+    let found: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(connection)
+        .await
+        .map_err(classify)?;
+    match found {
+        Some(found) if found > SCHEMA_VERSION => {
+            Err(StoreError::NewerSchema { path: path.to_owned(), found, known: SCHEMA_VERSION })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Looks at the first bytes before SQLite does: it would take a file without any for a fresh database and tells
+/// of others only that they are none.
+fn refuse_other_files(path: &Path) -> Result<(), StoreError> {
+    let other = |what| StoreError::NotADatabase { path: path.to_owned(), what };
+    let unreadable =
+        |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
+    match std::fs::metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(unreadable(error)),
+        Ok(metadata) if metadata.is_dir() => return Err(other("a directory")),
+        Ok(metadata) if !metadata.is_file() => return Err(other("a device, pipe or socket")),
+        Ok(metadata) if metadata.len() == 0 => return Ok(()),
+        Ok(_) => {}
+    }
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).map_err(unreadable)?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
+    if start == MAGIC { Ok(()) } else { Err(other("another kind of file")) }
+}
+
+fn refuse_network(path: &Path, folder: &Path) -> Result<(), StoreError> {
+    // Where the system does not tell its mounts, nothing is known against them.
+    let Ok(mounts) = std::fs::read_to_string("/proc/self/mountinfo") else { return Ok(()) };
+    match file_system(&mounts, folder) {
+        Some(file_system) if NETWORK_FILE_SYSTEMS.contains(&file_system) => {
+            Err(StoreError::NetworkFileSystem { path: path.to_owned(), file_system: file_system.to_owned() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// The type of the file system that `folder` lies on, from the lines of `/proc/self/mountinfo` (proc(5)): the
+/// fifth field is where it is mounted, the first after " - " is its type. The longest mount point wins, and of
+/// two alike the later, which hides the earlier.
+fn file_system<'a>(mounts: &'a str, folder: &Path) -> Option<&'a str> {
+    mounts
+        .lines()
+        .filter_map(|line| {
+            let (mount, file_system) = line.split_once(" - ")?;
+            // Spaces in names are written as \040; no other escape matters to where a path begins.
+            let point = mount.split(' ').nth(4)?.replace("\\040", " ");
+            let is_beneath = folder.starts_with(&point);
+            is_beneath.then(|| (point.len(), file_system.split(' ').next().unwrap_or_default()))
+        })
+        .max_by_key(|(length, _)| *length)
+        .map(|(_, file_system)| file_system)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn network_file_systems_are_known_by_their_mount() {
+        let mounts = "21 1 8:1 / / rw,relatime shared:1 - ext4 /dev/sda1 rw\n\
+                      30 21 0:30 / /mnt/nas rw shared:2 master:3 - nfs4 nas:/export rw\n\
+                      31 30 0:31 / /mnt/nas/a\\040b rw - tmpfs tmpfs rw\n\
+                      32 21 0:32 / /srv rw - ext4 /dev/sdb1 rw\n\
+                      33 32 0:33 / /srv rw - cifs //nas/share rw\n\
+                      nonsense\n";
+        let check = |folder: &str, expected: &str| {
+            assert_eq!(file_system(mounts, Path::new(folder)), Some(expected), "{folder}");
+        };
+        check("/", "ext4");
+        check("/var/lib", "ext4");
+        check("/mnt/nas", "nfs4");
+        check("/mnt/nas/data", "nfs4");
+        check("/mnt/nasty", "ext4");
+        check("/mnt/nas/a b/c", "tmpfs");
+        check("/srv/data", "cifs");
+        assert_eq!(file_system("", Path::new("/")), None);
+    }
+}

@@ -1,0 +1,348 @@
+//! Every metric of the daemon, declared in one place.
+//!
+//! Names are `videofields_<room>_<what>_<unit>[_total]`. Labels are bounded by the configuration or by the enums
+//! here: camera, stage, reason, pass, route template, status. What rooms count goes in; Prometheus's text format
+//! comes out. There is no global: whoever makes a [`Metrics`] hands it to those who count.
+
+use prometheus::core::Collector;
+use prometheus::{
+    Gauge, GaugeVec, Histogram, HistogramOpts, HistogramVec, IntCounter, IntCounterVec, IntGauge,
+    IntGaugeVec, Opts, Registry, TextEncoder,
+};
+
+/// What a camera's frame goes through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Stage {
+    /// The decoder, or reading and decoding a picture.
+    Decode,
+    /// The Gaussian mixture.
+    Background,
+    /// Soft mask, labels and blobs.
+    Segment,
+}
+
+impl Stage {
+    /// All of them, in the order in which a frame meets them.
+    pub const ALL: [Self; 3] = [Self::Decode, Self::Background, Self::Segment];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Decode => "decode",
+            Self::Background => "background",
+            Self::Segment => "segment",
+        }
+    }
+}
+
+/// Why a frame never became an observation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum DropReason {
+    /// The next stage was still busy with earlier frames of a live camera.
+    Overrun,
+    /// The decoder or the picture's reader refused it.
+    Damaged,
+    /// It has a size or pixel layout that cannot be used.
+    Unusable,
+    /// Its time is not after that of the frame before it.
+    OutOfOrder,
+}
+
+impl DropReason {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Overrun, Self::Damaged, Self::Unusable, Self::OutOfOrder];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Overrun => "overrun",
+            Self::Damaged => "damaged",
+            Self::Unusable => "unusable",
+            Self::OutOfOrder => "out_of_order",
+        }
+    }
+}
+
+/// All metrics, with their registry. Counting is cheap and takes `&self`; share it in an `Arc`.
+#[derive(Debug)]
+pub struct Metrics {
+    registry: Registry,
+    /// Frames that became observations. Labels: camera.
+    pub ingest_frames: IntCounterVec,
+    /// Frames that did not. Labels: camera, reason ([`DropReason`]).
+    pub ingest_frames_dropped: IntCounterVec,
+    /// Seconds since a camera's newest frame was seen, set when the metrics are asked for. Labels: camera.
+    pub ingest_frame_age: GaugeVec,
+    /// Seconds that a stage took for one frame. Labels: camera, stage ([`Stage`]).
+    pub ingest_stage: HistogramVec,
+    /// Bytes of observations kept. Labels: camera.
+    pub timeline_kept: IntGaugeVec,
+    /// Seconds from taking a request off the queue to its finished picture.
+    pub render_picture: Histogram,
+    /// Seconds of one pass on the GPU. Labels: pass.
+    pub render_pass: HistogramVec,
+    /// Pictures that wait for the renderer.
+    pub render_queue_length: IntGauge,
+    /// Answered requests. Labels: route (its template, never the path itself), status.
+    pub api_requests: IntCounterVec,
+    /// Seconds from a request to its answer. Labels: route.
+    pub api_request: HistogramVec,
+    /// Seconds since the last good checkpoint, set when the metrics are asked for.
+    pub store_checkpoint_age: Gauge,
+    /// Seconds that a checkpoint of all backgrounds took.
+    pub store_checkpoint: Histogram,
+    /// Checkpoints that failed.
+    pub store_checkpoints_failed: IntCounter,
+}
+
+/// Seconds; from well below one frame's interval to where something hangs.
+const FRAME_SECONDS: [f64; 12] = [0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 1.0, 5.0];
+
+/// Seconds; what people and disks wait for.
+const REQUEST_SECONDS: [f64; 12] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
+
+impl Metrics {
+    /// All metrics at zero, in a registry of their own.
+    #[must_use]
+    pub fn new() -> Self {
+        let registry = Registry::new();
+        let r = &registry;
+        let build = int_gauges(r, "build_info", "Always 1; the labels tell what runs.", &["version"]);
+        build.with_label_values(&[env!("CARGO_PKG_VERSION")]).set(1);
+        Self {
+            ingest_frames: counters(
+                r,
+                "ingest_frames_total",
+                "Frames that became observations.",
+                &["camera"],
+            ),
+            ingest_frames_dropped: counters(
+                r,
+                "ingest_frames_dropped_total",
+                "Frames that never became observations, by reason: overrun, damaged, unusable, out_of_order.",
+                &["camera", "reason"],
+            ),
+            ingest_frame_age: gauges(
+                r,
+                "ingest_frame_age_seconds",
+                "Time since a camera's newest frame was seen.",
+                &["camera"],
+            ),
+            ingest_stage: histograms(
+                r,
+                "ingest_stage_seconds",
+                "Time of one frame in a stage: decode, background, segment.",
+                &["camera", "stage"],
+                &FRAME_SECONDS,
+            ),
+            timeline_kept: int_gauges(r, "timeline_kept_bytes", "Observations kept in memory.", &["camera"]),
+            render_picture: histogram(
+                r,
+                "render_picture_seconds",
+                "Time from taking a request off the queue to its finished picture.",
+                &REQUEST_SECONDS,
+            ),
+            render_pass: histograms(
+                r,
+                "render_pass_seconds",
+                "Time of one pass on the GPU.",
+                &["pass"],
+                &FRAME_SECONDS,
+            ),
+            render_queue_length: int_gauge(r, "render_queue_length", "Pictures that wait for the renderer."),
+            api_requests: counters(
+                r,
+                "api_requests_total",
+                "Answered requests by route template and status.",
+                &["route", "status"],
+            ),
+            api_request: histograms(
+                r,
+                "api_request_seconds",
+                "Time from a request to its answer.",
+                &["route"],
+                &REQUEST_SECONDS,
+            ),
+            store_checkpoint_age: gauge(
+                r,
+                "store_checkpoint_age_seconds",
+                "Time since the last good checkpoint of the backgrounds.",
+            ),
+            store_checkpoint: histogram(
+                r,
+                "store_checkpoint_seconds",
+                "Time of a checkpoint of all backgrounds.",
+                &REQUEST_SECONDS,
+            ),
+            store_checkpoints_failed: counter(
+                r,
+                "store_checkpoints_failed_total",
+                "Checkpoints that failed.",
+            ),
+            registry,
+        }
+    }
+
+    /// Notes how long a stage took for one frame.
+    pub fn observe_stage(&self, camera: &str, stage: Stage, seconds: f64) {
+        self.ingest_stage.with_label_values(&[camera, stage.as_str()]).observe(seconds);
+    }
+
+    /// Notes a dropped frame.
+    pub fn count_dropped(&self, camera: &str, reason: DropReason) {
+        self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc();
+    }
+
+    /// Notes an answered request; `route` is the template, such as `/api/v1/scenes/{id}`.
+    pub fn observe_request(&self, route: &str, status: u16, seconds: f64) {
+        self.api_requests.with_label_values(&[route, &status.to_string()]).inc();
+        self.api_request.with_label_values(&[route]).observe(seconds);
+    }
+
+    /// Makes a camera's series appear at zero, so that rates are right from its first frame.
+    pub fn announce_camera(&self, camera: &str) {
+        self.ingest_frames.with_label_values(&[camera]).inc_by(0);
+        self.timeline_kept.with_label_values(&[camera]).add(0);
+        for reason in DropReason::ALL {
+            self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc_by(0);
+        }
+        for stage in Stage::ALL {
+            // To ask for a series is to make it; there is nothing to observe yet.
+            self.ingest_stage.with_label_values(&[camera, stage.as_str()]).get_sample_count();
+        }
+    }
+
+    /// All metrics in Prometheus's text format, version 0.0.4.
+    #[must_use]
+    pub fn encode(&self) -> String {
+        TextEncoder::new()
+            .encode_to_string(&self.registry.gather())
+            .expect("text is written to memory, and every family has a name and a type")
+    }
+}
+
+impl Default for Metrics {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+fn options(name: &str, help: &str) -> Opts {
+    Opts::new(format!("videofields_{name}"), help)
+}
+
+fn register<C: Collector + Clone + 'static>(registry: &Registry, made: prometheus::Result<C>) -> C {
+    let collector = made.expect("the names and labels in this file are well formed");
+    registry.register(Box::new(collector.clone())).expect("the names in this file are unique");
+    collector
+}
+
+fn counter(registry: &Registry, name: &str, help: &str) -> IntCounter {
+    register(registry, IntCounter::with_opts(options(name, help)))
+}
+
+fn counters(registry: &Registry, name: &str, help: &str, labels: &[&str]) -> IntCounterVec {
+    register(registry, IntCounterVec::new(options(name, help), labels))
+}
+
+fn gauge(registry: &Registry, name: &str, help: &str) -> Gauge {
+    register(registry, Gauge::with_opts(options(name, help)))
+}
+
+fn gauges(registry: &Registry, name: &str, help: &str, labels: &[&str]) -> GaugeVec {
+    register(registry, GaugeVec::new(options(name, help), labels))
+}
+
+fn int_gauge(registry: &Registry, name: &str, help: &str) -> IntGauge {
+    register(registry, IntGauge::with_opts(options(name, help)))
+}
+
+fn int_gauges(registry: &Registry, name: &str, help: &str, labels: &[&str]) -> IntGaugeVec {
+    register(registry, IntGaugeVec::new(options(name, help), labels))
+}
+
+fn histogram(registry: &Registry, name: &str, help: &str, buckets: &[f64]) -> Histogram {
+    let options = HistogramOpts::from(options(name, help)).buckets(buckets.to_vec());
+    register(registry, Histogram::with_opts(options))
+}
+
+fn histograms(registry: &Registry, name: &str, help: &str, labels: &[&str], buckets: &[f64]) -> HistogramVec {
+    let options = HistogramOpts::from(options(name, help)).buckets(buckets.to_vec());
+    register(registry, HistogramVec::new(options, labels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn used() -> Metrics {
+        let metrics = Metrics::new();
+        metrics.announce_camera("north");
+        metrics.ingest_frame_age.with_label_values(&["north"]).set(0.5);
+        metrics.render_pass.with_label_values(&["surface"]).observe(0.002);
+        metrics.observe_request("/api/v1/scenes/{id}", 200, 0.01);
+        metrics
+    }
+
+    #[test]
+    fn the_names_and_labels_are_those_of_the_golden_list() {
+        let text = used().encode();
+        let mut lines: Vec<String> = text
+            .lines()
+            .filter_map(|line| line.strip_prefix("# TYPE "))
+            .map(|family| {
+                let (name, kind) = family.split_once(' ').expect("a name and a type");
+                let sample = text.lines().find(|line| line.starts_with(name)).expect("a sample");
+                let labels = sample.split_once('{').map_or("", |(_, rest)| rest);
+                let labels: Vec<_> = labels
+                    .split("\",")
+                    .filter_map(|label| label.split_once('='))
+                    .map(|(label, _)| label)
+                    .filter(|label| *label != "le")
+                    .collect();
+                format!("{name} {kind} {{{}}}", labels.join(",")).replace(" {}", "")
+            })
+            .collect();
+        lines.sort();
+        assert_eq!(lines.join("\n") + "\n", include_str!("../../tests/golden/metrics.txt"));
+    }
+
+    #[test]
+    fn every_metric_has_a_help_text() {
+        let text = used().encode();
+        for family in text.lines().filter_map(|line| line.strip_prefix("# HELP ")) {
+            let (name, help) = family.split_once(' ').expect("a name and a help text");
+            assert!(name.starts_with("videofields_") && help.ends_with('.'), "{family}");
+        }
+        let count = |prefix: &str| text.lines().filter(|line| line.starts_with(prefix)).count();
+        assert_eq!(count("# HELP "), count("# TYPE "));
+    }
+
+    #[test]
+    fn what_is_counted_is_told() {
+        let metrics = used();
+        metrics.ingest_frames.with_label_values(&["north"]).inc();
+        metrics.count_dropped("north", DropReason::Damaged);
+        metrics.observe_stage("north", Stage::Segment, 0.003);
+        let text = metrics.encode();
+        for line in [
+            "videofields_ingest_frames_total{camera=\"north\"} 1",
+            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"damaged\"} 1",
+            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"overrun\"} 0",
+            "videofields_ingest_stage_seconds_bucket{camera=\"north\",stage=\"segment\",le=\"0.005\"} 1",
+            "videofields_ingest_stage_seconds_count{camera=\"north\",stage=\"decode\"} 0",
+            "videofields_api_requests_total{route=\"/api/v1/scenes/{id}\",status=\"200\"} 1",
+        ] {
+            assert!(text.lines().any(|told| told == line), "{line} is not in\n{text}");
+        }
+    }
+
+    #[test]
+    fn two_registries_do_not_meet() {
+        let (one, other) = (used(), Metrics::new());
+        one.store_checkpoints_failed.inc();
+        assert_eq!((one.store_checkpoints_failed.get(), other.store_checkpoints_failed.get()), (1, 0));
+    }
+}

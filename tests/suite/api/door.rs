@@ -1,0 +1,222 @@
+//! A stand-in for the engine: two cameras and one scene, and whatever failure a test asks for.
+
+use glam::{DVec2, DVec3};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use tokio::sync::oneshot;
+use videofields::clock::Timestamp;
+use videofields::engine::{
+    At, CameraSummary, Door, EngineError, LocateMethod, Located, Readiness, SceneSummary, SourceTime,
+    ViewAnswer, ViewRequest,
+};
+use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields::geometry::Surfaces;
+use videofields::plan::{EntityStyle, Plan, Reason};
+use videofields::scene::{Scene, SceneView};
+use videofields::timeline::Observation;
+
+/// First and last instant of camera `north`.
+pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
+pub(super) const LAST: Timestamp = Timestamp::from_nanos(1_790_000_000_500_000_000);
+
+/// The scene's document, as the API must answer it: byte for byte.
+pub(super) const DOCUMENT: &str = r#"{"version": 1, "id": "plaza"}"#;
+
+/// What a test sets and sees.
+#[derive(Default)]
+pub(super) struct State {
+    /// Every question that may fail, fails with this.
+    pub(super) failure: Option<EngineError>,
+    /// Views are never answered; their replies are kept here.
+    pub(super) keeps_views: bool,
+    pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
+    pub(super) is_unready: bool,
+    /// What was asked last.
+    pub(super) view: Option<ViewRequest>,
+    pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
+    /// Every answer counted: route, status, duration.
+    pub(super) counted: Vec<(String, u16, Duration)>,
+}
+
+#[derive(Default)]
+pub(super) struct FakeDoor(pub(super) Mutex<State>);
+
+impl FakeDoor {
+    fn failure(&self) -> Result<(), EngineError> {
+        self.0.lock().unwrap().failure.clone().map_or(Ok(()), Err)
+    }
+
+    fn has_camera(id: &str) -> Result<(), EngineError> {
+        let known = ["north", "south"].contains(&id);
+        known.then_some(()).ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
+    }
+
+    fn has_scene(id: &str) -> Result<(), EngineError> {
+        (id == "plaza").then_some(()).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
+    }
+}
+
+fn id(text: &str) -> CameraId {
+    CameraId::new(text).unwrap()
+}
+
+fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
+    CameraSummary {
+        id: id(camera),
+        name: camera.to_uppercase(),
+        state: state.to_owned(),
+        reason: reason.map(str::to_owned),
+        size_px: Some([6, 4]),
+        frames: 7,
+        dropped: 1,
+        first: Some(FIRST.to_string()),
+        last: Some(LAST.to_string()),
+        age_secs: Some(0.25),
+        scenes: vec!["plaza".to_owned()],
+    }
+}
+
+impl Door for FakeDoor {
+    fn cameras(&self) -> Vec<CameraSummary> {
+        vec![summary("north", "live", None), summary("south", "failed", Some("no such file"))]
+    }
+
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
+        self.failure()?;
+        Self::has_camera(camera)?;
+        let timestamp = match at {
+            At::Live => LAST,
+            At::Time(asked) if asked < FIRST => {
+                return Err(EngineError::BeforeFirst {
+                    camera: camera.to_owned(),
+                    asked: asked.to_string(),
+                    first: FIRST.to_string(),
+                    last: LAST.to_string(),
+                });
+            }
+            At::Time(asked) => asked.min(LAST),
+        };
+        let gray = |luma| {
+            Arc::new(YuvImage::filled(6, 4, [luma, 128, 128], ColorMatrix::Bt601, ColorRange::Limited))
+        };
+        let mut labels = Mask::filled(6, 4, 0);
+        labels.data[..2].copy_from_slice(&[255, 50]);
+        Ok(Observation {
+            frame: Frame { camera: id(camera), timestamp, number: 42, image: gray(235) },
+            soft_mask: Arc::new(Mask::filled(6, 4, 0)),
+            labels: Arc::new(labels),
+            background: gray(16),
+            blobs: Arc::new([]),
+        })
+    }
+
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError> {
+        self.failure()?;
+        Self::has_camera(camera)?;
+        scene.map_or(Ok(()), Self::has_scene)?;
+        self.0.lock().unwrap().located = Some((camera.to_owned(), texture, scene.map(str::to_owned), method));
+        Ok(Located {
+            point_m: [1.5, -2.0, 0.0],
+            theta_rad: 0.5,
+            reliable: true,
+            footprint_m: 0.01,
+            surface: "ground",
+            surface_idx: 0,
+        })
+    }
+
+    fn scenes(&self) -> Vec<SceneSummary> {
+        vec![SceneSummary {
+            id: "plaza".into(),
+            name: "Plaza".into(),
+            cameras: vec![id("north"), id("south")],
+        }]
+    }
+
+    fn scene(&self, scene: &str) -> Result<Arc<Scene>, EngineError> {
+        Self::has_scene(scene)?;
+        Ok(Arc::new(Scene {
+            id: "plaza".into(),
+            name: "Plaza".into(),
+            surfaces: Surfaces::default(),
+            ground_materials: Vec::new(),
+            box_materials: Vec::new(),
+            sky_srgb: [0; 3],
+            cameras: Vec::new(),
+            view: Some(own_view()),
+            document: DOCUMENT.into(),
+        }))
+    }
+
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError> {
+        self.failure()?;
+        let mut state = self.0.lock().unwrap();
+        state.view = Some(request.clone());
+        if state.keeps_views {
+            state.kept.push(reply);
+            return Ok(());
+        }
+        reply.send(Ok(answer(&request))).expect("the caller waits");
+        Ok(())
+    }
+
+    fn readiness(&self) -> Readiness {
+        let ready = !self.0.lock().unwrap().is_unready;
+        Readiness { ready, store: true, renderer: "llvmpipe".into(), cameras_with_frames: [1, 2] }
+    }
+
+    fn metrics_text(&self) -> String {
+        "# TYPE videofields_up gauge\nvideofields_up 1\n".to_owned()
+    }
+
+    fn count_http(&self, route: &str, status: u16, duration: Duration) {
+        self.0.lock().unwrap().counted.push((route.to_owned(), status, duration));
+    }
+}
+
+fn own_view() -> SceneView {
+    SceneView {
+        eye: DVec3::new(1.0, -20.0, 8.0),
+        target: DVec3::new(1.0, 2.0, 1.0),
+        fov_y_rad: std::f64::consts::FRAC_PI_4,
+    }
+}
+
+/// A picture whose every byte is 200, at most 64 x 64 so that huge requests stay cheap here.
+fn answer(request: &ViewRequest) -> ViewAnswer {
+    let (width, height) = (request.width_px.min(64), request.height_px.min(64));
+    let reason = |effect, is_on| Reason { effect, is_on, because: "a test says so".into() };
+    let plan = Plan {
+        surface_cameras: vec![0],
+        depth_map_cameras: vec![],
+        entities: EntityStyle::None,
+        billboards: vec![],
+        entity_cameras: vec![],
+        reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
+    };
+    ViewAnswer {
+        image: Arc::new(RgbImage { width, height, data: vec![200; width as usize * height as usize * 3] }),
+        instant: LAST,
+        view: SceneView {
+            eye: request.eye.unwrap_or(own_view().eye),
+            target: request.target.unwrap_or(own_view().target),
+            fov_y_rad: request.fov_y_rad.unwrap_or(own_view().fov_y_rad),
+        },
+        sources: vec![
+            SourceTime { camera: id("north"), timestamp: LAST },
+            SourceTime { camera: id("south"), timestamp: FIRST },
+        ],
+        plan: Arc::new(plan),
+        timings: vec![("fuse", Duration::from_micros(1500)), ("render", Duration::from_millis(4))],
+    }
+}

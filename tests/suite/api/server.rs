@@ -1,0 +1,109 @@
+//! The server under the routes, on a loopback socket.
+
+use super::door::{FakeDoor, State};
+use std::io::{Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+use tokio::task::{JoinHandle, spawn_blocking};
+use videofields::api::{router, serve};
+use videofields::clock::SystemClock;
+use videofields::engine::Handle;
+
+struct Running {
+    address: SocketAddr,
+    door: Arc<FakeDoor>,
+    stop: oneshot::Sender<()>,
+    served: JoinHandle<()>,
+}
+
+async fn start(state: State) -> Running {
+    let door = Arc::new(FakeDoor(state.into()));
+    let router = router(Handle::new(Arc::clone(&door) as _), Arc::new(SystemClock::new()));
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (stop, stopped) = oneshot::channel::<()>();
+    let served = tokio::spawn(serve(listener, router, async move { stopped.await.unwrap() }));
+    Running { address, door, stop, served }
+}
+
+/// What comes back for those bytes until the server closes the connection.
+async fn exchange(address: SocketAddr, bytes: Vec<u8>) -> String {
+    let talk = move || {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
+        stream.write_all(&bytes).unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        String::from_utf8_lossy(&answer).into_owned()
+    };
+    spawn_blocking(talk).await.unwrap()
+}
+
+fn get(path: &str) -> Vec<u8> {
+    format!("GET {path} HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").into_bytes()
+}
+
+#[tokio::test]
+async fn requests_are_answered_until_the_shutdown() {
+    let running = start(State::default()).await;
+    let answer = exchange(running.address, get("/healthz")).await;
+    assert!(answer.starts_with("HTTP/1.1 200 OK"), "{answer}");
+    // A connection that is kept alive and idle must not hold up the end.
+    let idle = TcpStream::connect(running.address).unwrap();
+    running.stop.send(()).unwrap();
+    tokio::time::timeout(Duration::from_secs(5), running.served).await.expect("it ends by itself").unwrap();
+    drop(idle);
+    assert!(TcpStream::connect(running.address).is_err(), "nobody listens any more");
+}
+
+#[tokio::test]
+async fn a_request_in_flight_is_finished_before_the_end() {
+    let running = start(State { keeps_views: true, ..State::default() }).await;
+    let answer = tokio::spawn(exchange(running.address, get("/api/v1/scenes/plaza/view.jpg")));
+    let reply = loop {
+        if let Some(reply) = running.door.0.lock().unwrap().kept.pop() {
+            break reply;
+        }
+        tokio::task::yield_now().await;
+    };
+    running.stop.send(()).unwrap();
+    tokio::task::yield_now().await;
+    let busy = videofields::engine::EngineError::Busy { waiting: 7 };
+    reply.send(Err(busy)).unwrap();
+    let answer = answer.await.unwrap();
+    assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
+    assert!(answer.contains("the renderer has 7 pictures waiting already"), "{answer}");
+    tokio::time::timeout(Duration::from_secs(5), running.served).await.expect("it ends by itself").unwrap();
+}
+
+#[tokio::test]
+async fn a_request_that_never_ends_is_cut_at_the_shutdown() {
+    let running = start(State { keeps_views: true, ..State::default() }).await;
+    let answer = tokio::spawn(exchange(running.address, get("/api/v1/scenes/plaza/view.jpg")));
+    while running.door.0.lock().unwrap().kept.is_empty() {
+        tokio::task::yield_now().await;
+    }
+    running.stop.send(()).unwrap();
+    tokio::time::timeout(Duration::from_secs(5), running.served).await.expect("it ends by itself").unwrap();
+    assert_eq!(answer.await.unwrap(), "");
+}
+
+#[tokio::test]
+async fn bytes_that_are_no_request_are_refused_and_the_server_goes_on() {
+    let running = start(State::default()).await;
+    let check = async |bytes: Vec<u8>, expected: &str| {
+        let answer = exchange(running.address, bytes).await;
+        assert!(answer.starts_with(expected), "{expected}: {answer}");
+    };
+    check(b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03\r\n\r\n".to_vec(), "HTTP/1.1 400 ").await;
+    check(b"GET / HTTP/9.9\r\n\r\n".to_vec(), "HTTP/1.1 400 ").await;
+    let fields: String = (0..80).map(|i| format!("x-{i}: 1\r\n")).collect();
+    check(format!("GET / HTTP/1.1\r\nhost: x\r\n{fields}\r\n").into_bytes(), "HTTP/1.1 431 ").await;
+    check(get(&format!("/{}", "a".repeat(3000))), "HTTP/1.1 414 ").await;
+    check(get("/healthz"), "HTTP/1.1 200 ").await;
+    running.stop.send(()).unwrap();
+    running.served.await.unwrap();
+}
