@@ -8,7 +8,7 @@
 
 @group(1) @binding(0) var backgrounds: texture_2d_array<f32>;
 @group(1) @binding(1) var background_sampler: sampler;
-// rg: depth and dilated depth of camera_depth.wgsl.
+// rg: the depths of camera_depth.wgsl, discontinuities dilated a little and further.
 @group(1) @binding(2) var depth_maps: texture_2d_array<f32>;
 @group(1) @binding(3) var depth_sampler: sampler;
 
@@ -96,8 +96,8 @@ fn bilinear(corners: vec4<f32>, share: vec2<f32>) -> f32 {
     return mix(mix(corners.w, corners.z, share.x), mix(corners.x, corners.y, share.x), share.y);
 }
 
-// V: whether nothing stands before the nearest texel of the map as it is (x), and the share of the four nearest that
-// nothing stands before with discontinuities dilated (y). The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
+// V: whether nothing stands before the nearest texel (x), and the share of the four nearest that nothing stands
+// before with discontinuities dilated further (y). The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
 fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> vec2<f32> {
     let place = depth_place(camera_idx, local);
     let is_beside = any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0));
