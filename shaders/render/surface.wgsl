@@ -22,6 +22,8 @@ override HAS_DEPTH_CUBES: bool = true;
 const FEATHER: f32 = 0.06;
 // A share of visibility and feather below this counts as none, so that the sum of weights cannot underflow.
 const LEAST_SHARE: f32 = 1e-6;
+// Sine of half a degree: what a camera sees at less than that is smeared beyond use, and often not the surface.
+const LEAST_COSINE: f32 = 0.0087265;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
 
@@ -142,7 +144,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         let cosine = dot(to_camera, normal);
         let inset = min(projection.texture, 1.0 - projection.texture);
         let border = min(inset.x, inset.y);
-        if !(projection.is_seen && border >= 0.0 && cosine > 0.0) {
+        if !(projection.is_seen && border >= 0.0 && cosine > LEAST_COSINE) {
             continue;
         }
         var open = vec2<f32>(1.0);
@@ -160,7 +162,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         let between = to_camera + to_viewer;
         let s = cosine * 0.5 * dot(between, between);
         let share = smoothstep(0.0, FEATHER, border) * open.y;
-        if !(share > LEAST_SHARE && s > 0.0) {
+        if !(share > LEAST_SHARE) {
             continue;
         }
         let smaller = fifth_power(min(s, greatest) / max(s, greatest));
