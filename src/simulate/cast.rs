@@ -39,6 +39,21 @@ impl Plate {
     pub const fn truth(&self) -> &Truth {
         &self.truth
     }
+
+    pub(super) const fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The ray through a pixel's centre, where the lens brings light.
+    pub(super) fn center_ray(&self, x: usize, y: usize) -> Option<Ray> {
+        ray(&self.camera, x, y, DVec2::splat(0.5))
+    }
+}
+
+fn ray(camera: &Camera, x: usize, y: usize, in_pixel: DVec2) -> Option<Ray> {
+    let (width, height) = camera.size_px();
+    let at = DVec2::new(x as f64, y as f64) + in_pixel;
+    camera.ray(at / DVec2::new(f64::from(width), f64::from(height)))
 }
 
 /// Refuses numbers of samples with which no picture is made.
@@ -132,7 +147,7 @@ impl Caster<'_> {
         rows.enumerate().for_each(|(y, ((rgb, instance), depth_m))| {
             let pixels = rgb.chunks_exact_mut(3).zip(instance).zip(depth_m);
             for (x, ((rgb, instance), depth_m)) in pixels.enumerate() {
-                let Some(center) = self.ray(x, y, DVec2::splat(0.5)) else { continue };
+                let Some(center) = ray(self.camera, x, y, DVec2::splat(0.5)) else { continue };
                 if is_wanted(&center) {
                     let pixel = self.pixel(x, y, &center);
                     rgb.copy_from_slice(&pixel.rgb);
@@ -142,19 +157,13 @@ impl Caster<'_> {
         });
     }
 
-    fn ray(&self, x: usize, y: usize, in_pixel: DVec2) -> Option<Ray> {
-        let (width, height) = self.camera.size_px();
-        let at = DVec2::new(x as f64, y as f64) + in_pixel;
-        self.camera.ray(at / DVec2::new(f64::from(width), f64::from(height)))
-    }
-
     fn pixel(&self, x: usize, y: usize, center: &Ray) -> Pixel {
         let n = self.samples_per_side;
         let width_for_a_metre = 1.0 / (self.camera.focal_px().max_element() * f64::from(n));
         let mut sum = DVec3::ZERO;
         for sample in 0..n * n {
             let in_pixel = (DVec2::new(f64::from(sample % n), f64::from(sample / n)) + 0.5) / f64::from(n);
-            if let Some(ray) = self.ray(x, y, in_pixel) {
+            if let Some(ray) = ray(self.camera, x, y, in_pixel) {
                 sum += self.seen(&ray, width_for_a_metre).light;
             }
         }

@@ -18,6 +18,7 @@ mod noise;
 mod paint;
 mod path;
 mod plaza;
+mod seen;
 mod shape;
 mod video;
 mod world;
@@ -25,8 +26,9 @@ mod write;
 
 pub use cast::{Plate, Truth};
 pub use light::{CastShadows, Effects};
+pub use seen::JudgedView;
 pub use world::{FigurePosition, World, pinhole};
-pub use write::{ExtraView, SimulateOptions, Written, run, write};
+pub use write::{ExtraView, Parts, SimulateOptions, Written, run, write};
 
 use crate::error::ErrorKind;
 use crate::geometry::CameraError;

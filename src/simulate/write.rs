@@ -12,15 +12,24 @@
 //! <out>/truth/<camera>/depth/000000.png     16 bits: millimetres along the optical axis, 0 nothing, 65535 that far or further
 //! ```
 //!
-//! Views where no camera stands lie under `truth/` as cameras do, with their calibrations. Files of frames are named
-//! by the frame's number in the clip, from 0.
+//! Views where no camera stands lie under `truth/` as cameras do, with their calibrations, and have beside them what
+//! judges a picture made from the cameras' (8 bits each, 255 or 0):
+//!
+//! ```text
+//! <out>/truth/<view>/seen/000000.png        whether a camera of the world sees the surface, its figures left out
+//! <out>/truth/<view>/static/000000.png      where seen, and no figure within 2 pixels
+//! ```
+//!
+//! Files of frames are named by the frame's number in the clip, from 0. Truth may be restricted to some frames, and
+//! what is written to the views alone: a frame of a view then takes about a second.
 
 use super::cast::{Plate, Truth, check_samples};
+use super::seen::static_part;
 use super::video::VideoWriter;
 use super::world::World;
 use super::{SimulateError, pinhole};
 use crate::calibrate::CameraDocument;
-use crate::frame::is_id;
+use crate::frame::{Mask, is_id};
 use crate::geometry::Camera;
 use glam::DVec3;
 use serde::Serialize;
@@ -42,6 +51,11 @@ pub struct SimulateOptions {
     pub samples_per_side: u32,
     /// Truth is written for every n-th frame; 0 writes none. Default 1.
     pub truth_every_frames: u32,
+    /// Truth is written for these frames alone, given by their times, seconds from the clips' start; each must be
+    /// the time of a frame. Default: empty, which leaves it to `truth_every_frames`.
+    pub truth_at_secs: Vec<f64>,
+    /// What is written. Default: everything.
+    pub parts: Parts,
     /// Views where no camera of the world stands. Default: none.
     pub extra_views: Vec<ExtraView>,
     /// The database that the configuration names, relative to the folder. Default `videofields.sqlite`.
@@ -59,10 +73,22 @@ impl SimulateOptions {
             size_px: (640, 360),
             samples_per_side: 3,
             truth_every_frames: 1,
+            truth_at_secs: Vec::new(),
+            parts: Parts::Everything,
             extra_views: Vec::new(),
             database: PathBuf::from("videofields.sqlite"),
         }
     }
+}
+
+/// What of a world is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Parts {
+    /// Clips, truth, positions, documents.
+    #[default]
+    Everything,
+    /// The extra views' truth and calibrations.
+    Views,
 }
 
 /// A view where no camera of the world stands.
@@ -83,10 +109,12 @@ pub struct ExtraView {
 /// What was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
-    /// The configuration.
-    pub config: PathBuf,
-    /// The clips, one a camera.
+    /// The configuration, unless views alone were asked for.
+    pub config: Option<PathBuf>,
+    /// The clips, one a camera; none where views alone were asked for.
     pub clips: Vec<PathBuf>,
+    /// The extra views' folders, in their order.
+    pub views: Vec<PathBuf>,
     /// Frames of each clip.
     pub n_frames: u64,
 }
@@ -126,44 +154,85 @@ pub fn run(world_id: &str, options: &SimulateOptions) -> Result<Written, Simulat
 /// When an option is out of its range, GStreamer has no VP8 encoder or WebM muxer, or a file cannot be written.
 pub fn write(world: &World, options: &SimulateOptions) -> Result<Written, SimulateError> {
     let n_frames = n_frames(world, options)?;
-    let cameras = world.cameras(options.size_px)?;
+    let wanted = wanted_frames(options, n_frames)?;
     let views = views(world, options)?;
+    let cameras = world.cameras(options.size_px)?;
+    let (config, clips) = match options.parts {
+        Parts::Everything => {
+            let config = write_documents(world, options, &cameras)?;
+            if !wanted.is_empty() {
+                write_positions(world, options, n_frames)?;
+            }
+            (Some(config), write_clips(world, options, &cameras, n_frames, &wanted)?)
+        }
+        Parts::Views => (None, Vec::new()),
+    };
+    let cameras: Vec<Camera> = cameras.into_iter().map(|(_, camera)| camera).collect();
+    let mut view_folders = Vec::new();
+    for (id, camera) in &views {
+        write_calibration(options, id, camera)?;
+        let plate = world.plate(camera, options.samples_per_side)?;
+        let truth = TruthWriter::create(options, id, &plate, &wanted, &VIEW_KINDS)?;
+        let seen = world.seen_by(&plate, &cameras);
+        for frame in &wanted {
+            truth.judged_frame(*frame, &world.render_over(&plate, time_of(*frame, options))?, &seen)?;
+        }
+        view_folders.push(truth.folder);
+    }
+    Ok(Written { config, clips, views: view_folders, n_frames })
+}
+
+/// Scene document, configuration, calibrations; the configuration's path.
+fn write_documents(
+    world: &World,
+    options: &SimulateOptions,
+    cameras: &[(&str, Camera)],
+) -> Result<PathBuf, SimulateError> {
     let out = &options.out_dir;
-    make_folder(&out.join("clips"))?;
-    make_folder(&out.join("calibration"))?;
+    make_folder(out)?;
     let config = out.join(format!("{}.toml", world.id()));
     write_file(&config, &world.config_toml(&options.database)?)?;
     write_file(&out.join(format!("{}.json", world.id())), &world.scene_json(options.size_px)?)?;
-    let named = cameras.iter().map(|(id, camera)| (*id, camera));
-    for (id, camera) in named.chain(views.iter().map(|(id, camera)| (id.as_str(), camera))) {
-        let text = serde_json::to_string_pretty(&CameraDocument::from_camera(camera))? + "\n";
-        write_file(&out.join("calibration").join(format!("{id}.json")), &text)?;
+    for (id, camera) in cameras {
+        write_calibration(options, id, camera)?;
     }
-    if options.truth_every_frames > 0 {
-        write_positions(world, options, n_frames)?;
-    }
+    Ok(config)
+}
+
+fn write_calibration(options: &SimulateOptions, id: &str, camera: &Camera) -> Result<(), SimulateError> {
+    let folder = options.out_dir.join("calibration");
+    make_folder(&folder)?;
+    let text = serde_json::to_string_pretty(&CameraDocument::from_camera(camera))? + "\n";
+    write_file(&folder.join(format!("{id}.json")), &text)
+}
+
+/// What the cameras saw, as video and as truth.
+fn write_clips(
+    world: &World,
+    options: &SimulateOptions,
+    cameras: &[(&str, Camera)],
+    n_frames: u64,
+    wanted: &[u64],
+) -> Result<Vec<PathBuf>, SimulateError> {
+    let folder = options.out_dir.join("clips");
+    make_folder(&folder)?;
     let mut clips = Vec::new();
-    for (id, camera) in &cameras {
-        let clip = out.join("clips").join(format!("{id}.webm"));
+    for (id, camera) in cameras {
+        let clip = folder.join(format!("{id}.webm"));
         let mut video = VideoWriter::create(&clip, options.size_px, options.rate_hz)?;
         let plate = world.plate(camera, options.samples_per_side)?;
-        let truth = TruthWriter::create(options, id, &plate)?;
+        let truth = TruthWriter::create(options, id, &plate, wanted, &CAMERA_KINDS)?;
         for frame in 0..n_frames {
             let seen = world.render_over(&plate, time_of(frame, options))?;
             video.push(&seen.rgb)?;
-            truth.frame(frame, &seen)?;
+            if wanted.contains(&frame) {
+                truth.frame(frame, &seen)?;
+            }
         }
         video.finish()?;
         clips.push(clip);
     }
-    for (id, camera) in &views {
-        let plate = world.plate(camera, options.samples_per_side)?;
-        let truth = TruthWriter::create(options, id, &plate)?;
-        for frame in (0..n_frames).filter(|frame| truth.wants(*frame)) {
-            truth.frame(frame, &world.render_over(&plate, time_of(frame, options))?)?;
-        }
-    }
-    Ok(Written { config, clips, n_frames })
+    Ok(clips)
 }
 
 fn time_of(frame: u64, options: &SimulateOptions) -> f64 {
@@ -187,6 +256,27 @@ fn n_frames(world: &World, options: &SimulateOptions) -> Result<u64, SimulateErr
         return out("length", "at least one frame and at most 86400 s");
     }
     Ok(n_frames as u64)
+}
+
+/// The frames whose truth is written, in order.
+fn wanted_frames(options: &SimulateOptions, n_frames: u64) -> Result<Vec<u64>, SimulateError> {
+    if options.truth_at_secs.is_empty() {
+        let step = options.truth_every_frames as usize;
+        return Ok(if step == 0 { Vec::new() } else { (0..n_frames).step_by(step).collect() });
+    }
+    let frame_at = |seconds: &f64| {
+        let place = seconds * options.rate_hz;
+        let is_frame =
+            (place - place.round()).abs() < 1e-6 && place > -0.5 && place.round() < n_frames as f64;
+        let allowed = "the time of a frame of the clips: a multiple of 1/rate within their length";
+        is_frame
+            .then_some(place.round() as u64)
+            .ok_or(SimulateError::View { field: "time of truth", allowed })
+    };
+    let mut frames = options.truth_at_secs.iter().map(frame_at).collect::<Result<Vec<_>, _>>()?;
+    frames.sort_unstable();
+    frames.dedup();
+    Ok(frames)
 }
 
 fn views(world: &World, options: &SimulateOptions) -> Result<Vec<(String, Camera)>, SimulateError> {
@@ -227,43 +317,58 @@ fn write_positions(world: &World, options: &SimulateOptions, n_frames: u64) -> R
     file.flush().map_err(fault)
 }
 
-/// Writes one camera's truth, or nothing where none is wanted.
+/// Folders of a camera's truth, and of a view's where no camera stands.
+const CAMERA_KINDS: [&str; 3] = ["frame", "instance", "depth"];
+const VIEW_KINDS: [&str; 5] = ["frame", "instance", "depth", "seen", "static"];
+
+/// Writes one camera's truth.
 struct TruthWriter {
     folder: PathBuf,
-    every_frames: u64,
 }
 
 impl TruthWriter {
-    fn create(options: &SimulateOptions, id: &str, plate: &Plate) -> Result<Self, SimulateError> {
+    /// Makes the folders and writes the still world, where any frame is wanted.
+    fn create(
+        options: &SimulateOptions,
+        id: &str,
+        plate: &Plate,
+        wanted: &[u64],
+        kinds: &[&str],
+    ) -> Result<Self, SimulateError> {
         let folder = options.out_dir.join("truth").join(id);
-        let writer = Self { folder, every_frames: u64::from(options.truth_every_frames) };
-        if writer.every_frames > 0 {
-            for kind in ["frame", "instance", "depth"] {
-                make_folder(&writer.folder.join(kind))?;
+        if !wanted.is_empty() {
+            for kind in kinds {
+                make_folder(&folder.join(kind))?;
             }
             let rgb = &plate.truth().rgb;
-            let path = writer.folder.join("background.png");
+            let path = folder.join("background.png");
             save(&path, &rgb.data, (rgb.width, rgb.height), image::ExtendedColorType::Rgb8)?;
         }
-        Ok(writer)
+        Ok(Self { folder })
     }
 
-    fn wants(&self, frame: u64) -> bool {
-        self.every_frames > 0 && frame.is_multiple_of(self.every_frames)
+    fn path(&self, kind: &str, frame: u64) -> PathBuf {
+        self.folder.join(kind).join(format!("{frame:06}.png"))
     }
 
     fn frame(&self, frame: u64, truth: &Truth) -> Result<(), SimulateError> {
-        if !self.wants(frame) {
-            return Ok(());
-        }
         let Truth { rgb, instance, depth_m } = truth;
         let size = (rgb.width, rgb.height);
-        let path = |kind: &str| self.folder.join(kind).join(format!("{frame:06}.png"));
-        save(&path("frame"), &rgb.data, size, image::ExtendedColorType::Rgb8)?;
-        save(&path("instance"), &instance.data, size, image::ExtendedColorType::L8)?;
+        save(&self.path("frame", frame), &rgb.data, size, image::ExtendedColorType::Rgb8)?;
+        save(&self.path("instance", frame), &instance.data, size, image::ExtendedColorType::L8)?;
         // A cast from float saturates; `image` takes 16-bit samples in the machine's own byte order.
         let depth_mm: Vec<u16> = depth_m.iter().map(|depth| (depth * 1000.0 + 0.5) as u16).collect();
-        save(&path("depth"), bytemuck::cast_slice(&depth_mm), size, image::ExtendedColorType::L16)
+        let bytes = bytemuck::cast_slice(&depth_mm);
+        save(&self.path("depth", frame), bytes, size, image::ExtendedColorType::L16)
+    }
+
+    fn judged_frame(&self, frame: u64, truth: &Truth, seen: &Mask) -> Result<(), SimulateError> {
+        self.frame(frame, truth)?;
+        for (kind, mask) in [("seen", seen), ("static", &static_part(truth, seen))] {
+            let size = (mask.width, mask.height);
+            save(&self.path(kind, frame), &mask.data, size, image::ExtendedColorType::L8)?;
+        }
+        Ok(())
     }
 }
 

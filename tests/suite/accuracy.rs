@@ -1,11 +1,19 @@
-//! The accuracy room seen from outside.
+//! The accuracy room seen from outside, and what the whole way from clips to a picture is worth by it.
 //!
 //! Expected figures are scikit-image 0.26's for the same pictures: `structural_similarity(a, b, channel_axis=2,
 //! full=True)` and `peak_signal_noise_ratio(a, b)`, masked ones from the map and the squares at the mask's pixels.
 
+use glam::DVec3;
+use std::path::Path;
+use std::sync::Arc;
 use videofields::accuracy::{AccuracyError, compare};
+use videofields::clock::{SystemClock, Timestamp};
+use videofields::engine::{At, ViewRequest, view_once};
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
+use videofields::gpu::{Gpu, GpuError};
+use videofields::plan::EntityStyle;
+use videofields::simulate::{World, pinhole};
 
 /// A picture by formula, the same in any language: value = f(x, y, channel) in whole numbers.
 fn picture(width: u32, height: u32, value: impl Fn(u32, u32, u32) -> u32) -> RgbImage {
@@ -125,4 +133,54 @@ fn what_cannot_be_compared_is_refused_by_name() {
     // A size whose bytes no memory could hold is refused like any other that its data does not fill.
     let huge = RgbImage { width: u32::MAX, height: u32::MAX, data: Vec::new() };
     assert!(matches!(compare(&huge, &huge, None), Err(AccuracyError::Length { .. })));
+}
+
+/// Whether there is an adapter to draw with; says so where there is none, which with CI=true is a failure.
+fn has_adapter() -> bool {
+    match Gpu::new("") {
+        Ok(_) => true,
+        Err(error @ GpuError::NoAdapter { .. }) => {
+            assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs an adapter: {error}");
+            #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+            {
+                eprintln!("skipped: {error}");
+            }
+            false
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// The demo's clips, from where no camera stands: the still part that a camera sees is true to 28 dB and more, and
+/// figures stand where they are.
+#[test]
+fn the_demo_is_true_where_no_camera_stands() {
+    if !has_adapter() {
+        return;
+    }
+    let config_path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/demo/plaza.toml");
+    let config = videofields::config::load_with(&config_path, []).unwrap();
+    let settings = config.settings();
+    let file = &settings.scene[0].file;
+    let scene = Arc::new(videofields::scene::load_file("plaza", file, &settings.media.roots).unwrap().scene);
+    let (eye, target) = (DVec3::new(-24.0, -18.0, 12.0), DVec3::new(2.0, 2.0, 0.0));
+    let (fov_y_rad, width_px, height_px, secs) = (45_f64.to_radians(), 480, 270, 18);
+    let picture = |style| {
+        let at = At::Time(Timestamp::from_nanos(secs * 1_000_000_000));
+        let (eye, target, fov_y_rad) = (Some(eye), Some(target), Some(fov_y_rad));
+        let scene_id = "plaza".to_owned();
+        let request = ViewRequest { scene: scene_id, eye, target, fov_y_rad, width_px, height_px, at, style };
+        view_once(&config, &scene, &request, &SystemClock::new()).unwrap().image
+    };
+    let view = pinhole(eye, target, fov_y_rad, (width_px, height_px)).unwrap();
+    let truth = World::plaza().judged_view(&view, secs as f64, 3, (640, 360)).unwrap();
+    let psnr_db = |picture: &RgbImage, part: &Mask| {
+        compare(&truth.truth.rgb, picture, Some(part)).unwrap().psnr_db.unwrap()
+    };
+    let (with_figures, bare) = (picture(EntityStyle::Billboards), picture(EntityStyle::None));
+    let still_db = psnr_db(&with_figures, &truth.still);
+    assert!(still_db >= 28.0, "the still part differs by {still_db} dB");
+    let people = &truth.truth.instance;
+    let (people_db, missing_db) = (psnr_db(&with_figures, people), psnr_db(&bare, people));
+    assert!(people_db >= 15.0 && people_db > missing_db + 3.0, "people {people_db} dB, bare {missing_db} dB");
 }

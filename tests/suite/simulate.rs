@@ -15,7 +15,7 @@ use videofields::error::ErrorKind;
 use videofields::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage, YuvLayout};
 use videofields::geometry::{Camera, OrientedBox, Ray};
 use videofields::simulate::{
-    ExtraView, SimulateError, SimulateOptions, Truth, World, Written, pinhole, run, write,
+    ExtraView, Parts, SimulateError, SimulateOptions, Truth, World, Written, pinhole, run, write,
 };
 
 const SIZE: (u32, u32) = (320, 180);
@@ -435,9 +435,10 @@ fn what_is_written_is_what_is_true() {
     let folder = tempfile::tempdir().unwrap();
     let world = World::plaza();
     let options = small_options(folder.path().join("new/plaza"));
-    let Written { config, clips, n_frames } = write(&world, &options).unwrap();
+    let Written { config, clips, views, n_frames } = write(&world, &options).unwrap();
     assert_eq!((n_frames, clips.len()), (8, 3));
-    let text = std::fs::read_to_string(config).unwrap();
+    assert_eq!(views, [options.out_dir.join("truth/from-the-south")]);
+    let text = std::fs::read_to_string(config.unwrap()).unwrap();
     let settings: videofields::config::Settings = toml::from_str(&text).unwrap();
     assert_eq!(settings.camera.len(), 3);
     for camera in &settings.camera {
@@ -486,6 +487,97 @@ fn what_is_written_is_what_is_true() {
 }
 
 #[test]
+fn views_alone_are_written_at_the_times_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let world = World::plaza();
+    let mut options = small_options(folder.path().to_owned());
+    options.parts = Parts::Views;
+    options.truth_at_secs = vec![0.7, 0.2, 0.7];
+    let Written { config, clips, views, .. } = write(&world, &options).unwrap();
+    assert_eq!((config, clips.len()), (None, 0));
+    let names = |path: &Path| {
+        let entries = std::fs::read_dir(path).unwrap();
+        let mut names: Vec<_> =
+            entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(folder.path()), ["calibration", "truth"]);
+    assert_eq!(names(&folder.path().join("truth")), ["from-the-south"]);
+    let kinds = ["background.png", "depth", "frame", "instance", "seen", "static"];
+    assert_eq!(names(&views[0]), kinds);
+    for kind in &kinds[1..] {
+        assert_eq!(names(&views[0].join(kind)), ["000002.png", "000007.png"], "{kind}");
+    }
+    let view = &options.extra_views[0];
+    let camera = pinhole(view.eye_in_world, view.target_in_world, view.fov_y_rad, view.size_px).unwrap();
+    let judged = world.judged_view(&camera, 0.7, 2, options.size_px).unwrap();
+    let read = |kind: &str| image::open(views[0].join(kind).join("000007.png")).unwrap();
+    assert_eq!(read("frame").into_rgb8().into_raw(), judged.truth.rgb.data);
+    assert_eq!(read("seen").into_luma8().into_raw(), judged.seen.data);
+    assert_eq!(read("static").into_luma8().into_raw(), judged.still.data);
+}
+
+#[test]
+fn what_a_camera_sees_is_seen_and_nothing_else() {
+    let world = World::plaza();
+    let cameras: Vec<Camera> = world.cameras(SIZE).unwrap().into_iter().map(|(_, camera)| camera).collect();
+    // From a camera's own place everything but the sky is seen by it.
+    for camera in &cameras {
+        let plate = world.plate(camera, 1).unwrap();
+        let seen = world.seen_by(&plate, std::slice::from_ref(camera));
+        for (seen, depth) in seen.data.iter().zip(&plate.truth().depth_m) {
+            assert_eq!(*seen, if *depth > 0.0 { 255 } else { 0 });
+        }
+        assert!(world.seen_by(&plate, &[]).data.iter().all(|seen| *seen == 0));
+    }
+    // From elsewhere a place counts when the nearest camera's own truth shows it at the right depth.
+    let view = view_from_the_south();
+    let plate = world.plate(&view, 1).unwrap();
+    let seen = world.seen_by(&plate, &cameras[..1]);
+    let camera = &cameras[0];
+    let own = world.plate(camera, 1).unwrap();
+    let (mut n_seen, mut n_wrong) = (0, 0);
+    for y in 0..SIZE.1 {
+        for x in 0..SIZE.0 {
+            let ray = center_ray(&view, x, y);
+            let depth = f64::from(plate.truth().depth_m[(y * SIZE.0 + x) as usize]);
+            let is_shown = depth > 0.0 && {
+                let point = ray.at(depth / ray.direction.dot(view.pose().forward_in_world()));
+                pixel_of(camera, point).is_some_and(|(u, v)| {
+                    let there = own.truth().depth_m[(v * SIZE.0 + u) as usize];
+                    let here = camera.project(point).unwrap().depth_m as f32;
+                    // Within a pixel's slope of level ground seen from 6 m up.
+                    there > 0.0 && (there - here).abs() < 0.03 * here
+                })
+            };
+            n_seen += u32::from(is_shown);
+            n_wrong += u32::from(is_shown != (seen.get(x, y) == 255));
+        }
+    }
+    assert!(n_seen > 10_000, "{n_seen} pixels are seen");
+    assert!(n_wrong * 100 < n_seen, "{n_wrong} of {n_seen} pixels are wrong");
+}
+
+#[test]
+fn the_static_part_keeps_clear_of_figures() {
+    let world = World::plaza();
+    let judged = world.judged_view(&view_from_the_south(), 12.0, 1, (640, 360)).unwrap();
+    let figure_near = |x: u32, y: u32| {
+        let columns = x.saturating_sub(2)..(x + 3).min(SIZE.0);
+        (y.saturating_sub(2)..(y + 3).min(SIZE.1))
+            .any(|y| columns.clone().any(|x| judged.truth.instance.get(x, y) > 0))
+    };
+    assert!(judged.truth.instance.data.iter().any(|instance| *instance > 0));
+    for y in 0..SIZE.1 {
+        for x in 0..SIZE.0 {
+            let expected = if figure_near(x, y) { 0 } else { judged.seen.get(x, y) };
+            assert_eq!(judged.still.get(x, y), expected, "({x}, {y})");
+        }
+    }
+}
+
+#[test]
 fn the_committed_demo_is_what_the_world_writes() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/demo");
     let world = World::plaza();
@@ -531,6 +623,10 @@ fn what_cannot_be_simulated_is_refused_by_name() {
     check(&|o| o.seconds = Some(-1.0), "length");
     check(&|o| o.samples_per_side = 0, "samples per side must be 1 to 16");
     check(&|o| o.samples_per_side = 17, "samples per side");
+    check(&|o| o.truth_at_secs = vec![0.1, 0.15], "time of truth must be the time of a frame");
+    check(&|o| o.truth_at_secs = vec![0.8], "time of truth");
+    check(&|o| o.truth_at_secs = vec![-0.1], "time of truth");
+    check(&|o| o.truth_at_secs = vec![f64::NAN], "time of truth");
     check(&|o| o.extra_views[0].name = "north".to_owned(), "name of a view must be");
     check(&|o| o.extra_views[0].name = "../out".to_owned(), "name of a view");
     check(&|o| o.extra_views[0].fov_y_rad = f64::NAN, "field of view must be 0.01 to 3.0 rad");
