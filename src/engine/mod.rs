@@ -34,6 +34,10 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
+/// Time that a picture or map in hand is given when the engine stops: with what requests are given before, less than
+/// the 3 s in which the daemon must be gone.
+const FINISH_TIME: Duration = Duration::from_millis(500);
+
 /// Why the engine did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
@@ -143,7 +147,8 @@ impl Engine {
     }
 
     /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
-    /// done.
+    /// done, but for a picture or map that takes more than another half second: nothing is lost with either, and a
+    /// software renderer may take many seconds for a large one. Its thread ends when it is done.
     pub fn stop(self) {
         // All are told before any is waited for.
         self.request_stop();
@@ -151,8 +156,15 @@ impl Engine {
         for worker in self.workers {
             worker.stop();
         }
+        let clock = &self.shared.clock;
+        let until = clock.monotonic().saturating_add(FINISH_TIME);
         for (name, thread) in self.threads {
-            if thread.join().is_err() {
+            while !thread.is_finished() && clock.monotonic() < until {
+                clock.sleep(Duration::from_millis(5));
+            }
+            if !thread.is_finished() {
+                tracing::warn!(name, "a thread is left with what it has in hand");
+            } else if thread.join().is_err() {
                 tracing::error!(name, "a thread panicked");
             }
         }
