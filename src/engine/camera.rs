@@ -5,7 +5,7 @@ use crate::clock::Clock;
 use crate::config::{CameraSettings, Learning};
 use crate::frame::Frame;
 use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag};
-use crate::telemetry::{DropReason, Metrics, Stage};
+use crate::telemetry::{DropReason, Metrics};
 use crate::timeline::Timeline;
 use std::sync::Arc;
 
@@ -65,10 +65,12 @@ impl FrameConsumer for CameraConsumer {
             self.is_prepared = true;
         }
         let id = self.settings.id.as_str();
-        let started = self.clock.monotonic();
-        let observation = self.pipeline.process(frame);
-        let took = self.clock.monotonic().saturating_sub(started);
-        self.metrics.observe_stage(id, Stage::Segment, took.as_secs_f64());
+        let mut started = self.clock.monotonic();
+        let observation = self.pipeline.process_staged(frame, |stage| {
+            let ended = self.clock.monotonic();
+            self.metrics.observe_stage(id, stage, ended.saturating_sub(started).as_secs_f64());
+            started = ended;
+        });
         match self.timeline.push(observation) {
             Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
             Err(error) => {

@@ -6,9 +6,27 @@ use crate::frame::{CameraId, YuvImage};
 use crate::ingest::{CHECKPOINT_VERSION, Pipeline};
 use crate::store::{BackgroundRecord, Store, StoreError};
 use crate::telemetry::Metrics;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::runtime::Handle;
+
+/// How writing to the store goes, over all cameras; what readiness and metrics tell.
+#[derive(Debug, Default)]
+pub(super) struct StoreHealth(Mutex<(bool, Option<Duration>)>);
+
+impl StoreHealth {
+    /// Notes a write: when it succeeded, or that it failed.
+    fn note(&self, good_at: Option<Duration>) {
+        let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        *state = (good_at.is_none(), good_at.or(state.1));
+    }
+
+    /// Whether the last write succeeded (or none was made yet), and the monotonic time of the last that did.
+    pub(super) fn read(&self) -> (bool, Option<Duration>) {
+        let (has_failed, last_good) = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        (!has_failed, last_good)
+    }
+}
 
 /// One camera's background in the store. Used on the camera's own thread: writing blocks that camera for the time
 /// that one write takes, and no other.
@@ -18,6 +36,7 @@ pub(super) struct Checkpoints {
     interval: Duration,
     store: Store,
     runtime: Handle,
+    health: Arc<StoreHealth>,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
     last: Duration,
@@ -29,12 +48,13 @@ impl Checkpoints {
         interval: Duration,
         store: Store,
         runtime: Handle,
+        health: Arc<StoreHealth>,
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
     ) -> Self {
         let (camera, learning) = (camera.id.clone(), camera.background.learning);
         let last = clock.monotonic();
-        Self { camera, learning, interval, store, runtime, metrics, clock, last }
+        Self { camera, learning, interval, store, runtime, health, metrics, clock, last }
     }
 
     /// Puts the stored background for pictures such as `first` into `pipeline`; false where there is none.
@@ -80,10 +100,12 @@ impl Checkpoints {
             Ok(()) => {
                 let took = self.clock.monotonic().saturating_sub(started);
                 self.metrics.store_checkpoint.observe(took.as_secs_f64());
+                self.health.note(Some(started));
             }
             Err(error) => {
                 tracing::error!(camera = %self.camera, %error, "background not written");
                 self.metrics.store_checkpoints_failed.inc();
+                self.health.note(None);
             }
         }
     }

@@ -139,7 +139,7 @@ pub struct ViewAnswer {
 pub struct Readiness {
     /// Whether every part below is ready.
     pub ready: bool,
-    /// The database is open.
+    /// The database takes what is written to it.
     pub store: bool,
     /// The renderer runs; its adapter's name, or why not.
     pub renderer: String,

@@ -26,7 +26,7 @@ use crate::store::Store;
 use crate::telemetry::Metrics;
 use crate::timeline::Timeline;
 use camera::CameraConsumer;
-use checkpoint::Checkpoints;
+use checkpoint::{Checkpoints, StoreHealth};
 use shared::{CameraEntry, Shared};
 use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
@@ -85,6 +85,7 @@ impl Engine {
         let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
             .unwrap_or(Duration::from_secs(60));
         let stop = StopFlag::default();
+        let store_health = Arc::new(StoreHealth::default());
         let mut workers = Vec::new();
         let mut cameras = Vec::new();
         for camera in &settings.camera {
@@ -95,6 +96,7 @@ impl Engine {
                 interval,
                 store.clone(),
                 runtime.clone(),
+                Arc::clone(&store_health),
                 Arc::clone(&metrics),
                 Arc::clone(&clock),
             );
@@ -119,7 +121,15 @@ impl Engine {
             workers.push(worker);
         }
         let (queue, jobs) = sync_channel(settings.render.queue_length);
-        let shared = Arc::new(Shared::new(clock, metrics, cameras, scenes, settings.render.clone(), queue));
+        let shared = Arc::new(Shared::new(
+            clock,
+            metrics,
+            cameras,
+            scenes,
+            settings.render.clone(),
+            store_health,
+            queue,
+        ));
         let renderer = {
             let shared = Arc::clone(&shared);
             spawn("renderer", move || renderer::run(&shared, &jobs))?

@@ -172,7 +172,15 @@ mod tests {
     fn a_panic_costs_its_own_picture_alone() {
         let (queue, _jobs) = sync_channel(1);
         let (clock, metrics) = (Arc::new(SystemClock::new()), Arc::new(Metrics::new()));
-        let shared = Shared::new(clock, metrics, Vec::new(), Vec::new(), RenderSettings::default(), queue);
+        let shared = Shared::new(
+            clock,
+            metrics,
+            Vec::new(),
+            Vec::new(),
+            RenderSettings::default(),
+            Arc::default(),
+            queue,
+        );
         shared.set_renderer_state(Ok("a GPU".to_owned()));
         let mut thread = RenderThread { shared: &shared, renderer: None, failed_at: None, last: None };
         let error = thread.contained(|_| -> Result<(), EngineError> { panic!("told to panic") });

@@ -1,6 +1,7 @@
 //! What the engine's threads and its callers share, and the door's answers from it.
 
 use super::EngineError;
+use super::checkpoint::StoreHealth;
 use super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
 };
@@ -45,6 +46,7 @@ pub(super) struct Shared {
     pub(super) cameras: Vec<CameraEntry>,
     pub(super) scenes: Vec<Arc<Scene>>,
     pub(super) render_settings: RenderSettings,
+    pub(super) store_health: Arc<StoreHealth>,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// The adapter's name, or why there is none.
@@ -66,6 +68,7 @@ impl Shared {
         cameras: Vec<CameraEntry>,
         scenes: Vec<Arc<Scene>>,
         render_settings: RenderSettings,
+        store_health: Arc<StoreHealth>,
         queue: SyncSender<Job>,
     ) -> Self {
         let maps = scenes
@@ -79,6 +82,7 @@ impl Shared {
             cameras,
             scenes,
             render_settings,
+            store_health,
             maps: Mutex::new(maps),
             renderer: Mutex::new(Err("starting".to_owned())),
             queue: Mutex::new(Some(queue)),
@@ -309,9 +313,10 @@ impl Door for Shared {
     fn readiness(&self) -> Readiness {
         let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
         let renderer = lock(&self.renderer).clone();
+        let (store_is_good, _) = self.store_health.read();
         Readiness {
-            ready: renderer.is_ok(),
-            store: true,
+            ready: renderer.is_ok() && store_is_good,
+            store: store_is_good,
             renderer: renderer.unwrap_or_else(|reason| format!("not ready: {reason}")),
             cameras_with_frames: [with_frames, self.cameras.len()],
         }
@@ -326,6 +331,10 @@ impl Door for Shared {
             }
             let kept = i64::try_from(camera.timeline.len_bytes()).unwrap_or(i64::MAX);
             self.metrics.timeline_kept.with_label_values(&[id]).set(kept);
+        }
+        if let (_, Some(at)) = self.store_health.read() {
+            let age = self.clock.monotonic().saturating_sub(at);
+            self.metrics.store_checkpoint_age.set(age.as_secs_f64());
         }
         self.metrics.encode()
     }

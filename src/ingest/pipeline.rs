@@ -8,6 +8,7 @@ use crate::clock::Timestamp;
 use crate::config::{BackgroundSettings, Learning, SegmentSettings};
 use crate::frame::{CameraId, Frame, YuvImage};
 use crate::segment::Segmenter;
+use crate::telemetry::Stage;
 use crate::timeline::Observation;
 use std::sync::Arc;
 
@@ -85,6 +86,11 @@ impl Pipeline {
     /// there is no clip it adapts, since a picture without a background would show nothing at all. A frame of
     /// another size or colour begins another model, or takes up the one left behind at that size.
     pub fn process(&mut self, frame: Frame) -> Observation {
+        self.process_staged(frame, |_stage| {})
+    }
+
+    /// As [`Self::process`]; `done` is told each stage as it ends, so that a caller with a clock can time them.
+    pub fn process_staged(&mut self, frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
         self.choose_model(&frame.image, Some(&frame.camera));
         let is_hold = self.settings.learning == Learning::Hold;
         let model = self.current.as_mut().expect("a model was just chosen");
@@ -96,8 +102,10 @@ impl Pipeline {
         } else {
             update(&mut model.mixture, &frame.image, dt_secs, Some(&frame.camera));
         }
+        done(Stage::Background);
         let mixture = &model.mixture;
         let found = self.segmenter.segment(&frame.image, mixture.background_planes(), mixture.foreground());
+        done(Stage::Segment);
         // A held background never ages.
         let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
         let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);

@@ -71,12 +71,13 @@ impl World {
             .map(|(id, camera)| SceneCameraDocument { id, calibration: CameraDocument::from_camera(camera) });
         Ok(format!(
             "{{\n  \"version\": 1,\n  \"name\": {},\n  \"sky\": {{\"color_srgb\": \"{}\"}},\n  \
-             \"ground\": {},\n  \"boxes\": {},\n  \"cameras\": {}\n}}\n",
+             \"ground\": {},\n  \"boxes\": {},\n  \"cameras\": {},\n  \"view\": {}\n}}\n",
             serde_json::to_string(self.name)?,
             hex(self.sky_srgb),
             lines(ground)?,
             lines(boxes)?,
             lines(cameras)?,
+            serde_json::to_string(&self.view)?,
         ))
     }
 

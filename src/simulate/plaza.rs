@@ -7,7 +7,7 @@ use super::figure::{Clothes, Figure};
 use super::light::{CastShadows, Effects, Light};
 use super::paint::{Bed, BoxPaint, Facade, GroundPaint, Meadow, Paving, srgb};
 use super::path::ClosedPath;
-use super::world::{World, WorldCamera};
+use super::world::{World, WorldCamera, WorldView};
 use crate::geometry::{Distortion, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
 use glam::{DVec2, DVec3};
 
@@ -36,6 +36,8 @@ impl World {
             sky_srgb: SKY_SRGB,
             sky: srgb(u32::from_be_bytes([0, SKY_SRGB[0], SKY_SRGB[1], SKY_SRGB[2]])),
             cameras: cameras(),
+            // From the south, above the hedge: both fronts, the ring, and most of the figures' paths.
+            view: WorldView { eye_m: [-6.0, -19.0, 7.0], target_m: [0.5, 1.0, 0.5], fov_deg: 45.0 },
         };
         for part in parts {
             world.box_ids.push(part.id);

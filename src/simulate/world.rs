@@ -31,6 +31,16 @@ pub struct World {
     pub(super) sky_srgb: [u8; 3],
     pub(super) sky: DVec3,
     pub(super) cameras: Vec<WorldCamera>,
+    /// Where the world's scene is seen from, where a request names no place.
+    pub(super) view: WorldView,
+}
+
+/// A place to look from, written into the scene document.
+#[derive(Clone, Copy, Debug, serde::Serialize)]
+pub(super) struct WorldView {
+    pub(super) eye_m: [f64; 3],
+    pub(super) target_m: [f64; 3],
+    pub(super) fov_deg: f64,
 }
 
 /// A camera of a world, for pictures of any size.

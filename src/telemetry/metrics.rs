@@ -13,8 +13,6 @@ use prometheus::{
 /// What a camera's frame goes through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
-    /// The decoder, or reading and decoding a picture.
-    Decode,
     /// The Gaussian mixture.
     Background,
     /// Soft mask, labels and blobs.
@@ -23,13 +21,12 @@ pub enum Stage {
 
 impl Stage {
     /// All of them, in the order in which a frame meets them.
-    pub const ALL: [Self; 3] = [Self::Decode, Self::Background, Self::Segment];
+    pub const ALL: [Self; 2] = [Self::Background, Self::Segment];
 
     /// The label's value.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
-            Self::Decode => "decode",
             Self::Background => "background",
             Self::Segment => "segment",
         }
@@ -133,7 +130,7 @@ impl Metrics {
             ingest_stage: histograms(
                 r,
                 "ingest_stage_seconds",
-                "Time of one frame in a stage: decode, background, segment.",
+                "Time of one frame in a stage: background, segment.",
                 &["camera", "stage"],
                 &FRAME_SECONDS,
             ),
@@ -332,7 +329,6 @@ mod tests {
             "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"damaged\"} 1",
             "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"overrun\"} 0",
             "videofields_ingest_stage_seconds_bucket{camera=\"north\",stage=\"segment\",le=\"0.005\"} 1",
-            "videofields_ingest_stage_seconds_count{camera=\"north\",stage=\"decode\"} 0",
             "videofields_api_requests_total{route=\"/api/v1/scenes/{id}\",status=\"200\"} 1",
         ] {
             assert!(text.lines().any(|told| told == line), "{line} is not in\n{text}");
