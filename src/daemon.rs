@@ -27,7 +27,10 @@ pub fn serve(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         .enable_all()
         .build()
         .context("cannot start the I/O threads")?;
-    runtime.block_on(run(config, announce))
+    let outcome = runtime.block_on(run(config, announce));
+    // A picture that is still being encoded has nobody left to read it.
+    runtime.shutdown_background();
+    outcome
 }
 
 async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
@@ -41,16 +44,19 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     let store = Store::open(&settings.storage.database).await?;
     let scenes = load_scenes(config, &store, &*clock).await;
     let metrics = Arc::new(Metrics::new());
+    warn_of_unknown_cameras(config, &scenes);
     let engine = Engine::start(config, scenes, store.clone(), metrics, Arc::clone(&clock))?;
     let address = listener.local_addr().context("the listener has no address")?;
     tracing::info!(%address, "listening");
     announce(address);
 
-    let stopped = async move {
+    let stopped = async {
         tokio::select! {
             _some = terminate.recv() => tracing::info!("stopping on SIGTERM"),
             _some = interrupt.recv() => tracing::info!("stopping on SIGINT"),
         }
+        // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
+        engine.request_stop();
     };
     api::serve(listener, api::router(engine.handle(), clock), stopped).await;
     // Joining threads blocks; nothing else is left to do for this one.
@@ -75,6 +81,17 @@ async fn load_scenes(config: &Config, store: &Store, clock: &dyn Clock) -> Vec<A
     scenes
 }
 
+/// Cameras that a scene calibrates and the configuration does not have are never seen.
+fn warn_of_unknown_cameras(config: &Config, scenes: &[Arc<Scene>]) {
+    for scene in scenes {
+        for member in &scene.cameras {
+            if !config.settings().camera.iter().any(|camera| camera.id == member.id) {
+                tracing::warn!(scene = scene.id, camera = %member.id, "the scene has a camera that is not configured");
+            }
+        }
+    }
+}
+
 async fn load_scene(
     config: &Config,
     settings: &SceneSettings,
@@ -83,7 +100,10 @@ async fn load_scene(
 ) -> Result<Scene> {
     match scene::load_file(&settings.id, &settings.file, &config.settings().media.roots) {
         Ok(parsed) => {
-            store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await?;
+            // A scene that cannot be kept is still a scene.
+            if let Err(error) = store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await {
+                tracing::error!(scene = settings.id, %error, "scene document not kept");
+            }
             Ok(parsed.scene)
         }
         Err(error) => {

@@ -16,21 +16,13 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Runs the daemon until SIGTERM or SIGINT.
     Serve(commands::serve::Serve),
-    /// Runs the daemon with the simulated plaza.
     Demo(commands::serve::Demo),
-    /// Reads a configuration and the scenes it names, and says what is wrong with them.
     CheckConfig(commands::check::CheckConfig),
-    /// Draws one picture of a scene without a daemon.
     View(commands::view::View),
-    /// Finds what moves in a video: masks and blobs.
     Segment(commands::segment::Segment),
-    /// Compares a picture with a reference: RMSE, PSNR and SSIM as JSON.
     Compare(commands::compare::Compare),
-    /// Reads a calibration in any known format and prints it as the plain JSON that scenes hold.
     Calibration(commands::calibration::Calibration),
-    /// Draws a world with known truth: videos, masks, depth, positions, views.
     Simulate(commands::simulate::Simulate),
 }
 
@@ -48,7 +40,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            commands::complain(&format!("{error:#}"));
+            commands::complain(&commands::told(&error));
             ExitCode::FAILURE
         }
     }

@@ -6,9 +6,9 @@ struct View {
     clip_from_eye: mat4x4<f32>,
     // Unit vectors of the picture's axes in the world.
     right: vec3<f32>,
-    n_surface_cameras: u32,
+    pad_right: u32,
     down: vec3<f32>,
-    pad: u32,
+    pad_down: u32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -8,10 +8,12 @@
 
 @group(1) @binding(0) var backgrounds: texture_2d_array<f32>;
 @group(1) @binding(1) var background_sampler: sampler;
-// rg: depth and dilated depth of camera_depth.wgsl.
+// rg: the depths of camera_depth.wgsl, discontinuities dilated a little and further.
 @group(1) @binding(2) var depth_maps: texture_2d_array<f32>;
 @group(1) @binding(3) var depth_sampler: sampler;
 
+// Cameras whose backgrounds are projected. A constant saves rasterisers on a processor one more round of the loop.
+override N_SURFACE_CAMERAS: u32 = 0u;
 // Whether any camera has a depth map, and whether any map is a cube: variants without leave them out.
 override HAS_DEPTH_MAPS: bool = true;
 override HAS_DEPTH_CUBES: bool = true;
@@ -20,6 +22,8 @@ override HAS_DEPTH_CUBES: bool = true;
 const FEATHER: f32 = 0.06;
 // A share of visibility and feather below this counts as none, so that the sum of weights cannot underflow.
 const LEAST_SHARE: f32 = 1e-6;
+// Sine of half a degree: what a camera sees at less than that is smeared beyond use, and often not the surface.
+const LEAST_COSINE: f32 = 0.0087265;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
 
@@ -94,8 +98,8 @@ fn bilinear(corners: vec4<f32>, share: vec2<f32>) -> f32 {
     return mix(mix(corners.w, corners.z, share.x), mix(corners.x, corners.y, share.x), share.y);
 }
 
-// V: the share of the four nearest texels that nothing stands before: x by the map as it is, y with discontinuities
-// dilated. The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
+// V: whether nothing stands before the nearest texel (x), and the share of the four nearest that nothing stands
+// before with discontinuities dilated further (y). The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
 fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> vec2<f32> {
     let place = depth_place(camera_idx, local);
     let is_beside = any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0));
@@ -103,12 +107,11 @@ fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> vec2<f32> {
         return vec2<f32>(1.0);
     }
     let incidence = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 0.02);
-    let limit = vec4<f32>(
-        (1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence) * DEPTH_NEAR_M / place.distance_m);
-    let depth = textureGather(0, depth_maps, depth_sampler, place.texture, place.layer);
+    let limit = (1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence) * DEPTH_NEAR_M / place.distance_m;
+    let depth = textureSampleLevel(depth_maps, depth_sampler, place.texture, place.layer, 0.0).r;
     let dilated = textureGather(1, depth_maps, depth_sampler, place.texture, place.layer);
     let share = fract(place.texture * vec2<f32>(textureDimensions(depth_maps)) - 0.5);
-    return vec2<f32>(bilinear(step(depth, limit), share), bilinear(step(dilated, limit), share));
+    return vec2<f32>(step(depth, limit), bilinear(step(dilated, vec4<f32>(limit)), share));
 }
 
 // The geometric mean of a pixel's sides in the camera's picture: between blurring its short side and aliasing along
@@ -134,14 +137,14 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     // What shows where every weight vanishes.
     var squarest = 0.0;
     var fallback = in.material;
-    for (var k = 0u; k < view.n_surface_cameras; k++) {
+    for (var k = 0u; k < N_SURFACE_CAMERAS; k++) {
         let projection = project(k, point);
         let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
         let to_camera = normalize(cameras[k].position_from_eye - point);
         let cosine = dot(to_camera, normal);
         let inset = min(projection.texture, 1.0 - projection.texture);
         let border = min(inset.x, inset.y);
-        if !(projection.is_seen && border >= 0.0 && cosine > 0.0) {
+        if !(projection.is_seen && border >= 0.0 && cosine > LEAST_COSINE) {
             continue;
         }
         var open = vec2<f32>(1.0);
@@ -159,7 +162,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         let between = to_camera + to_viewer;
         let s = cosine * 0.5 * dot(between, between);
         let share = smoothstep(0.0, FEATHER, border) * open.y;
-        if !(share > LEAST_SHARE && s > 0.0) {
+        if !(share > LEAST_SHARE) {
             continue;
         }
         let smaller = fifth_power(min(s, greatest) / max(s, greatest));

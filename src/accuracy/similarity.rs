@@ -1,6 +1,6 @@
 //! The structural similarity of two pictures, pixel by pixel.
 //!
-//! [W04] Wang, Bovik, Sheikh, Simoncelli 2004, Image quality assessment: from error visibility to structural
+//! `[W04]` Wang, Bovik, Sheikh, Simoncelli 2004, Image quality assessment: from error visibility to structural
 //! similarity, eq. 13. As scikit-image computes it by default: windows of 7 x 7 pixels with equal weights, sample
 //! covariances, constants for a data range of 255, pictures mirrored at their borders (the border's pixel repeated).
 //!
@@ -12,7 +12,7 @@ use crate::frame::RgbImage;
 /// Pixels of a window on each side of its middle.
 pub(super) const WINDOW_HALF: usize = 3;
 const WINDOW_PIXELS: i64 = (2 * WINDOW_HALF as i64 + 1) * (2 * WINDOW_HALF as i64 + 1);
-/// [W04] (K1 L)^2 and (K2 L)^2 with K1 = 0.01, K2 = 0.03, L = 255.
+/// `[W04]` (K1 L)^2 and (K2 L)^2 with K1 = 0.01, K2 = 0.03, L = 255.
 const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
 const C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
 
@@ -38,7 +38,7 @@ impl Sums {
         }
     }
 
-    /// [W04] eq. 13 from the sums over a window.
+    /// `[W04]` eq. 13 from the sums over a window.
     fn similarity(self) -> f64 {
         let n = WINDOW_PIXELS;
         let [a, b, aa, bb, ab] = self.0;

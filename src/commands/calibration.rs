@@ -16,13 +16,13 @@ pub(crate) struct Calibration {
     #[arg(long)]
     format: Option<Format>,
     /// Which camera, where the file holds several.
-    #[arg(long)]
+    #[arg(long, value_name = "ID")]
     camera: Option<String>,
-    /// Columns and rows of the calibrated picture, where the file does not say: WIDTHxHEIGHT.
-    #[arg(long, value_parser = parse_size)]
+    /// Columns and rows of the calibrated picture, where the file does not say, such as 768x576.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     image_size_px: Option<[u32; 2]>,
     /// Length of the file's unit in metres, where the format's own rule is not right.
-    #[arg(long)]
+    #[arg(long, value_name = "METRES")]
     metres_per_unit: Option<f64>,
 }
 
@@ -40,8 +40,7 @@ impl Calibration {
         if let Some(residual_px) = imported.residual_px {
             super::complain(&format!("the fitted lens misses the file's own by at most {residual_px:.4} px"));
         }
-        super::say(&serde_json::to_string_pretty(&CameraDocument::from_camera(&imported.camera))?);
-        Ok(())
+        super::say(&serde_json::to_string_pretty(&CameraDocument::from_camera(&imported.camera))?)
     }
 }
 

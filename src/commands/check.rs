@@ -2,12 +2,14 @@
 
 use anyhow::{Result, bail};
 use std::path::PathBuf;
-use videofields::ingest::MediaRoots;
-use videofields::{config, scene};
+use videofields::config::{self, CameraSettings, Settings, SourceSettings};
+use videofields::ingest::{self, MediaRoots};
+use videofields::scene::{self, Scene};
 
 /// Reads a configuration and the scenes it names, and says what is wrong with them.
 ///
-/// Also says which cameras' files cannot be opened now; those do not make the configuration wrong.
+/// Also reads the first frame of every camera and background clip and says which cannot be read now, and which
+/// cameras of a scene are not configured; those are warnings and do not make the configuration wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckConfig {
     /// The configuration (TOML).
@@ -20,26 +22,45 @@ impl CheckConfig {
         let settings = config.settings();
         let mut n_faulty = 0;
         for scene in &settings.scene {
-            if let Err(error) = scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
-                super::complain(&error.to_string());
-                n_faulty += 1;
+            match scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
+                Ok(parsed) => warn_of_unknown_cameras(settings, &parsed.scene),
+                Err(error) => {
+                    super::complain(&format!("scene {}: {}: {error}", scene.id, scene.file.display()));
+                    n_faulty += 1;
+                }
             }
         }
         match MediaRoots::new(&settings.media.roots) {
-            Ok(roots) => {
-                for camera in &settings.camera {
-                    if let Err(error) = videofields::ingest::open(&camera.source, &roots) {
-                        super::complain(&format!("warning: camera {}: {error}", camera.id));
-                    }
-                }
-            }
+            Ok(roots) => settings.camera.iter().for_each(|camera| warn_of_unreadable(camera, &roots)),
             Err(error) => super::complain(&format!("warning: {error}")),
         }
         if n_faulty > 0 {
             bail!("{n_faulty} of {} scenes are at fault", settings.scene.len());
         }
         let (cameras, scenes) = (settings.camera.len(), settings.scene.len());
-        super::say(&format!("{}: good, {cameras} cameras, {scenes} scenes", self.file.display()));
-        Ok(())
+        super::say(&format!("{}: good, {cameras} cameras, {scenes} scenes", self.file.display()))
+    }
+}
+
+fn warn_of_unknown_cameras(settings: &Settings, scene: &Scene) {
+    for member in &scene.cameras {
+        if !settings.camera.iter().any(|camera| camera.id == member.id) {
+            super::complain(&format!("warning: scene {}: camera {} is not configured", scene.id, member.id));
+        }
+    }
+}
+
+fn warn_of_unreadable(camera: &CameraSettings, roots: &MediaRoots) {
+    let clip = camera.background.clip.as_ref().map(|clip| SourceSettings {
+        path: clip.clone(),
+        timing: None,
+        ..camera.source.clone()
+    });
+    for (what, source) in [("", Some(&camera.source)), ("background clip: ", clip.as_ref())] {
+        let Some(source) = source else { continue };
+        let first = ingest::open(source, roots).and_then(|mut frames| frames.next_frame());
+        if let Err(error) = first {
+            super::complain(&format!("warning: camera {}: {what}{error}", camera.id));
+        }
     }
 }

@@ -16,7 +16,7 @@ pub(crate) struct Compare {
     /// The picture to judge (PNG or JPEG).
     picture: PathBuf,
     /// Compares only where this 8-bit picture is not 0.
-    #[arg(long)]
+    #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
 }
 
@@ -26,8 +26,7 @@ impl Compare {
         let picture = read_rgb(&self.picture)?;
         let mask = self.mask.as_deref().map(read_mask).transpose()?;
         let comparison = accuracy::compare(&reference, &picture, mask.as_ref())?;
-        super::say(&serde_json::to_string(&comparison)?);
-        Ok(())
+        super::say(&serde_json::to_string(&comparison)?)
     }
 }
 

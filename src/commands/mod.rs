@@ -1,5 +1,8 @@
 //! One file a command: its arguments, and the library calls that carry it out.
 
+use anyhow::{Context, Result};
+use std::io::Write as _;
+
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
@@ -8,10 +11,21 @@ pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod view;
 
-/// Writes a line to standard output.
-#[expect(clippy::print_stdout, reason = "a command's result goes to standard output")]
-pub(crate) fn say(line: &str) {
-    println!("{line}");
+/// Writes a line to standard output, or says that whoever reads it has left.
+pub(crate) fn say(line: &str) -> Result<()> {
+    let mut stdout = std::io::stdout();
+    writeln!(stdout, "{line}").and_then(|()| stdout.flush()).context("cannot write to standard output")
+}
+
+/// A failure with its causes, but for those whose words it holds already.
+pub(crate) fn told(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
 }
 
 /// Writes a line to standard error.

@@ -6,7 +6,10 @@ use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{BackgroundSettings, End, Learning, SegmentSettings, SourceSettings, Timing};
+use videofields::config::{
+    BackgroundSettings, CameraSettings, Config, ConfigFault, End, Learning, SegmentSettings, Settings,
+    SourceSettings, Timing,
+};
 use videofields::encode;
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline};
@@ -34,31 +37,25 @@ pub(crate) struct Segment {
     /// Keeps the background as the clip left it.
     #[arg(long, requires = "background")]
     hold: bool,
-    /// Times frames by their number at this rate instead of by the file's timestamps, frames a second.
-    #[arg(long, value_name = "RATE")]
+    /// Times frames by their number at this rate, frames a second, instead of by the file's timestamps.
+    /// Numbered pictures come at 25 if absent.
+    #[arg(long, value_name = "RATE", allow_negative_numbers = true)]
     rate_hz: Option<f64>,
     /// Stops after this many frames.
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
-    /// Blurred difference that is foreground, share of full scale.
-    #[arg(long)]
+    /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.08 if absent.
+    #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     delta: Option<f64>,
-    /// Least area of a blob, pixels.
-    #[arg(long)]
+    /// Least area of a blob, pixels; 300 if absent.
+    #[arg(long, value_name = "PIXELS")]
     min_area_px: Option<u32>,
 }
 
 impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
-        let background = BackgroundSettings {
-            clip: self.background.clone(),
-            learning: if self.hold { Learning::Hold } else { Learning::Adapt },
-            ..BackgroundSettings::default()
-        };
-        let mut segment = SegmentSettings::default();
-        segment.delta = self.delta.unwrap_or(segment.delta);
-        segment.min_area_px = self.min_area_px.unwrap_or(segment.min_area_px);
-        let mut pipeline = Pipeline::new(&background, &segment);
+        let settings = self.settings()?;
+        let mut pipeline = Pipeline::new(&settings.background, &settings.segment);
         let mut output = Output::open(self.masks.as_deref(), self.blobs.as_deref())?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
@@ -66,15 +63,14 @@ impl Segment {
         }
 
         let roots = MediaRoots::folder_of(&self.input)?;
-        let mut source = ingest::open(&self.source(), &roots)?;
-        let camera = CameraId::new("input")?;
+        let mut source = ingest::open(&settings.source, &roots)?;
         let clock = SystemClock::new();
         let started = clock.monotonic();
         let mut n_frames = 0_u64;
         while self.frames.is_none_or(|most| n_frames < most) {
             let Some(next) = source.next_frame()? else { break };
             let frame = Frame {
-                camera: camera.clone(),
+                camera: settings.id.clone(),
                 timestamp: Timestamp::from_nanos(next.stream_nanos),
                 number: next.number,
                 image: Arc::clone(&next.image),
@@ -94,15 +90,46 @@ impl Segment {
         Ok(())
     }
 
-    fn source(&self) -> SourceSettings {
-        SourceSettings {
+    /// The flags as a camera's settings, held to the same ranges.
+    fn settings(&self) -> Result<CameraSettings> {
+        let source = SourceSettings {
             path: self.input.clone(),
             timing: self.rate_hz.map(|_| Timing::Index),
             rate_hz: self.rate_hz.unwrap_or(25.0),
             end: End::Stop,
             start: None,
+        };
+        let background = BackgroundSettings {
+            clip: self.background.clone(),
+            learning: if self.hold { Learning::Hold } else { Learning::Adapt },
+            ..BackgroundSettings::default()
+        };
+        let mut segment = SegmentSettings::default();
+        segment.delta = self.delta.unwrap_or(segment.delta);
+        segment.min_area_px = self.min_area_px.unwrap_or(segment.min_area_px);
+        let camera =
+            CameraSettings { id: CameraId::new("input")?, name: String::new(), source, background, segment };
+        let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
+        match Config::from_settings(all, Path::new(".")) {
+            Ok(_) => Ok(camera),
+            Err(error) if error.faults().is_empty() => Err(error.into()),
+            Err(error) => {
+                let flags: Vec<String> = error.faults().iter().map(told).collect();
+                bail!("{}", flags.join("; "))
+            }
         }
     }
+}
+
+/// A setting's fault as that of the flag which gave it.
+fn told(fault: &ConfigFault) -> String {
+    let key = fault.path.rsplit('.').next().unwrap_or_default();
+    let flag = match key {
+        "path" => "input".to_owned(),
+        "clip" => "background".to_owned(),
+        key => key.replace('_', "-"),
+    };
+    format!("--{flag}: {}", fault.message)
 }
 
 /// Where results go.

@@ -41,7 +41,7 @@ struct Log {
     /// Writes logs as JSON lines.
     #[arg(long)]
     log_json: bool,
-    /// What is logged: a level, or directives such as info,videofields::ingest=debug.
+    /// What is logged: a level, or directives such as `info,videofields::ingest=debug`.
     #[arg(long, value_name = "FILTER")]
     log: Option<String>,
 }
@@ -61,10 +61,17 @@ fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config> {
     })
 }
 
+/// Prints where the daemon is found. A daemon that nobody listens to is still a daemon.
+fn announce(lines: &[String]) {
+    if let Err(error) = super::say(&lines.join("\n")) {
+        tracing::warn!(error = super::told(&error), "the address could not be printed");
+    }
+}
+
 impl Serve {
     pub(crate) fn run(&self) -> Result<()> {
         self.log.init()?;
-        daemon::serve(&load(&self.config, self.listen)?, |address| super::say(&format!("http://{address}/")))
+        daemon::serve(&load(&self.config, self.listen)?, |address| announce(&[format!("http://{address}/")]))
     }
 }
 
@@ -81,10 +88,12 @@ impl Demo {
         let config = load(path, Some(self.listen))?;
         let scene = config.settings().scene.first().map_or_else(String::new, |scene| scene.id.clone());
         daemon::serve(&config, |address| {
-            super::say(&format!("the page      http://{address}/"));
-            super::say(&format!("a fused view  http://{address}/api/v1/scenes/{scene}/view.jpg"));
-            super::say(&format!("the cameras   http://{address}/api/v1/cameras"));
-            super::say(&format!("the metrics   http://{address}/metrics"));
+            announce(&[
+                format!("the page      http://{address}/"),
+                format!("a fused view  http://{address}/api/v1/scenes/{scene}/view.jpg"),
+                format!("the cameras   http://{address}/api/v1/cameras"),
+                format!("the metrics   http://{address}/metrics"),
+            ]);
         })
     }
 }

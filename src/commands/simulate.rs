@@ -15,19 +15,19 @@ pub(crate) struct Simulate {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Length of the clips, seconds. Default: the world's period, so that they loop without a seam.
-    #[arg(long)]
+    #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
-    /// Frames a second.
-    #[arg(long, default_value_t = 10.0)]
+    /// Frames a second, 0.1 to 240.
+    #[arg(long, value_name = "RATE", default_value_t = 10.0)]
     rate_hz: f64,
-    /// Columns and rows of the cameras' pictures.
-    #[arg(long, value_parser = super::calibration::parse_size, default_value = "640x360")]
+    /// Columns and rows of the cameras' pictures, 16 to 16383 each.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::calibration::parse_size, default_value = "640x360")]
     size_px: [u32; 2],
-    /// Samples a pixel, each way.
-    #[arg(long, default_value_t = 3)]
+    /// Samples a pixel, each way, 1 to 16.
+    #[arg(long, value_name = "COUNT", default_value_t = 3)]
     samples: u32,
     /// Writes truth for every n-th frame; 0 writes none.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     truth_every: u32,
     /// Writes truth for the frame at this time alone, seconds from the clips' start; may be given again.
     #[arg(long = "at-secs", value_name = "SECONDS")]
@@ -56,10 +56,10 @@ impl Simulate {
         options.parts = if self.only_views { Parts::Views } else { Parts::Everything };
         let written = write(&world, &options)?;
         if !written.clips.is_empty() {
-            super::say(&format!("{} frames a clip", written.n_frames));
+            super::say(&format!("{} frames a clip", written.n_frames))?;
         }
         for path in written.clips.iter().chain(&written.views).chain(&written.config) {
-            super::say(&path.display().to_string());
+            super::say(&path.display().to_string())?;
         }
         Ok(())
     }

@@ -25,26 +25,26 @@ pub(crate) struct View {
     /// Where the picture goes; its ending, .png, .jpg or .jpeg, says how it is written.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// The viewer's place, metres: x,y,z.
+    /// The viewer's place, metres; the scene's own view if absent.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     eye: Option<String>,
-    /// What the viewer looks at, metres: x,y,z.
+    /// What the viewer looks at, metres; the scene's own view if absent.
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     target: Option<String>,
-    /// Vertical field of view, degrees.
-    #[arg(long)]
+    /// Vertical field of view, degrees, 1 to 170; the scene's own view if absent.
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
     fov: Option<String>,
-    /// Columns.
-    #[arg(long)]
+    /// Columns; 1280 if absent.
+    #[arg(long, value_name = "PIXELS", allow_hyphen_values = true)]
     width: Option<String>,
-    /// Rows.
-    #[arg(long)]
+    /// Rows; 720 if absent.
+    #[arg(long, value_name = "PIXELS", allow_hyphen_values = true)]
     height: Option<String>,
-    /// live (each clip's end), an RFC 3339 time, or nanoseconds.
-    #[arg(long, allow_hyphen_values = true)]
+    /// live (each clip's end), an RFC 3339 time, or nanoseconds since 1970; live if absent.
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     t: Option<String>,
-    /// How moving entities are drawn: billboards, points or none.
-    #[arg(long)]
+    /// How moving entities are drawn: billboards, points or none; billboards if absent.
+    #[arg(long, value_name = "STYLE")]
     entities: Option<String>,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]
@@ -68,7 +68,7 @@ impl View {
             bail!("{} has no scene {:?}; it has {known:?}", self.config.display(), self.scene);
         };
         let scene = scene::load_file(&settings.id, &settings.file, &config.settings().media.roots)
-            .with_context(|| settings.file.display().to_string())?
+            .with_context(|| format!("scene {}: {}", settings.id, settings.file.display()))?
             .scene;
         let answer = engine::view_once(&config, &Arc::new(scene), &request, &SystemClock::new())?;
         let bytes = if is_png { encode::png_rgb(&answer.image)? } else { encode::jpeg(&answer.image, 90)? };

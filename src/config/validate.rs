@@ -87,6 +87,8 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
         ("variance_init", background.variance_init, 0.1, 10_000.0, "8-bit levels squared"),
         ("variance_min", background.variance_min, 0.01, 10_000.0, "8-bit levels squared"),
         ("variance_max", background.variance_max, 0.1, 65_025.0, "8-bit levels squared"),
+        ("chroma_scale", background.chroma_scale, 0.25, 8.0, "(luma's noise over chroma's)"),
+        ("max_step_secs", background.max_step_secs, 0.001, 3600.0, "seconds"),
     ];
     for (key, value, least, most, unit) in numbers {
         range(gatherer, &at(key), value, least, most, unit);
@@ -108,9 +110,18 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
 
     let segment = &camera.segment;
     let at = |key: &str| format!("{place}/segment/{key}");
-    range(gatherer, &at("delta"), segment.delta, 0.001, 1.0, "(share of full scale)");
-    range(gatherer, &at("blur_sigma_px"), segment.blur_sigma_px, 0.0, 16.0, "pixels");
-    range(gatherer, &at("min_area_px"), f64::from(segment.min_area_px), 1.0, 1e9, "pixels");
+    let numbers = [
+        ("delta", segment.delta, 0.001, 1.0, "(share of full scale)"),
+        ("blur_sigma_px", segment.blur_sigma_px, 0.0, 16.0, "pixels"),
+        ("shadow_darkest", segment.shadow_darkest, 0.05, 1.0, "(share of the background's luma)"),
+        ("shadow_chroma", segment.shadow_chroma, 0.0, 0.5, "(share of full scale)"),
+        ("close_radius_px", f64::from(segment.close_radius_px), 0.0, 16.0, "pixels"),
+        ("max_hole_px", f64::from(segment.max_hole_px), 0.0, 1e9, "pixels"),
+        ("min_area_px", f64::from(segment.min_area_px), 1.0, 1e9, "pixels"),
+    ];
+    for (key, value, least, most, unit) in numbers {
+        range(gatherer, &at(key), value, least, most, unit);
+    }
 }
 
 /// Checks the scene at `place`.

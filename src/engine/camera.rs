@@ -4,7 +4,7 @@ use super::checkpoint::Checkpoints;
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Learning};
 use crate::frame::Frame;
-use crate::ingest::{self, FrameConsumer, MediaRoots, Pipeline};
+use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag};
 use crate::telemetry::{DropReason, Metrics, Stage};
 use crate::timeline::Timeline;
 use std::sync::Arc;
@@ -18,10 +18,12 @@ pub(super) struct CameraConsumer {
     checkpoints: Checkpoints,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
+    stop: StopFlag,
     is_prepared: bool,
 }
 
 impl CameraConsumer {
+    /// `stop` ends the learning of a background clip.
     pub(super) fn new(
         settings: CameraSettings,
         roots: MediaRoots,
@@ -29,32 +31,38 @@ impl CameraConsumer {
         checkpoints: Checkpoints,
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
+        stop: StopFlag,
     ) -> Self {
         let pipeline = Pipeline::new(&settings.background, &settings.segment);
-        Self { settings, roots, pipeline, timeline, checkpoints, metrics, clock, is_prepared: false }
+        Self { settings, roots, pipeline, timeline, checkpoints, metrics, clock, stop, is_prepared: false }
     }
 
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
-    /// learned anew, so that another clip takes effect.
-    fn prepare(&mut self) {
+    /// learned anew, so that another clip takes effect. False where the camera was stopped meanwhile.
+    fn prepare(&mut self, first: &Frame) -> bool {
         let id = &self.settings.id;
         let is_held = self.settings.background.learning == Learning::Hold;
-        if !is_held && self.checkpoints.restore(&mut self.pipeline) {
-            return;
+        if !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image) {
+            return true;
         }
-        let Some(clip) = &self.settings.background.clip else { return };
+        let Some(clip) = &self.settings.background.clip else { return true };
         let rate_hz = ingest::index_rate_hz(&self.settings.source);
-        match ingest::learn_clip(&mut self.pipeline, clip, rate_hz, &self.roots) {
+        match ingest::learn_clip_stoppable(&mut self.pipeline, clip, rate_hz, &self.roots, &self.stop) {
             Ok(n_frames) => tracing::info!(camera = %id, n_frames, "background clip learned"),
+            Err(IngestError::Stopped) => return false,
             Err(error) => tracing::error!(camera = %id, %error, "background clip not learned"),
         }
+        true
     }
 }
 
 impl FrameConsumer for CameraConsumer {
     fn consume(&mut self, frame: Frame) {
-        if !std::mem::replace(&mut self.is_prepared, true) {
-            self.prepare();
+        if !self.is_prepared {
+            if !self.prepare(&frame) {
+                return;
+            }
+            self.is_prepared = true;
         }
         let id = self.settings.id.as_str();
         let started = self.clock.monotonic();
@@ -70,11 +78,20 @@ impl FrameConsumer for CameraConsumer {
         }
     }
 
+    fn miss(&mut self) {
+        self.metrics.count_dropped(self.settings.id.as_str(), DropReason::Overrun);
+    }
+
     fn tick(&mut self) {
-        self.checkpoints.write_if_due(&self.pipeline);
+        // What half a clip taught is not kept: the next start would take it for the whole.
+        if self.is_prepared {
+            self.checkpoints.write_if_due(&self.pipeline);
+        }
     }
 
     fn finish(&mut self) {
-        self.checkpoints.write(&self.pipeline);
+        if self.is_prepared {
+            self.checkpoints.write(&self.pipeline);
+        }
     }
 }

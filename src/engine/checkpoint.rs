@@ -2,7 +2,7 @@
 
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Learning};
-use crate::frame::CameraId;
+use crate::frame::{CameraId, YuvImage};
 use crate::ingest::{CHECKPOINT_VERSION, Pipeline};
 use crate::store::{BackgroundRecord, Store, StoreError};
 use crate::telemetry::Metrics;
@@ -37,10 +37,12 @@ impl Checkpoints {
         Self { camera, learning, interval, store, runtime, metrics, clock, last }
     }
 
-    /// Puts the stored background into `pipeline`; false where there is none that fits.
-    pub(super) fn restore(&self, pipeline: &mut Pipeline) -> bool {
+    /// Puts the stored background for pictures such as `first` into `pipeline`; false where there is none.
+    pub(super) fn restore(&self, pipeline: &mut Pipeline, first: &YuvImage) -> bool {
         let camera = &self.camera;
-        let stored = match self.runtime.block_on(self.store.latest_background(camera)) {
+        // By size and not by time: clips begin again, so what was written last need not be the latest.
+        let stored = self.store.background(camera, first.width(), first.height());
+        let stored = match self.runtime.block_on(stored) {
             Ok(Some(stored)) => stored,
             Ok(None) => return false,
             Err(error) => {

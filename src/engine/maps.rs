@@ -1,25 +1,20 @@
 //! Keeps every scene camera's texture-to-world map: from the store where its digest is still right, built anew
 //! where it is not.
 
+use super::EngineError;
 use super::shared::{MapState, Shared};
+use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::ingest::StopFlag;
 use crate::mapping::{Builder, MappingError, WorldMap, digest};
 use crate::scene::{Scene, SceneCamera};
 use crate::store::{Store, StoreError, TextureMapRecord};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use tokio::runtime::Handle as Runtime;
 
 /// How maps are made: exactly. The grid is the cheap form, measured against this one.
 const BUILDER: Builder = Builder::Ray;
-
-#[derive(Debug, thiserror::Error)]
-enum MapError {
-    #[error(transparent)]
-    Mapping(#[from] MappingError),
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
 
 /// Brings every map in, one after the other; ends after the one in hand once `stop` is raised.
 pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &StopFlag) {
@@ -28,11 +23,17 @@ pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &Stop
             if stop.is_raised() {
                 return;
             }
-            let state = match map(shared, store, runtime, scene, member) {
+            // One map that meets a fault leaves the others to be built. A panic leaves nothing half-changed: the
+            // map in hand is dropped, and the store's own transactions are whole or not there.
+            let build = AssertUnwindSafe(|| map(shared, store, runtime, scene, member));
+            let built = catch_unwind(build).unwrap_or_else(|_panic| {
+                Err(EngineError::Internal(format!("building the map of camera {} panicked", member.id)))
+            });
+            let state = match built {
                 Ok(map) => MapState::Ready(Arc::new(map)),
                 Err(error) => {
                     tracing::error!(scene = scene.id, camera = %member.id, %error, "no texture-to-world map");
-                    MapState::Failed(error.to_string())
+                    MapState::Failed(error)
                 }
             };
             shared.set_map(&scene.id, &member.id, state);
@@ -46,14 +47,14 @@ fn map(
     runtime: &Runtime,
     scene: &Scene,
     member: &SceneCamera,
-) -> Result<WorldMap, MapError> {
+) -> Result<WorldMap, EngineError> {
     let size_px = member.camera.size_px();
     let digest = digest(&member.camera, &scene.surfaces, BUILDER, size_px);
     if let Some(stored) = stored(store, runtime, &digest, &member.id) {
         return Ok(stored);
     }
     let started = shared.clock.monotonic();
-    let map = BUILDER.build(&member.camera, &scene.surfaces, size_px)?;
+    let map = BUILDER.build(&member.camera, &scene.surfaces, size_px).map_err(|error| failure_of(&error))?;
     let took = shared.clock.monotonic().saturating_sub(started);
     tracing::info!(scene = scene.id, camera = %member.id, ?took, "texture-to-world map built");
     let record = TextureMapRecord {
@@ -61,7 +62,7 @@ fn map(
         scene: scene.id.clone(),
         camera: member.id.clone(),
         created_at: shared.clock.now(),
-        bytes: map.encode()?,
+        bytes: map.encode().map_err(|error| failure_of(&error))?,
     };
     // A map that cannot be kept is still a map; it is built again at the next start.
     if let Err(error) = runtime.block_on(keep(store, &record)) {
@@ -92,4 +93,12 @@ async fn keep(store: &Store, record: &TextureMapRecord) -> Result<(), StoreError
     store.put_texture_map(record).await?;
     store.delete_stale_texture_maps(&record.scene, &record.camera, &record.digest).await?;
     Ok(())
+}
+
+/// A map's failure as the engine's; a calibration of too many texels is the scene's fault and not the daemon's.
+fn failure_of(error: &MappingError) -> EngineError {
+    match error.kind() {
+        ErrorKind::TooLarge => EngineError::TooLarge(Fault::new("method", error.to_string())),
+        _ => EngineError::Internal(error.to_string()),
+    }
 }

@@ -55,7 +55,8 @@ pub struct Engine {
     shared: Arc<Shared>,
     workers: Vec<CameraWorker>,
     threads: Vec<(&'static str, JoinHandle<()>)>,
-    stop_maps: StopFlag,
+    /// Ends what cameras and maps do that takes long.
+    stop: StopFlag,
 }
 
 impl Engine {
@@ -79,6 +80,7 @@ impl Engine {
         let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
         let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
             .unwrap_or(Duration::from_secs(60));
+        let stop = StopFlag::default();
         let mut workers = Vec::new();
         let mut cameras = Vec::new();
         for camera in &settings.camera {
@@ -99,6 +101,7 @@ impl Engine {
                 checkpoints,
                 Arc::clone(&metrics),
                 Arc::clone(&clock),
+                stop.clone(),
             );
             let worker = CameraWorker::spawn(
                 camera.id.clone(),
@@ -117,12 +120,11 @@ impl Engine {
             let shared = Arc::clone(&shared);
             spawn("renderer", move || renderer::run(&shared, &jobs))?
         };
-        let stop_maps = StopFlag::default();
         let builder = {
-            let (shared, stop) = (Arc::clone(&shared), stop_maps.clone());
+            let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
-        Ok(Self { shared, workers, threads: vec![renderer, builder], stop_maps })
+        Ok(Self { shared, workers, threads: vec![renderer, builder], stop })
     }
 
     /// The door to the engine; it outlives it, and then answers that the daemon is stopping.
@@ -131,15 +133,21 @@ impl Engine {
         Handle::new(Arc::clone(&self.shared) as Arc<dyn Door>)
     }
 
-    /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
-    /// done.
-    pub fn stop(self) {
-        self.stop_maps.raise();
-        self.shared.close_queue();
-        // All are told before any is waited for.
+    /// Asks cameras and the building of maps to end, and returns at once; what was seen and drawn can still be
+    /// asked for.
+    pub fn request_stop(&self) {
+        self.stop.raise();
         for worker in &self.workers {
             worker.request_stop();
         }
+    }
+
+    /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
+    /// done.
+    pub fn stop(self) {
+        // All are told before any is waited for.
+        self.request_stop();
+        self.shared.close_queue();
         for worker in self.workers {
             worker.stop();
         }

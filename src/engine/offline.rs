@@ -13,8 +13,12 @@ use crate::scene::Scene;
 use crate::timeline::Observation;
 use std::sync::Arc;
 
+/// Longest that a looped clip is played, seconds of scene time: playing on for the years since 1970 would never end.
+const MAX_LOOPED_SECS: f64 = 3600.0;
+
 /// Draws what `request` asks of `scene`. Sources that name no start begin at 1970-01-01T00:00:00Z, so that `t` in
-/// nanoseconds is time into the clip; `live` is each clip's end, looped or not.
+/// nanoseconds is time into the clip; `live` is each clip's end, looped or not. A looped clip is played for an hour
+/// of scene time at most.
 ///
 /// # Errors
 /// As [`super::Door::view`]. A camera that fails is left out (and logged), unless all do.
@@ -34,12 +38,19 @@ pub fn view_once(
         At::Live => None,
         At::Time(instant) => Some(instant),
     };
-    let members: Vec<&CameraSettings> = scene
-        .cameras
-        .iter()
-        .filter_map(|member| settings.camera.iter().find(|camera| camera.id == member.id))
-        .collect();
-    let (found, failures) = play_all(&members, &roots, until)?;
+    let mut members: Vec<&CameraSettings> = Vec::new();
+    let mut unknown = Failures::new();
+    for member in &scene.cameras {
+        match settings.camera.iter().find(|camera| camera.id == member.id) {
+            Some(camera) => members.push(camera),
+            None => unknown.push((member.id.clone(), "the configuration has no such camera".to_owned())),
+        }
+    }
+    if let Some(until) = until {
+        check_reach(&members, until)?;
+    }
+    let (found, mut failures) = play_all(&members, &roots, until)?;
+    failures.extend(unknown);
     for (camera, reason) in &failures {
         tracing::warn!(%camera, reason, "camera left out");
     }
@@ -53,6 +64,20 @@ pub fn view_once(
 }
 
 type Failures = Vec<(CameraId, String)>;
+
+/// Refuses an instant that a looped clip reaches only after longer than it is played.
+fn check_reach(members: &[&CameraSettings], until: Timestamp) -> Result<(), EngineError> {
+    let mut looped = members.iter().filter(|camera| camera.source.end == End::Loop);
+    let far =
+        looped.find(|camera| until.secs_since(camera.source.start.unwrap_or_default()) > MAX_LOOPED_SECS);
+    let Some(camera) = far else { return Ok(()) };
+    let message = format!(
+        "must be at most {MAX_LOOPED_SECS} s after {}, where the looped clip of camera {} begins, not {until}",
+        camera.source.start.unwrap_or_default(),
+        camera.id
+    );
+    Err(EngineError::Request(Fault::new("t", message)))
+}
 
 /// Plays every camera on a thread of its own.
 fn play_all(

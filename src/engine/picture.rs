@@ -27,6 +27,7 @@ impl PartialEq for Subject {
     fn eq(&self, other: &Self) -> bool {
         // Scenes are immutable: the same one is the same allocation.
         Arc::ptr_eq(&self.scene, &other.scene)
+            && self.from == other.from
             && self.view == other.view
             && self.style == other.style
             && self.instant == other.instant
@@ -126,7 +127,9 @@ pub(super) fn failure_of(error: &RenderError) -> EngineError {
     match error {
         RenderError::View(fault) => EngineError::Request(fault.clone()),
         _ => match error.kind() {
-            crate::error::ErrorKind::TooLarge => EngineError::TooLarge(Fault::new("", error.to_string())),
+            crate::error::ErrorKind::TooLarge => {
+                EngineError::TooLarge(Fault::new("scene", error.to_string()))
+            }
             crate::error::ErrorKind::Unavailable => EngineError::Unavailable(error.to_string()),
             _ => EngineError::Internal(error.to_string()),
         },

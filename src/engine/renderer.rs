@@ -9,6 +9,7 @@ use crate::error::ErrorKind;
 use crate::gpu::Gpu;
 use crate::render::Renderer;
 use crate::scene::Scene;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::Receiver;
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -33,7 +34,7 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
         if job.reply.is_closed() {
             continue;
         }
-        let answer = thread.answer(&job.request);
+        let answer = thread.contained(|thread| thread.answer(&job.request));
         if job.reply.send(answer).is_err() {
             tracing::debug!("the caller left before its picture was ready");
         }
@@ -49,6 +50,21 @@ struct RenderThread<'a> {
 }
 
 impl RenderThread<'_> {
+    /// Does `work`; should it panic, the renderer is made anew, so that one bad picture costs no other.
+    fn contained<T>(
+        &mut self,
+        work: impl FnOnce(&mut Self) -> Result<T, EngineError>,
+    ) -> Result<T, EngineError> {
+        // What a panic may leave half-changed is the renderer, and that is dropped.
+        catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|_panic| {
+            tracing::error!("drawing a picture panicked; the renderer will be made anew");
+            self.renderer = None;
+            self.last = None;
+            self.shared.set_renderer_state(Err("drawing a picture panicked".to_owned()));
+            Err(EngineError::Internal("drawing the picture panicked".to_owned()))
+        })
+    }
+
     fn answer(&mut self, request: &ViewRequest) -> Result<ViewAnswer, EngineError> {
         let scene = self.shared.scene(&request.scene)?;
         let started = self.shared.clock.monotonic();
@@ -141,4 +157,28 @@ pub(super) fn open_renderer(
     let adapter = gpu.name().to_owned();
     let renderer = Renderer::new(gpu, settings).map_err(|error| failure_of(&error))?;
     Ok((renderer, adapter))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::SystemClock;
+    use crate::config::RenderSettings;
+    use crate::telemetry::Metrics;
+    use std::sync::Arc;
+    use std::sync::mpsc::sync_channel;
+
+    #[test]
+    fn a_panic_costs_its_own_picture_alone() {
+        let (queue, _jobs) = sync_channel(1);
+        let (clock, metrics) = (Arc::new(SystemClock::new()), Arc::new(Metrics::new()));
+        let shared = Shared::new(clock, metrics, Vec::new(), Vec::new(), RenderSettings::default(), queue);
+        shared.set_renderer_state(Ok("a GPU".to_owned()));
+        let mut thread = RenderThread { shared: &shared, renderer: None, failed_at: None, last: None };
+        let error = thread.contained(|_| -> Result<(), EngineError> { panic!("told to panic") });
+        assert!(matches!(error, Err(EngineError::Internal(_))));
+        assert!(!shared.readiness().ready);
+        assert_eq!(thread.contained(|_| Ok(7)).unwrap(), 7);
+        assert_eq!(thread.failed_at, None, "the next request opens the device again at once");
+    }
 }

@@ -35,7 +35,7 @@ pub(super) struct CameraEntry {
 pub(super) enum MapState {
     Building,
     Ready(Arc<WorldMap>),
-    Failed(String),
+    Failed(EngineError),
 }
 
 /// What the engine's threads and its callers share.
@@ -235,7 +235,7 @@ impl Door for Shared {
                 let state = lock(&self.maps).get(&key).cloned();
                 match state {
                     Some(MapState::Ready(map)) => map.locate(texture),
-                    Some(MapState::Failed(reason)) => return Err(EngineError::Internal(reason)),
+                    Some(MapState::Failed(error)) => return Err(error),
                     Some(MapState::Building) | None => {
                         return Err(EngineError::Unavailable(format!(
                             "the map of camera {camera} is being built"

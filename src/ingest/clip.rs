@@ -1,6 +1,6 @@
 //! Learns a clip of the empty place before a camera's own frames come.
 
-use super::{IngestError, MediaRoots, Pipeline, open};
+use super::{IngestError, MediaRoots, Pipeline, StopFlag, open_stoppable};
 use crate::config::{End, SourceSettings, Timing};
 use std::path::Path;
 
@@ -15,6 +15,20 @@ pub fn learn_clip(
     rate_hz: Option<f64>,
     roots: &MediaRoots,
 ) -> Result<u64, IngestError> {
+    learn_clip_stoppable(pipeline, path, rate_hz, roots, &StopFlag::default())
+}
+
+/// As [`learn_clip`]; once `stop` is raised it fails with [`IngestError::Stopped`] within a quarter of a second.
+///
+/// # Errors
+/// As [`learn_clip`].
+pub fn learn_clip_stoppable(
+    pipeline: &mut Pipeline,
+    path: &Path,
+    rate_hz: Option<f64>,
+    roots: &MediaRoots,
+    stop: &StopFlag,
+) -> Result<u64, IngestError> {
     let settings = SourceSettings {
         path: path.to_owned(),
         timing: rate_hz.map(|_| Timing::Index),
@@ -22,7 +36,7 @@ pub fn learn_clip(
         end: End::Stop,
         start: None,
     };
-    let mut source = open(&settings, roots)?;
+    let mut source = open_stoppable(&settings, roots, stop)?;
     let (mut n_frames, mut before_nanos) = (0, None);
     while let Some(frame) = source.next_frame()? {
         let interval = |before: i64| (frame.stream_nanos - before) as f64 * 1e-9;

@@ -20,7 +20,7 @@ mod stop;
 mod timed;
 mod worker;
 
-pub use clip::{index_rate_hz, learn_clip};
+pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
 pub use error::IngestError;
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use roots::MediaRoots;

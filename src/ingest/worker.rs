@@ -30,6 +30,9 @@ pub trait FrameConsumer: Send {
     /// Takes the next frame; timestamps and numbers only grow.
     fn consume(&mut self, frame: Frame);
 
+    /// Called for each frame that is left out because it came too late.
+    fn miss(&mut self) {}
+
     /// Called about once a second between frames, also while the camera waits to try again; not while its source
     /// blocks, which lasts ten seconds at most. For checkpoints.
     fn tick(&mut self) {}
@@ -203,7 +206,10 @@ impl Camera {
             self.next_number = first_number + frame.number + 1;
             match self.pacer.turn(self.clock.monotonic()) {
                 Turn::Deliver => self.deliver(frame, first_number),
-                Turn::Drop => self.status.count_dropped(),
+                Turn::Drop => {
+                    self.status.count_dropped();
+                    self.consumer.miss();
+                }
             }
             self.tick_if_due();
         }
@@ -274,6 +280,7 @@ mod tests {
     enum Event {
         Frame { number: u64, nanos: i64, at: Duration },
         Tick(Duration),
+        Miss,
         Finish,
     }
 
@@ -296,6 +303,10 @@ mod tests {
 
         fn tick(&mut self) {
             self.events.lock().unwrap().push(Event::Tick(self.clock.monotonic()));
+        }
+
+        fn miss(&mut self) {
+            self.events.lock().unwrap().push(Event::Miss);
         }
 
         fn finish(&mut self) {
@@ -408,6 +419,8 @@ mod tests {
         let (events, status) = bench.run(&[500]);
         assert_eq!(status.frames + status.dropped, 500);
         assert!(status.dropped > 250, "{status:?}");
+        let n_missed = events.iter().filter(|event| **event == Event::Miss).count();
+        assert_eq!(n_missed as u64, status.dropped);
         for event in &events {
             if let Event::Frame { number, at, .. } = event {
                 let late = at.saturating_sub(Duration::from_millis(40 * number));

@@ -2,7 +2,7 @@
 //!
 //! Video Fields (Du, Bista, Varshney 2016) eq. 8, H: t -> p, over the ground and every other surface. In: a
 //! [`Camera`] and [`Surfaces`]. Out: [`locate`] for one texture coordinate, exactly; or a [`WorldMap`] for all
-//! texels of a picture, made by either [`Builder`], with a [`digest`] of everything it was made from, and bytes to
+//! texels of a picture, made by either [`Builder`], with a [`digest()`] of everything it was made from, and bytes to
 //! store it. Knows no frames, no database and no entities; heights never come from here alone, as what stands
 //! upright usually ends above the horizon.
 

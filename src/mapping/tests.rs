@@ -1,3 +1,5 @@
+//! Both builders against exact rays, and the bytes they are stored as.
+
 use super::*;
 use crate::geometry::{Distortion, GroundPolygon, OrientedBox, Pose};
 

@@ -22,9 +22,9 @@ mirror! { "common/view.wgsl",
 pub(super) struct View {
     clip_from_eye: [[f32; 4]; 4],
     right: [f32; 3],
-    n_surface_cameras: u32,
+    pad_right: u32,
     down: [f32; 3],
-    pad: u32,
+    pad_down: u32,
 }}
 
 mirror! { "common/camera.wgsl",
@@ -53,7 +53,7 @@ pub(super) struct Camera {
 }}
 
 impl View {
-    pub(super) fn new(view: &plan::View, n_surface_cameras: usize) -> Self {
+    pub(super) fn new(view: &plan::View) -> Self {
         let world_from_view = DMat3::from_quat(view.pose.world_from_local);
         let [tan_x, tan_y] = view.half_tangents();
         // Rows: x right, y up, near over distance (reversed, the far plane at infinity), distance.
@@ -67,9 +67,9 @@ impl View {
         Self {
             clip_from_eye: (clip_from_view * view_from_eye).to_cols_array_2d(),
             right: world_from_view.x_axis.as_vec3().to_array(),
-            n_surface_cameras: n_surface_cameras as u32,
+            pad_right: 0,
             down: world_from_view.y_axis.as_vec3().to_array(),
-            pad: 0,
+            pad_down: 0,
         }
     }
 }

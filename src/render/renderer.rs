@@ -277,7 +277,7 @@ impl Renderer {
 
         let eye = view.pose.position_in_world;
         let key = SurfaceKey::of(&frame.scratch[..plan.surface_cameras.len()]);
-        let frame_group = frame.bind(gpu, ViewData::new(view, plan.surface_cameras.len()));
+        let frame_group = frame.bind(gpu, ViewData::new(view));
         let targets = self.targets.get(gpu, view.width_px, view.height_px, samples);
         let has_entities = !self.billboards.is_empty() || !self.points.is_empty();
         let place = Place { clear: Some(sky(&state.scene)), is_last: !has_entities };

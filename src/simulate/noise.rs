@@ -1,10 +1,10 @@
 //! Deterministic noise with a stated wavelength.
 //!
-//! Value noise on a lattice [P85]: hashed values at whole coordinates, joined by a smooth curve. A sample whose
+//! Value noise on a lattice `[P85]`: hashed values at whole coordinates, joined by a smooth curve. A sample whose
 //! footprint comes near the wavelength gets the mean instead, so that detail finer than a pixel never aliases and
 //! two views of one place differ by their resolution alone.
 //!
-//! [P85] Perlin 1985, An image synthesizer (with the later quintic fade of Perlin 2002, Improving noise).
+//! `[P85]` Perlin 1985, An image synthesizer (with the later quintic fade of Perlin 2002, Improving noise).
 
 use glam::DVec2;
 

@@ -2,7 +2,7 @@
 //!
 //! Owns the curve and its arc length; knows nothing of who walks it.
 //!
-//! [CR74] Catmull and Rom 1974, A class of local interpolating splines.
+//! `[CR74]` Catmull and Rom 1974, A class of local interpolating splines.
 
 use glam::DVec2;
 

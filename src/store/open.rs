@@ -18,6 +18,9 @@ const MAGIC: &[u8] = b"SQLite format 3\0";
 /// How long another process's or connection's write is waited for.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// Between two looks whether another process has opened its database.
+const TURN_PAUSE: Duration = Duration::from_millis(10);
+
 /// Connections that read, and write what can be rebuilt.
 const CACHE_CONNECTIONS: u32 = 4;
 
@@ -45,10 +48,12 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
     let not_writable =
         |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
     let path = std::path::absolute(path).map_err(not_writable)?;
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(not_writable)?;
-        refuse_network(&path, &folder.canonicalize().map_err(not_writable)?)?;
-    }
+    let folder = path.parent().unwrap_or(Path::new("/"));
+    std::fs::create_dir_all(folder).map_err(not_writable)?;
+    refuse_network(&path, &folder.canonicalize().map_err(not_writable)?)?;
+    // Held until the file is open: SQLite lets neither the change to a write-ahead log nor migrations wait for
+    // another process that does the same.
+    let _turn = take_turn(folder, &path).await?;
     refuse_other_files(&path)?;
     // Made here for the system's own words where it cannot be, and for its owner's eyes alone: what cameras saw
     // is in it. SQLite gives its log the same rights.
@@ -79,14 +84,24 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
     Ok(Store { durable, cache: cache.map_err(classify)?, path, texture_maps_bytes })
 }
 
-async fn migrate(durable: &sqlx::SqlitePool, path: &Path) -> Result<(), StoreError> {
-    let migrator = migrator(SCHEMA_VERSION);
-    // Two processes may open a fresh file at once: the one that comes second fails at a table that is there now,
-    // and finds nothing left to do when it looks again.
-    if migrator.run(durable).await.is_ok() {
-        return Ok(());
+/// Waits for other processes that open a database in `folder`. The lock is the folder's: one on the database itself
+/// would be in the way of SQLite's own.
+async fn take_turn(folder: &Path, path: &Path) -> Result<std::fs::File, StoreError> {
+    let not_writable =
+        |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
+    let lock = std::fs::File::open(folder).map_err(not_writable)?;
+    for _ in 0..BUSY_TIMEOUT.as_millis() / TURN_PAUSE.as_millis() {
+        match lock.try_lock() {
+            Ok(()) => return Ok(lock),
+            Err(std::fs::TryLockError::WouldBlock) => tokio::time::sleep(TURN_PAUSE).await,
+            Err(std::fs::TryLockError::Error(error)) => return Err(not_writable(error)),
+        }
     }
-    migrator.run(durable).await.map_err(|error| StoreError::classify_migration(error, path))
+    Err(StoreError::Busy { path: path.to_owned() })
+}
+
+async fn migrate(durable: &sqlx::SqlitePool, path: &Path) -> Result<(), StoreError> {
+    migrator(SCHEMA_VERSION).run(durable).await.map_err(|error| StoreError::classify_migration(error, path))
 }
 
 /// Reads what the file says of itself, and all of its pages.

@@ -8,6 +8,8 @@ mod api;
 mod background;
 mod calibrate;
 mod config;
+mod daemon;
+mod engine;
 mod fuse;
 mod geometry;
 mod ingest;

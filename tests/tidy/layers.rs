@@ -74,7 +74,9 @@ fn rooms_use_only_rooms_above_them() {
     let files = texts("src", &[".rs"]);
     let complaints: Vec<_> = files
         .iter()
+        // The binary stands outside the house: it may use any room by its door.
         .filter(|file| !matches!(file.path.as_str(), "src/lib.rs" | "src/main.rs"))
+        .filter(|file| !file.path.starts_with("src/commands/"))
         .flat_map(|file| complaints(file, &rooms))
         .collect();
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));

@@ -75,3 +75,17 @@ fn mirror_structs_match_their_shaders() {
         assert_eq!(mirror.size % alignment as usize, 0, "{place} can stand in an array");
     }
 }
+
+#[test]
+fn every_golden_picture_is_checked_by_a_test() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let tests = fs::read_to_string(root.join("tests/suite/render.rs")).expect("the tests are there");
+    for entry in fs::read_dir(root.join("tests/golden")).expect("goldens are there") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_none_or(|extension| extension != "png") {
+            continue;
+        }
+        let stem = path.file_stem().and_then(|stem| stem.to_str()).expect("ASCII");
+        assert!(tests.contains(&format!("golden::check(\"{stem}\"")), "{} is dead", path.display());
+    }
+}

@@ -1,3 +1,5 @@
+//! The readers against texts written by hand and by OpenCV.
+
 use super::*;
 use crate::calibrate;
 use crate::error::ErrorKind;

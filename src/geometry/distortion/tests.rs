@@ -1,3 +1,5 @@
+//! Lenses there and back, and where they fold.
+
 use super::*;
 use proptest::prelude::*;
 

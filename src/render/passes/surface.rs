@@ -25,6 +25,7 @@ const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => 
 /// Which variant of the shader a frame needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::render) struct SurfaceKey {
+    n_cameras: usize,
     has_lenses: bool,
     has_depth_maps: bool,
     has_depth_cubes: bool,
@@ -34,15 +35,17 @@ impl SurfaceKey {
     /// The least that serves the cameras whose backgrounds are projected.
     pub(in crate::render) fn of(cameras: &[Camera]) -> Self {
         Self {
+            n_cameras: cameras.len(),
             has_lenses: cameras.iter().any(Camera::has_lens),
             has_depth_maps: cameras.iter().any(|camera| camera.n_depth_faces > 0),
             has_depth_cubes: cameras.iter().any(|camera| camera.n_depth_faces > 1),
         }
     }
 
-    fn constants(self) -> [(&'static str, f64); 3] {
+    fn constants(self) -> [(&'static str, f64); 4] {
         let flag = |is_set: bool| f64::from(u8::from(is_set));
         [
+            ("N_SURFACE_CAMERAS", self.n_cameras as f64),
             ("HAS_LENSES", flag(self.has_lenses)),
             ("HAS_DEPTH_MAPS", flag(self.has_depth_maps)),
             ("HAS_DEPTH_CUBES", flag(self.has_depth_cubes)),

@@ -12,6 +12,7 @@ use videofields::geometry::{Camera, Face, Hit, Ray, SurfaceId, Surfaces};
 use videofields::plan::{Plan, View};
 
 const FEATHER: f64 = 0.06;
+const LEAST_COSINE: f64 = 0.008_726_5;
 const N_LEVELS: usize = 5;
 /// Texels of a depth map (1024 each way) around a silhouette within which it may be wrong, share of the picture.
 const SILHOUETTE: f64 = 7.0 / 1024.0;
@@ -104,9 +105,10 @@ impl Pixel {
             let Some(projection) = camera.project(point) else { continue };
             let texture = projection.texture;
             let inset = texture.min(1.0 - texture).min_element();
-            is_clear &= inset.abs() > 2e-3 || cosine <= 0.0;
+            is_clear &= inset.abs() > 2e-3 || cosine <= LEAST_COSINE;
+            is_clear &= (cosine - LEAST_COSINE).abs() > 1e-5;
             is_clear &= self.steps.iter().all(|step| camera.project(point + *step).is_some());
-            if cosine <= 0.0 || inset < 0.0 {
+            if cosine <= LEAST_COSINE || inset < 0.0 {
                 continue;
             }
             let (is_visible, is_far_from_silhouettes) =

@@ -1,0 +1,242 @@
+//! Every command that is no daemon, once: its results, and what it says to nonsense.
+
+use super::process::{Output, run, videofields};
+use crate::engine::pictures;
+use serde_json::Value;
+use std::io::Read;
+use std::path::Path;
+use std::process::Stdio;
+use tempfile::TempDir;
+use videofields::gpu::Gpu;
+
+fn in_folder(folder: &Path, arguments: &[&str]) -> Output {
+    run(videofields().current_dir(folder).args(arguments))
+}
+
+fn check_refused(folder: &Path, arguments: &[&str], status: i32, expected: &str) {
+    let output = in_folder(folder, arguments);
+    assert_eq!(output.status, Some(status), "{arguments:?}: {}", output.stderr);
+    assert!(output.stderr.contains(expected), "{arguments:?}: {expected:?} is not in {}", output.stderr);
+    assert_eq!(output.stdout, "", "{arguments:?}");
+}
+
+fn succeed(folder: &Path, arguments: &[&str]) -> Output {
+    let output = in_folder(folder, arguments);
+    assert_eq!(output.status, Some(0), "{arguments:?}: {}", output.stderr);
+    output
+}
+
+/// Simulated once, then read by every command: what one writes the others understand.
+#[test]
+fn what_is_simulated_is_checked_segmented_viewed_and_compared() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let written = succeed(
+        folder,
+        &["simulate", "--out", "world", "--seconds", "1.5", "--size-px", "96x54", "--samples", "1"],
+    );
+    let lines: Vec<&str> = written.stdout.lines().collect();
+    assert_eq!(lines[0], "15 frames a clip");
+    assert_eq!(lines.last(), Some(&"world/plaza.toml"));
+    assert!(lines[1..].iter().all(|path| folder.join(path).is_file()), "{lines:?}");
+
+    let checked = succeed(folder, &["check-config", "world/plaza.toml"]);
+    assert_eq!(
+        (checked.stdout.as_str(), checked.stderr.as_str()),
+        ("world/plaza.toml: good, 3 cameras, 1 scenes\n", "")
+    );
+    its_faults_are_found(folder);
+    masks_and_blobs_are_written(folder);
+    views_are_drawn(folder);
+
+    let truth = "world/truth/west/frame/000000.png";
+    let same = succeed(folder, &["compare", truth, truth]);
+    let same: Value = serde_json::from_str(&same.stdout).unwrap();
+    assert_eq!((&same["rmse"], &same["psnr_db"], &same["ssim"]), (&0.0.into(), &Value::Null, &1.0.into()));
+    let other =
+        ["compare", truth, "world/truth/east/frame/000000.png", "--mask", "world/truth/west/background.png"];
+    let other: Value = serde_json::from_str(&succeed(folder, &other).stdout).unwrap();
+    assert!(other["rmse"].as_f64().unwrap() > 1.0 && other["ssim"].as_f64().unwrap() < 0.999, "{other}");
+    check_refused(folder, &["compare", truth, "masks/000000.png", "--mask", "nowhere.png"], 1, "nowhere.png");
+    check_refused(folder, &["compare", truth, "world/plaza.toml"], 1, "world/plaza.toml");
+
+    let calibration = succeed(folder, &["calibration", "world/calibration/west.json"]);
+    let document: Value = serde_json::from_str(&calibration.stdout).unwrap();
+    assert_eq!(document["image_size_px"], serde_json::json!([96, 54]));
+    let again = folder.join("again.json");
+    std::fs::write(&again, &calibration.stdout).unwrap();
+    assert_eq!(succeed(folder, &["calibration", "again.json"]).stdout, calibration.stdout);
+    check_refused(folder, &["calibration", "world/plaza.toml"], 1, "world/plaza.toml");
+    check_refused(folder, &["calibration", "again.json", "--format", "colmap"], 2, "--format");
+    check_refused(folder, &["calibration", "again.json", "--image-size-px", "0x5"], 2, "--image-size-px");
+}
+
+fn its_faults_are_found(folder: &Path) {
+    let good = std::fs::read_to_string(folder.join("world/plaza.toml")).unwrap();
+    let write = |name: &str, text: &str| std::fs::write(folder.join("world").join(name), text).unwrap();
+    write("broken.json", "{\"version\": 1, \"ground\": [{}]}");
+    write("faulty.toml", &good.replace("plaza.json", "broken.json"));
+    check_refused(folder, &["check-config", "world/faulty.toml"], 1, "broken.json: /ground/0");
+    write("note.webm", "this is no video");
+    write("absent.toml", &good.replace("clips/west.webm", "note.webm").replace("\"north\"", "\"south\""));
+    let warned = succeed(folder, &["check-config", "world/absent.toml"]).stderr;
+    assert!(warned.contains("warning: camera west: ") && warned.contains("note.webm"), "{warned}");
+    assert!(warned.contains("warning: scene plaza: camera north is not configured"), "{warned}");
+}
+
+fn masks_and_blobs_are_written(folder: &Path) {
+    // Frames are numbered from 0, whatever the pictures' names begin with.
+    pictures(folder, "walk", 7..22);
+    let input = ["segment", "--input", "walk/in%04d.png", "--masks", "masks", "--blobs", "blobs.jsonl"];
+    let output = succeed(folder, &[&input[..], &["--min-area-px", "40"]].concat());
+    assert!(output.stderr.contains("15 frames in "), "{}", output.stderr);
+    let mut n_moving = 0;
+    for number in 0..15 {
+        let mask = image::open(folder.join(format!("masks/{number:06}.png"))).unwrap();
+        assert_eq!((mask.color(), mask.width(), mask.height()), (image::ColorType::L8, 64, 48));
+        let mask = mask.into_luma8();
+        assert!(mask.as_raw().iter().all(|value| [0, 50, 255].contains(value)), "frame {number}");
+        n_moving += mask.as_raw().iter().filter(|value| **value == 255).count();
+    }
+    assert_eq!(std::fs::read_dir(folder.join("masks")).unwrap().count(), 15);
+    let blobs = std::fs::read_to_string(folder.join("blobs.jsonl")).unwrap();
+    let mut area = 0;
+    for line in blobs.lines() {
+        let blob: Value = serde_json::from_str(line).unwrap();
+        let rect: Vec<u64> = serde_json::from_value(blob["rect"].clone()).unwrap();
+        let [x, y, width, height] = rect[..] else { panic!("{line}") };
+        assert!(blob["frame"].as_u64().unwrap() < 15 && x + width <= 64 && y + height <= 48, "{line}");
+        assert!((40..=width * height).contains(&blob["area"].as_u64().unwrap()), "{line}");
+        area += blob["area"].as_u64().unwrap() as usize;
+    }
+    assert!(n_moving > 0, "the box walks");
+    assert_eq!(area, n_moving, "every moving pixel belongs to a blob");
+
+    // A video, with a background that is learned first.
+    let clip = "world/clips/west.webm";
+    let held =
+        ["segment", "--input", clip, "--background", clip, "--hold", "--masks", "few", "--frames", "3"];
+    succeed(folder, &held);
+    assert!(folder.join("few/000002.png").is_file());
+    assert_eq!(std::fs::read_dir(folder.join("few")).unwrap().count(), 3);
+
+    let refused = |flags: &[&str], status, expected: &str| {
+        check_refused(folder, &[&["segment", "--input", clip], flags].concat(), status, expected);
+    };
+    refused(&["--delta", "nan"], 1, "--delta");
+    refused(&["--delta", "5"], 1, "--delta");
+    refused(&["--delta", "-1"], 1, "--delta");
+    refused(&["--min-area-px", "0"], 1, "--min-area-px");
+    refused(&["--rate-hz", "0"], 1, "--rate-hz");
+    refused(&["--rate-hz", "inf"], 1, "--rate-hz");
+    refused(&["--frames", "0"], 2, "--frames");
+    refused(&["--delta", "much"], 2, "--delta");
+    refused(&["--colour"], 2, "--colour");
+    refused(&["--hold"], 2, "--background");
+    refused(&["--masks", clip], 1, clip);
+    refused(&["--blobs", "nowhere/blobs.jsonl"], 1, "nowhere/blobs.jsonl");
+    refused(&["--background", "nowhere.avi"], 1, "nowhere.avi");
+    check_refused(folder, &["segment", "--input", "nowhere.webm"], 1, "nowhere.webm");
+    check_refused(folder, &["segment", "--input", "world/plaza.toml"], 1, "world/plaza.toml");
+}
+
+fn views_are_drawn(folder: &Path) {
+    const ASKED: [&str; 9] =
+        ["view", "--config", "world/plaza.toml", "--scene", "plaza", "--width", "48", "--height", "27"];
+    fn view<'a>(flags: &[&'a str]) -> Vec<&'a str> {
+        [&ASKED[..], flags].concat()
+    }
+    let refused =
+        |flags: &[&str], status, expected: &str| check_refused(folder, &view(flags), status, expected);
+    refused(&["--out", "view.gif"], 1, "--out");
+    refused(&["--out", "view.png", "--fov", "-1"], 1, "fov");
+    refused(&["--out", "view.png", "--eye", "1,2"], 1, "eye");
+    refused(&["--out", "view.png", "--t", "noon"], 1, "t: ");
+    refused(&["--out", "view.png", "--entities", "cubes"], 1, "entities");
+    refused(&["--out", "view.png", "--depth", "3"], 2, "--depth");
+    refused(&[], 2, "--out");
+    let elsewhere = ["view", "--config", "world/plaza.toml", "--scene", "square", "--out", "view.png"];
+    check_refused(folder, &elsewhere, 1, "\"plaza\"");
+    if Gpu::new("").is_err() {
+        // Whether that may be is asked where the engine is tested.
+        return refused(&["--out", "view.png"], 1, "adapter");
+    }
+    // The simulated clips loop: an instant that they reach only after years is refused, not waited for.
+    refused(&["--out", "view.png", "--t", "2026-01-01T00:00:00Z"], 1, "t: ");
+    refused(&["--out", "view.png", "--t", "-5"], 1, "1970-01-01T00:00:00Z");
+    refused(&["--out", "view.png", "--eye", "1,2,3", "--target", "1,2,3"], 1, "target");
+    refused(&["--out", "nowhere/view.png", "--t", "0"], 1, "nowhere/view.png");
+    let explained = succeed(folder, &view(&["--out", "view.png", "--t", "1000000000", "--explain"]));
+    assert!(
+        explained.stderr.contains("surface: ") && explained.stderr.contains("render: "),
+        "{}",
+        explained.stderr
+    );
+    succeed(
+        folder,
+        &view(&["--out", "view.jpg", "--entities", "points", "--eye", "-5,-12,4", "--target", "0,0,1"]),
+    );
+    for file in ["view.png", "view.jpg"] {
+        let picture = image::open(folder.join(file)).unwrap().into_rgb8();
+        assert_eq!(picture.dimensions(), (48, 27), "{file}");
+        let first = *picture.get_pixel(0, 0);
+        assert!(picture.pixels().any(|pixel| *pixel != first), "{file}");
+    }
+    let png = std::fs::read(folder.join("view.png")).unwrap();
+    assert!(
+        png.starts_with(b"\x89PNG")
+            && std::fs::read(folder.join("view.jpg")).unwrap().starts_with(b"\xff\xd8")
+    );
+}
+
+#[test]
+fn nonsense_for_simulate_is_refused_before_anything_is_written() {
+    let folder = TempDir::new().unwrap();
+    let refused = |flags: &[&str], status, expected: &str| {
+        check_refused(folder.path(), &[&["simulate", "--out", "world"], flags].concat(), status, expected);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{flags:?}");
+    };
+    refused(&["--world", "moon"], 1, "moon");
+    refused(&["--rate-hz", "0"], 1, "rate");
+    refused(&["--seconds", "nan"], 1, "length");
+    refused(&["--samples", "0"], 1, "samples");
+    refused(&["--size-px", "1x1"], 1, "size");
+    refused(&["--size-px", "many"], 2, "--size-px");
+}
+
+#[test]
+fn help_says_what_every_command_and_flag_is_for() {
+    let check = |arguments: &[&str], expected: &[&str]| {
+        let output = run(videofields().args(arguments).arg("--help"));
+        assert_eq!((output.status, output.stderr.as_str()), (Some(0), ""));
+        let text = output.stdout.split_whitespace().collect::<Vec<_>>().join(" ");
+        for part in expected {
+            assert!(text.contains(part), "{arguments:?}: {part:?} is not in {}", output.stdout);
+        }
+    };
+    let commands = ["serve", "demo", "check-config", "view", "segment", "compare", "calibration", "simulate"];
+    check(&[], &commands);
+    check(&["serve"], &["--config <FILE>", "--listen <ADDR>", "SIGTERM"]);
+    check(&["view"], &["--eye <X,Y,Z>", "nanoseconds is time into the clip", "1280 if absent"]);
+    check(&["segment"], &["255 moving, 50 shadow, 0 background", "frames a second were decoded"]);
+    check(&["compare"], &["scikit-image", "PSNR is null"]);
+    check(&["calibration"], &["pixel centres lie at +0.5"]);
+    check(&["check-config"], &["do not make the configuration wrong"]);
+    assert_eq!(run(&mut videofields()).status, Some(2));
+    assert_eq!(run(videofields().arg("fly")).status, Some(2));
+}
+
+#[test]
+fn a_result_that_nobody_reads_is_a_failure_and_no_panic() {
+    let folder = TempDir::new().unwrap();
+    image::RgbImage::new(16, 16).save(folder.path().join("a.png")).unwrap();
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let mut command = videofields();
+    command.current_dir(folder.path()).args(["compare", "a.png", "a.png"]);
+    let mut child = command.stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+    let mut stderr = String::new();
+    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{stderr}");
+    assert!(stderr.starts_with("videofields: cannot write to standard output"), "{stderr}");
+}

@@ -1,0 +1,167 @@
+//! Child processes and plain HTTP over a socket, everything within a bounded time.
+
+use crate::support::wait_for;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use videofields::clock::{Clock, SystemClock};
+
+/// Longest wait for an answer.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// The binary under test, its environment free of what a developer's may hold.
+pub(super) fn videofields() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_videofields"));
+    command.env_remove("RUST_LOG").env_remove("VIDEOFIELDS_LOG");
+    command
+}
+
+/// What became of a process.
+pub(super) struct Output {
+    /// Exit status; none after a signal.
+    pub(super) status: Option<i32>,
+    pub(super) stdout: String,
+    pub(super) stderr: String,
+    /// From the wish to stop to the end.
+    pub(super) took: Duration,
+}
+
+/// Runs a command to its end.
+pub(super) fn run(command: &mut Command) -> Output {
+    let mut child =
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let (stdout, stderr) = (collect(child.stdout.take()), collect(child.stderr.take()));
+    end(&mut child, stdout, stderr)
+}
+
+fn collect(stream: Option<impl Read + Send + 'static>) -> JoinHandle<String> {
+    std::thread::Builder::new()
+        .spawn(move || {
+            let mut bytes = Vec::new();
+            stream.unwrap().read_to_end(&mut bytes).unwrap();
+            String::from_utf8_lossy(&bytes).into_owned()
+        })
+        .unwrap()
+}
+
+fn end(child: &mut Child, stdout: JoinHandle<String>, stderr: JoinHandle<String>) -> Output {
+    let clock = SystemClock::new();
+    let status = wait_for("a process to end", || child.try_wait().unwrap());
+    let took = clock.monotonic();
+    Output { status: status.code(), stdout: stdout.join().unwrap(), stderr: stderr.join().unwrap(), took }
+}
+
+/// A running daemon; killed when it is dropped.
+pub(super) struct Daemon {
+    pub(super) address: SocketAddr,
+    child: Child,
+    stderr: Option<JoinHandle<String>>,
+}
+
+impl Daemon {
+    /// Starts it on a free port and waits for its address.
+    pub(super) fn start(config: &Path) -> Self {
+        let mut child = videofields()
+            .args(["serve", "--listen", "127.0.0.1:0", "--config"])
+            .arg(config)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stderr = collect(child.stderr.take());
+        let line = first_line(child.stdout.take().unwrap());
+        let Ok(line) = line.recv_timeout(PATIENCE) else {
+            child.kill().unwrap();
+            panic!("no address: {}", stderr.join().unwrap());
+        };
+        let address = line.trim().strip_prefix("http://").and_then(|rest| rest.strip_suffix('/'));
+        Self { address: address.unwrap().parse().unwrap(), child, stderr: Some(stderr) }
+    }
+
+    /// Sends a signal and waits for the end.
+    pub(super) fn stop(mut self, signal: &str) -> Output {
+        let pid = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-s", signal, &pid]).status().unwrap().success());
+        let stdout = collect(Some(std::io::empty()));
+        end(&mut self.child, stdout, self.stderr.take().unwrap())
+    }
+
+    pub(super) fn get(&self, target: &str) -> Answer {
+        let mut stream = TcpStream::connect_timeout(&self.address, PATIENCE).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        stream.set_write_timeout(Some(PATIENCE)).unwrap();
+        write!(stream, "GET {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address)
+            .unwrap();
+        let mut bytes = Vec::new();
+        stream.read_to_end(&mut bytes).unwrap();
+        let head_len = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
+        let head = String::from_utf8(bytes[..head_len].to_vec()).unwrap();
+        assert!(!head.to_lowercase().contains("transfer-encoding"), "{head}");
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        Answer { status, body: bytes.split_off(head_len + 4) }
+    }
+
+    /// What stands there, which must be there (or not yet ready, which `/readyz` says with 503).
+    pub(super) fn json(&self, target: &str) -> Value {
+        let answer = self.get(target);
+        assert!(answer.status == 200 || target == "/readyz", "{target}: {}", answer.status);
+        serde_json::from_slice(&answer.body).unwrap()
+    }
+
+    /// Waits until those cameras are live and the renderer has said whether there is one.
+    pub(super) fn wait_until_live(&self, cameras: &[&str]) {
+        wait_for("cameras to be live", || {
+            let is_live = |id: &&str| self.json(&format!("/api/v1/cameras/{id}"))["state"] == "live";
+            let readiness = self.json("/readyz");
+            let is_starting = readiness["renderer"].as_str().unwrap().contains("starting");
+            (!is_starting && cameras.iter().all(is_live)).then_some(())
+        });
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // It has ended already where the test came to its end.
+        if self.child.try_wait().is_ok_and(|status| status.is_none()) && self.child.kill().is_ok() {
+            self.child.wait().ok();
+        }
+    }
+}
+
+fn first_line(stdout: impl Read + Send + 'static) -> Receiver<String> {
+    let (sender, receiver) = sync_channel(1);
+    std::thread::Builder::new()
+        .spawn(move || {
+            let mut line = String::new();
+            if BufReader::new(stdout).read_line(&mut line).is_ok_and(|n_bytes| n_bytes > 0) {
+                sender.send(line).ok();
+            }
+        })
+        .unwrap();
+    receiver
+}
+
+/// An HTTP answer.
+pub(super) struct Answer {
+    pub(super) status: u16,
+    pub(super) body: Vec<u8>,
+}
+
+/// Whether the daemon has a renderer; if not a line on standard error says what is skipped. CI must have one.
+pub(super) fn can_draw(readiness: &Value) -> bool {
+    if readiness["ready"] == true {
+        return true;
+    }
+    assert!(!std::env::var("CI").is_ok_and(|ci| ci == "true"), "CI needs an adapter: {readiness}");
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: {readiness}");
+    }
+    false
+}

@@ -1,0 +1,426 @@
+//! The engine seen through its door: cameras, maps, checkpoints and the renderer at work over clips made here.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
+
+mod mutations;
+mod restart;
+
+use crate::support::wait_for;
+use glam::{DVec2, DVec3};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use tempfile::TempDir;
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
+use videofields::clock::{Clock, SystemClock, Timestamp};
+use videofields::config::{CameraSettings, Config, End, SegmentSettings, Settings, SourceSettings};
+use videofields::engine::{
+    At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewRequest,
+};
+use videofields::error::ErrorKind;
+use videofields::frame::{CameraId, RgbImage};
+use videofields::gpu::Gpu;
+use videofields::plan::EntityStyle;
+use videofields::scene::{self, Scene};
+use videofields::segment::MOVING;
+use videofields::store::Store;
+use videofields::telemetry::Metrics;
+
+const SIZE: (u32, u32) = (64, 48);
+const RATE_HZ: f64 = 50.0;
+const FRAME_NANOS: i64 = 20_000_000;
+
+/// Two cameras that look down on a square of ground, `north` from its north side and `south` from its south side.
+const SCENE: &str = r##"{
+    "version": 1, "name": "Yard",
+    "sky": {"color_srgb": "#8090ff"},
+    "ground": [{"polygon": [[-10, -10], [10, -10], [10, 10], [-10, 10]], "height_m": 0, "color_srgb": "#705030"}],
+    "cameras": [
+        {"id": "north", "calibration": {"image_size_px": [64, 48], "focal_px": [60, 60], "center_px": [32, 24],
+            "position_m": [0, 8, 6], "world_from_camera": [0, -0.9238795325112867, 0.3826834323650898, 0]}},
+        {"id": "south", "calibration": {"image_size_px": [64, 48], "focal_px": [60, 60], "center_px": [32, 24],
+            "position_m": [0, -8, 6], "world_from_camera": [-0.9238795325112867, 0, 0, 0.3826834323650898]}}
+    ]
+}"##;
+
+/// Whether pictures can be drawn here; if not a line on standard error says what is skipped. CI must be able to.
+fn has_adapter() -> bool {
+    let Err(error) = Gpu::new("") else { return true };
+    assert!(!std::env::var("CI").is_ok_and(|ci| ci == "true"), "CI needs an adapter: {error}");
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: {error}");
+    }
+    false
+}
+
+/// Picture `number` of a noisy floor over which a bright box walks to the right.
+fn picture(number: u32) -> image::GrayImage {
+    let left = number * 2 % (SIZE.0 - 12);
+    image::GrayImage::from_fn(SIZE.0, SIZE.1, |x, y| {
+        let hash = (u64::from(x) | u64::from(y) << 16 | u64::from(number) << 32)
+            .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+            .rotate_left(23)
+            .wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let floor = 96 + (hash >> 62) as u8;
+        let is_box = (left..left + 12).contains(&x) && (12..36).contains(&y);
+        image::Luma([if is_box { 220 } else { floor }])
+    })
+}
+
+/// A folder of numbered pictures; its pattern.
+pub(crate) fn pictures(folder: &Path, name: &str, numbers: std::ops::Range<u32>) -> PathBuf {
+    let folder = folder.join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    for number in numbers {
+        picture(number).save(folder.join(format!("in{number:04}.png"))).unwrap();
+    }
+    folder.join("in%04d.png")
+}
+
+fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
+    CameraSettings {
+        id: CameraId::new(id).unwrap(),
+        name: String::new(),
+        source: SourceSettings {
+            path: path.into(),
+            timing: None,
+            rate_hz: RATE_HZ,
+            end,
+            start: Some(Timestamp::from_nanos(0)),
+        },
+        background: Default::default(),
+        segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
+    }
+}
+
+/// A running engine, and all that must outlive it.
+struct Bench {
+    runtime: Runtime,
+    store: Store,
+    engine: Engine,
+    handle: Handle,
+}
+
+impl Bench {
+    /// Starts cameras and scenes over the database in `folder`.
+    fn start(folder: &Path, settings: Settings, scenes: &[(&str, &str)]) -> Self {
+        let runtime = Runtime::new().unwrap();
+        let store = runtime.block_on(Store::open(&folder.join("test.sqlite"))).unwrap();
+        let config = Config::from_settings(settings, folder).unwrap();
+        let scenes: Vec<Arc<Scene>> = scenes
+            .iter()
+            .map(|(id, text)| Arc::new(scene::parse(id, text, scene::no_imports).unwrap().scene))
+            .collect();
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        let engine = {
+            let _entered = runtime.enter();
+            Engine::start(&config, scenes, store.clone(), Arc::new(Metrics::new()), clock).unwrap()
+        };
+        let handle = engine.handle();
+        Self { runtime, store, engine, handle }
+    }
+
+    /// Stops it as the daemon does; the handle lives on.
+    fn stop(self) -> Handle {
+        self.engine.stop();
+        self.runtime.block_on(self.store.close()).unwrap();
+        self.handle
+    }
+
+    fn summary(&self, id: &str) -> CameraSummary {
+        self.handle.cameras().into_iter().find(|camera| camera.id.as_str() == id).unwrap()
+    }
+
+    fn wait_for_state(&self, id: &str, state: &str) -> CameraSummary {
+        let what = format!("{id} to be {state}");
+        wait_for(&what, || Some(self.summary(id)).filter(|summary| summary.state == state))
+    }
+
+    fn view(&self, request: ViewRequest) -> Result<ViewAnswer, EngineError> {
+        self.runtime.block_on(self.handle.view(request))
+    }
+}
+
+fn request(scene: &str, at: At) -> ViewRequest {
+    ViewRequest {
+        scene: scene.to_owned(),
+        eye: Some(DVec3::new(7.0, -7.0, 5.0)),
+        target: Some(DVec3::ZERO),
+        fov_y_rad: None,
+        width_px: 40,
+        height_px: 30,
+        at,
+        style: EntityStyle::Billboards,
+    }
+}
+
+fn at(nanos: i64) -> At {
+    At::Time(Timestamp::from_nanos(nanos))
+}
+
+#[test]
+fn one_camera_at_fault_leaves_the_others_working() {
+    let folder = TempDir::new().unwrap();
+    let outside = TempDir::new().unwrap();
+    let media = folder.path().join("media");
+    std::fs::create_dir(&media).unwrap();
+    std::fs::write(media.join("note.webm"), "this is no video").unwrap();
+    std::fs::write(media.join("empty.webm"), "").unwrap();
+    let beyond = pictures(outside.path(), "beyond", 0..2);
+    let cut = pictures(&media, "cut", 0..6);
+    let half = std::fs::read(cut.with_file_name("in0003.png")).unwrap();
+    std::fs::write(cut.with_file_name("in0003.png"), &half[..half.len() / 2]).unwrap();
+    let mut settings = Settings::default();
+    settings.media.roots = vec![media.clone()];
+    settings.camera = vec![
+        camera("missing", media.join("nowhere.webm"), End::Stop),
+        camera("north", pictures(&media, "north", 0..30), End::Stop),
+        camera("text", media.join("note.webm"), End::Stop),
+        camera("empty", media.join("empty.webm"), End::Stop),
+        camera("outside", beyond, End::Stop),
+        camera("folder", &media, End::Stop),
+        camera("cut", cut, End::Stop),
+        camera("south", pictures(&media, "south", 0..30), End::Loop),
+    ];
+    let bench = Bench::start(folder.path(), settings, &[("yard", SCENE)]);
+
+    let check_failed = |id: &str, reason: &str| {
+        let summary = bench.wait_for_state(id, "failed");
+        let told = summary.reason.unwrap();
+        assert!(told.contains(reason), "{id}: {told}");
+    };
+    check_failed("missing", "nowhere.webm");
+    check_failed("text", "note.webm");
+    check_failed("empty", "empty.webm");
+    check_failed("outside", "media root");
+    check_failed("folder", "media");
+    check_failed("cut", "in0003.png");
+    let error = bench.handle.observation("missing", At::Live).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Unavailable);
+    assert!(error.to_string().contains("nowhere.webm"), "{error}");
+    assert!(bench.handle.observation("cut", at(0)).is_ok(), "what came before the damage is kept");
+
+    let north = bench.wait_for_state("north", "ended");
+    assert_eq!((north.size_px, north.reason), (Some([64, 48]), None));
+    assert_eq!(north.frames + north.dropped, 30);
+    assert_eq!(north.first.as_deref(), Some("1970-01-01T00:00:00Z"));
+    assert_eq!(north.scenes, ["yard"]);
+    let south = wait_for("south to loop", || Some(bench.summary("south")).filter(|south| south.frames > 40));
+    assert_eq!((south.state.as_str(), south.reason), ("live", None));
+    assert_eq!(bench.handle.readiness().cameras_with_frames, [3, 8]);
+
+    if has_adapter() {
+        let answer = bench.view(request("yard", At::Live)).unwrap();
+        let sources: Vec<&str> = answer.sources.iter().map(|source| source.camera.as_str()).collect();
+        assert_eq!(sources, ["north", "south"]);
+    }
+    let text = bench.handle.metrics_text();
+    assert!(text.contains("camera=\"north\""), "{text}");
+    bench.stop();
+}
+
+#[test]
+fn the_door_answers_what_was_seen_when_and_where() {
+    let folder = TempDir::new().unwrap();
+    let camera = vec![
+        camera("north", pictures(folder.path(), "north", 0..40), End::Stop),
+        camera("south", pictures(folder.path(), "south", 0..40), End::Stop),
+    ];
+    let settings = Settings { camera, ..Settings::default() };
+    let bench = Bench::start(folder.path(), settings, &[("yard", SCENE)]);
+    let handle = bench.handle.clone();
+    assert_eq!(handle.observation("west", At::Live).unwrap_err().kind(), ErrorKind::NotFound);
+    bench.wait_for_state("north", "ended");
+    bench.wait_for_state("south", "ended");
+
+    let first = handle.observation("north", at(0)).unwrap();
+    assert_eq!(first.frame.number, 0);
+    for nanos in [0, 1, FRAME_NANOS * 7 - 1, FRAME_NANOS * 7, FRAME_NANOS * 39, i64::MAX] {
+        let seen = handle.observation("north", at(nanos)).unwrap();
+        let timestamp = seen.frame.timestamp.as_nanos();
+        assert!(timestamp <= nanos, "{nanos}");
+        assert_eq!(timestamp, seen.frame.number as i64 * FRAME_NANOS, "{nanos}");
+        assert_eq!((seen.labels.width, seen.labels.height), SIZE, "{nanos}");
+        assert_eq!((seen.background.width(), seen.background.height()), SIZE, "{nanos}");
+    }
+    let live = handle.observation("north", At::Live).unwrap();
+    assert_eq!(live.frame.timestamp, handle.observation("north", at(i64::MAX)).unwrap().frame.timestamp);
+    assert!(live.labels.data.contains(&MOVING), "the box moves");
+    let error = handle.observation("north", at(-1)).unwrap_err();
+    assert!(matches!(error, EngineError::BeforeFirst { .. }), "{error}");
+    assert!(error.to_string().contains("1970-01-01T00:00:00Z"), "{error}");
+
+    rays_and_map_agree(&bench);
+    if has_adapter() {
+        pictures_are_drawn_and_shared(&bench);
+    }
+    let handle = bench.stop();
+    assert_eq!(handle.observation("north", At::Live).unwrap().frame.number, live.frame.number);
+    let (reply, _answer) = oneshot::channel();
+    let error = Door::view(&*handle, request("yard", At::Live), reply).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
+}
+
+fn rays_and_map_agree(bench: &Bench) {
+    let locate = |camera: &str, u: f64, v: f64, method| {
+        bench.handle.locate(camera, DVec2::new(u, v), Some("yard"), method)
+    };
+    wait_for("the map", || match locate("south", 0.5, 0.5, LocateMethod::Map) {
+        Err(EngineError::Unavailable(_)) => None,
+        other => Some(other.unwrap()),
+    });
+    let mut n_seen = 0;
+    for camera in ["north", "south"] {
+        for (column, row) in (0..SIZE.0).step_by(5).flat_map(|x| (0..SIZE.1).step_by(5).map(move |y| (x, y)))
+        {
+            let u = (f64::from(column) + 0.5) / f64::from(SIZE.0);
+            let v = (f64::from(row) + 0.5) / f64::from(SIZE.1);
+            let [ray, map] =
+                [LocateMethod::Ray, LocateMethod::Map].map(|method| locate(camera, u, v, method).ok());
+            assert_eq!(ray.is_some(), map.is_some(), "{camera} {u} {v}");
+            let Some((ray, map)) = ray.zip(map) else { continue };
+            n_seen += 1;
+            let distance_m = DVec3::from(ray.point_m).distance(DVec3::from(map.point_m));
+            assert!(distance_m < 1e-3, "{camera} {u} {v}: {ray:?} {map:?}");
+            assert_eq!((ray.surface, ray.surface_idx), (map.surface, map.surface_idx));
+        }
+    }
+    assert!(n_seen > 50, "{n_seen}");
+    // Straight ahead of `south`, 45 degrees down from (0, -8, 6), lies (0, -2, 0).
+    let ahead = locate("south", 0.5, 0.5, LocateMethod::Ray).unwrap();
+    assert!(DVec3::from(ahead.point_m).distance(DVec3::new(0.0, -2.0, 0.0)) < 1e-9, "{ahead:?}");
+    for (u, v) in [(-0.1, 0.5), (0.5, 1.1), (f64::NAN, 0.5), (0.5, f64::INFINITY)] {
+        assert_eq!(locate("south", u, v, LocateMethod::Ray).unwrap_err().kind(), ErrorKind::Invalid);
+    }
+    let elsewhere = bench.handle.locate("south", DVec2::splat(0.5), Some("street"), LocateMethod::Ray);
+    assert!(matches!(elsewhere, Err(EngineError::NoScene { .. })), "{elsewhere:?}");
+}
+
+fn pictures_are_drawn_and_shared(bench: &Bench) {
+    let one = bench.view(request("yard", at(0))).unwrap();
+    assert_eq!((one.image.width, one.image.height), (40, 30));
+    assert_eq!(one.instant, Timestamp::from_nanos(0));
+    let same = bench.view(request("yard", at(0))).unwrap();
+    assert!(Arc::ptr_eq(&one.image, &same.image), "equal requests share a picture");
+    // The same picture, though what is looked at lies nearer: the answer says what was asked.
+    let nearer = ViewRequest { target: Some(DVec3::new(3.5, -3.5, 2.5)), ..request("yard", at(0)) };
+    assert_eq!(bench.view(nearer).unwrap().view.target, DVec3::new(3.5, -3.5, 2.5));
+    let other = ViewRequest { style: EntityStyle::None, ..request("yard", at(0)) };
+    assert!(!Arc::ptr_eq(&bench.view(other).unwrap().image, &one.image));
+    let live = bench.view(request("yard", At::Live)).unwrap();
+    assert_eq!(live.sources.len(), 2);
+    assert!(is_drawn(&live.image));
+    let own = ViewRequest { eye: None, target: None, ..request("yard", At::Live) };
+    assert!(is_drawn(&bench.view(own).unwrap().image), "a scene without a view has one of all its ground");
+
+    let check = |request: ViewRequest, kind: ErrorKind, text: &str| {
+        let error = bench.view(request).unwrap_err();
+        assert_eq!(error.kind(), kind, "{error}");
+        assert!(error.to_string().contains(text), "{error}");
+    };
+    let good = || request("yard", At::Live);
+    check(request("street", At::Live), ErrorKind::NotFound, "street");
+    check(request("yard", at(-1)), ErrorKind::NotFound, "1970-01-01T00:00:00Z");
+    check(ViewRequest { width_px: 0, ..good() }, ErrorKind::Invalid, "width");
+    check(ViewRequest { height_px: u32::MAX, ..good() }, ErrorKind::Invalid, "height");
+    check(ViewRequest { eye: good().target, ..good() }, ErrorKind::Invalid, "target");
+    check(ViewRequest { eye: Some(DVec3::NAN), ..good() }, ErrorKind::Invalid, "eye");
+    check(ViewRequest { fov_y_rad: Some(f64::NAN), ..good() }, ErrorKind::Invalid, "fov");
+}
+
+/// Whether a picture shows more than one colour, and not nothing.
+fn is_drawn(image: &RgbImage) -> bool {
+    let mut pixels = image.data.chunks_exact(3);
+    let first = pixels.next().unwrap();
+    pixels.any(|pixel| pixel != first)
+}
+
+#[test]
+fn a_full_queue_is_busy_and_a_scene_without_cameras_is_drawn() {
+    let folder = TempDir::new().unwrap();
+    let mut settings = Settings::default();
+    settings.render.queue_length = 1;
+    let mut document: serde_json::Value = serde_json::from_str(SCENE).unwrap();
+    document.as_object_mut().unwrap().remove("cameras");
+    let bench = Bench::start(folder.path(), settings, &[("yard", &document.to_string())]);
+    // The renderer takes longer to open its device than these requests take to be asked.
+    let mut answers = Vec::new();
+    let mut n_busy = 0;
+    for _ in 0..20 {
+        let (reply, answer) = oneshot::channel();
+        match Door::view(&*bench.handle, request("yard", At::Live), reply) {
+            Ok(()) => answers.push(answer),
+            Err(EngineError::Busy { waiting }) => {
+                assert_eq!(waiting, 1);
+                n_busy += 1;
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+    assert!(n_busy > 0, "twenty requests at once do not fit a queue of one");
+    let drawn = has_adapter();
+    for answer in answers {
+        let answer = bench.runtime.block_on(answer).unwrap();
+        assert_eq!(answer.is_ok_and(|answer| is_drawn(&answer.image)), drawn);
+    }
+    bench.stop();
+}
+
+#[test]
+fn a_scene_whose_cameras_are_not_configured_says_so() {
+    let folder = TempDir::new().unwrap();
+    let bench = Bench::start(folder.path(), Settings::default(), &[("yard", SCENE)]);
+    let error = bench.view(request("yard", At::Live)).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::NotFound);
+    assert!(error.to_string().contains("north"), "{error}");
+    bench.stop();
+}
+
+#[test]
+fn a_map_that_cannot_be_built_is_told_as_what_it_is() {
+    let folder = TempDir::new().unwrap();
+    let camera = vec![camera("north", pictures(folder.path(), "north", 0..2), End::Stop)];
+    let settings = Settings { camera, ..Settings::default() };
+    let huge = SCENE.replacen("[64, 48]", "[65000, 65000]", 1);
+    let bench = Bench::start(folder.path(), settings, &[("yard", &huge)]);
+    let error = wait_for("the map to fail", || {
+        match bench.handle.locate("north", DVec2::splat(0.5), None, LocateMethod::Map) {
+            Err(EngineError::Unavailable(_)) => None,
+            other => Some(other.unwrap_err()),
+        }
+    });
+    assert_eq!(error.kind(), ErrorKind::TooLarge, "{error}");
+    bench.stop();
+}
+
+#[test]
+fn stopping_does_not_wait_for_a_background_clip_to_be_learned() {
+    let folder = TempDir::new().unwrap();
+    let mut settings = Settings::default();
+    let mut north = camera("north", pictures(folder.path(), "north", 0..2), End::Stop);
+    // Far more pictures than can be read in the time that stopping may take.
+    let clip = folder.path().join("clip");
+    std::fs::create_dir(&clip).unwrap();
+    let large = image::GrayImage::from_fn(1600, 1200, |x, y| image::Luma([(x * y % 251) as u8]));
+    large.save(clip.join("first.png")).unwrap();
+    for number in 0..400 {
+        std::fs::hard_link(clip.join("first.png"), clip.join(format!("in{number:03}.png"))).unwrap();
+    }
+    north.background.clip = Some(clip.join("in%03d.png"));
+    settings.camera = vec![north];
+    let bench = Bench::start(folder.path(), settings, &[("yard", SCENE)]);
+    bench.wait_for_state("north", "connecting");
+    let clock = SystemClock::new();
+    clock.sleep(std::time::Duration::from_millis(300));
+    let started = clock.monotonic();
+    bench.stop();
+    let took = clock.monotonic().saturating_sub(started);
+    assert!(took.as_secs_f64() < 2.0, "{took:?}");
+    let runtime = Runtime::new().unwrap();
+    let kept = runtime.block_on(async {
+        let store = Store::open(&folder.path().join("test.sqlite")).await.unwrap();
+        store.latest_background(&CameraId::new("north").unwrap()).await.unwrap()
+    });
+    assert_eq!(kept, None, "half a clip is no background");
+}
