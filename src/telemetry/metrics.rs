@@ -329,6 +329,7 @@ mod tests {
             "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"damaged\"} 1",
             "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"overrun\"} 0",
             "videofields_ingest_stage_seconds_bucket{camera=\"north\",stage=\"segment\",le=\"0.005\"} 1",
+            "videofields_ingest_stage_seconds_count{camera=\"north\",stage=\"background\"} 0",
             "videofields_api_requests_total{route=\"/api/v1/scenes/{id}\",status=\"200\"} 1",
         ] {
             assert!(text.lines().any(|told| told == line), "{line} is not in\n{text}");
