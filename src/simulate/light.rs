@@ -3,24 +3,9 @@
 //! Everything reflects evenly in all directions (Lambert), so a place has one colour from wherever it is seen; that
 //! makes the truth of any view comparable with a projection of any other. Owns the light; knows no materials.
 
+use super::effects::CastShadows;
 use crate::geometry::Surfaces;
 use glam::DVec3;
-
-/// Which cast shadows a world simulates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CastShadows {
-    /// None: surfaces are lit by their slope alone.
-    Off,
-    /// Boxes cast shadows on everything; figures cast none.
-    Boxes,
-}
-
-/// The effects that a world simulates beyond plain shading; each costs nothing where it is off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effects {
-    /// Shadows from the sun.
-    pub cast_shadows: CastShadows,
-}
 
 /// A sun and a sky; linear light, such that a white surface at 1 is as bright as a picture can show.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +18,8 @@ pub(super) struct Light {
     pub(super) sky: DVec3,
     /// What the ground adds on a surface that faces down.
     pub(super) bounce: DVec3,
-    pub(super) effects: Effects,
+    /// Shadows, if the world names them.
+    pub(super) cast_shadows: Option<CastShadows>,
 }
 
 /// Further than anything that could stand in the sun's way, metres.
@@ -51,10 +37,9 @@ impl Light {
             return ambient;
         }
         let start = place + normal * OFF_SURFACE_M;
-        let is_shaded = match self.effects.cast_shadows {
-            CastShadows::Off => false,
-            CastShadows::Boxes => surfaces.is_hidden(start, start + self.to_sun * SUN_DISTANCE_M),
-        };
+        let is_shaded = self
+            .cast_shadows
+            .is_some_and(|_settings| surfaces.is_hidden(start, start + self.to_sun * SUN_DISTANCE_M));
         if is_shaded { ambient } else { ambient + self.sun * slope }
     }
 }
@@ -71,18 +56,18 @@ mod tests {
             sun: DVec3::ONE,
             sky: DVec3::splat(0.2),
             bounce: DVec3::splat(0.1),
-            effects: Effects { cast_shadows },
+            cast_shadows,
         };
         let tower = OrientedBox::new(DVec3::new(0.0, 0.0, 4.0), DVec3::new(2.0, 2.0, 8.0), 0.0).unwrap();
         let surfaces = Surfaces { ground: Vec::new(), boxes: vec![tower] };
         let on = |shadows, place: DVec3, normal: DVec3| light(shadows).on(place, normal, &surfaces).x;
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
         // East of the tower, away from the sun in the west: its shadow reaches 1 + 8 * 0.6 / 0.8 = 7 m.
-        assert!(near(on(CastShadows::Boxes, DVec3::new(6.9, 0.0, 0.0), DVec3::Z), 0.2));
-        assert!(near(on(CastShadows::Boxes, DVec3::new(7.1, 0.0, 0.0), DVec3::Z), 1.0));
-        assert!(near(on(CastShadows::Off, DVec3::new(6.9, 0.0, 0.0), DVec3::Z), 1.0));
+        assert!(near(on(Some(CastShadows::STILL), DVec3::new(6.9, 0.0, 0.0), DVec3::Z), 0.2));
+        assert!(near(on(Some(CastShadows::STILL), DVec3::new(7.1, 0.0, 0.0), DVec3::Z), 1.0));
+        assert!(near(on(None, DVec3::new(6.9, 0.0, 0.0), DVec3::Z), 1.0));
         // The tower's own walls.
-        assert!(near(on(CastShadows::Boxes, DVec3::new(-1.0, 0.0, 3.0), -DVec3::X), 0.15 + 0.6));
-        assert!(near(on(CastShadows::Boxes, DVec3::new(1.0, 0.0, 3.0), DVec3::X), 0.15));
+        assert!(near(on(Some(CastShadows::STILL), DVec3::new(-1.0, 0.0, 3.0), -DVec3::X), 0.15 + 0.6));
+        assert!(near(on(Some(CastShadows::STILL), DVec3::new(1.0, 0.0, 3.0), DVec3::X), 0.15));
     }
 }

@@ -12,6 +12,7 @@
 
 mod cast;
 mod document;
+pub mod effects;
 mod figure;
 mod light;
 mod noise;
@@ -25,7 +26,7 @@ mod world;
 mod write;
 
 pub use cast::{Plate, Truth};
-pub use light::{CastShadows, Effects};
+pub use effects::{EffectKind, Effects, Entries};
 pub use seen::JudgedView;
 pub use world::{FigurePosition, World, pinhole};
 pub use write::{ExtraView, Parts, SimulateOptions, Written, run, write};
