@@ -122,7 +122,7 @@ mod tests {
         let entries = Entries::default();
         let data: Vec<u8> = (0..200_u32 * 100 * 3).map(|i| (i * 7 % 251) as u8).collect();
         let whole = RgbImage { width: 200, height: 100, data };
-        for (extent, low, high) in [(0.0001, 1, 600), (0.2, 2_000, 4_300), (1.0, 8_000, 20_000)] {
+        for (extent, low, high) in [(0.0001, 1, 600), (0.2, 2_000, 19 * 256), (1.0, 8_000, 20_000)] {
             let corrupt = Corrupt { extent, ..Corrupt::default() };
             let mut damaged = whole.clone();
             corrupt.damage_blocks(&mut damaged, Draw::of_camera(1, "a").at_frame(2), &entries.tally());

@@ -50,7 +50,7 @@ impl Streak {
         let low = self.from.min(self.to) - reach;
         let high = self.from.max(self.to) + reach;
         let is_outside = high.x < 0.0 || high.y < 0.0 || low.x >= width as f64 || low.y >= height as f64;
-        if is_outside || !low.is_finite() || !high.is_finite() {
+        if is_outside || !self.from.is_finite() || !self.to.is_finite() {
             return None;
         }
         Some([
