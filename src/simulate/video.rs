@@ -65,6 +65,31 @@ impl VideoWriter {
         rate_hz: f64,
         codec: &Codec,
     ) -> Result<Self, SimulateError> {
+        let sink = || {
+            let sink = element("filesink")?;
+            sink.set_property("location", path);
+            Ok(sink)
+        };
+        Self::create_into(sink, path, size_px, rate_hz, codec)
+    }
+
+    /// As [`Self::create`], but what comes out is thrown away.
+    pub(super) fn nowhere(size_px: (u32, u32), rate_hz: f64, codec: &Codec) -> Result<Self, SimulateError> {
+        let sink = || {
+            let sink = element("fakesink")?;
+            sink.set_property("sync", false);
+            Ok(sink)
+        };
+        Self::create_into(sink, Path::new("(nowhere)"), size_px, rate_hz, codec)
+    }
+
+    fn create_into(
+        sink: impl FnOnce() -> Result<gst::Element, SimulateError>,
+        path: &Path,
+        size_px: (u32, u32),
+        rate_hz: f64,
+        codec: &Codec,
+    ) -> Result<Self, SimulateError> {
         let fault = |what: String| SimulateError::Video { path: path.to_owned(), what };
         gst::init().map_err(|error| fault(error.to_string()))?;
         let rate = gst::Fraction::approximate_f64(rate_hz)
@@ -101,8 +126,7 @@ impl VideoWriter {
         encoder.set_property("threads", 1_i32);
         let muxer = element("webmmux")?;
         muxer.set_property("writing-app", "videofields");
-        let sink = element("filesink")?;
-        sink.set_property("location", path);
+        let sink = sink()?;
         let pipeline = gst::Pipeline::new();
         let elements = [source.upcast_ref(), &encoder, &muxer, &sink];
         pipeline.add_many(elements).map_err(|error| fault(error.to_string()))?;

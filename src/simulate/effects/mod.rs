@@ -226,6 +226,18 @@ impl EffectKind {
         self.id().replace('-', "_")
     }
 
+    /// Whether it makes the still world look different from frame to frame.
+    #[must_use]
+    pub const fn changes_the_still_world(self) -> bool {
+        matches!(self, Self::LightDrift | Self::LightSwitching | Self::FoliageMotion | Self::CameraShake)
+    }
+
+    /// The effect with this name, as its id or its key.
+    #[must_use]
+    pub fn with_id(id: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.id() == id || kind.key() == id)
+    }
+
     /// Where in the making of a frame it works.
     #[must_use]
     pub const fn stage(self) -> EffectStage {
@@ -377,11 +389,8 @@ impl Effects {
 
     /// Whether the still world looks different from frame to frame, so that it cannot be cast once for all.
     #[must_use]
-    pub const fn change_the_still_world(&self) -> bool {
-        self.light_drift.is_some()
-            || self.light_switching.is_some()
-            || self.foliage_motion.is_some()
-            || self.camera_shake.is_some()
+    pub fn change_the_still_world(&self) -> bool {
+        self.named().any(EffectKind::changes_the_still_world)
     }
 
     /// What the lights are multiplied by at `time_secs`.
