@@ -10,23 +10,31 @@
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
 //! `render`, so that the errors of one do not cancel in the other.
 
+mod bounds;
 mod cast;
 mod document;
 mod figure;
 mod light;
+mod moment;
 mod noise;
 mod paint;
 mod path;
 mod plaza;
 mod seen;
+mod shade;
 mod shape;
+mod solids;
+mod terrain;
 mod video;
 mod world;
 mod write;
 
-pub use cast::{Plate, Truth};
+pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use light::{CastShadows, Effects};
-pub use seen::JudgedView;
+pub use seen::{JudgedView, SolidShare};
+pub use shape::{Entry, Part, Shape};
+pub use solids::{SolidHit, SolidId, Solids};
+pub use terrain::Terrain;
 pub use world::{FigurePosition, World, pinhole};
 pub use write::{ExtraView, Parts, SimulateOptions, Written, run, write};
 

@@ -352,7 +352,7 @@ impl TruthWriter {
     }
 
     fn frame(&self, frame: u64, truth: &Truth) -> Result<(), SimulateError> {
-        let Truth { rgb, instance, depth_m } = truth;
+        let Truth { rgb, instance, depth_m, .. } = truth;
         let size = (rgb.width, rgb.height);
         save(&self.path("frame", frame), &rgb.data, size, image::ExtendedColorType::Rgb8)?;
         save(&self.path("instance", frame), &instance.data, size, image::ExtendedColorType::L8)?;
