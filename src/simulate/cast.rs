@@ -7,9 +7,9 @@
 //! judges.
 
 use super::SimulateError;
-use super::bounds::Bounds;
-use super::moment::{Actors, Moment, may_meet};
-use super::shade::{Scene, What};
+use super::effects::{Draw, Tally};
+use super::moment::{Moment, Moments, Shot, Shutter, may_meet};
+use super::shade::{Sample, Scene, What};
 use super::world::{World, srgb_code};
 use crate::frame::{Mask, RgbImage};
 use crate::geometry::{Camera, Ray};
@@ -115,7 +115,7 @@ pub(super) const fn check_samples(samples_per_side: u32) -> Result<(), SimulateE
 }
 
 impl World {
-    /// The picture that `camera` takes at `time_secs`, with `samples_per_side` squared samples a pixel.
+    /// The picture of a view at `time_secs`, with `samples_per_side` squared samples a pixel.
     ///
     /// # Errors
     /// When the time is not a finite number or there are not 1 to 16 samples a side.
@@ -125,8 +125,23 @@ impl World {
         time_secs: f64,
         samples_per_side: u32,
     ) -> Result<Truth, SimulateError> {
-        let plate = self.plate(camera, samples_per_side)?;
-        self.render_over(&plate, time_secs)
+        let shot = Shot { camera, device: None, time_secs };
+        self.cast(&shot, &CastOptions::new(samples_per_side))
+    }
+
+    /// The picture of a shot: what a camera of the world takes, effects of its motion and shutter included, or a
+    /// view.
+    ///
+    /// # Errors
+    /// When the time is not a finite number, there are not 1 to 16 samples a side, or the camera's shake takes it out
+    /// of the world (1e8 m).
+    pub fn cast(&self, shot: &Shot<'_>, options: &CastOptions<'_>) -> Result<Truth, SimulateError> {
+        check_samples(options.samples_per_side)?;
+        let moments = self.moments(shot)?;
+        let caster = Caster::new(self, &moments, self.shutter(shot), options.samples_per_side);
+        let mut truth = blank(shot.camera, options.layers);
+        caster.cast_where(&mut truth, options.progress, |_, _| true);
+        Ok(truth)
     }
 
     /// The still world as `camera` sees it.
@@ -145,33 +160,89 @@ impl World {
     /// When there are not 1 to 16 samples a side.
     pub fn plate_with(&self, camera: &Camera, options: &CastOptions<'_>) -> Result<Plate, SimulateError> {
         check_samples(options.samples_per_side)?;
-        let moment = Moment::bare();
-        let scene = Scene { world: self, moment: &moment };
-        let caster = Caster { scene, camera, samples_per_side: options.samples_per_side };
+        let moments = Moments::one(Moment::bare(camera));
+        let shot = Shot { camera, device: None, time_secs: 0.0 };
+        let caster = Caster::new(self, &moments, self.shutter(&shot), options.samples_per_side);
         let mut truth = blank(camera, options.layers);
-        caster.cast_where(&mut truth, options.progress, |_| true);
+        caster.cast_where(&mut truth, options.progress, |_, _| true);
         Ok(Plate { camera: camera.clone(), samples_per_side: options.samples_per_side, truth })
     }
 
-    /// The picture at `time_secs` of the camera that took `plate`, with the plate's layers.
-    ///
-    /// Equal to [`Self::render`] in every byte, at the cost of the pixels near figures alone.
+    /// The picture at `time_secs` of the view that took `plate`, with the plate's layers.
     ///
     /// # Errors
     /// When the time is not a finite number.
     pub fn render_over(&self, plate: &Plate, time_secs: f64) -> Result<Truth, SimulateError> {
-        let moment = Moment { actors: Actors::new(self.bodies(time_secs)?), ..Moment::bare() };
+        self.cast_over(plate, None, time_secs)
+    }
+
+    /// The picture at `time_secs` of the camera that took `plate`, with the plate's layers; `device` as in [`Shot`].
+    ///
+    /// Equal to [`Self::cast`] in every byte. **Cost** that of the pixels near what moves, where the world names
+    /// nothing that changes others ([`Self::plates_last`]); else that of the whole picture.
+    ///
+    /// # Errors
+    /// As [`Self::cast`].
+    pub fn cast_over(
+        &self,
+        plate: &Plate,
+        device: Option<&str>,
+        time_secs: f64,
+    ) -> Result<Truth, SimulateError> {
         let Plate { camera, samples_per_side, truth } = plate;
-        let scene = Scene { world: self, moment: &moment };
-        let caster = Caster { scene, camera, samples_per_side: *samples_per_side };
-        // A pixel's corner lies 0.71 pixels from its centre; a lens that spreads its pixels more than half as wide
-        // again would be no mild one.
-        let spread = 1.1 / camera.focal_px().min_element();
-        let bounds: Vec<Bounds> = moment.actors.bounds().collect();
+        let shot = Shot { camera, device, time_secs };
+        let moments = self.moments(&shot)?;
+        let caster = Caster::new(self, &moments, self.shutter(&shot), *samples_per_side);
         let mut truth = truth.clone();
-        caster.cast_where(&mut truth, None, |ray| bounds.iter().any(|bounds| may_meet(bounds, ray, spread)));
+        if self.plates_last(device.is_some()) {
+            let bounds = moments.actor_bounds();
+            let spread = pixel_spread(camera);
+            let may_move = |ray: &Ray| bounds.iter().any(|bounds| may_meet(bounds, ray, spread));
+            caster.cast_where(&mut truth, None, |x, y| {
+                center_ray(camera, x, y).is_some_and(|ray| may_move(&ray))
+            });
+        } else {
+            caster.cast_where(&mut truth, None, |_, _| true);
+        }
         Ok(truth)
     }
+
+    /// Whether the still world looks the same in all frames, so that a plate is cast once and a frame costs the
+    /// pixels near what moves: no effect changes its light, its crowns or the camera's pose, and nothing that moves
+    /// casts shadows or is mirrored.
+    #[must_use]
+    pub fn plates_last(&self, is_camera: bool) -> bool {
+        let effects = &self.effects;
+        let is_still = effects.light_drift.is_none()
+            && effects.light_switching.is_none()
+            && effects.foliage_motion.is_none()
+            && (effects.camera_shake.is_none() || !is_camera);
+        let is_alone =
+            effects.wet_ground.is_none() && effects.cast_shadows.is_none_or(|shadows| !shadows.actors_cast());
+        is_still && is_alone
+    }
+}
+
+/// How wide a cone around the ray through a pixel's centre holds all rays through the pixel, metres for each metre
+/// of distance: a corner lies 0.71 pixels from its centre, and a lens spreads no pixel half as wide again as the
+/// widest of those on a fine grid.
+fn pixel_spread(camera: &Camera) -> f64 {
+    const STEPS: u32 = 32;
+    let (width, height) = camera.size_px();
+    let direction = |x: f64, y: f64| {
+        camera.ray(DVec2::new(x / f64::from(width), y / f64::from(height))).map(|ray| ray.direction)
+    };
+    let mut widest = 0.0_f64;
+    for step in 0..=STEPS * STEPS {
+        let share = DVec2::new(f64::from(step % STEPS), f64::from(step / STEPS)) / f64::from(STEPS);
+        let at = share * DVec2::new(f64::from(width), f64::from(height));
+        if let (Some(here), Some(right), Some(below)) =
+            (direction(at.x, at.y), direction(at.x + 1.0, at.y), direction(at.x, at.y + 1.0))
+        {
+            widest = widest.max((right - here).length()).max((below - here).length());
+        }
+    }
+    1.1 * widest.max(1.0 / camera.focal_px().min_element())
 }
 
 /// A truth of which nothing is known.
@@ -219,26 +290,40 @@ fn rows(truth: &mut Truth) -> Vec<Row<'_>> {
 }
 
 struct Caster<'a> {
-    scene: Scene<'a>,
-    camera: &'a Camera,
+    world: &'a World,
+    moments: &'a Moments,
+    shutter: Shutter<'a>,
     samples_per_side: u32,
+    draw: Draw,
 }
 
-impl Caster<'_> {
-    /// Casts every pixel whose centre's ray `is_wanted`, row by row in parallel.
+impl<'a> Caster<'a> {
+    fn new(world: &'a World, moments: &'a Moments, shutter: Shutter<'a>, samples_per_side: u32) -> Self {
+        let draw = Draw::of_camera(world.effects.seed, "light");
+        Self { world, moments, shutter, samples_per_side, draw }
+    }
+
+    fn scene<'b>(&'b self, offset_secs: f64, tally: &'b Tally<'b>) -> Scene<'b> {
+        Scene { world: self.world, moment: self.moments.at(offset_secs), tally, draw: self.draw }
+    }
+
+    /// Casts every pixel that `is_wanted`, row by row in parallel.
     fn cast_where(
         &self,
         truth: &mut Truth,
         progress: Option<Progress<'_>>,
-        is_wanted: impl Fn(&Ray) -> bool + Sync,
+        is_wanted: impl Fn(usize, usize) -> bool + Sync,
     ) {
         let rows = rows(truth);
         let (n_rows, n_done) = (rows.len(), AtomicUsize::new(0));
         rows.into_par_iter().enumerate().for_each(|(y, mut row)| {
-            for x in 0..row.depth_m.len() {
-                if let Some(center) = center_ray(self.camera, x, y).filter(&is_wanted) {
-                    self.pixel(&mut row, x, y, &center);
-                }
+            let tally = self.world.entries.tally();
+            let row_secs = match (self.shutter.effects.rolling_shutter, self.shutter.draw) {
+                (Some(rolling), Some(_)) => rolling.offset_secs(y as u32, n_rows as u32, &tally),
+                _ => 0.0,
+            };
+            for x in (0..row.depth_m.len()).filter(|x| is_wanted(*x, y)) {
+                self.pixel(&mut row, x, y, row_secs, &tally);
             }
             if let Some(progress) = progress {
                 progress(n_done.fetch_add(1, Ordering::Relaxed) + 1, n_rows);
@@ -246,23 +331,17 @@ impl Caster<'_> {
         });
     }
 
-    fn pixel(&self, row: &mut Row<'_>, x: usize, y: usize, center: &Ray) {
-        let n = self.samples_per_side;
-        let width_for_a_metre = 1.0 / (self.camera.focal_px().max_element() * f64::from(n));
-        let mut sum = DVec3::ZERO;
-        for sample in 0..n * n {
-            let in_pixel = (DVec2::new(f64::from(sample % n), f64::from(sample / n)) + 0.5) / f64::from(n);
-            if let Some(ray) = ray(self.camera, x, y, in_pixel) {
-                sum += self.scene.light(&ray, width_for_a_metre);
-            }
-        }
-        let mean = sum / f64::from(n * n);
+    fn pixel(&self, row: &mut Row<'_>, x: usize, y: usize, row_secs: f64, tally: &Tally<'_>) {
+        let scene = self.scene(row_secs, tally);
+        let camera = &scene.moment.camera;
+        let Some(center) = center_ray(camera, x, y) else { return };
+        let mean = self.mean_light(x, y, row_secs, tally);
         row.rgb[x * 3..x * 3 + 3].copy_from_slice(&mean.to_array().map(srgb_code));
         if let Some(linear) = &mut row.linear {
             linear[x] = mean.as_vec3().to_array();
         }
-        let met = self.scene.meet(center);
-        let along_axis = center.direction.dot(self.camera.pose().forward_in_world());
+        let met = scene.meet(&center);
+        let along_axis = center.direction.dot(camera.pose().forward_in_world());
         row.depth_m[x] = met.map_or(0.0, |met| (met.distance_m * along_axis) as f32);
         row.instance[x] = met.map_or(0, |met| match met.what {
             What::Actor { instance, .. } => instance,
@@ -272,10 +351,31 @@ impl Caster<'_> {
             normals[x] = met.map_or([0.0; 3], |met| met.normal.as_vec3().to_array());
         }
         if let Some(shadow) = &mut row.shadow {
-            let is_shaded = met.is_some_and(|met| {
-                matches!(met.what, What::Solid(_)) && self.scene.is_in_shadow_of_actor(&met)
-            });
+            let is_shaded = met
+                .is_some_and(|met| matches!(met.what, What::Solid(_)) && scene.is_in_shadow_of_actor(&met));
             shadow[x] = if is_shaded { 255 } else { 0 };
         }
+    }
+
+    /// The mean of a pixel's samples; those to which the lens brings no light are black.
+    fn mean_light(&self, x: usize, y: usize, row_secs: f64, tally: &Tally<'_>) -> DVec3 {
+        let n = self.samples_per_side;
+        let mut scene = self.scene(row_secs, tally);
+        let (width, _) = scene.moment.camera.size_px();
+        let pixel = y as u64 * u64::from(width) + x as u64;
+        let width_for_a_metre = 1.0 / (scene.moment.camera.focal_px().max_element() * f64::from(n));
+        let mut sum = DVec3::ZERO;
+        for idx in 0..n * n {
+            if let (Some(blur), Some(draw)) = (self.shutter.effects.motion_blur, self.shutter.draw) {
+                let sample_secs = blur.offset_secs(draw, pixel, idx, n * n, tally);
+                scene = self.scene(row_secs + sample_secs, tally);
+            }
+            let in_pixel = (DVec2::new(f64::from(idx % n), f64::from(idx / n)) + 0.5) / f64::from(n);
+            if let Some(ray) = ray(&scene.moment.camera, x, y, in_pixel) {
+                let sample = Sample { width_for_a_metre, index: pixel * 256 + u64::from(idx) };
+                sum += scene.light(&ray, sample);
+            }
+        }
+        sum / f64::from(n * n)
     }
 }

@@ -4,23 +4,8 @@
 //! makes the truth of any view comparable with a projection of any other. Owns the sources of light; knows no
 //! materials, and asks its caller what stands in a source's way.
 
+use super::effects::LightGains;
 use glam::DVec3;
-
-/// Which cast shadows a world simulates.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CastShadows {
-    /// None: surfaces are lit by their slope alone.
-    Off,
-    /// Boxes cast shadows on everything; figures cast none.
-    Boxes,
-}
-
-/// The effects that a world simulates beyond plain shading; each costs nothing where it is off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Effects {
-    /// Shadows from the sun.
-    pub cast_shadows: CastShadows,
-}
 
 /// A sun, a sky and lamps; linear light, such that a white surface at 1 is as bright as a picture can show.
 #[derive(Clone, Debug)]
@@ -34,7 +19,6 @@ pub(super) struct Light {
     /// What the ground adds on a surface that faces down.
     pub(super) bounce: DVec3,
     pub(super) lamps: Vec<Lamp>,
-    pub(super) effects: Effects,
 }
 
 /// A lamp: a point that shines all ways, or a spot.
@@ -59,18 +43,22 @@ pub(super) struct Spot {
     pub(super) outer_rad: f64,
 }
 
-/// What the lights are multiplied by at an instant; ones where nothing changes them.
+/// Where light comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LightGains {
-    pub(super) sun: DVec3,
-    /// Of sky and bounce, and of the sky as it is seen.
-    pub(super) sky: DVec3,
-    pub(super) lamps: DVec3,
+pub(super) enum Source {
+    /// The sun, in this direction.
+    Sun(DVec3),
+    /// A lamp at this place.
+    Lamp(DVec3),
 }
 
-impl Default for LightGains {
-    fn default() -> Self {
-        Self { sun: DVec3::ONE, sky: DVec3::ONE, lamps: DVec3::ONE }
+impl Source {
+    /// A point behind which nothing hides the source, as seen from `start`.
+    pub(super) fn beyond(self, start: DVec3) -> DVec3 {
+        match self {
+            Self::Sun(direction) => start + direction * SUN_DISTANCE_M,
+            Self::Lamp(place) => place,
+        }
     }
 }
 
@@ -78,13 +66,11 @@ impl Default for LightGains {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Share {
     pub(super) light: DVec3,
-    /// Where the source is seen from the place: for the sun a point beyond everything.
-    pub(super) source: DVec3,
-    pub(super) is_sun: bool,
+    pub(super) source: Source,
 }
 
 /// Further than anything that could stand in the sun's way, metres.
-pub(super) const SUN_DISTANCE_M: f64 = 1e4;
+const SUN_DISTANCE_M: f64 = 1e4;
 /// How far off its surface a place is lit, so that it does not shade itself, metres.
 const OFF_SURFACE_M: f64 = 1e-3;
 /// A source that adds less is left out: a seventh of the first code of an 8-bit picture.
@@ -131,32 +117,27 @@ impl Light {
         gains: &LightGains,
     ) -> impl Iterator<Item = Share> {
         let slope = normal.dot(self.to_sun);
-        let sun = (slope > 0.0).then(|| Share {
-            light: self.sun * gains.sun * slope,
-            source: off_surface(place, normal) + self.to_sun * SUN_DISTANCE_M,
-            is_sun: true,
-        });
+        let sun = (slope > 0.0)
+            .then(|| Share { light: self.sun * gains.sun * slope, source: Source::Sun(self.to_sun) });
         let lamps = self.lamps.iter().map(move |lamp| Share {
             light: lamp.on(place, normal) * gains.lamps,
-            source: lamp.place,
-            is_sun: false,
+            source: Source::Lamp(lamp.place),
         });
         sun.into_iter().chain(lamps).filter(|share| share.light.max_element() > DARKEST)
     }
 
-    /// The light that a place with this normal reflects if it is white. `seen` gives how much of a source is seen
-    /// from a point, 0 to 1.
+    /// The light that a place with this normal reflects if it is white. `is_seen` says whether a source is
+    /// seen from a point.
     pub(super) fn on(
         &self,
         place: DVec3,
         normal: DVec3,
         gains: &LightGains,
-        seen: impl Fn(DVec3, &Share) -> f64,
+        is_seen: impl Fn(DVec3, Source) -> bool,
     ) -> DVec3 {
         let start = off_surface(place, normal);
-        let lit = |light: DVec3, share: Share| match seen(start, &share) {
-            0.0 => light,
-            seen => light + share.light * seen,
+        let lit = |light: DVec3, share: Share| {
+            if is_seen(start, share.source) { light + share.light } else { light }
         };
         self.shares(place, normal, gains).fold(self.ambient(normal, gains), lit)
     }
@@ -174,7 +155,6 @@ mod tests {
             sky: DVec3::splat(0.2),
             bounce: DVec3::splat(0.1),
             lamps,
-            effects: Effects { cast_shadows: CastShadows::Boxes },
         }
     }
 
@@ -186,21 +166,21 @@ mod tests {
     fn the_sun_lights_what_faces_it_by_its_slope_and_what_is_seen_of_it() {
         let light = light(Vec::new());
         let on =
-            |normal: DVec3, seen: f64| light.on(DVec3::ZERO, normal, &LightGains::default(), |_, _| seen).x;
-        assert!(near(on(DVec3::Z, 1.0), 0.2 + 0.8));
-        assert!(near(on(DVec3::Z, 0.25), 0.2 + 0.2));
-        assert!(near(on(DVec3::Z, 0.0), 0.2));
-        assert!(near(on(-DVec3::X, 1.0), 0.15 + 0.6));
-        assert!(near(on(DVec3::X, 1.0), 0.15));
+            |normal: DVec3, seen: bool| light.on(DVec3::ZERO, normal, &LightGains::default(), |_, _| seen).x;
+        assert!(near(on(DVec3::Z, true), 0.2 + 0.8));
+        assert!(near(on(DVec3::Z, false), 0.2));
+        assert!(near(on(-DVec3::X, true), 0.15 + 0.6));
+        assert!(near(on(DVec3::X, true), 0.15));
         let dim = LightGains { sun: DVec3::splat(0.5), sky: DVec3::splat(2.0), ..LightGains::default() };
-        assert!(near(light.on(DVec3::ZERO, DVec3::Z, &dim, |_, _| 1.0).x, 0.4 + 0.4));
+        assert!(near(light.on(DVec3::ZERO, DVec3::Z, &dim, |_, _| true).x, 0.4 + 0.4));
     }
 
     #[test]
     fn a_lamp_falls_off_with_the_square_of_its_distance() {
         let lamp = Lamp { place: DVec3::new(0.0, 0.0, 3.0), color: DVec3::new(9.0, 4.5, 0.9), spot: None };
         let light = Light { sun: DVec3::ZERO, sky: DVec3::ZERO, ..light(vec![lamp]) };
-        let on = |place: DVec3, normal: DVec3, gains: &LightGains| light.on(place, normal, gains, |_, _| 1.0);
+        let on =
+            |place: DVec3, normal: DVec3, gains: &LightGains| light.on(place, normal, gains, |_, _| true);
         let full = LightGains::default();
         assert!((on(DVec3::ZERO, DVec3::Z, &full) - DVec3::new(1.0, 0.5, 0.1)).length() < 1e-12);
         // 5 m away, the slope is 3/5.

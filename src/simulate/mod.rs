@@ -13,6 +13,7 @@
 mod bounds;
 mod cast;
 mod document;
+pub mod effects;
 mod figure;
 mod light;
 mod moment;
@@ -30,7 +31,8 @@ mod world;
 mod write;
 
 pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
-pub use light::{CastShadows, Effects};
+pub use effects::{EffectKind, Effects, Entries};
+pub use moment::Shot;
 pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};

@@ -3,14 +3,16 @@
 //! Owns the numbers of this world and nothing else. All figures walk one lap in the world's period, so a clip of
 //! that length loops without a seam.
 
+use super::effects::{CastShadows, Effects, Entries};
 use super::figure::{Clothes, Figure};
-use super::light::{CastShadows, Effects, Light};
+use super::light::Light;
 use super::paint::{Bed, BoxPaint, Facade, GroundPaint, Meadow, Paving, srgb};
 use super::path::ClosedPath;
 use super::solids::Solids;
 use super::world::{World, WorldCamera, WorldView};
 use crate::geometry::{Distortion, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
 use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
 const PERIOD_SECS: f64 = 24.0;
 const SKY_SRGB: [u8; 3] = [0x9c, 0xc4, 0xe6];
@@ -35,6 +37,8 @@ impl World {
             box_yaws_deg: Vec::new(),
             figures: figures(),
             light: light(),
+            effects: Effects { cast_shadows: Some(CastShadows::STILL), ..Effects::default() },
+            entries: Arc::new(Entries::default()),
             sky_srgb: SKY_SRGB,
             sky: srgb(u32::from_be_bytes([0, SKY_SRGB[0], SKY_SRGB[1], SKY_SRGB[2]])),
             cameras: cameras(),
@@ -58,7 +62,6 @@ fn light() -> Light {
         sky: DVec3::new(0.30, 0.35, 0.43),
         bounce: DVec3::new(0.19, 0.175, 0.15),
         lamps: Vec::new(),
-        effects: Effects { cast_shadows: CastShadows::Boxes },
     }
 }
 

@@ -3,7 +3,8 @@
 //! Joins what stands (`Solids`), what moves (`Moment`), what it is painted with and what shines on it (`Light`).
 //! Knows nothing of pictures and pixels.
 
-use super::light::{CastShadows, Share, off_surface};
+use super::effects::{Draw, EffectKind, LightGains, Tally, WetGround};
+use super::light::{Share, Source, off_surface};
 use super::moment::Moment;
 use super::noise::noise;
 use super::paint::WallPoint;
@@ -39,6 +40,20 @@ const SHADOW_SHARE: f64 = 0.05;
 pub(super) struct Scene<'a> {
     pub(super) world: &'a World,
     pub(super) moment: &'a Moment,
+    /// Where effects note their entries.
+    pub(super) tally: &'a Tally<'a>,
+    /// What the places on the sun's disc and the ripples of puddles are drawn from. It knows no time, so that what
+    /// stands still looks the same in every frame.
+    pub(super) draw: Draw,
+}
+
+/// One sample of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sample {
+    /// How much it widens for each metre of its way.
+    pub(super) width_for_a_metre: f64,
+    /// Its number, which no other sample of the picture has.
+    pub(super) index: u64,
 }
 
 impl Scene<'_> {
@@ -63,46 +78,85 @@ impl Scene<'_> {
         })
     }
 
-    /// The light that comes along the ray, for a sample that widens by `width_for_a_metre`.
-    pub(super) fn light(&self, ray: &Ray, width_for_a_metre: f64) -> DVec3 {
-        let Some(met) = self.meet(ray) else { return self.world.sky * self.moment.gains.sky };
-        self.color(&met, ray, width_for_a_metre) * self.falling(met.place, met.normal)
-    }
-
-    fn color(&self, met: &Met, ray: &Ray, width_for_a_metre: f64) -> DVec3 {
-        match &met.what {
-            What::Actor { color, .. } => *color,
-            What::Solid(hit) => {
-                let cosine = ray.direction.dot(met.normal).abs();
-                self.world.albedo(hit, footprint_m(width_for_a_metre * met.distance_m, cosine))
-            }
+    /// The light that comes along the ray.
+    pub(super) fn light(&self, ray: &Ray, sample: Sample) -> DVec3 {
+        let Some(met) = self.meet(ray) else { return self.sky() };
+        let dry = self.plain(&met, ray, sample, 0.0);
+        match (&self.world.effects.wet_ground, met.what) {
+            (Some(wet), What::Solid(hit)) if is_level_ground(&hit) => self.wet(wet, dry, &met, ray, sample),
+            _ => dry,
         }
     }
 
+    fn sky(&self) -> DVec3 {
+        self.world.sky * self.moment.gains.sky
+    }
+
+    /// The light that what is met scatters; `before_m` is how far the sample had come to where its ray starts.
+    fn plain(&self, met: &Met, ray: &Ray, sample: Sample, before_m: f64) -> DVec3 {
+        let color = match &met.what {
+            What::Actor { color, .. } => *color,
+            What::Solid(hit) => {
+                let cosine = ray.direction.dot(met.normal).abs();
+                let width_m = sample.width_for_a_metre * (before_m + met.distance_m);
+                self.world.albedo(hit, footprint_m(width_m, cosine))
+            }
+        };
+        color * self.falling(met.place, met.normal, sample.index)
+    }
+
+    /// The light of wet ground that would scatter `dry` if it were not: darker, and with what one mirrored ray sees.
+    fn wet(&self, wet: &WetGround, dry: DVec3, met: &Met, ray: &Ray, sample: Sample) -> DVec3 {
+        let cosine = -ray.direction.dot(met.normal);
+        let wetness = wet.at(met.place.truncate(), cosine, self.tally);
+        let scattered = dry * (wetness.albedo_gain * (1.0 - wetness.mirrored));
+        let direction = wet.mirrored(ray.direction, met.normal, self.draw, sample.index, self.tally);
+        let mirrored = Ray { origin: off_surface(met.place, met.normal), direction };
+        let seen = self
+            .meet(&mirrored)
+            .map_or_else(|| self.sky(), |seen| self.plain(&seen, &mirrored, sample, met.distance_m));
+        scattered + seen * wetness.mirrored
+    }
+
     /// Whether what moves, and nothing that stands, keeps the light of a source from a place: the sun's, or a lamp's,
-    /// that would add at least 5 % of what falls there.
+    /// that would add at least 5 % of what falls there. Never where nothing that moves casts shadows.
     pub(super) fn is_in_shadow_of_actor(&self, met: &Met) -> bool {
+        if !self.world.effects.cast_shadows.is_some_and(|shadows| shadows.actors_cast()) {
+            return false;
+        }
         let start = off_surface(met.place, met.normal);
-        let world = self.world;
-        let shares: Vec<Share> = world.light.shares(met.place, met.normal, &self.moment.gains).collect();
-        let all = shares.iter().map(|share| share.light).sum::<DVec3>()
-            + world.light.ambient(met.normal, &self.moment.gains);
+        let (light, gains) = (&self.world.light, &self.moment.gains);
+        let shares: Vec<Share> = light.shares(met.place, met.normal, gains).collect();
+        let all = shares.iter().map(|share| share.light).sum::<DVec3>() + light.ambient(met.normal, gains);
         shares.iter().any(|share| {
+            let end = share.source.beyond(start);
             share.light.element_sum() >= SHADOW_SHARE * all.element_sum()
-                && self.moment.actors.hide(start, share.source)
-                && !world.solids.is_hidden_with(self.crowns(), start, share.source)
+                && self.moment.actors.hide(start, end)
+                && !self.world.solids.is_hidden_with(self.crowns(), start, end)
         })
     }
 
-    fn falling(&self, place: DVec3, normal: DVec3) -> DVec3 {
-        let seen = |start: DVec3, share: &Share| match self.world.light.effects.cast_shadows {
-            CastShadows::Off => 1.0,
-            CastShadows::Boxes => {
-                f64::from(!self.world.solids.is_hidden_with(self.crowns(), start, share.source))
-            }
+    fn falling(&self, place: DVec3, normal: DVec3, index: u64) -> DVec3 {
+        let is_seen = |start: DVec3, source: Source| {
+            let Some(shadows) = &self.world.effects.cast_shadows else { return true };
+            let source = match source {
+                Source::Sun(to_sun) => {
+                    let draw = self.draw.of_effect(EffectKind::CastShadows);
+                    Source::Sun(shadows.towards_sun(to_sun, draw, index, self.tally))
+                }
+                lamp @ Source::Lamp(_) => lamp,
+            };
+            let end = source.beyond(start);
+            !self.world.solids.is_hidden_with(self.crowns(), start, end)
+                && !(shadows.actors_cast() && self.moment.actors.hide(start, end))
         };
-        self.world.light.on(place, normal, &self.moment.gains, seen)
+        self.world.light.on(place, normal, &self.moment.gains, is_seen)
     }
+}
+
+/// Whether water could stand there: ground that slopes less than 1 in 4.
+fn is_level_ground(hit: &SolidHit) -> bool {
+    matches!(hit.solid, SolidId::Ground(_) | SolidId::Terrain) && hit.normal.z > 0.97
 }
 
 /// How wide a sample is on a surface: across the ray as given, along the surface stretched by 1/cos; the mean of both.
@@ -162,8 +216,13 @@ impl World {
     /// looks.
     pub(super) fn mean_srgb(&self, surface: SurfaceId) -> [u8; 3] {
         const STEPS: u32 = 48;
-        let moment = Moment::bare();
-        let scene = Scene { world: self, moment: &moment };
+        let gains = LightGains::default();
+        let falling = |place: DVec3, normal: DVec3| {
+            let is_seen = |start: DVec3, source: Source| {
+                self.effects.cast_shadows.is_none() || !self.solids.is_hidden(start, source.beyond(start))
+            };
+            self.light.on(place, normal, &gains, is_seen)
+        };
         let share = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
         let mut add = |point: DVec3, normal: DVec3, face: Face| {
@@ -172,7 +231,7 @@ impl World {
                 SurfaceId::Box(idx) => SolidId::Box(idx),
             };
             let hit = SolidHit { distance_m: 1.0, point, normal, face, solid };
-            sum += self.albedo(&hit, footprint_m(0.05, 1.0)) * scene.falling(point, normal);
+            sum += self.albedo(&hit, footprint_m(0.05, 1.0)) * falling(point, normal);
             count += 1.0;
         };
         match surface {

@@ -57,20 +57,26 @@ pub struct Solids {
 #[derive(Clone, Debug)]
 pub(super) struct Crowns {
     parts: Vec<Part>,
+    /// Of their middles above the ground below them.
+    heights_m: Vec<f64>,
     tree: BoundsTree,
 }
 
 impl Crowns {
-    fn new(parts: Vec<Part>, quality: Quality) -> Self {
+    fn new(parts: Vec<Part>, heights_m: Vec<f64>, quality: Quality) -> Self {
         let bounds: Vec<Bounds> = parts.iter().map(|part| part.shape.bounds()).collect();
-        Self { tree: BoundsTree::new(&bounds, quality), parts }
+        Self { tree: BoundsTree::new(&bounds, quality), parts, heights_m }
     }
 
-    /// The crowns, each moved by what `offset` gives for its index, metres.
-    pub(super) fn swayed(&self, offset: impl Fn(usize) -> DVec3) -> Self {
-        let parts = self.parts.iter().enumerate();
-        let moved = parts.map(|(idx, part)| Part { shape: part.shape.moved(offset(idx)), ..*part });
-        Self::new(moved.collect(), Quality::Passing)
+    /// The crowns, each moved by what `offset` gives for its index and the height of its middle above the ground
+    /// below it, metres.
+    pub(super) fn swayed(&self, offset: impl Fn(u64, f64) -> DVec3) -> Self {
+        let crowns = (0..).zip(self.parts.iter().zip(&self.heights_m));
+        let moved = crowns.map(|(idx, (part, height_m))| {
+            let shape = part.shape.moved(offset(idx, *height_m));
+            Part { shape, ..*part }
+        });
+        Self::new(moved.collect(), self.heights_m.clone(), Quality::Passing)
     }
 }
 
@@ -109,7 +115,24 @@ impl Solids {
         }
         bounds.extend(posts.iter().map(|post| post.shape.bounds()));
         let tree = BoundsTree::new(&bounds, Quality::Lasting);
-        Self { surfaces, terrain, posts, crowns: Crowns::new(crowns, Quality::Lasting), tree }
+        let no_crowns = Crowns::new(Vec::new(), Vec::new(), Quality::Lasting);
+        let mut solids = Self { surfaces, terrain, posts, crowns: no_crowns, tree };
+        let heights_m = crowns.iter().map(|crown| solids.height_over_ground(crown)).collect();
+        solids.crowns = Crowns::new(crowns, heights_m, Quality::Lasting);
+        solids
+    }
+
+    /// How high the middle of a crown stands above what is below it; above z = 0 where nothing is.
+    fn height_over_ground(&self, crown: &Part) -> f64 {
+        let (low, high) = crown.shape.bounds();
+        let middle = (low + high) * 0.5;
+        let down = Ray { origin: middle, direction: -DVec3::Z };
+        let is_ground = |(distance, (_, _, solid)): Met| {
+            matches!(solid, SolidId::Ground(_) | SolidId::Terrain).then_some((distance, ()))
+        };
+        self.tree
+            .nearest(&down, |idx| is_ground(self.meet(idx, &down)?))
+            .map_or(middle.z, |(distance, ())| distance)
     }
 
     /// Ground polygons and boxes.
@@ -405,8 +428,11 @@ mod tests {
     fn swayed_crowns_are_met_where_they_sway() {
         let solids = town(DVec3::ZERO, 0);
         let by = DVec3::new(0.4, -0.3, 0.1);
-        let swayed = solids.crowns().swayed(|_| by);
-        let still = solids.crowns().swayed(|_| DVec3::ZERO);
+        let swayed = solids.crowns().swayed(|_, _| by);
+        let still = solids.crowns().swayed(|_, height| {
+            assert!((4.9..5.1).contains(&height), "{height}");
+            DVec3::ZERO
+        });
         let mut n_crowns = 0;
         for i in 0..5000 {
             let place = DVec3::new(hash01(i, 0, 4) * 60.0 - 30.0, hash01(i, 1, 4) * 60.0 - 30.0, 30.0);

@@ -4,13 +4,15 @@
 //! own (`plaza`); what a place looks like is `shade`'s, pictures are `cast`'s.
 
 use super::SimulateError;
+use super::effects::{Effects, Entries};
 use super::figure::{Body, Figure};
-use super::light::{Effects, Light};
+use super::light::Light;
 use super::paint::{BoxPaint, GroundPaint};
 use super::solids::Solids;
 use crate::frame::srgb_from_linear;
 use crate::geometry::{Camera, Distortion, Pose, Surfaces};
 use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
 /// A world with exact truth about everything in it.
 #[derive(Clone, Debug)]
@@ -32,6 +34,9 @@ pub struct World {
     pub(super) box_yaws_deg: Vec<f64>,
     pub(super) figures: Vec<Figure>,
     pub(super) light: Light,
+    pub(super) effects: Effects,
+    /// How often the effects' code was entered for this world and its clones.
+    pub(super) entries: Arc<Entries>,
     pub(super) sky_srgb: [u8; 3],
     pub(super) sky: DVec3,
     pub(super) cameras: Vec<WorldCamera>,
@@ -115,8 +120,14 @@ impl World {
 
     /// Which effects beyond plain shading the world simulates.
     #[must_use]
-    pub const fn effects(&self) -> Effects {
-        self.light.effects
+    pub const fn effects(&self) -> &Effects {
+        &self.effects
+    }
+
+    /// How often the effects' code was entered for this world and its clones.
+    #[must_use]
+    pub fn entries(&self) -> &Entries {
+        &self.entries
     }
 
     /// Colour of the sky, 8-bit sRGB.
