@@ -133,7 +133,7 @@ pub fn explain(
             progress(round * variants.len() + i + 1, n_steps);
         }
     }
-    let still_world = StillWorld { cost_ms: meter.still_ms(world)?, ..still_world(world.effects()) };
+    let still_world = StillWorld { cost_ms: meter.still_ms(world)?, ..still_world(world) };
     let lens_distortion = meter.lens(world, &cameras)?;
     progress(n_steps, n_steps);
     let settings = serde_json::to_value(world.effects())?;
@@ -162,16 +162,20 @@ pub fn explain(
     })
 }
 
-/// How often these effects let the still world be cast, and why; not what it costs.
-fn still_world(effects: &Effects) -> StillWorld {
-    let changing: Vec<&str> =
-        effects.named().filter(|kind| kind.changes_the_still_world()).map(EffectKind::id).collect();
-    let reason = if changing.is_empty() {
-        "nothing named changes it between frames".to_owned()
-    } else {
-        format!("{} changes it between frames", changing.join(", "))
+/// How often a world's effects let its still part be cast, and why; not what it costs.
+fn still_world(world: &World) -> StillWorld {
+    let changes_it = |kind: &EffectKind| {
+        let others = EffectKind::ALL.into_iter().filter(|other| other != kind);
+        let alone = others.fold(world.effects().clone(), Effects::without);
+        !world.with_effects(alone).plates_last(true)
     };
-    StillWorld { is_cast_once: changing.is_empty(), reason, cost_ms: 0.0 }
+    let changing: Vec<&str> = world.effects().named().filter(changes_it).map(EffectKind::id).collect();
+    let reason = match &changing[..] {
+        [] => "nothing named changes it between frames".to_owned(),
+        [one] => format!("{one} changes it between frames"),
+        many => format!("{} change it between frames", many.join(", ")),
+    };
+    StillWorld { is_cast_once: world.plates_last(true), reason, cost_ms: 0.0 }
 }
 
 /// Measures frames of one camera.
@@ -187,7 +191,7 @@ impl Meter<'_> {
     fn frame_ms(&mut self, world: &World) -> Result<f64, SimulateError> {
         let ExplainOptions { size_px, samples_per_side, rate_hz, n_frames, .. } = *self.options;
         let (effects, entries) = (world.effects(), world.entries());
-        let mut station = Station::new(world, self.id, self.camera, samples_per_side, rate_hz)?;
+        let mut station = Station::new(world, self.id, self.camera, samples_per_side, rate_hz, false)?;
         let draw = Draw::of_camera(effects.seed, self.id);
         let mut video = VideoWriter::nowhere(size_px, rate_hz, &Codec::of(effects, entries))?;
         let start = self.clock.monotonic();
@@ -201,7 +205,12 @@ impl Meter<'_> {
                     .has(Fate::Corrupted)
                     .then(|| damaged(effects, draw, frame, shot.picture(), entries))
                     .flatten();
-                video.push(broken.as_ref().unwrap_or_else(|| shot.picture()), clip_secs, 0.5 / rate_hz, None)?;
+                video.push(
+                    broken.as_ref().unwrap_or_else(|| shot.picture()),
+                    clip_secs,
+                    0.5 / rate_hz,
+                    None,
+                )?;
             }
         }
         video.finish()?;
@@ -224,11 +233,7 @@ impl Meter<'_> {
     }
 
     /// Which lenses distort, and what one of them costs.
-    fn lens(
-        &self,
-        world: &World,
-        cameras: &[(impl ToString, Camera)],
-    ) -> Result<LensLine, SimulateError> {
+    fn lens(&self, world: &World, cameras: &[(impl ToString, Camera)]) -> Result<LensLine, SimulateError> {
         let distorting: Vec<&(_, Camera)> =
             cameras.iter().filter(|(_, camera)| !matches!(camera.distortion(), Distortion::None)).collect();
         let cost_ms = match distorting.first() {
@@ -283,9 +288,10 @@ mod tests {
     #[test]
     fn what_changes_the_still_world_is_named() {
         let noisy = Effects { noise: Some(Noise::default()), ..Effects::default() };
-        assert!(still_world(&noisy).is_cast_once);
-        let told = still_world(&noisy.with(EffectKind::LightDrift).with(EffectKind::CameraShake));
+        let of = |effects| still_world(&World::plaza().with_effects(effects));
+        assert!(of(noisy.clone()).is_cast_once);
+        let told = of(noisy.with(EffectKind::LightDrift).with(EffectKind::CameraShake));
         assert!(!told.is_cast_once);
-        assert_eq!(told.reason, "light-drift, camera-shake changes it between frames");
+        assert_eq!(told.reason, "light-drift, camera-shake change it between frames");
     }
 }

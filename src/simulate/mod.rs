@@ -10,6 +10,7 @@
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
 //! `render`, so that the errors of one do not cancel in the other.
 
+mod bounds;
 mod cast;
 mod delivery;
 mod document;
@@ -17,24 +18,32 @@ pub mod effects;
 mod explain;
 mod figure;
 mod light;
+mod moment;
 mod noise;
 mod paint;
 mod path;
 mod plaza;
 mod seen;
 mod sensor;
+mod shade;
 mod shape;
+mod solids;
 mod station;
+mod terrain;
 mod truth;
 mod video;
 mod world;
 mod write;
 
-pub use cast::{Plate, Truth};
+pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};
 pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
-pub use seen::JudgedView;
+pub use moment::Shot;
+pub use seen::{JudgedView, SolidShare};
+pub use shape::{Entry, Part, Shape};
+pub use solids::{SolidHit, SolidId, Solids};
+pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{FigurePosition, World, pinhole};
 pub use write::{ExtraView, Parts, SimulateOptions, Step, Written, run, write, write_with};

@@ -8,6 +8,7 @@ use super::figure::{Clothes, Figure};
 use super::light::Light;
 use super::paint::{Bed, BoxPaint, Facade, GroundPaint, Meadow, Paving, srgb};
 use super::path::ClosedPath;
+use super::solids::Solids;
 use super::world::{World, WorldCamera, WorldView};
 use crate::geometry::{Distortion, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
 use glam::{DVec2, DVec3};
@@ -28,8 +29,9 @@ impl World {
             id: "plaza",
             name: "Plaza",
             period_secs: PERIOD_SECS,
-            surfaces,
+            solids: Solids::new(surfaces, None),
             ground_paints: ground_paints(),
+            terrain_paint: None,
             box_paints: Vec::new(),
             box_ids: Vec::new(),
             box_yaws_deg: Vec::new(),
@@ -59,7 +61,7 @@ fn light() -> Light {
         sun: DVec3::new(1.00, 0.95, 0.86) * 0.95,
         sky: DVec3::new(0.30, 0.35, 0.43),
         bounce: DVec3::new(0.19, 0.175, 0.15),
-        cast_shadows: Some(CastShadows::STILL),
+        lamps: Vec::new(),
     }
 }
 

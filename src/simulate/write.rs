@@ -258,7 +258,14 @@ impl Job<'_> {
         let clip = options.out_dir.join("clips").join(format!("{id}.webm"));
         let codec = Codec::of(effects, entries);
         let mut video = VideoWriter::create(&clip, options.size_px, options.rate_hz, &codec)?;
-        let mut station = Station::new(world, id, camera, options.samples_per_side, options.rate_hz)?;
+        let mut station = Station::new(
+            world,
+            id,
+            camera,
+            options.samples_per_side,
+            options.rate_hz,
+            !self.wanted.is_empty(),
+        )?;
         let truth = self.camera_truth(id, &station, &arrivals, all)?;
         let mut seen_figures = match &truth {
             Some(truth) => Some(JsonLines::create(truth.folder.join("visible.jsonl"))?),

@@ -226,12 +226,6 @@ impl EffectKind {
         self.id().replace('-', "_")
     }
 
-    /// Whether it makes the still world look different from frame to frame.
-    #[must_use]
-    pub const fn changes_the_still_world(self) -> bool {
-        matches!(self, Self::LightDrift | Self::LightSwitching | Self::FoliageMotion | Self::CameraShake)
-    }
-
     /// The effect with this name, as its id or its key.
     #[must_use]
     pub fn with_id(id: &str) -> Option<Self> {
@@ -385,12 +379,6 @@ impl Effects {
     /// The named effects, in the order in which they work.
     pub fn named(&self) -> impl Iterator<Item = EffectKind> + '_ {
         EffectKind::ALL.into_iter().filter(|kind| self.names(*kind))
-    }
-
-    /// Whether the still world looks different from frame to frame, so that it cannot be cast once for all.
-    #[must_use]
-    pub fn change_the_still_world(&self) -> bool {
-        self.named().any(EffectKind::changes_the_still_world)
     }
 
     /// What the lights are multiplied by at `time_secs`.
