@@ -58,7 +58,7 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
-    api::serve(listener, api::router(engine.handle(), clock), stopped).await;
+    api::serve(listener, api::router(engine.handle(), clock, &settings.server.hosts), stopped).await;
     // Joining threads blocks; nothing else is left to do for this one.
     tokio::task::block_in_place(|| engine.stop());
     store.close().await?;

@@ -93,7 +93,7 @@ impl FrameConsumer for CameraConsumer {
 
     fn finish(&mut self) {
         if self.is_prepared {
-            self.checkpoints.write(&self.pipeline);
+            self.checkpoints.write_finally(&self.pipeline);
         }
     }
 }

@@ -38,6 +38,10 @@ use tokio::runtime::Handle as Runtime;
 /// the 3 s in which the daemon must be gone.
 const FINISH_TIME: Duration = Duration::from_millis(500);
 
+/// Time that cameras are given to write their backgrounds when the engine stops. A thread that hangs longer hangs in a
+/// call to the system that nothing ends, such as to a file server that is gone.
+const CAMERA_FINISH_TIME: Duration = Duration::from_millis(2_000);
+
 /// Why the engine did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
@@ -80,7 +84,7 @@ impl Engine {
         let runtime = Runtime::current();
         let roots = MediaRoots::new(&settings.media.roots)?;
         // One zero for all cameras that name no start, so that clips which belong together stay together.
-        let origin = clock.now();
+        let start = (clock.now(), clock.monotonic());
         let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
         let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
             .unwrap_or(Duration::from_secs(60));
@@ -88,12 +92,14 @@ impl Engine {
         let store_health = Arc::new(StoreHealth::default());
         let mut workers = Vec::new();
         let mut cameras = Vec::new();
-        for camera in &settings.camera {
+        let n_cameras = settings.camera.len() as u32;
+        for (camera, place) in settings.camera.iter().zip(0..) {
             metrics.announce_camera(camera.id.as_str());
             let timeline = Arc::new(Timeline::new(capacity_bytes));
             let checkpoints = Checkpoints::new(
                 camera,
-                interval,
+                // One after the other over the interval, not all at once: they share one database.
+                (interval, interval * place / n_cameras),
                 store.clone(),
                 runtime.clone(),
                 Arc::clone(&store_health),
@@ -114,7 +120,7 @@ impl Engine {
                 camera.source.clone(),
                 roots.clone(),
                 Arc::clone(&clock),
-                origin,
+                start,
                 Box::new(consumer),
             )?;
             cameras.push(entry(camera, timeline, &worker));
@@ -163,10 +169,19 @@ impl Engine {
         // All are told before any is waited for.
         self.request_stop();
         self.shared.close_queue();
-        for worker in self.workers {
-            worker.stop();
-        }
         let clock = &self.shared.clock;
+        let until = clock.monotonic().saturating_add(CAMERA_FINISH_TIME);
+        for worker in self.workers {
+            while !worker.is_finished() && clock.monotonic() < until {
+                clock.sleep(Duration::from_millis(5));
+            }
+            if worker.is_finished() {
+                worker.stop();
+            } else {
+                tracing::error!(camera = %worker.id(), "a camera's thread does not end and is left");
+                worker.abandon();
+            }
+        }
         let until = clock.monotonic().saturating_add(FINISH_TIME);
         for (name, thread) in self.threads {
             while !thread.is_finished() && clock.monotonic() < until {

@@ -323,7 +323,7 @@ fn pictures_are_drawn_and_shared(bench: &Bench) {
     check(request("street", At::Live), ErrorKind::NotFound, "street");
     check(request("yard", at(-1)), ErrorKind::NotFound, "1970-01-01T00:00:00Z");
     check(ViewRequest { width_px: 0, ..good() }, ErrorKind::Invalid, "width");
-    check(ViewRequest { height_px: u32::MAX, ..good() }, ErrorKind::Invalid, "height");
+    check(ViewRequest { height_px: u32::MAX, ..good() }, ErrorKind::TooLarge, "height");
     check(ViewRequest { eye: good().target, ..good() }, ErrorKind::Invalid, "target");
     check(ViewRequest { eye: Some(DVec3::NAN), ..good() }, ErrorKind::Invalid, "eye");
     check(ViewRequest { fov_y_rad: Some(f64::NAN), ..good() }, ErrorKind::Invalid, "fov");
