@@ -35,6 +35,9 @@ impl PartialEq for Subject {
     }
 }
 
+/// Stages of [`ViewAnswer::timings`] that run on the CPU or span all passes; the others are passes on the GPU.
+pub(super) const HOST_STAGES: [&str; 3] = ["fuse", "plan", "render"];
+
 /// What each camera saw.
 pub(super) type Observations = Vec<(CameraId, Observation)>;
 
@@ -84,9 +87,9 @@ impl Subject {
         let rendered = renderer.render(&state, &self.view, &plan)?;
         let finished = clock.monotonic();
         let mut timings = vec![
-            ("fuse", fused.saturating_sub(started)),
-            ("plan", planned.saturating_sub(fused)),
-            ("render", finished.saturating_sub(planned)),
+            (HOST_STAGES[0], fused.saturating_sub(started)),
+            (HOST_STAGES[1], planned.saturating_sub(fused)),
+            (HOST_STAGES[2], finished.saturating_sub(planned)),
         ];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
         Ok(ViewAnswer {

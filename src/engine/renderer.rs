@@ -2,7 +2,7 @@
 
 use super::EngineError;
 use super::handle::{At, Door, ViewAnswer, ViewRequest};
-use super::picture::{Observations, Subject, failure_of};
+use super::picture::{HOST_STAGES, Observations, Subject, failure_of};
 use super::shared::Shared;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
@@ -99,7 +99,8 @@ impl RenderThread<'_> {
             Ok(answer) => {
                 let metrics = &self.shared.metrics;
                 metrics.render_picture.observe(clock.monotonic().saturating_sub(started).as_secs_f64());
-                for (pass, time) in &answer.timings {
+                let passes = answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage));
+                for (pass, time) in passes {
                     metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
                 }
                 self.last = Some((subject, answer.clone()));

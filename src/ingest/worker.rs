@@ -30,6 +30,11 @@ pub trait FrameConsumer: Send {
     /// Takes the next frame; timestamps and numbers only grow.
     fn consume(&mut self, frame: Frame);
 
+    /// What is wrong with the camera although its frames come; shown as its reason.
+    fn concern(&self) -> Option<&str> {
+        None
+    }
+
     /// Called for each frame that is left out because it came too late.
     fn miss(&mut self) {}
 
@@ -257,7 +262,8 @@ impl Camera {
         });
         let now = self.clock.monotonic();
         let fps = self.rate.count(now);
-        if self.status.count_frame(timestamp, now, size, fps) {
+        let concern = self.consumer.concern();
+        if self.status.count_frame(timestamp, now, size, fps, concern) {
             tracing::info!(width = size.0, height = size.1, "a camera is live");
         }
     }

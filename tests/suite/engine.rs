@@ -19,7 +19,6 @@ use videofields::engine::{
 };
 use videofields::error::ErrorKind;
 use videofields::frame::{CameraId, RgbImage};
-use videofields::gpu::Gpu;
 use videofields::plan::EntityStyle;
 use videofields::scene::{self, Scene};
 use videofields::segment::MOVING;
@@ -43,15 +42,9 @@ const SCENE: &str = r##"{
     ]
 }"##;
 
-/// Whether pictures can be drawn here; if not a line on standard error says what is skipped. CI must be able to.
+/// Whether pictures can be drawn here.
 fn has_adapter() -> bool {
-    let Err(error) = Gpu::new("") else { return true };
-    assert!(!std::env::var("CI").is_ok_and(|ci| ci == "true"), "CI needs an adapter: {error}");
-    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
-    {
-        eprintln!("skipped: {error}");
-    }
-    false
+    crate::support::adapter("").is_some()
 }
 
 /// Picture `number` of a noisy floor over which a bright box walks to the right.

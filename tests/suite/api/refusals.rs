@@ -295,7 +295,7 @@ fn no_request_whatever_panics_or_is_the_daemons_fault() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let bench = Bench::new();
     let mut runner = proptest::test_runner::TestRunner::new_with_rng(
-        ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() },
+        crate::support::seeded(3000),
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let seen: [std::cell::Cell<u32>; 600] = std::array::from_fn(|_| std::cell::Cell::new(0));
