@@ -16,7 +16,7 @@ use videofields::simulate::{
 /// which these are and what each costs. What was written, and in which formats, stands in DIR/truth/truth.json.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulate {
-    /// Which world: plaza.
+    /// Which world: a name (--list has them) or the path of a world's document (docs/worlds.md).
     #[arg(long, default_value = "plaza")]
     world: String,
     /// The folder to write to; made if it is not there. Files of the same names are replaced.
@@ -76,7 +76,7 @@ impl Simulate {
         if self.list {
             return self.list();
         }
-        let world = World::named(&self.world)?;
+        let world = World::load(&self.world)?;
         let world = world.with_effects(self.effects(world.effects().clone()));
         if self.explain {
             return self.explain(&world);

@@ -20,3 +20,4 @@ mod segment;
 mod simulate;
 mod store;
 mod timeline;
+mod worlds;
