@@ -124,7 +124,7 @@ pub fn explain(
     let seed = world.effects().seed;
     let mut variants = vec![world.clone(), world.with_effects(Effects { seed, ..Effects::default() })];
     variants.extend(named.iter().map(|kind| world.with_effects(world.effects().clone().without(*kind))));
-    let mut meter = Meter { options, clock, id: id.as_ref(), camera };
+    let mut meter = Meter { options, clock, id, camera };
     let mut least_ms = vec![f64::INFINITY; variants.len()];
     let n_steps = variants.len() * options.n_rounds as usize + 1;
     for round in 0..options.n_rounds as usize {
