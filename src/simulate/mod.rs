@@ -15,6 +15,8 @@ mod cast;
 mod document;
 pub mod effects;
 mod figure;
+#[cfg(test)]
+mod hand_checked;
 mod light;
 mod moment;
 mod noise;
