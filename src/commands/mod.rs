@@ -6,6 +6,7 @@ use std::io::Write as _;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod progress;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;

@@ -34,6 +34,9 @@ pub struct Truth {
     /// shadow is where the sun, or a lamp that would add at least 5 % of the light, is hidden by what moves and by
     /// nothing that stands. Where [`Layers::shadow`] is asked for.
     pub shadow: Option<Mask>,
+    /// Where something moving covers a part of a pixel, of the samples that make its colour, and not the whole: 255,
+    /// else 0. Where [`Layers::partial`] is asked for.
+    pub partial: Option<Mask>,
     /// The picture in linear light, RGB, 1 as bright as an 8-bit picture can show; brighter is kept. **Shape** as
     /// depth's. Where [`Layers::linear`] is asked for.
     pub linear: Option<Vec<[f32; 3]>>,
@@ -46,8 +49,17 @@ pub struct Layers {
     pub normals: bool,
     /// Shadows that what moves casts.
     pub shadow: bool,
+    /// Pixels that something moving covers in part.
+    pub partial: bool,
     /// The picture in linear light.
     pub linear: bool,
+}
+
+impl Layers {
+    /// The picture, instances and depth alone.
+    pub const NONE: Self = Self { normals: false, shadow: false, partial: false, linear: false };
+    /// Everything.
+    pub const ALL: Self = Self { normals: true, shadow: true, partial: true, linear: true };
 }
 
 /// Told how many of how many rows are done, from whichever thread has done one.
@@ -68,8 +80,7 @@ impl CastOptions<'_> {
     /// The picture alone, with so many samples a pixel each way.
     #[must_use]
     pub const fn new(samples_per_side: u32) -> Self {
-        let layers = Layers { normals: false, shadow: false, linear: false };
-        Self { samples_per_side, layers, progress: None }
+        Self { samples_per_side, layers: Layers::NONE, progress: None }
     }
 }
 
@@ -255,6 +266,7 @@ fn blank(camera: &Camera, layers: Layers) -> Truth {
         depth_m: vec![0.0; n_pixels],
         normals: layers.normals.then(|| vec![[0.0; 3]; n_pixels]),
         shadow: layers.shadow.then(|| Mask::filled(width, height, 0)),
+        partial: layers.partial.then(|| Mask::filled(width, height, 0)),
         linear: layers.linear.then(|| vec![[0.0; 3]; n_pixels]),
     }
 }
@@ -266,6 +278,7 @@ struct Row<'a> {
     depth_m: &'a mut [f32],
     normals: Option<&'a mut [[f32; 3]]>,
     shadow: Option<&'a mut [u8]>,
+    partial: Option<&'a mut [u8]>,
     linear: Option<&'a mut [[f32; 3]]>,
 }
 
@@ -274,6 +287,7 @@ fn rows(truth: &mut Truth) -> Vec<Row<'_>> {
     let width = truth.rgb.width as usize;
     let mut normals = truth.normals.as_mut().map(|layer| layer.chunks_mut(width));
     let mut shadow = truth.shadow.as_mut().map(|layer| layer.data.chunks_mut(width));
+    let mut partial = truth.partial.as_mut().map(|layer| layer.data.chunks_mut(width));
     let mut linear = truth.linear.as_mut().map(|layer| layer.chunks_mut(width));
     let always = (truth.rgb.data.chunks_mut(width * 3))
         .zip(truth.instance.data.chunks_mut(width))
@@ -284,6 +298,7 @@ fn rows(truth: &mut Truth) -> Vec<Row<'_>> {
         depth_m,
         normals: normals.as_mut().and_then(Iterator::next),
         shadow: shadow.as_mut().and_then(Iterator::next),
+        partial: partial.as_mut().and_then(Iterator::next),
         linear: linear.as_mut().and_then(Iterator::next),
     };
     always.map(row).collect()
@@ -335,10 +350,13 @@ impl<'a> Caster<'a> {
         let scene = self.scene(row_secs, tally);
         let camera = &scene.moment.camera;
         let Some(center) = center_ray(camera, x, y) else { return };
-        let mean = self.mean_light(x, y, row_secs, tally);
+        let (mean, is_partial) = self.mean_light(x, y, row_secs, tally);
         row.rgb[x * 3..x * 3 + 3].copy_from_slice(&mean.to_array().map(srgb_code));
         if let Some(linear) = &mut row.linear {
             linear[x] = mean.as_vec3().to_array();
+        }
+        if let Some(partial) = &mut row.partial {
+            partial[x] = if is_partial { 255 } else { 0 };
         }
         let met = scene.meet(&center);
         let along_axis = center.direction.dot(camera.pose().forward_in_world());
@@ -357,14 +375,15 @@ impl<'a> Caster<'a> {
         }
     }
 
-    /// The mean of a pixel's samples; those to which the lens brings no light are black.
-    fn mean_light(&self, x: usize, y: usize, row_secs: f64, tally: &Tally<'_>) -> DVec3 {
+    /// The mean of a pixel's samples, and whether some of them and not all show something moving; those to which the
+    /// lens brings no light are black.
+    fn mean_light(&self, x: usize, y: usize, row_secs: f64, tally: &Tally<'_>) -> (DVec3, bool) {
         let n = self.samples_per_side;
         let mut scene = self.scene(row_secs, tally);
         let (width, _) = scene.moment.camera.size_px();
         let pixel = y as u64 * u64::from(width) + x as u64;
         let width_for_a_metre = 1.0 / (scene.moment.camera.focal_px().max_element() * f64::from(n));
-        let mut sum = DVec3::ZERO;
+        let (mut sum, mut n_moving) = (DVec3::ZERO, 0);
         for idx in 0..n * n {
             if let (Some(blur), Some(draw)) = (self.shutter.effects.motion_blur, self.shutter.draw) {
                 let sample_secs = blur.offset_secs(draw, pixel, idx, n * n, tally);
@@ -373,9 +392,11 @@ impl<'a> Caster<'a> {
             let in_pixel = (DVec2::new(f64::from(idx % n), f64::from(idx / n)) + 0.5) / f64::from(n);
             if let Some(ray) = ray(&scene.moment.camera, x, y, in_pixel) {
                 let sample = Sample { width_for_a_metre, index: pixel * 256 + u64::from(idx) };
-                sum += scene.light(&ray, sample);
+                let (light, is_moving) = scene.light(&ray, sample);
+                sum += light;
+                n_moving += u32::from(is_moving);
             }
         }
-        sum / f64::from(n * n)
+        (sum / f64::from(n * n), n_moving > 0 && n_moving < n * n)
     }
 }

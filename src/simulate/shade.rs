@@ -78,13 +78,16 @@ impl Scene<'_> {
         })
     }
 
-    /// The light that comes along the ray.
-    pub(super) fn light(&self, ray: &Ray, sample: Sample) -> DVec3 {
-        let Some(met) = self.meet(ray) else { return self.sky() };
+    /// The light that comes along the ray, and whether it comes from something that moves.
+    pub(super) fn light(&self, ray: &Ray, sample: Sample) -> (DVec3, bool) {
+        let Some(met) = self.meet(ray) else { return (self.sky(), false) };
         let dry = self.plain(&met, ray, sample, 0.0);
         match (&self.world.effects.wet_ground, met.what) {
-            (Some(wet), What::Solid(hit)) if is_level_ground(&hit) => self.wet(wet, dry, &met, ray, sample),
-            _ => dry,
+            (Some(wet), What::Solid(hit)) if is_level_ground(&hit) => {
+                (self.wet(wet, dry, &met, ray, sample), false)
+            }
+            (_, What::Solid(_)) => (dry, false),
+            (_, What::Actor { .. }) => (dry, true),
         }
     }
 

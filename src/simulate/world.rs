@@ -124,6 +124,20 @@ impl World {
         &self.effects
     }
 
+    /// The same world with other effects, whose entries are counted anew.
+    #[must_use]
+    pub fn with_effects(&self, effects: Effects) -> Self {
+        Self { effects, entries: Arc::new(Entries::default()), ..self.clone() }
+    }
+
+    /// The worlds that are known by name: their ids and what each is, in a line.
+    #[must_use]
+    pub fn catalogue() -> Vec<(String, String)> {
+        let plaza =
+            "40 m x 30 m of paving between a hall and a cafe, three figures on their rounds, three cameras";
+        vec![("plaza".to_owned(), plaza.to_owned())]
+    }
+
     /// How often the effects' code was entered for this world and its clones.
     #[must_use]
     pub fn entries(&self) -> &Entries {

@@ -226,6 +226,12 @@ impl EffectKind {
         self.id().replace('-', "_")
     }
 
+    /// The effect with this name, as its id or its key.
+    #[must_use]
+    pub fn with_id(id: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.id() == id || kind.key() == id)
+    }
+
     /// Where in the making of a frame it works.
     #[must_use]
     pub const fn stage(self) -> EffectStage {
@@ -373,15 +379,6 @@ impl Effects {
     /// The named effects, in the order in which they work.
     pub fn named(&self) -> impl Iterator<Item = EffectKind> + '_ {
         EffectKind::ALL.into_iter().filter(|kind| self.names(*kind))
-    }
-
-    /// Whether the still world looks different from frame to frame, so that it cannot be cast once for all.
-    #[must_use]
-    pub const fn change_the_still_world(&self) -> bool {
-        self.light_drift.is_some()
-            || self.light_switching.is_some()
-            || self.foliage_motion.is_some()
-            || self.camera_shake.is_some()
     }
 
     /// What the lights are multiplied by at `time_secs`.
