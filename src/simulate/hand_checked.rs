@@ -13,10 +13,8 @@ use super::{CastOptions, Layers, Shot, Terrain, Truth, World, pinhole};
 use crate::geometry::{Camera, GroundPolygon, Surfaces};
 use glam::{DVec2, DVec3};
 
-const ALL_LAYERS: Layers = Layers { normals: true, shadow: true, linear: true };
-
 fn options(samples_per_side: u32) -> CastOptions<'static> {
-    CastOptions { layers: ALL_LAYERS, ..CastOptions::new(samples_per_side) }
+    CastOptions { layers: Layers::ALL, ..CastOptions::new(samples_per_side) }
 }
 
 fn view(camera: &Camera, time_secs: f64) -> Shot<'_> {
