@@ -1,6 +1,7 @@
 //! What several tests share.
 
 pub(crate) mod golden;
+pub(crate) mod video;
 
 use std::path::PathBuf;
 use std::time::Duration;
