@@ -28,6 +28,9 @@ pub(crate) struct Simulate {
     /// Says which effects the world calls for, why, and what each costs a frame here (measured), and writes nothing.
     #[arg(long, conflicts_with = "out")]
     explain: bool,
+    /// With --explain: how often each time is taken, 1 to 100; the least counts.
+    #[arg(long, value_name = "COUNT", default_value_t = 2, requires = "explain")]
+    rounds: u32,
     /// With --explain or --list: as JSON.
     #[arg(long)]
     json: bool,
@@ -137,6 +140,7 @@ impl Simulate {
             size_px: (self.size_px[0], self.size_px[1]),
             samples_per_side: self.samples,
             rate_hz: self.rate_hz,
+            n_rounds: self.rounds,
             ..ExplainOptions::default()
         };
         let mut progress = Progress::new();

@@ -331,7 +331,7 @@ fn what_is_cast_over_a_plate_is_what_is_cast() {
     let mut moving = World::plaza();
     moving.effects = blurred;
     for (world, lasts) in [(World::plaza(), true), (moving, true), (busy_plaza(), false)] {
-        assert_eq!(world.plates_last(true), lasts);
+        assert_eq!(world.plates_last_for_cameras(), lasts);
         for (id, camera) in world.cameras((64, 36)).unwrap() {
             let plate = world.plate_with(&camera, &options(2)).unwrap();
             for time_secs in [0.0, 8.0, 17.3] {

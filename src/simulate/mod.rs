@@ -1,10 +1,14 @@
 //! Worlds with exact truth: frames, instance masks, depth, positions and any extra view.
 //!
 //! ```text
-//! World ──cast──▶ Plate ──with figures at t──▶ Truth (picture, instances, depth)
-//!                                               ├──video──▶ one clip a camera (VP8 in WebM)
-//!                                               └──write──▶ masks, depth, positions, views
+//! World ──cast──▶ Plate ──with what moves at t──▶ Truth (clean picture, instances, depth, normals, shadow)
+//!                                                   │ ├──truth──▶ masks, labels, depth, normals, positions, views
+//!                                                   ▼ └──────────────────────────────────────┐
+//!                                   sensor (weather, exposure, noise) ──▶ what the camera gave ┘
+//!                                                   ▼
+//!                                   delivery (what arrives, when) ──video──▶ one clip a camera (VP8 in WebM)
 //! World ──document──▶ scene document, calibrations, configuration
+//! World ──explain──▶ which effects it names, and what each costs
 //! ```
 //!
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
@@ -25,6 +29,8 @@ mod noise;
 mod paint;
 mod path;
 mod plaza;
+#[cfg(test)]
+mod proof;
 mod seen;
 mod sensor;
 mod shade;

@@ -93,7 +93,7 @@ impl<'a> Station<'a> {
         is_truth_wanted: bool,
     ) -> Result<Exposure, SimulateError> {
         let device = self.device.as_deref();
-        let mut truth = if self.world.plates_last(device.is_some()) {
+        let mut truth = if self.world.plate_lasts(device) {
             self.world.cast_over(&self.plate, device, time_secs)?
         } else {
             let layers = layers(is_truth_wanted, self.sensor.is_some());

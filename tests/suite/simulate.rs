@@ -2,17 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+use crate::support::video::decode_timed;
 use glam::{DVec2, DVec3};
-use gstreamer as gst;
-use gstreamer::prelude::*;
-use gstreamer_app as gst_app;
-use gstreamer_video as gst_video;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use videofields::accuracy::compare;
 use videofields::calibrate::CameraDocument;
 use videofields::error::ErrorKind;
-use videofields::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage, YuvLayout};
+use videofields::frame::RgbImage;
 use videofields::geometry::{Camera, OrientedBox, Ray};
 use videofields::simulate::{
     ExtraView, Parts, SimulateError, SimulateOptions, Truth, World, Written, pinhole, run, write,
@@ -381,35 +378,7 @@ fn the_scene_document_tells_of_the_same_world() {
 
 /// All frames of a video, as a decoder gives them.
 fn decode(path: &Path) -> Vec<RgbImage> {
-    gst::init().unwrap();
-    let description =
-        "filesrc name=file ! decodebin ! appsink name=out sync=false caps=video/x-raw,format=I420";
-    let pipeline = gst::parse::launch(description).unwrap().downcast::<gst::Pipeline>().unwrap();
-    pipeline.by_name("file").unwrap().set_property("location", path);
-    let sink = pipeline.by_name("out").unwrap().downcast::<gst_app::AppSink>().unwrap();
-    pipeline.set_state(gst::State::Playing).unwrap();
-    let mut frames = Vec::new();
-    while let Ok(sample) = sink.pull_sample() {
-        let info = gst_video::VideoInfo::from_caps(sample.caps().unwrap()).unwrap();
-        assert_eq!(info.colorimetry().matrix(), gst_video::VideoColorMatrix::Bt601);
-        assert_eq!(info.colorimetry().range(), gst_video::VideoColorRange::Range16_235);
-        let buffer = sample.buffer_owned().unwrap();
-        let frame = gst_video::VideoFrame::from_buffer_readable(buffer, &info).unwrap();
-        let layout = YuvLayout::packed(info.width(), info.height());
-        let mut data = Vec::new();
-        for plane in 0..3 {
-            let width = if plane == 0 { layout.width } else { layout.chroma_width() } as usize;
-            let height = if plane == 0 { layout.height } else { layout.chroma_height() } as usize;
-            let stride = info.stride()[plane as usize] as usize;
-            for row in frame.plane_data(plane).unwrap().chunks(stride).take(height) {
-                data.extend_from_slice(&row[..width]);
-            }
-        }
-        frames.push(YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap().to_rgb());
-    }
-    assert!(sink.is_eos(), "{}: the pipeline failed", path.display());
-    pipeline.set_state(gst::State::Null).unwrap();
-    frames
+    decode_timed(path).into_iter().map(|(picture, _)| picture).collect()
 }
 
 fn small_options(out_dir: PathBuf) -> SimulateOptions {
@@ -503,8 +472,9 @@ fn views_alone_are_written_at_the_times_asked_for() {
         names
     };
     assert_eq!(names(folder.path()), ["calibration", "truth"]);
-    assert_eq!(names(&folder.path().join("truth")), ["from-the-south"]);
-    let kinds = ["background.png", "depth", "frame", "instance", "seen", "static"];
+    assert_eq!(names(&folder.path().join("truth")), ["from-the-south", "truth.json"]);
+    let kinds =
+        ["background.png", "depth", "frame", "instance", "label", "normal", "seen", "shadow", "static"];
     assert_eq!(names(&views[0]), kinds);
     for kind in &kinds[1..] {
         assert_eq!(names(&views[0].join(kind)), ["000002.png", "000007.png"], "{kind}");
