@@ -54,7 +54,7 @@ fn count(rays: &[Ray], hit: impl Fn(&Ray) -> Option<SolidHit> + Sync) -> usize {
 }
 
 fn benchmark(criterion: &mut Criterion) {
-    let plaza = World::plaza();
+    let plaza = World::named("plaza").unwrap();
     let (id, camera) = plaza.cameras(SIZE_PX).unwrap().remove(0);
     let over_town = pinhole(DVec3::new(-180.0, -260.0, 40.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
     let over_hills = pinhole(DVec3::new(-200.0, -230.0, 30.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
@@ -84,13 +84,13 @@ fn benchmark(criterion: &mut Criterion) {
     group.sample_size(10);
     group.throughput(Throughput::Elements(u64::from(SIZE_PX.0 * SIZE_PX.1) * 9));
     group.bench_function("plate", |bencher| bencher.iter(|| plaza.plate(&camera, 3).unwrap()));
-    let shot = Shot { camera: &camera, device: Some(id), time_secs: 8.0 };
+    let shot = Shot { camera: &camera, device: Some(&*id), time_secs: 8.0 };
     let layers = Layers::ALL;
     let options = CastOptions { layers, ..CastOptions::new(3) };
     group.bench_function("all layers", |bencher| bencher.iter(|| plaza.cast(&shot, &options).unwrap()));
     let plate = plaza.plate(&camera, 3).unwrap();
     group.bench_function("over a plate", |bencher| {
-        bencher.iter(|| plaza.cast_over(&plate, Some(id), 8.0).unwrap());
+        bencher.iter(|| plaza.cast_over(&plate, Some(&*id), 8.0).unwrap());
     });
     group.finish();
     let mut group = criterion.benchmark_group("built once");
