@@ -183,22 +183,22 @@ fn the_shadow_mask_is_where_shadows_of_actors_fall() {
     let mut all = World::plaza();
     all.effects.cast_shadows = Some(CastShadows { casters: Casters::All, sun_diameter_deg: 0.0 });
     let still = World::plaza();
+    let mut n_shaded = 0;
     for (id, camera) in still.cameras((160, 90)).unwrap() {
         let shot = Shot { camera: &camera, device: Some(id), time_secs: 8.0 };
         let [all, still] = [&all, &still].map(|world| world.cast(&shot, &options(1)).unwrap());
         assert!(still.shadow.as_ref().unwrap().data.iter().all(|value| *value == 0));
         let mask = all.shadow.as_ref().unwrap();
-        let mut n_shaded = 0;
         for i in 0..160 * 90 {
             let is_darker = all.linear.as_ref().unwrap()[i] != still.linear.as_ref().unwrap()[i];
             let is_still = all.instance.data[i] == 0;
             assert_eq!(mask.data[i] == 255, is_still && is_darker, "{id}, pixel {i}");
             n_shaded += usize::from(mask.data[i] == 255);
         }
-        assert!(n_shaded > 5, "{id}: {n_shaded} pixels lie in figures' shadows");
         assert_eq!(all.instance, still.instance);
         assert_eq!(all.depth_m, still.depth_m);
     }
+    assert!(n_shaded > 20, "{n_shaded} pixels lie in figures' shadows");
 }
 
 #[test]
