@@ -6,7 +6,7 @@
 use super::SimulateError;
 use super::delivery::{Fate, damaged, deliver};
 use super::effects::{Draw, EffectKind, EffectStage, Effects};
-use super::station::Station;
+use super::station::{Station, Wanted};
 use super::video::{Codec, VideoWriter};
 use super::world::World;
 use crate::clock::Clock;
@@ -124,7 +124,7 @@ pub fn explain(
     let seed = world.effects().seed;
     let mut variants = vec![world.clone(), world.with_effects(Effects { seed, ..Effects::default() })];
     variants.extend(named.iter().map(|kind| world.with_effects(world.effects().clone().without(*kind))));
-    let mut meter = Meter { options, clock, id: id.as_ref(), camera };
+    let mut meter = Meter { options, clock, id, camera };
     let mut least_ms = vec![f64::INFINITY; variants.len()];
     let n_steps = variants.len() * options.n_rounds as usize + 1;
     for round in 0..options.n_rounds as usize {
@@ -191,14 +191,15 @@ impl Meter<'_> {
     fn frame_ms(&mut self, world: &World) -> Result<f64, SimulateError> {
         let ExplainOptions { size_px, samples_per_side, rate_hz, n_frames, .. } = *self.options;
         let (effects, entries) = (world.effects(), world.entries());
-        let mut station = Station::new(world, self.id, self.camera, samples_per_side, rate_hz, false)?;
+        let mut station =
+            Station::new(world, self.id, self.camera, samples_per_side, rate_hz, Wanted::Picture)?;
         let draw = Draw::of_camera(effects.seed, self.id);
         let mut video = VideoWriter::nowhere(size_px, rate_hz, &Codec::of(effects, entries))?;
         let start = self.clock.monotonic();
         let arrivals = deliver(effects, draw, n_frames, rate_hz, entries).arrivals;
         for frame in 0..n_frames {
             let time_secs = frame as f64 / rate_hz;
-            let shot = station.shoot(frame, time_secs, false)?;
+            let shot = station.shoot(frame, time_secs, Wanted::Picture)?;
             for arrival in arrivals.iter().filter(|arrival| arrival.frame == frame) {
                 let Some(clip_secs) = arrival.clip_secs else { continue };
                 let broken = arrival

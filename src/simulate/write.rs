@@ -22,7 +22,7 @@ use super::cast::check_samples;
 use super::delivery::{Arrival, Delivery, Fate, damaged, deliver};
 use super::effects::{Damage, Draw};
 use super::seen::static_part;
-use super::station::Station;
+use super::station::{Station, Wanted};
 use super::truth::{
     JsonLines, Manifest, ManifestCamera, Of, TruthFolder, make_folder, save_mask, visible, write_file,
     write_manifest, write_positions,
@@ -264,7 +264,7 @@ impl Job<'_> {
             camera,
             options.samples_per_side,
             options.rate_hz,
-            !self.wanted.is_empty(),
+            if self.wanted.is_empty() { Wanted::Picture } else { Wanted::Truth },
         )?;
         let truth = self.camera_truth(id, &station, &arrivals, all)?;
         let mut seen_figures = match &truth {
@@ -276,7 +276,11 @@ impl Job<'_> {
             let arriving = by_frame.get(&frame);
             let time_secs = time_of(frame, options);
             if is_wanted || arriving.is_some() || station.remembers() {
-                let shot = station.shoot(frame, time_secs, is_wanted)?;
+                let shot = station.shoot(
+                    frame,
+                    time_secs,
+                    if is_wanted { Wanted::Truth } else { Wanted::Picture },
+                )?;
                 for arrival in arriving.into_iter().flatten() {
                     self.push(&mut video, draw, arrival, shot.picture())?;
                 }
@@ -375,7 +379,7 @@ impl Job<'_> {
         let seen = world.seen_by(station.plate(), all);
         let frames = self.wanted.clone();
         for (n_done, frame) in (1..).zip(&frames) {
-            let shot = station.shoot(*frame, time_of(*frame, options), true)?;
+            let shot = station.shoot(*frame, time_of(*frame, options), Wanted::Truth)?;
             truth.frame(*frame, &shot.truth, None)?;
             truth.mask("seen", *frame, &seen)?;
             truth.mask("static", *frame, &static_part(&shot.truth, &seen))?;
