@@ -13,8 +13,12 @@ use crate::telemetry::Metrics;
 use anyhow::{Context, Result};
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::signal::unix::{SignalKind, signal};
+
+/// Time for the database to be closed: with `engine`'s, less than the 3 s in which the daemon must be gone.
+const CLOSE_TIME: Duration = Duration::from_millis(400);
 
 /// Runs the daemon until SIGTERM or SIGINT; `announce` hears the address once requests are answered.
 ///
@@ -41,8 +45,12 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     // First the address: when another daemon holds it, nothing else should have been touched.
     let listen = settings.server.listen;
     let listener = TcpListener::bind(listen).await.with_context(|| format!("cannot listen on {listen}"))?;
-    let store = Store::open(&settings.storage.database).await?;
-    let scenes = load_scenes(config, &store, &*clock).await;
+    // Another daemon may hold the database for long: then there is nothing yet to be finished.
+    let (store, scenes) = tokio::select! {
+        opened = open(config, &*clock) => opened?,
+        _some = terminate.recv() => return Ok(()),
+        _some = interrupt.recv() => return Ok(()),
+    };
     let metrics = Arc::new(Metrics::new());
     warn_of_unknown_cameras(config, &scenes);
     let engine = Engine::start(config, scenes, store.clone(), metrics, Arc::clone(&clock))?;
@@ -58,12 +66,18 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
-    api::serve(listener, api::router(engine.handle(), clock), stopped).await;
+    api::serve(listener, api::router(engine.handle(), clock, &settings.server.hosts), stopped).await;
     // Joining threads blocks; nothing else is left to do for this one.
     tokio::task::block_in_place(|| engine.stop());
-    store.close().await?;
+    store.close_within(CLOSE_TIME).await?;
     tracing::info!("stopped");
     Ok(())
+}
+
+async fn open(config: &Config, clock: &dyn Clock) -> Result<(Store, Vec<Arc<Scene>>)> {
+    let store = Store::open(&config.settings().storage.database).await?;
+    let scenes = load_scenes(config, &store, clock).await;
+    Ok((store, scenes))
 }
 
 /// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and

@@ -61,6 +61,9 @@ pub(crate) struct Simulate {
     /// Writes truth for the frame at this time alone, seconds from the clips' start; may be given again.
     #[arg(long = "at-secs", value_name = "SECONDS")]
     at_secs: Vec<f64>,
+    /// The database that the configuration names, relative to the folder.
+    #[arg(long, value_name = "FILE", default_value = "videofields.sqlite")]
+    database: PathBuf,
     /// A view where no camera stands, whose truth is written too, with masks of what the cameras see there and of
     /// its still part: its name, eye and target (metres) and vertical field of view (degrees), 960x540 if no size
     /// is given, such as square=0,-20,6:0,4,1:45; may be given again.
@@ -88,6 +91,7 @@ impl Simulate {
         options.size_px = (self.size_px[0], self.size_px[1]);
         options.samples_per_side = self.samples;
         options.truth_every_frames = self.truth_every;
+        options.database.clone_from(&self.database);
         options.truth_at_secs.clone_from(&self.at_secs);
         options.extra_views.clone_from(&self.views);
         options.parts = if self.only_views { Parts::Views } else { Parts::Everything };

@@ -167,7 +167,7 @@ fn still_world(world: &World) -> StillWorld {
     let changes_it = |kind: &EffectKind| {
         let others = EffectKind::ALL.into_iter().filter(|other| other != kind);
         let alone = others.fold(world.effects().clone(), Effects::without);
-        !world.with_effects(alone).plates_last(true)
+        !world.with_effects(alone).plates_last_for_cameras()
     };
     let changing: Vec<&str> = world.effects().named().filter(changes_it).map(EffectKind::id).collect();
     let reason = match &changing[..] {
@@ -175,7 +175,7 @@ fn still_world(world: &World) -> StillWorld {
         [one] => format!("{one} changes it between frames"),
         many => format!("{} change it between frames", many.join(", ")),
     };
-    StillWorld { is_cast_once: world.plates_last(true), reason, cost_ms: 0.0 }
+    StillWorld { is_cast_once: world.plates_last_for_cameras(), reason, cost_ms: 0.0 }
 }
 
 /// Measures frames of one camera.

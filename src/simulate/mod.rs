@@ -21,6 +21,8 @@ mod document;
 pub mod effects;
 mod explain;
 mod figure;
+#[cfg(test)]
+mod hand_checked;
 mod light;
 mod moment;
 mod noise;

@@ -150,8 +150,9 @@ impl Scene<'_> {
                 lamp @ Source::Lamp(_) => lamp,
             };
             let end = source.beyond(start);
-            !self.world.solids.is_hidden_with(self.crowns(), start, end)
-                && !(shadows.actors_cast() && self.moment.actors.hide(start, end))
+            let is_hidden = self.world.solids.is_hidden_with(self.crowns(), start, end)
+                || (shadows.actors_cast() && self.moment.actors.hide(start, end));
+            !is_hidden
         };
         self.world.light.on(place, normal, &self.moment.gains, is_seen)
     }

@@ -101,7 +101,7 @@ impl<'a> Station<'a> {
         wanted: Wanted,
     ) -> Result<Exposure, SimulateError> {
         let device = self.device.as_deref();
-        let mut truth = if self.world.plates_last(device.is_some()) {
+        let mut truth = if self.world.plate_lasts(device) {
             self.world.cast_over(&self.plate, device, time_secs)?
         } else {
             let layers = layers(wanted, self.sensor.as_ref());
