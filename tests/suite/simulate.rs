@@ -22,7 +22,7 @@ fn view_from_the_south() -> Camera {
 }
 
 /// The world's cameras and a view where none stands.
-fn cameras(world: &World) -> Vec<(&'static str, Camera)> {
+fn cameras(world: &World) -> Vec<(&str, Camera)> {
     let mut cameras = world.cameras(SIZE).unwrap();
     cameras.push(("view", view_from_the_south()));
     cameras

@@ -54,7 +54,7 @@ pub(in crate::simulate) fn write_positions(
                 .filter_map(|(id, camera)| Some((id.as_ref(), rectangle_px(camera, low, high)?)));
             FigureDocument {
                 instance: figure.instance,
-                name: figure.name,
+                name: &figure.name,
                 foot_m: figure.foot_in_world.to_array(),
                 heading_rad: figure.heading_rad,
                 height_m: figure.height_m,
