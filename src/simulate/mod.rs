@@ -27,6 +27,7 @@ mod hand_checked;
 mod light;
 mod material;
 mod moment;
+mod options;
 #[cfg(test)]
 mod proof;
 mod seen;
@@ -49,13 +50,14 @@ pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};
 pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
 pub use moment::Shot;
+pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
 pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{CameraSetting, FigurePosition, ViewSetting, World, pinhole};
-pub use write::{ExtraView, Parts, SimulateOptions, Step, Written, run, write, write_with};
+pub use write::{run, write, write_with};
 
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::geometry::CameraError;
