@@ -16,7 +16,7 @@ use videofields::simulate::{
 /// which these are and what each costs. What was written, and in which formats, stands in DIR/truth/truth.json.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulate {
-    /// Which world: a name that --list lists, or a file.
+    /// Which world: a name (--list has them) or the path of a world's document (docs/worlds.md).
     #[arg(long, value_name = "NAME|FILE", default_value = "plaza")]
     world: String,
     /// The folder to write to; made if it is not there. Files of the same names are replaced.

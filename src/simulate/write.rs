@@ -37,12 +37,13 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Simulates the world with this id into the folder that the options name, as [`write()`] does.
+/// Simulates the world of this name, or in the file at this path, into the folder that the options name, as [`write()`]
+/// does.
 ///
 /// # Errors
 /// When there is no such world, and as [`write()`].
-pub fn run(world_id: &str, options: &SimulateOptions) -> Result<Written, SimulateError> {
-    write(&World::named(world_id)?, options)
+pub fn run(world: &str, options: &SimulateOptions) -> Result<Written, SimulateError> {
+    write(&World::load(world)?, options)
 }
 
 /// Simulates `world` into the folder that the options name.

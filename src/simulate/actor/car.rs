@@ -10,7 +10,7 @@ use super::motion::{Motion, WorldTime};
 use glam::{DVec2, DVec3};
 
 const WHEEL_RADIUS_M: f64 = 0.32;
-const N_SPOKES: u32 = 2;
+const N_SPOKES: u32 = 3;
 
 /// What a car is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
@@ -113,13 +113,13 @@ impl CarStyle {
             };
             parts.push(disc(0.5 * width - 0.06, WHEEL_RADIUS_M + 0.07, 0.075, 0.004));
             parts.push(disc(0.5 * width - 0.06, WHEEL_RADIUS_M, 0.12, 0.015));
-            parts.push(disc(0.5 * width - 0.04, 0.6 * WHEEL_RADIUS_M, 0.125, 0.12));
+            parts.push(disc(0.5 * width - 0.04, 0.62 * WHEEL_RADIUS_M, 0.125, 0.30));
             let hub = stand.at(forward, side * (0.5 * width + 0.065), WHEEL_RADIUS_M);
             for i in 0..N_SPOKES {
                 let angle = stand.turn + std::f64::consts::PI * f64::from(i) / f64::from(N_SPOKES);
                 let (sin, cos) = angle.sin_cos();
                 let reach = (stand.axes.forward * sin + stand.axes.up * cos) * (0.55 * WHEEL_RADIUS_M);
-                parts.push(bone(hub - reach, hub + reach, 0.024, DVec3::splat(0.5)));
+                parts.push(bone(hub - reach, hub + reach, 0.016, DVec3::splat(0.05)));
             }
         }
     }

@@ -292,8 +292,11 @@ impl Cast {
             let idx = (self.draw(of) * colors.len() as f64) as usize;
             linear(colors[idx.min(colors.len() - 1)])
         };
+        // One after the other, so that neighbours differ.
+        let first = hash01(self.seed as i64, 0, 2000) * JACKETS.len() as f64;
+        let jacket = JACKETS[(first as usize + 5 * self.actors.len()) % JACKETS.len()];
         Clothes {
-            jacket: pick(1, &JACKETS),
+            jacket: linear(jacket),
             trousers: pick(2, &TROUSERS),
             shoes: pick(3, &SHOES),
             skin: pick(4, &SKINS),

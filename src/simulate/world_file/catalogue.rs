@@ -16,7 +16,36 @@ macro_rules! worlds {
 }
 
 /// Every world of the catalogue: id and document.
-const WORLDS: [(&str, &str); 1] = worlds!["plaza"];
+const WORLDS: [(&str, &str); 28] = worlds![
+    "plaza",
+    "corner",
+    "station",
+    "carpark12",
+    "campus100",
+    "yard",
+    "effect-light-drift",
+    "effect-light-switching",
+    "effect-cast-shadows",
+    "effect-wet-ground",
+    "effect-foliage-motion",
+    "effect-camera-shake",
+    "effect-motion-blur",
+    "effect-rolling-shutter",
+    "effect-rain",
+    "effect-snow",
+    "effect-exposure",
+    "effect-noise",
+    "effect-compression",
+    "effect-drop",
+    "effect-late",
+    "effect-duplicate",
+    "effect-corrupt",
+    "effect-clock",
+    "effect-jitter",
+    "one-camera",
+    "no-overlap",
+    "same-place"
+];
 
 /// The catalogue's ids, in its order.
 pub(super) fn ids() -> impl Iterator<Item = &'static str> {

@@ -55,7 +55,7 @@ impl Default for FacadeDocument {
 pub(super) fn facade(placed: Placed, reader: &mut Reader<'_>) -> Option<Material> {
     let place = placed.1.clone();
     let document: FacadeDocument = reader.read(placed)?;
-    let mut is_sound = reader.number(&place, "storey_m", document.storey_m, 1.0..=100.0, "metres");
+    let mut is_sound = reader.number(&place, "storey_m", document.storey_m, 0.2..=100.0, "metres");
     is_sound &= reader.number(&place, "bay_m", document.bay_m, 0.2..=100.0, "metres");
     for length in document.window_m {
         is_sound &= reader.number(&place, "window_m", length, 0.05..=100.0, "metres");
