@@ -13,6 +13,8 @@
 mod comparison;
 mod front;
 mod gate;
+mod keeper;
+mod live;
 mod machine;
 mod map;
 mod measures;
@@ -28,6 +30,8 @@ mod views;
 pub use comparison::{AccuracyError, Comparison, compare};
 pub use front::{knee, pareto_front};
 pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
+pub use keeper::{Keeper, KeeperSettings};
+pub use live::{LiveScope, judge_scene};
 pub use machine::{digest, machine};
 pub use map::MapRun;
 pub use measures::{

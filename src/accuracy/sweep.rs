@@ -10,6 +10,7 @@ use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
 use super::subject::{Scope, Subject};
 use super::views::{Easel, ViewsRun};
 use super::{AccuracyError, SweepError};
+use crate::config::RenderSettings;
 use crate::frame::RgbImage;
 use crate::mapping::{Builder, MappingError};
 use crate::plan::{CostRow, EntityStyle, Spread};
@@ -137,10 +138,11 @@ pub fn sweep(
     clock: &dyn crate::clock::Clock,
     progress: &dyn Fn(&str),
 ) -> Result<Sweep, SweepError> {
-    sweep_gated(world, scope, stages, &Stopwatch::new(clock, &OpenGate), progress)
+    sweep_gated(world, scope, stages, None, &Stopwatch::new(clock, &OpenGate), progress)
 }
 
-/// As [`sweep`], step by step as the stopwatch's gate lets it; what was measured before it ended the sweep is kept.
+/// As [`sweep`], with the renderer's settings given (else the world's own), step by step as the stopwatch's gate lets
+/// it; what was measured before it ended the sweep is kept.
 ///
 /// # Errors
 /// As [`sweep`].
@@ -148,11 +150,15 @@ pub fn sweep_gated(
     world: &World,
     scope: &Scope,
     stages: &[Stage],
+    render: Option<&RenderSettings>,
     watch: &Stopwatch<'_>,
     progress: &dyn Fn(&str),
 ) -> Result<Sweep, SweepError> {
     let mut sweep = Sweep::default();
-    let outcome = Subject::prepare(world, scope, watch, progress).and_then(|subject| {
+    let outcome = Subject::prepare(world, scope, watch, progress).and_then(|mut subject| {
+        if let Some(render) = render {
+            subject.render = render.clone();
+        }
         Sweeper { subject: &subject, scope, watch, progress, sweep: &mut sweep }.run(stages)
     });
     match outcome {

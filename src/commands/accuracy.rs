@@ -1,9 +1,14 @@
 //! `accuracy`: what each step of accuracy costs, as a report.
 
 use anyhow::{Context, Result, bail};
-use std::path::PathBuf;
-use videofields::accuracy::{self, Report, Scope, Stage, SubjectReport, sweep};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use videofields::accuracy::{
+    self, LiveScope, Report, Scope, Stage, SubjectReport, Sweep, judge_scene, sweep,
+};
 use videofields::clock::{Clock, SystemClock};
+use videofields::config;
+use videofields::scene;
 use videofields::simulate::World;
 use videofields::telemetry::{self, LogFormat};
 
@@ -75,7 +80,32 @@ impl Accuracy {
         Ok(())
     }
 
-    fn scene(&self, id: &str, config: &std::path::Path) -> Result<()> {
-        bail!("scene {id} of {}: not yet", config.display())
+    fn scene(&self, id: &str, config_path: &Path) -> Result<()> {
+        let config = config::load(config_path)?;
+        let scenes = &config.settings().scene;
+        let Some(settings) = scenes.iter().find(|scene| scene.id == id) else {
+            let known: Vec<&str> = scenes.iter().map(|scene| scene.id.as_str()).collect();
+            bail!("{} has no scene {id:?}; it has {known:?}", config_path.display());
+        };
+        let scene = scene::load_file(&settings.id, &settings.file, &config.settings().media.roots)
+            .with_context(|| format!("scene {}: {}", settings.id, settings.file.display()))?
+            .scene;
+        let scope = if self.quick { LiveScope::QUICK } else { LiveScope::FULL };
+        let clock = SystemClock::new();
+        let started = clock.monotonic();
+        let (found, adapter) = judge_scene(&config, &Arc::new(scene), &scope, &super::complain)?;
+        let subject = SubjectReport {
+            kind: "scene".to_owned(),
+            id: id.to_owned(),
+            truth: "no truth: what other cameras show (each camera left out in turn) and frames held back from learning"
+                .to_owned(),
+            scope: format!("at most {} frames of each camera", scope.max_frames),
+        };
+        let took_secs = clock.monotonic().saturating_sub(started).as_secs_f64();
+        let sweep = Sweep { is_complete: true, ..Sweep::default() };
+        let mut report =
+            Report::new(subject, accuracy::machine(&adapter), &sweep, clock.now().to_string(), took_secs);
+        report.without_truth = Some(found);
+        self.write(&report, &[])
     }
 }

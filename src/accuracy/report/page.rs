@@ -269,7 +269,7 @@ fn table(stage: Stage, rows: &[CostRow], front: &[String], knee: Option<&str>) -
         }
         let time = row.time_ms;
         text += &format!(
-            "<tr><td>{}</td><td>{value}</td><td class=\"number\">{}</td><td class=\"number\">{} to {}</td><td class=\"number\">{}</td>",
+            "<tr><td>{}</td><td class=\"value\">{value}</td><td class=\"number\">{}</td><td class=\"number\">{} to {}</td><td class=\"number\">{}</td>",
             escaped(&knob),
             short(time.median),
             short(time.lower_quartile),

@@ -5,7 +5,7 @@
 
 use super::ReportError;
 use plotters::coord::Shift;
-use plotters::coord::ranged1d::{AsRangedCoord, Ranged, ValueFormatter};
+use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -62,44 +62,99 @@ pub(super) struct Figure {
 
 const SIZE_PX: (u32, u32) = (760, 430);
 
+/// An axis: its values are drawn as they are or as their logarithms.
+#[derive(Clone, Debug)]
+struct Axis {
+    range: std::ops::Range<f64>,
+    marks: Vec<f64>,
+    is_log: bool,
+}
+
+impl Ranged for Axis {
+    type FormatOption = DefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, value: &f64, (from, to): (i32, i32)) -> i32 {
+        let share = (self.place(*value) - self.range.start) / (self.range.end - self.range.start);
+        from + (share * f64::from(to - from)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
+        self.marks.iter().map(|place| self.value(*place)).collect()
+    }
+
+    fn range(&self) -> std::ops::Range<f64> {
+        self.value(self.range.start)..self.value(self.range.end)
+    }
+}
+
+impl Axis {
+    fn place(&self, value: f64) -> f64 {
+        if self.is_log { value.max(1e-300).log10() } else { value }
+    }
+
+    fn value(&self, place: f64) -> f64 {
+        if self.is_log { 10_f64.powf(place) } else { place }
+    }
+
+    /// A logarithmic axis around positive values, with marks at 1, 2 and 5 where they fit, else at every decade or two.
+    fn log(values: impl Iterator<Item = f64>) -> Option<Self> {
+        let (low, high) = values
+            .filter(|value| *value > 0.0 && value.is_finite())
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+        if high <= 0.0 {
+            return None;
+        }
+        let (low, high) = (low.log10(), high.log10());
+        // Room beside the outermost points, and never less than half a decade in all.
+        let room = (0.08 * (high - low)).max(0.12).max(0.25 - 0.5 * (high - low));
+        let range = low - room..high + room;
+        let decades = range.start.floor() as i32..=range.end.ceil() as i32;
+        let span = range.end - range.start;
+        let leading: &[f64] = if span < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let every = (span / 8.0).ceil().max(1.0) as i32;
+        let marks = decades
+            .filter(|decade| decade.rem_euclid(every) == 0)
+            .flat_map(|decade| leading.iter().map(move |digit| f64::from(decade) + digit.log10()))
+            .filter(|place| range.contains(place))
+            .collect();
+        Some(Self { range, marks, is_log: true })
+    }
+
+    /// A linear axis from zero, or from below all values where they lie far above it.
+    fn linear(values: impl Iterator<Item = f64>) -> Self {
+        let (least, most) = values
+            .filter(|value| value.is_finite())
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
+        let most = if most > 0.0 { most } else { 1.0 };
+        let from = if least > 0.5 * most { least - 0.4 * (most - least).max(0.02 * most) } else { 0.0 };
+        let range = from..most + 0.12 * (most - from);
+        let rough = (range.end - range.start) / 6.0;
+        let decade = 10_f64.powf(rough.log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].map(|digit| digit * decade).into_iter().find(|step| *step >= rough);
+        let step = step.unwrap_or(rough);
+        let first = (range.start / step).ceil() as i64;
+        let marks =
+            (first..).map(|number| number as f64 * step).take_while(|mark| *mark <= range.end).collect();
+        Self { range, marks, is_log: false }
+    }
+}
+
 /// The figure as an SVG element; `None` where it has no points.
 pub(super) fn svg(figure: &Figure) -> Result<Option<String>, ReportError> {
     let points: Vec<&Point> = figure.series.iter().flat_map(|series| &series.points).collect();
-    let Some(x_range) = log_range(points.iter().map(|point| point.x)) else { return Ok(None) };
+    let Some(x_axis) = Axis::log(points.iter().map(|point| point.x)) else { return Ok(None) };
+    let y_log = figure.is_log.then(|| Axis::log(points.iter().map(|point| point.y))).flatten();
+    let y_axis = y_log.unwrap_or_else(|| Axis::linear(points.iter().map(|point| point.y)));
     let mut text = String::new();
     {
         let root = SVGBackend::with_string(&mut text, SIZE_PX).into_drawing_area();
-        let y_log = figure.is_log.then(|| log_range(points.iter().map(|point| point.y))).flatten();
-        let drawn = match y_log {
-            Some(y_range) => draw(&root, figure, x_range.log_scale(), y_range.log_scale()),
-            None => {
-                let most = points.iter().map(|point| point.y).fold(0.0, f64::max);
-                let most = if most > 0.0 { most * 1.12 } else { 1.0 };
-                let least = points.iter().map(|point| point.y).fold(f64::INFINITY, f64::min);
-                // From zero, unless all lies far above it.
-                let from = if least > 0.5 * most { least - 0.35 * (most - least) } else { 0.0 };
-                draw(&root, figure, x_range.log_scale(), from..most)
-            }
-        };
-        drawn.map_err(ReportError::Plot)?;
+        draw(&root, figure, &x_axis, &y_axis).map_err(ReportError::Plot)?;
     }
     Ok(Some(text.replace(INK_HEX, "currentColor")))
 }
 
-/// Whole thirds of decades around positive values.
-fn log_range(values: impl Iterator<Item = f64>) -> Option<std::ops::Range<f64>> {
-    let (low, high) = values
-        .filter(|value| *value > 0.0 && value.is_finite())
-        .fold((f64::INFINITY, 0.0_f64), |(low, high), value| (low.min(value), high.max(value)));
-    (high > 0.0).then(|| {
-        let widened = |value: f64, by: f64| 10_f64.powf(((value.log10() * 3.0) + by).round() / 3.0);
-        // At least a decade, so that the axis has marks to read.
-        let (low, high) = (widened(low, -0.8), widened(high, 0.8));
-        if high / low >= 10.0 { low..high } else { low / 2.2..high * 2.2 }
-    })
-}
-
-fn number(value: &f64) -> String {
+fn number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
         "0".to_owned()
@@ -119,13 +174,7 @@ fn ink(size_px: i32) -> TextStyle<'static> {
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
-fn draw<X, Y>(root: &Area<'_>, figure: &Figure, x: X, y: Y) -> Result<(), String>
-where
-    X: AsRangedCoord<Value = f64>,
-    Y: AsRangedCoord<Value = f64>,
-    X::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
-    Y::CoordDescType: Ranged<ValueType = f64> + ValueFormatter<f64>,
-{
+fn draw(root: &Area<'_>, figure: &Figure, x_axis: &Axis, y_axis: &Axis) -> Result<(), String> {
     let told = |error: DrawingAreaErrorKind<std::io::Error>| error.to_string();
     let mut chart = ChartBuilder::on(root)
         .margin(12)
@@ -133,7 +182,7 @@ where
         .caption(&figure.title, ink(16))
         .x_label_area_size(44)
         .y_label_area_size(72)
-        .build_cartesian_2d(x, y)
+        .build_cartesian_2d(x_axis.clone(), y_axis.clone())
         .map_err(told)?;
     chart
         .configure_mesh()
@@ -144,28 +193,29 @@ where
         .y_desc(&figure.y_name)
         .axis_desc_style(ink(13))
         .label_style(ink(12))
-        .x_labels(8)
-        .y_labels(7)
-        .x_label_formatter(&number)
-        .y_label_formatter(&number)
+        .x_labels(16)
+        .y_labels(16)
+        .x_label_formatter(&|value| number(*value))
+        .y_label_formatter(&|value| number(*value))
         .draw()
         .map_err(told)?;
+    let place = |point: &Point| (point.x, point.y);
     for (series, color) in figure.series.iter().zip(COLORS.iter().cycle()) {
-        let places = || series.points.iter().map(|point| (point.x, point.y));
+        let places = || series.points.iter().map(place);
         if series.is_joined {
             chart.draw_series(LineSeries::new(places(), color.stroke_width(2))).map_err(told)?;
         }
         let dots = series
             .points
             .iter()
-            .map(|point| Circle::new((point.x, point.y), if point.is_large { 7 } else { 4 }, color.filled()));
+            .map(|point| Circle::new(place(point), if point.is_large { 7 } else { 4 }, color.filled()));
         let drawn = chart.draw_series(dots).map_err(told)?;
         if figure.series.len() > 1 {
             let color = *color;
             drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 8, y), 4, color.filled()));
         }
         let marked = series.points.iter().filter(|point| point.is_marked);
-        let rings = marked.map(|point| Circle::new((point.x, point.y), 10, INK.stroke_width(2)));
+        let rings = marked.map(|point| Circle::new(place(point), 10, INK.stroke_width(2)));
         chart.draw_series(rings).map_err(told)?;
     }
     if figure.series.len() > 1 {
@@ -179,15 +229,25 @@ where
     }
     // Labels last, each where it covers none before it.
     let mut taken: Vec<[i32; 4]> = Vec::new();
+    if figure.series.len() > 1 {
+        // Where the names of the series stand.
+        let longest = figure.series.iter().map(|series| series.name.chars().count()).max().unwrap_or(0);
+        let width = (longest as f64 * f64::from(LABEL_PX) * LETTER) as i32 + 60;
+        taken.push([
+            SIZE_PX.0 as i32 - 30 - width,
+            30,
+            SIZE_PX.0 as i32,
+            56 + 20 * figure.series.len() as i32,
+        ]);
+    }
     let all = || figure.series.iter().flat_map(|series| &series.points);
-    let at = |point: &Point| chart.backend_coord(&(point.x, point.y));
+    let at = |point: &Point| chart.backend_coord(&place(point));
     taken.extend(all().map(|point| {
         let (x, y) = at(point);
         [x - 5, y - 5, x + 5, y + 5]
     }));
     for point in all().filter(|point| !point.label.is_empty()) {
-        let place = at(point);
-        if let Some((corner, covered)) = free_place(place, &point.label, &taken) {
+        if let Some((corner, covered)) = free_place(at(point), &point.label, &taken) {
             let style = ink(LABEL_PX).pos(Pos::new(HPos::Left, VPos::Top));
             root.draw(&Text::new(point.label.clone(), corner, style)).map_err(told)?;
             taken.push(covered);
@@ -262,7 +322,7 @@ mod tests {
 
     #[test]
     fn numbers_have_the_digits_that_count() {
-        let check = |value: f64, expected: &str| assert_eq!(number(&value), expected);
+        let check = |value: f64, expected: &str| assert_eq!(number(value), expected);
         check(0.0, "0");
         check(0.05, "0.05");
         check(0.25, "0.25");
