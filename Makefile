@@ -2,6 +2,8 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 CARGO := cargo
+# Where rustup puts it, for shells that were opened before.
+export PATH := $(PATH):$(HOME)/.cargo/bin
 LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
@@ -43,4 +45,5 @@ pictures: setup
 
 clips: setup
 	$(CARGO) build --release --locked
-	target/release/videofields simulate --world plaza --out config/demo
+	target/release/videofields simulate --world plaza --out config/demo --truth-every 0 \
+		--database ../../target/demo/videofields.sqlite

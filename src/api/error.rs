@@ -95,6 +95,14 @@ impl Problem {
         Self { class, detail, errors: Vec::new(), internal: None }
     }
 
+    /// A request to a host that this daemon is not known by.
+    pub(super) fn host(name: &str) -> Self {
+        let class = class(StatusCode::MISDIRECTED_REQUEST, "host", "The daemon is not known by that name");
+        let shown = super::query::shown(name);
+        let detail = format!("{shown} is neither an IP address nor localhost nor listed in server.hosts");
+        Self { class, detail, errors: Vec::new(), internal: None }
+    }
+
     /// Header fields of more than `limit_bytes`.
     pub(super) fn fields_too_large(limit_bytes: usize) -> Self {
         let status = StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE;

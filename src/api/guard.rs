@@ -9,6 +9,7 @@ use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use std::net::{Ipv4Addr, Ipv6Addr};
 use tracing::Instrument;
 
 /// Route label of requests that no route matches.
@@ -24,7 +25,8 @@ pub(super) async fn observe(
     let start = api.clock.monotonic();
     let path = request.uri().path().to_owned();
     let span = tracing::debug_span!("request", method = %request.method(), ?path);
-    let mut response = match too_large(&api, &request) {
+    let refused = too_large(&api, &request).or_else(|| foreign_host(&api, &request));
+    let mut response = match refused {
         Some(problem) => problem.into_response(),
         None => next.run(request).instrument(span.clone()).await,
     };
@@ -51,6 +53,30 @@ fn too_large(api: &Api, request: &Request) -> Option<Problem> {
     let field_bytes: usize =
         request.headers().iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
     (field_bytes > api.limits.field_bytes).then(|| Problem::fields_too_large(api.limits.field_bytes))
+}
+
+/// A page of somebody else's whose name was made to lead here would be taken by the browser for the daemon's own, and
+/// could read its pictures: only names known to be the daemon's are answered (DNS rebinding).
+fn foreign_host(api: &Api, request: &Request) -> Option<Problem> {
+    let asked = request.uri().authority().map(|authority| authority.as_str());
+    let asked = asked.or_else(|| request.headers().get(header::HOST).and_then(|host| host.to_str().ok()));
+    let Some(named) = asked else {
+        // HTTP/1.0 without the field comes from no browser; one that is no text is nobody's name.
+        return request.headers().get(header::HOST).map(|_host| Problem::host("?"));
+    };
+    let name = match named.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => named,
+    };
+    let is_address = name.parse::<Ipv4Addr>().is_ok()
+        || name
+            .strip_prefix('[')
+            .and_then(|name| name.strip_suffix(']'))
+            .is_some_and(|name| name.parse::<Ipv6Addr>().is_ok());
+    let is_known = is_address
+        || name.eq_ignore_ascii_case("localhost")
+        || api.hosts.iter().any(|known| known.eq_ignore_ascii_case(name));
+    (!is_known).then(|| Problem::host(name))
 }
 
 fn set_security_fields(headers: &mut HeaderMap) {

@@ -46,6 +46,9 @@ pub struct Limits {
     pub request_time: Duration,
     /// Requests answered at once, the probes and metrics not counted; more get 503. Default 64.
     pub requests_at_once: usize,
+    /// Most bytes of pictures that clients have asked for and not taken yet, 1 MiB to 1 TiB; more get 503. Default
+    /// 256 MiB.
+    pub answer_bytes: usize,
     /// Pictures encoded at once; more wait. Default: the machine's processors.
     pub encoders: usize,
 }
@@ -57,6 +60,7 @@ impl Default for Limits {
             field_bytes: 16_384,
             request_time: Duration::from_secs(10),
             requests_at_once: 64,
+            answer_bytes: 256 << 20,
             encoders: std::thread::available_parallelism().map_or(1, std::num::NonZero::get),
         }
     }
@@ -70,18 +74,24 @@ struct Api {
     limits: Limits,
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
+    /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
+    answers: Arc<Semaphore>,
+    /// Names by which the daemon may be addressed, beside IP addresses and `localhost`.
+    hosts: Arc<[String]>,
 }
 
-/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take.
-pub fn router(door: Handle, clock: Arc<dyn Clock>) -> Router {
-    router_within(Limits::default(), door, clock)
+/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be
+/// addressed to an IP address, `localhost` or one of `hosts`.
+pub fn router(door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
+    router_within(Limits::default(), door, clock, hosts)
 }
 
 /// As [`router`], with limits of the caller's.
-pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>) -> Router {
+pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
-    let api = Api { door, clock, limits, requests, encoders };
+    let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
+    let api = Api { door, clock, limits, requests, encoders, answers, hosts: hosts.into() };
     let limited = Router::new()
         .merge(page::routes())
         .route("/api/v1/cameras", get(cameras::list))

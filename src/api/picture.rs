@@ -8,10 +8,12 @@ use crate::encode::{self, EncodeError, PictureFormat};
 use crate::engine::At;
 use crate::error::ErrorKind;
 use crate::frame::{RgbImage, YuvImage};
+use axum::body::Bytes;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::sync::OwnedSemaphorePermit;
 
 /// Quality of every JPEG, 1 to 100: above it files grow faster than pictures get better.
 const JPEG_QUALITY: u8 = 88;
@@ -58,12 +60,42 @@ pub(super) fn split<T: Copy>(file: &str, names: &[(&str, T)]) -> Result<(T, Pict
     })
 }
 
+/// Bytes that a permit of `Api::answers` stands for.
+pub(super) const ANSWER_UNIT_BYTES: usize = 1024;
+
+/// A file on its way to a client, counted among those that are until the last of it is sent or the client is gone.
+struct HeldFile {
+    bytes: Vec<u8>,
+    _permit: OwnedSemaphorePermit,
+}
+
+impl AsRef<[u8]> for HeldFile {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 impl Api {
-    /// Runs `work` where it may take its time; the number of such works at once is bounded.
+    /// Counts `bytes` among what is on its way to clients: slow ones could else fill the memory.
+    fn held(&self, bytes: Vec<u8>) -> Result<Bytes, Problem> {
+        let limit = self.limits.answer_bytes / ANSWER_UNIT_BYTES;
+        let units = bytes.len().div_ceil(ANSWER_UNIT_BYTES).min(limit);
+        let permit = u32::try_from(units)
+            .ok()
+            .and_then(|units| Arc::clone(&self.answers).try_acquire_many_owned(units).ok());
+        let Some(permit) = permit else {
+            let detail = format!("{} bytes of pictures are on their way already", self.limits.answer_bytes);
+            return Err(Problem::new(ErrorKind::Unavailable, detail));
+        };
+        Ok(Bytes::from_owner(HeldFile { bytes, _permit: permit }))
+    }
+
+    /// Runs `work` where it may take its time; the number of such works at once is bounded, and so are the bytes of
+    /// their outcomes that clients have not taken yet.
     pub(super) async fn encoded(
         &self,
         work: impl FnOnce() -> Result<Vec<u8>, EncodeError> + Send + 'static,
-    ) -> Result<(Vec<u8>, Duration), Problem> {
+    ) -> Result<(Bytes, Duration), Problem> {
         let permit = Arc::clone(&self.encoders).acquire_owned().await.expect("the semaphore is never closed");
         let clock = Arc::clone(&self.clock);
         let timed = move || {
@@ -73,7 +105,10 @@ impl Api {
             Ok::<_, EncodeError>((bytes, clock.monotonic().saturating_sub(start)))
         };
         match tokio::task::spawn_blocking(timed).await {
-            Ok(outcome) => Ok(outcome?),
+            Ok(outcome) => {
+                let (bytes, took) = outcome?;
+                Ok((self.held(bytes)?, took))
+            }
             Err(panicked) => {
                 Err(Problem::new(ErrorKind::Internal, format!("encoding a picture: {panicked}")))
             }
@@ -86,7 +121,7 @@ pub(super) struct Picture {
     /// How it is written.
     pub(super) format: PictureFormat,
     /// The file.
-    pub(super) bytes: Vec<u8>,
+    pub(super) bytes: Bytes,
     /// Which time was asked for.
     pub(super) at: At,
     /// The instant shown.

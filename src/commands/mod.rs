@@ -7,6 +7,7 @@ pub(crate) mod accuracy;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod progress;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;

@@ -1,19 +1,45 @@
-//! `simulate`: a world with known truth, as clips and truth files.
+//! `simulate`: a world with known truth, as clips and truth files; or what it calls for and what that costs.
 
-use anyhow::Result;
+use super::progress::Progress;
+use anyhow::{Context as _, Result};
 use glam::DVec3;
 use std::path::PathBuf;
-use videofields::simulate::{ExtraView, Parts, SimulateOptions, World, write};
+use videofields::clock::SystemClock;
+use videofields::simulate::{
+    EffectKind, Effects, ExplainOptions, Explanation, ExtraView, Parts, SimulateOptions, World, explain,
+    write_with,
+};
 
-/// Draws a world with known truth: clips, masks, depth, positions, a scene document and a configuration.
+/// Draws a world with known truth: clips, masks, depth, normals, positions, a scene document and a configuration.
+///
+/// A world is simulated with the effects that it names (noise, rain, dropped frames, ...) and no other; --explain says
+/// which these are and what each costs. What was written, and in which formats, stands in DIR/truth/truth.json.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulate {
     /// Which world: plaza.
     #[arg(long, default_value = "plaza")]
     world: String,
     /// The folder to write to; made if it is not there. Files of the same names are replaced.
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present_any = ["list", "explain"])]
+    out: Option<PathBuf>,
+    /// Lists the worlds that are known by name, and writes nothing.
+    #[arg(long, conflicts_with_all = ["out", "explain"])]
+    list: bool,
+    /// Says which effects the world calls for, why, and what each costs a frame here (measured), and writes nothing.
+    #[arg(long, conflicts_with = "out")]
+    explain: bool,
+    /// With --explain or --list: as JSON.
+    #[arg(long)]
+    json: bool,
+    /// Names one more effect, with its defaults, such as rain or light-drift; all names every one. May be given again.
+    #[arg(long = "with", value_name = "EFFECT", value_parser = parse_effect)]
+    with: Vec<Named>,
+    /// Takes an effect away that the world names; all takes every one. May be given again; comes before --with.
+    #[arg(long = "without", value_name = "EFFECT", value_parser = parse_effect)]
+    without: Vec<Named>,
+    /// What all randomness hangs on, in place of the world's own.
+    #[arg(long, value_name = "NUMBER")]
+    seed: Option<u64>,
     /// Length of the clips, seconds. Default: the world's period, so that they loop without a seam.
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -32,6 +58,9 @@ pub(crate) struct Simulate {
     /// Writes truth for the frame at this time alone, seconds from the clips' start; may be given again.
     #[arg(long = "at-secs", value_name = "SECONDS")]
     at_secs: Vec<f64>,
+    /// The database that the configuration names, relative to the folder.
+    #[arg(long, value_name = "FILE", default_value = "videofields.sqlite")]
+    database: PathBuf,
     /// A view where no camera stands, whose truth is written too, with masks of what the cameras see there and of
     /// its still part: its name, eye and target (metres) and vertical field of view (degrees), 960x540 if no size
     /// is given, such as square=0,-20,6:0,4,1:45; may be given again.
@@ -44,17 +73,33 @@ pub(crate) struct Simulate {
 
 impl Simulate {
     pub(crate) fn run(&self) -> Result<()> {
+        if self.list {
+            return self.list();
+        }
         let world = World::named(&self.world)?;
-        let mut options = SimulateOptions::new(&self.out);
+        let world = world.with_effects(self.effects(world.effects().clone()));
+        if self.explain {
+            return self.explain(&world);
+        }
+        let out = self.out.as_ref().context("--out names no folder")?;
+        let mut options = SimulateOptions::new(out);
         options.seconds = self.seconds;
         options.rate_hz = self.rate_hz;
         options.size_px = (self.size_px[0], self.size_px[1]);
         options.samples_per_side = self.samples;
         options.truth_every_frames = self.truth_every;
+        options.database.clone_from(&self.database);
         options.truth_at_secs.clone_from(&self.at_secs);
         options.extra_views.clone_from(&self.views);
         options.parts = if self.only_views { Parts::Views } else { Parts::Everything };
-        let written = write(&world, &options)?;
+        let mut progress = Progress::new();
+        let written = write_with(&world, &options, &mut |step| {
+            let (part, n_parts) = step.part;
+            progress.tell(|| {
+                format!("{} ({part} of {n_parts}): frame {} of {}", step.what, step.n_done, step.n_frames)
+            });
+        })?;
+        progress.finish();
         if !written.clips.is_empty() {
             super::say(&format!("{} frames a clip", written.n_frames))?;
         }
@@ -63,6 +108,99 @@ impl Simulate {
         }
         Ok(())
     }
+
+    /// The world's effects as the flags change them.
+    fn effects(&self, mut effects: Effects) -> Effects {
+        let kinds = |named: &[Named]| -> Vec<EffectKind> {
+            let of = |named: &Named| named.0.map_or(EffectKind::ALL.to_vec(), |kind| vec![kind]);
+            named.iter().flat_map(of).collect()
+        };
+        effects = kinds(&self.without).into_iter().fold(effects, Effects::without);
+        effects = kinds(&self.with).into_iter().fold(effects, Effects::with);
+        effects.seed = self.seed.unwrap_or(effects.seed);
+        effects
+    }
+
+    fn list(&self) -> Result<()> {
+        for (id, line) in World::catalogue() {
+            if self.json {
+                super::say(&serde_json::json!({"id": id, "about": line}).to_string())?;
+            } else {
+                super::say(&format!("{id:<20} {line}"))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn explain(&self, world: &World) -> Result<()> {
+        let options = ExplainOptions {
+            size_px: (self.size_px[0], self.size_px[1]),
+            samples_per_side: self.samples,
+            rate_hz: self.rate_hz,
+            ..ExplainOptions::default()
+        };
+        let mut progress = Progress::new();
+        let told = explain(world, &options, &SystemClock::new(), &mut |n_done, n_steps| {
+            progress.tell(|| format!("measured {n_done} of {n_steps}"));
+        })?;
+        progress.finish();
+        if self.json {
+            return super::say(&serde_json::to_string_pretty(&told)?);
+        }
+        super::say(&table(&told))
+    }
+}
+
+/// An effect, or all of them.
+#[derive(Clone, Copy, Debug)]
+struct Named(Option<EffectKind>);
+
+fn parse_effect(text: &str) -> Result<Named, String> {
+    if text == "all" {
+        return Ok(Named(None));
+    }
+    EffectKind::with_id(text).map(|kind| Named(Some(kind))).ok_or_else(|| {
+        let known: Vec<&str> = EffectKind::ALL.into_iter().map(EffectKind::id).chain(["all"]).collect();
+        videofields::error::unknown("effect", text, &known)
+    })
+}
+
+/// The explanation as a Markdown table between two sentences.
+fn table(told: &Explanation) -> String {
+    let cost = |cost_ms: Option<f64>| cost_ms.map_or(String::new(), |cost_ms| format!("{cost_ms:.1}"));
+    let on = |is_on: bool| if is_on { "on" } else { "off" };
+    let row = |cells: [&str; 5]| {
+        let [id, stage, is_on, cost, why] = cells;
+        format!("| {id:<15} | {stage:<8} | {is_on:<3} | {cost:>8} | {why} |\n")
+    };
+    let (width, height) = told.size_px;
+    let n = told.samples_per_side;
+    let often = if told.still_world.is_cast_once { "once for all frames" } else { "for every frame" };
+    let mut text = format!(
+        "World {}, camera {}, {width} x {height}, {n} x {n} samples a pixel, {} threads.\n\
+         The still world is cast {often} ({}); it takes {:.0} ms.\n\n",
+        told.world, told.camera, told.n_threads, told.still_world.reason, told.still_world.cost_ms,
+    );
+    text += &row(["effect", "stage", "is", "ms/frame", "why and how"]);
+    text += "| --------------- | -------- | --- | -------: | ----------- |\n";
+    for line in &told.effects {
+        let stage = format!("{:?}", line.stage).to_lowercase();
+        let settings = line.settings.as_ref().map_or(String::new(), |settings| format!(": `{settings}`"));
+        let why = format!("{}{settings}", line.reason);
+        text += &row([line.id, &stage, on(line.is_on), &cost(line.cost_ms), &why]);
+    }
+    let lens = &told.lens_distortion;
+    let why = if lens.is_on {
+        format!("calibration of {}; milliseconds of one still world", lens.cameras.join(", "))
+    } else {
+        "no camera's calibration has one".to_owned()
+    };
+    text += &row(["lens distortion", "camera", on(lens.is_on), &cost(lens.cost_ms), &why]);
+    text += &format!(
+        "\nA frame, from the world to the encoded picture: {:.1} ms with what is named, {:.1} ms with no effect.",
+        told.frame_ms, told.bare_frame_ms,
+    );
+    text
 }
 
 fn parse_view(text: &str) -> Result<ExtraView, String> {

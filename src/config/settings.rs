@@ -37,11 +37,14 @@ pub struct ServerSettings {
     /// Address and port. There are no users yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
     #[serde(deserialize_with = "listen_address")]
     pub listen: SocketAddr,
+    /// Names, without port, by which browsers may address the daemon beside IP addresses and `localhost`, such as the
+    /// one of a proxy before it; a page of any other name gets nothing. At most 64. Default none.
+    pub hosts: Vec<String>,
 }
 
 impl Default for ServerSettings {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)) }
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)), hosts: Vec::new() }
     }
 }
 
@@ -80,7 +83,7 @@ impl Default for MediaSettings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TimelineSettings {
-    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 300.
+    /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 256.
     pub mib_per_camera: u32,
 }
 

@@ -11,6 +11,7 @@ pub(super) const MAX_CAMERAS: usize = 256;
 /// Most scenes of one configuration.
 pub(super) const MAX_SCENES: usize = 64;
 const MAX_ROOTS: usize = 64;
+const MAX_HOSTS: usize = 64;
 const MAX_NAME_CHARS: usize = 200;
 const MAX_PATH_BYTES: usize = 4096;
 
@@ -30,6 +31,19 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
             settings.server.listen.ip()
         );
         gatherer.fault("/server/listen", message);
+    }
+    let hosts = &settings.server.hosts;
+    if hosts.len() > MAX_HOSTS {
+        gatherer
+            .fault("/server/hosts", format!("at most {MAX_HOSTS} names are allowed, got {}", hosts.len()));
+    }
+    for (i, host) in hosts.iter().enumerate() {
+        let is_name = (1..=253).contains(&host.len())
+            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_'));
+        if !is_name {
+            let message = "expected a name of letters, digits, `.`, `-` and `_`, without scheme and port";
+            gatherer.fault(format!("/server/hosts/{i}"), message.to_owned());
+        }
     }
     check_path(&settings.storage.database, "/storage/database", gatherer);
     let secs = settings.storage.checkpoint_interval_secs;

@@ -20,6 +20,8 @@ pub(super) struct CameraConsumer {
     clock: Arc<dyn Clock>,
     stop: StopFlag,
     is_prepared: bool,
+    /// What is wrong although frames come.
+    concern: Option<String>,
 }
 
 impl CameraConsumer {
@@ -34,23 +36,39 @@ impl CameraConsumer {
         stop: StopFlag,
     ) -> Self {
         let pipeline = Pipeline::new(&settings.background, &settings.segment);
-        Self { settings, roots, pipeline, timeline, checkpoints, metrics, clock, stop, is_prepared: false }
+        Self {
+            settings,
+            roots,
+            pipeline,
+            timeline,
+            checkpoints,
+            metrics,
+            clock,
+            stop,
+            is_prepared: false,
+            concern: None,
+        }
     }
 
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
-    /// learned anew, so that another clip takes effect. False where the camera was stopped meanwhile.
+    /// learned anew, so that another clip takes effect; one that adapts learns a clip that was named since. False
+    /// where the camera was stopped meanwhile.
     fn prepare(&mut self, first: &Frame) -> bool {
         let id = &self.settings.id;
         let is_held = self.settings.background.learning == Learning::Hold;
-        if !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image) {
+        let is_restored = !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image);
+        let Some(clip) = &self.settings.background.clip else { return true };
+        if is_restored && self.pipeline.has_learned_clip() {
             return true;
         }
-        let Some(clip) = &self.settings.background.clip else { return true };
         let rate_hz = ingest::index_rate_hz(&self.settings.source);
         match ingest::learn_clip_stoppable(&mut self.pipeline, clip, rate_hz, &self.roots, &self.stop) {
             Ok(n_frames) => tracing::info!(camera = %id, n_frames, "background clip learned"),
             Err(IngestError::Stopped) => return false,
-            Err(error) => tracing::error!(camera = %id, %error, "background clip not learned"),
+            Err(error) => {
+                tracing::error!(camera = %id, %error, "background clip not learned");
+                self.concern = Some(format!("background clip not learned, the background adapts: {error}"));
+            }
         }
         true
     }
@@ -80,6 +98,10 @@ impl FrameConsumer for CameraConsumer {
         }
     }
 
+    fn concern(&self) -> Option<&str> {
+        self.concern.as_deref()
+    }
+
     fn miss(&mut self) {
         self.metrics.count_dropped(self.settings.id.as_str(), DropReason::Overrun);
     }
@@ -93,7 +115,7 @@ impl FrameConsumer for CameraConsumer {
 
     fn finish(&mut self) {
         if self.is_prepared {
-            self.checkpoints.write(&self.pipeline);
+            self.checkpoints.write_finally(&self.pipeline);
         }
     }
 }

@@ -6,27 +6,42 @@ use crate::frame::{CameraId, YuvImage};
 use crate::ingest::{CHECKPOINT_VERSION, Pipeline};
 use crate::store::{BackgroundRecord, Store, StoreError};
 use crate::telemetry::Metrics;
+use std::collections::HashSet;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::runtime::Handle;
 
 /// How writing to the store goes, over all cameras; what readiness and metrics tell.
 #[derive(Debug, Default)]
-pub(super) struct StoreHealth(Mutex<(bool, Option<Duration>)>);
+pub(super) struct StoreHealth(Mutex<StoreState>);
+
+#[derive(Debug, Default)]
+struct StoreState {
+    /// Cameras whose last write failed.
+    failing: HashSet<CameraId>,
+    last_good: Option<Duration>,
+}
 
 impl StoreHealth {
-    /// Notes a write: when it succeeded, or that it failed.
-    fn note(&self, good_at: Option<Duration>) {
+    /// Notes a camera's write: when it succeeded, or that it failed.
+    fn note(&self, camera: &CameraId, good_at: Option<Duration>) {
         let mut state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        *state = (good_at.is_none(), good_at.or(state.1));
+        match good_at {
+            Some(_) => state.failing.remove(camera),
+            None => state.failing.insert(camera.clone()),
+        };
+        state.last_good = good_at.or(state.last_good);
     }
 
-    /// Whether the last write succeeded (or none was made yet), and the monotonic time of the last that did.
+    /// Whether every camera's last write succeeded (or none was made yet), and the monotonic time of the last that did.
     pub(super) fn read(&self) -> (bool, Option<Duration>) {
-        let (has_failed, last_good) = *self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        (!has_failed, last_good)
+        let state = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        (state.failing.is_empty(), state.last_good)
     }
 }
+
+/// Between the attempts of a camera's last write.
+const FINAL_PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(300)];
 
 /// One camera's background in the store. Used on the camera's own thread: writing blocks that camera for the time
 /// that one write takes, and no other.
@@ -43,9 +58,10 @@ pub(super) struct Checkpoints {
 }
 
 impl Checkpoints {
+    /// Of a camera whose background is written every `interval`, the first time `sooner` than that.
     pub(super) fn new(
         camera: &CameraSettings,
-        interval: Duration,
+        (interval, sooner): (Duration, Duration),
         store: Store,
         runtime: Handle,
         health: Arc<StoreHealth>,
@@ -53,7 +69,7 @@ impl Checkpoints {
         clock: Arc<dyn Clock>,
     ) -> Self {
         let (camera, learning) = (camera.id.clone(), camera.background.learning);
-        let last = clock.monotonic();
+        let last = clock.monotonic().saturating_sub(sooner);
         Self { camera, learning, interval, store, runtime, health, metrics, clock, last }
     }
 
@@ -90,23 +106,37 @@ impl Checkpoints {
         }
     }
 
-    /// Writes the background now. A failure is logged and counted; the next interval tries again.
-    pub(super) fn write(&mut self, pipeline: &Pipeline) {
+    /// Writes the background for the last time: nothing tries again later, so this does.
+    pub(super) fn write_finally(&mut self, pipeline: &Pipeline) {
+        for pause in FINAL_PAUSES {
+            if self.write(pipeline) {
+                return;
+            }
+            self.clock.sleep(pause);
+        }
+        self.write(pipeline);
+    }
+
+    /// Writes the background now; whether that went well. A failure is logged and counted; the next interval tries
+    /// again.
+    fn write(&mut self, pipeline: &Pipeline) -> bool {
         let started = self.clock.monotonic();
         self.last = started;
         if self.learning == Learning::Hold {
-            return;
+            return true;
         }
         match self.try_write(pipeline) {
             Ok(()) => {
                 let took = self.clock.monotonic().saturating_sub(started);
                 self.metrics.store_checkpoint.observe(took.as_secs_f64());
-                self.health.note(Some(started));
+                self.health.note(&self.camera, Some(started));
+                true
             }
             Err(error) => {
                 tracing::error!(camera = %self.camera, %error, "background not written");
                 self.metrics.store_checkpoints_failed.inc();
-                self.health.note(None);
+                self.health.note(&self.camera, None);
+                false
             }
         }
     }
@@ -125,5 +155,23 @@ impl Checkpoints {
             bytes,
         };
         self.runtime.block_on(self.store.put_background(&record))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_cameras_write_does_not_hide_anothers_failure() {
+        let (north, south) = (CameraId::new("north").unwrap(), CameraId::new("south").unwrap());
+        let health = StoreHealth::default();
+        let at = Duration::from_secs;
+        assert_eq!(health.read(), (true, None));
+        health.note(&north, None);
+        health.note(&south, Some(at(3)));
+        assert_eq!(health.read(), (false, Some(at(3))));
+        health.note(&north, Some(at(4)));
+        assert_eq!(health.read(), (true, Some(at(4))));
     }
 }

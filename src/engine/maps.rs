@@ -18,33 +18,51 @@ const BUILDER: Builder = Builder::Ray;
 
 /// Brings every map in, one after the other; ends after the one in hand once `stop` is raised.
 pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &StopFlag) {
-    for scene in &shared.scenes {
-        for member in &scene.cameras {
-            if stop.is_raised() {
-                return;
+    // Cores of their own: in the pool that the cameras share, a map's many pieces would go before every frame.
+    let n_threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).div_ceil(2);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads);
+    let pool = match pool.thread_name(|idx| format!("map-{idx}")).build() {
+        Ok(pool) => pool,
+        Err(error) => {
+            let failure = EngineError::Internal(format!("cannot start the threads that build maps: {error}"));
+            tracing::error!(error = %failure, "no texture-to-world maps");
+            for (scene, member) in members(shared) {
+                shared.set_map(&scene.id, &member.id, MapState::Failed(failure.clone()));
             }
-            // One map that meets a fault leaves the others to be built. A panic leaves nothing half-changed: the
-            // map in hand is dropped, and the store's own transactions are whole or not there.
-            let build = AssertUnwindSafe(|| map(shared, store, runtime, scene, member));
-            let built = catch_unwind(build).unwrap_or_else(|_panic| {
-                Err(EngineError::Internal(format!("building the map of camera {} panicked", member.id)))
-            });
-            let state = match built {
-                Ok(map) => MapState::Ready(Arc::new(map)),
-                Err(error) => {
-                    tracing::error!(scene = scene.id, camera = %member.id, %error, "no texture-to-world map");
-                    MapState::Failed(error)
-                }
-            };
-            shared.set_map(&scene.id, &member.id, state);
+            return;
         }
+    };
+    for (scene, member) in members(shared) {
+        if stop.is_raised() {
+            return;
+        }
+        // One map that meets a fault leaves the others to be built. A panic leaves nothing half-changed: the
+        // map in hand is dropped, and the store's own transactions are whole or not there.
+        let build = AssertUnwindSafe(|| map(shared, store, runtime, &pool, scene, member));
+        let built = catch_unwind(build).unwrap_or_else(|_panic| {
+            Err(EngineError::Internal(format!("building the map of camera {} panicked", member.id)))
+        });
+        let state = match built {
+            Ok(map) => MapState::Ready(Arc::new(map)),
+            Err(error) => {
+                tracing::error!(scene = scene.id, camera = %member.id, %error, "no texture-to-world map");
+                MapState::Failed(error)
+            }
+        };
+        shared.set_map(&scene.id, &member.id, state);
     }
+}
+
+/// Every camera of every scene.
+fn members(shared: &Shared) -> impl Iterator<Item = (&Scene, &SceneCamera)> {
+    shared.scenes.iter().flat_map(|scene| scene.cameras.iter().map(|member| (&**scene, member)))
 }
 
 fn map(
     shared: &Shared,
     store: &Store,
     runtime: &Runtime,
+    pool: &rayon::ThreadPool,
     scene: &Scene,
     member: &SceneCamera,
 ) -> Result<WorldMap, EngineError> {
@@ -54,7 +72,8 @@ fn map(
         return Ok(stored);
     }
     let started = shared.clock.monotonic();
-    let map = BUILDER.build(&member.camera, &scene.surfaces, size_px).map_err(|error| failure_of(&error))?;
+    let build = || BUILDER.build(&member.camera, &scene.surfaces, size_px);
+    let map = pool.install(build).map_err(|error| failure_of(&error))?;
     let took = shared.clock.monotonic().saturating_sub(started);
     tracing::info!(scene = scene.id, camera = %member.id, ?took, "texture-to-world map built");
     let record = TextureMapRecord {

@@ -30,20 +30,24 @@ use crate::timeline::Timeline;
 use camera::CameraConsumer;
 use checkpoint::{Checkpoints, StoreHealth};
 use shared::{CameraEntry, Shared};
-use std::sync::Arc;
 use std::sync::mpsc::sync_channel;
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
-/// Time that a picture or map in hand is given when the engine stops: with what requests are given before, less than
-/// the 3 s in which the daemon must be gone.
-const FINISH_TIME: Duration = Duration::from_millis(500);
+/// Time that a picture or map in hand is given when the engine stops.
+const FINISH_TIME: Duration = Duration::from_millis(300);
+
+/// Time from the request to stop in which cameras write their backgrounds: with what comes after, less than the 3 s in
+/// which the daemon must be gone. A thread that takes longer hangs in a call to the system that nothing ends, such as
+/// to a file server that is gone.
+const CAMERA_FINISH_TIME: Duration = Duration::from_millis(2_100);
 
 /// Why the engine did not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
-    /// The media roots cannot be used, or a camera's thread cannot be started.
+    /// A camera's thread cannot be started.
     #[error(transparent)]
     Ingest(#[from] IngestError),
     /// Another thread cannot be started.
@@ -63,6 +67,8 @@ pub struct Engine {
     threads: Vec<(&'static str, JoinHandle<()>)>,
     /// Ends what cameras and maps do that takes long.
     stop: StopFlag,
+    /// Monotonic time of the first request to stop.
+    stop_requested: OnceLock<Duration>,
 }
 
 impl Engine {
@@ -70,7 +76,7 @@ impl Engine {
     /// store's work runs on.
     ///
     /// # Errors
-    /// When the media roots cannot be used or a thread cannot be started. What a camera meets later is its state.
+    /// When a thread cannot be started. What a camera meets later is its state.
     pub fn start(
         config: &Config,
         scenes: Vec<Arc<Scene>>,
@@ -80,9 +86,9 @@ impl Engine {
     ) -> Result<Self, StartError> {
         let settings = config.settings();
         let runtime = Runtime::current();
-        let roots = MediaRoots::new(&settings.media.roots)?;
+        let roots = MediaRoots::usable(&settings.media.roots);
         // One zero for all cameras that name no start, so that clips which belong together stay together.
-        let origin = clock.now();
+        let start = (clock.now(), clock.monotonic());
         let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
         let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
             .unwrap_or(Duration::from_secs(60));
@@ -90,12 +96,14 @@ impl Engine {
         let store_health = Arc::new(StoreHealth::default());
         let mut workers = Vec::new();
         let mut cameras = Vec::new();
-        for camera in &settings.camera {
+        let n_cameras = settings.camera.len() as u32;
+        for (camera, place) in settings.camera.iter().zip(0..) {
             metrics.announce_camera(camera.id.as_str());
             let timeline = Arc::new(Timeline::new(capacity_bytes));
             let checkpoints = Checkpoints::new(
                 camera,
-                interval,
+                // One after the other over the interval, not all at once: they share one database.
+                (interval, interval * place / n_cameras),
                 store.clone(),
                 runtime.clone(),
                 Arc::clone(&store_health),
@@ -116,7 +124,7 @@ impl Engine {
                 camera.source.clone(),
                 roots.clone(),
                 Arc::clone(&clock),
-                origin,
+                start,
                 Box::new(consumer),
             )?;
             cameras.push(entry(camera, timeline, &worker));
@@ -140,7 +148,7 @@ impl Engine {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
-        Ok(Self { shared, workers, threads: vec![renderer, builder], stop })
+        Ok(Self { shared, workers, threads: vec![renderer, builder], stop, stop_requested: OnceLock::new() })
     }
 
     /// The door to the engine; it outlives it, and then answers that the daemon is stopping.
@@ -158,6 +166,7 @@ impl Engine {
     /// Asks cameras and the building of maps to end, and returns at once; what was seen and drawn can still be
     /// asked for.
     pub fn request_stop(&self) {
+        self.stop_requested.get_or_init(|| self.shared.clock.monotonic());
         self.stop.raise();
         for worker in &self.workers {
             worker.request_stop();
@@ -165,16 +174,26 @@ impl Engine {
     }
 
     /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
-    /// done, but for a picture or map that takes more than another half second: nothing is lost with either, and a
+    /// done, but for a picture or map that takes more than another 0.3 s, and for a camera that hangs: nothing is lost with either, and a
     /// software renderer may take many seconds for a large one. Its thread ends when it is done.
     pub fn stop(self) {
         // All are told before any is waited for.
         self.request_stop();
         self.shared.close_queue();
-        for worker in self.workers {
-            worker.stop();
-        }
         let clock = &self.shared.clock;
+        let requested = self.stop_requested.get().copied().unwrap_or_else(|| clock.monotonic());
+        let until = requested.saturating_add(CAMERA_FINISH_TIME);
+        for worker in self.workers {
+            while !worker.is_finished() && clock.monotonic() < until {
+                clock.sleep(Duration::from_millis(5));
+            }
+            if worker.is_finished() {
+                worker.stop();
+            } else {
+                tracing::error!(camera = %worker.id(), "a camera's thread does not end and is left");
+                worker.abandon();
+            }
+        }
         let until = clock.monotonic().saturating_add(FINISH_TIME);
         for (name, thread) in self.threads {
             while !thread.is_finished() && clock.monotonic() < until {

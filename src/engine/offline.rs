@@ -115,8 +115,10 @@ fn play(
     let mut source = camera.source.clone();
     let mut pipeline = Pipeline::new(&camera.background, &camera.segment);
     if let Some(clip) = &camera.background.clip {
-        ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots)
-            .map_err(|error| error.to_string())?;
+        // As a running camera does: its background adapts.
+        if let Err(error) = ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots) {
+            tracing::error!(camera = %camera.id, %error, "background clip not learned");
+        }
     }
     // A loop has no end to wait for.
     if until.is_none() {

@@ -35,6 +35,9 @@ impl PartialEq for Subject {
     }
 }
 
+/// Stages of [`ViewAnswer::timings`] that run on the CPU or span all passes; the others are passes on the GPU.
+pub(super) const HOST_STAGES: [&str; 3] = ["fuse", "plan", "render"];
+
 /// What each camera saw.
 pub(super) type Observations = Vec<(CameraId, Observation)>;
 
@@ -56,7 +59,7 @@ impl Subject {
         let (width_px, height_px) = (request.width_px, request.height_px);
         let view =
             View::new(from.eye, from.target, from.fov_y_rad, width_px, height_px, &renderer.view_limits())
-                .map_err(EngineError::Request)?;
+                .map_err(|fault| view_failure(fault, request))?;
         let source = |(camera, observation): &(CameraId, Observation)| SourceTime {
             camera: camera.clone(),
             timestamp: observation.frame.timestamp,
@@ -84,9 +87,9 @@ impl Subject {
         let rendered = renderer.render(&state, &self.view, &plan)?;
         let finished = clock.monotonic();
         let mut timings = vec![
-            ("fuse", fused.saturating_sub(started)),
-            ("plan", planned.saturating_sub(fused)),
-            ("render", finished.saturating_sub(planned)),
+            (HOST_STAGES[0], fused.saturating_sub(started)),
+            (HOST_STAGES[1], planned.saturating_sub(fused)),
+            (HOST_STAGES[2], finished.saturating_sub(planned)),
         ];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
         Ok(ViewAnswer {
@@ -120,6 +123,16 @@ fn overview(scene: &Scene) -> SceneView {
     let distance = radius / (0.5 * fov_y_rad).sin();
     let (up, back) = 35_f64.to_radians().sin_cos();
     SceneView { eye: target + DVec3::new(0.0, -back, up) * distance, target, fov_y_rad }
+}
+
+/// What is wrong with a view: more pixels than there may be are a limit of the daemon's, all else is the request's.
+fn view_failure(fault: Fault, request: &ViewRequest) -> EngineError {
+    let is_of_size = matches!(fault.place.as_str(), "width" | "height");
+    if is_of_size && request.width_px > 0 && request.height_px > 0 {
+        EngineError::TooLarge(fault)
+    } else {
+        EngineError::Request(fault)
+    }
 }
 
 /// A renderer's failure as the engine's; parameters at fault keep their names.

@@ -2,7 +2,7 @@
 
 use super::EngineError;
 use super::handle::{At, Door, ViewAnswer, ViewRequest};
-use super::picture::{Observations, Subject, failure_of};
+use super::picture::{HOST_STAGES, Observations, Subject, failure_of};
 use super::shared::Shared;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
@@ -10,7 +10,8 @@ use crate::gpu::Gpu;
 use crate::render::Renderer;
 use crate::scene::Scene;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::mpsc::Receiver;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
@@ -23,12 +24,24 @@ pub(super) struct Job {
 /// After a device could not be had, it is not tried again for this long.
 const DEVICE_RETRY: Duration = Duration::from_secs(5);
 
+/// A camera whose newest picture is this much older than the instant shown, and than twice its own frame interval,
+/// shows its background alone: whom it saw last may be long gone.
+const STALE_NANOS: i64 = 5_000_000_000;
+
 /// Serves `jobs` until every sender is gone.
 pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
     let mut thread = RenderThread { shared, renderer: None, failed_at: None, last: None };
-    // Opening the device now takes the wait out of the first request, and readiness tells how it went.
-    thread.open_device();
-    while let Ok(job) = jobs.recv() {
+    loop {
+        // Opening the device before it is asked for takes the wait out of the first request; readiness tells how it
+        // went, and comes back without anybody asking for a picture.
+        if let Err(error) = thread.contained(|thread| thread.ensure_renderer().map(|_renderer| ())) {
+            tracing::debug!(%error, "no renderer yet");
+        }
+        let job = match jobs.recv_timeout(DEVICE_RETRY) {
+            Ok(job) => job,
+            Err(RecvTimeoutError::Timeout) => continue,
+            Err(RecvTimeoutError::Disconnected) => break,
+        };
         shared.count_dequeued();
         // A caller that has gone wants no picture.
         if job.reply.is_closed() {
@@ -88,15 +101,17 @@ impl RenderThread<'_> {
             Ok(answer) => {
                 let metrics = &self.shared.metrics;
                 metrics.render_picture.observe(clock.monotonic().saturating_sub(started).as_secs_f64());
-                for (pass, time) in &answer.timings {
+                let passes = answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage));
+                for (pass, time) in passes {
                     metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
                 }
                 self.last = Some((subject, answer.clone()));
                 Ok(answer)
             }
             Err(error) => {
-                if error.kind() == ErrorKind::Unavailable {
-                    tracing::warn!(%error, "the renderer is lost and will be made anew");
+                // Also after a fault that the device survives: what it could not allocate stays unusable.
+                if matches!(error.kind(), ErrorKind::Unavailable | ErrorKind::Internal) {
+                    tracing::warn!(%error, "the renderer failed and will be made anew");
                     self.renderer = None;
                     self.shared.set_renderer_state(Err(error.to_string()));
                 }
@@ -106,14 +121,24 @@ impl RenderThread<'_> {
     }
 
     /// What every camera of the scene saw at `instant`. A camera without anything is left out, but not all may be:
-    /// then the first camera's reason is the answer.
+    /// then the first configured camera's reason is the answer.
     fn observations(&self, scene: &Scene, instant: Timestamp) -> Result<Observations, EngineError> {
         let mut failure = None;
         let mut found = Vec::new();
         for member in &scene.cameras {
             match self.shared.observation(member.id.as_str(), At::Time(instant)) {
-                Ok(observation) => found.push((member.id.clone(), observation)),
-                Err(error) => failure = failure.or(Some(error)),
+                Ok(mut observation) => {
+                    let age_nanos = instant.nanos_since(observation.frame.timestamp);
+                    if age_nanos > STALE_NANOS.max(self.shared.longest_interval_nanos(member.id.as_str())) {
+                        observation.blobs = Arc::default();
+                    }
+                    found.push((member.id.clone(), observation));
+                }
+                Err(error) => {
+                    if matches!(failure, None | Some(EngineError::NoCamera { .. })) {
+                        failure = Some(error);
+                    }
+                }
             }
         }
         match failure {
@@ -167,7 +192,6 @@ mod tests {
     use crate::clock::SystemClock;
     use crate::config::RenderSettings;
     use crate::telemetry::Metrics;
-    use std::sync::Arc;
     use std::sync::mpsc::sync_channel;
 
     #[test]

@@ -24,6 +24,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
+/// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
+const MAX_LAG_NANOS: i64 = 1_500_000_000;
+
 /// A camera as callers see it.
 pub(super) struct CameraEntry {
     pub(super) id: CameraId,
@@ -122,26 +125,35 @@ impl Shared {
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
     }
 
-    /// The newest instant that all live cameras of a scene have reached; where none is live, the newest that all
-    /// which have a frame have reached.
+    /// The newest instant that all live cameras of a scene have reached, those left out that lag behind the newest by
+    /// more than [`MAX_LAG_NANOS`]: one camera that cannot keep up must not hold back the others. Where none is live,
+    /// the newest that any has reached.
     pub(super) fn live_instant(&self, scene: &Scene) -> Result<Timestamp, EngineError> {
-        let mut live: Option<Timestamp> = None;
-        let mut any: Option<Timestamp> = None;
-        for member in &scene.cameras {
-            let Ok(camera) = self.camera(member.id.as_str()) else { continue };
-            let Some((_, last)) = camera.timeline.range() else { continue };
-            any = Some(any.map_or(last, |instant| instant.max(last)));
-            if camera.status.read().state == CameraState::Live {
-                live = Some(live.map_or(last, |instant| instant.min(last)));
-            }
-        }
-        match (live.or(any), scene.cameras.first()) {
+        let newest_seen = |member: &SceneCamera| {
+            let camera = self.camera(member.id.as_str()).ok()?;
+            let (_, last) = camera.timeline.range()?;
+            Some((last, camera.status.read().state == CameraState::Live))
+        };
+        let reached = live_of(scene.cameras.iter().filter_map(newest_seen));
+        let is_configured = |member: &&SceneCamera| self.camera(member.id.as_str()).is_ok();
+        let first = || scene.cameras.iter().find(is_configured).or(scene.cameras.first());
+        match (reached, first()) {
             (Some(instant), _) => Ok(instant),
             (None, Some(member)) => {
                 self.observation(member.id.as_str(), At::Live).map(|seen| seen.frame.timestamp)
             }
             // A scene without cameras is always as it is.
             (None, None) => Ok(self.clock.now()),
+        }
+    }
+
+    /// Twice the camera's mean frame interval, nanoseconds; 0 where it is not known.
+    pub(super) fn longest_interval_nanos(&self, camera: &str) -> i64 {
+        let Ok(camera) = self.camera(camera) else { return 0 };
+        let (range, n_kept) = (camera.timeline.range(), camera.timeline.len());
+        match (range, i64::try_from(n_kept)) {
+            (Some((first, last)), Ok(n)) if n > 1 => last.nanos_since(first) / (n - 1) * 2,
+            _ => 0,
         }
     }
 
@@ -168,6 +180,14 @@ impl Shared {
                 .ok_or_else(|| EngineError::NoSurface(format!("camera {camera} is part of no scene"))),
         }
     }
+}
+
+/// The instant to show of cameras of which each has a newest picture and is live or not.
+fn live_of(newest: impl Iterator<Item = (Timestamp, bool)> + Clone) -> Option<Timestamp> {
+    let live = newest.clone().filter_map(|(last, is_live)| is_live.then_some(last));
+    let front = live.clone().max();
+    let keeps_up = |last: &Timestamp| front.is_some_and(|front| front.nanos_since(*last) <= MAX_LAG_NANOS);
+    live.filter(keeps_up).min().or_else(|| newest.map(|(last, _)| last).max())
 }
 
 impl Door for Shared {
@@ -354,5 +374,26 @@ impl Door for Shared {
 
     fn count_http(&self, route: &str, status: u16, duration: Duration) {
         self.metrics.observe_request(route, status, duration.as_secs_f64());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn live_is_what_all_that_keep_up_have_reached() {
+        let check = |cameras: &[(i64, bool)], expected: Option<i64>| {
+            let newest = cameras.iter().map(|(ms, live)| (Timestamp::from_nanos(ms * 1_000_000), *live));
+            let expected = expected.map(|ms| Timestamp::from_nanos(ms * 1_000_000));
+            assert_eq!(live_of(newest), expected, "{cameras:?}");
+        };
+        check(&[], None);
+        check(&[(10_000, true), (9_960, true), (9_800, true)], Some(9_800));
+        // One that lags or failed holds nobody back.
+        check(&[(10_000, true), (9_960, true), (8_400, true)], Some(9_960));
+        check(&[(10_000, true), (3_000, false)], Some(10_000));
+        check(&[(10_000, true), (12_000, false)], Some(10_000));
+        check(&[(3_000, false), (2_000, false)], Some(3_000));
     }
 }

@@ -274,6 +274,15 @@ impl Surfaces {
         Some(Hit { distance_m, point_in_world: ray.at(distance_m), normal_in_world, surface, face })
     }
 
+    /// Where the ray meets one of the surfaces, which must be one of these: distance, metres, above 0; unit normal
+    /// as in [`Hit`]; side.
+    pub(crate) fn hit_of(&self, surface: SurfaceId, ray: &Ray) -> Option<(f64, DVec3, Face)> {
+        match surface {
+            SurfaceId::Ground(idx) => self.ground[usize::from(idx)].hit(ray),
+            SurfaceId::Box(idx) => self.boxes[usize::from(idx)].hit(ray),
+        }
+    }
+
     /// Whether a box stands between two points (ground hides nothing that stands on it); the last 1 cm before
     /// `to` does not count.
     #[must_use]

@@ -48,6 +48,13 @@ impl Readback {
         );
     }
 
+    /// Lets go of a buffer larger than `max_bytes`.
+    pub fn trim(&mut self, max_bytes: u64) {
+        if self.buffer.as_ref().is_some_and(|buffer| buffer.size() > max_bytes) {
+            self.buffer = None;
+        }
+    }
+
     /// Waits for everything submitted and hands out the first three bytes of every pixel, rows from the top.
     ///
     /// # Errors

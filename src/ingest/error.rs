@@ -188,6 +188,15 @@ pub enum IngestError {
 }
 
 impl IngestError {
+    /// Whether the fault lies in what the source holds, so that reading it again meets it again.
+    #[must_use]
+    pub(super) const fn is_of_content(&self) -> bool {
+        matches!(
+            self,
+            Self::Damaged { .. } | Self::Picture { .. } | Self::Layout { .. } | Self::TooLarge { .. }
+        )
+    }
+
     /// What a caller can do about it.
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {

@@ -35,6 +35,20 @@ impl MediaRoots {
         Ok(Self { configured: roots.to_vec(), resolved })
     }
 
+    /// As [`Self::new`], leaving out roots that cannot be used (and logging them): what lies beneath the others can be
+    /// opened all the same. One that comes back later counts again after a restart.
+    #[must_use]
+    pub fn usable(roots: &[PathBuf]) -> Self {
+        let mut resolved = Vec::new();
+        for root in roots {
+            match Self::new(std::slice::from_ref(root)) {
+                Ok(usable) => resolved.extend(usable.resolved),
+                Err(error) => tracing::error!(%error, "a media root is left out"),
+            }
+        }
+        Self { configured: roots.to_vec(), resolved }
+    }
+
     /// The folder that `path` lies in as the only root: for commands whose caller may read the file anyway.
     ///
     /// # Errors

@@ -36,7 +36,7 @@ impl CameraState {
 pub struct CameraStatus {
     /// Where it stands.
     pub state: CameraState,
-    /// Why it failed last; `None` once frames come again.
+    /// Why it failed last, or what is wrong although frames come; else `None`.
     pub reason: Option<String>,
     /// Frames delivered.
     pub frames: u64,
@@ -115,10 +115,14 @@ impl SharedStatus {
         now: Duration,
         size: (u32, u32),
         fps: f64,
+        concern: Option<&str>,
     ) -> bool {
         let mut status = self.lock();
         let is_first = status.state != CameraState::Live;
-        (status.state, status.reason, status.fps) = (CameraState::Live, None, fps);
+        (status.state, status.fps) = (CameraState::Live, fps);
+        if status.reason.as_deref() != concern {
+            status.reason = concern.map(str::to_owned);
+        }
         (status.last_timestamp, status.last_frame_at, status.size) = (Some(timestamp), Some(now), Some(size));
         status.frames += 1;
         is_first

@@ -7,11 +7,16 @@ use std::sync::Arc;
 
 const NANOS_PER_SEC: f64 = 1e9;
 
+/// A step of the container's time longer than this, and than [`MAX_STEP_INTERVALS`], is a break in its clock (a
+/// damaged timestamp, a recording that paused for hours) and counts as one frame interval.
+const MAX_STEP_NANOS: i64 = 10_000_000_000;
+const MAX_STEP_INTERVALS: i64 = 50;
+
 /// A medium whose pictures are numbered from 0 and timed from the first one on.
 ///
 /// With `Timing::Index` picture n is seen at n / rate. With `Timing::Pts` the container's stream times count; one
-/// that is missing or does not grow is replaced by the time one frame interval after the picture before it, so
-/// that time always runs forward. When the medium loops, its first picture follows its last by the mean interval
+/// that is missing, does not grow, or leaps ahead is replaced by the time one frame interval after the picture before
+/// it, so that time always runs forward and no leap stops the camera. When the medium loops, its first picture follows its last by the mean interval
 /// of the pass.
 pub(super) struct TimedSource<M> {
     media: M,
@@ -103,17 +108,26 @@ impl<M: Media> Source for TimedSource<M> {
 impl Pass {
     fn time(&mut self, picture: &Picture, fallback_nanos: i64) -> i64 {
         self.promised_nanos = picture.interval_nanos.filter(|nanos| *nanos > 0);
+        let interval_nanos = self.promised_nanos.unwrap_or(fallback_nanos);
         let next = if self.n_pictures == 0 {
             self.start_nanos
         } else {
-            self.latest_nanos.saturating_add(self.promised_nanos.unwrap_or(fallback_nanos))
+            self.latest_nanos.saturating_add(interval_nanos)
         };
         let told = picture.stream_nanos.and_then(|told| {
             let (theirs, ours) = *self.anchor_nanos.get_or_insert((told, next));
             ours.checked_add(told.checked_sub(theirs)?)
         });
-        let is_forward = |nanos: &i64| self.n_pictures == 0 || *nanos > self.latest_nanos;
-        let nanos = told.filter(is_forward).unwrap_or(next);
+        let longest = MAX_STEP_NANOS.max(interval_nanos.saturating_mul(MAX_STEP_INTERVALS));
+        let step = told.map(|told| told.saturating_sub(self.latest_nanos));
+        if self.n_pictures > 0 && step.is_some_and(|step| step > longest) {
+            tracing::warn!(step_nanos = step, "timestamps leap ahead: the leap is left out");
+            self.anchor_nanos = picture.stream_nanos.map(|told| (told, next));
+        }
+        let is_next = |nanos: &i64| {
+            self.n_pictures == 0 || (1..=longest).contains(&nanos.saturating_sub(self.latest_nanos))
+        };
+        let nanos = told.filter(is_next).unwrap_or(next);
         self.latest_nanos = nanos;
         self.n_pictures += 1;
         nanos
@@ -209,6 +223,20 @@ mod tests {
         check(&[None, None, Some(500), Some(540)], &[0, 10, 20, 60]);
         check(&[Some(i64::MIN), Some(i64::MAX), Some(0)], &[0, 10, 20]);
         check(&[Some(1000), Some(0), Some(10)], &[0, 10, 20]);
+    }
+
+    #[test]
+    fn a_leap_ahead_is_left_out_and_time_goes_on_from_there() {
+        let check = |stream: &[i64], interval, expected: &[i64]| {
+            let stream: Vec<_> = stream.iter().copied().map(Some).collect();
+            assert_eq!(times(&stream, Some(interval), Timing::Pts, End::Stop, 9), expected, "{stream:?}");
+        };
+        let hour = 3_600_000_000_000;
+        check(&[0, 10, 3 * hour, 3 * hour + 10, 3 * hour + 30], 10, &[0, 10, 20, 30, 50]);
+        check(&[0, i64::MAX - 1, 20], 10, &[0, 10, 20]);
+        // Nine seconds are a pause; an hour is nothing to a camera that takes a picture an hour.
+        check(&[0, 9_000_000_000], 10, &[0, 9_000_000_000]);
+        check(&[0, hour, 3 * hour], hour, &[0, hour, 3 * hour]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::pacing::{Pacer, Turn};
 use super::status::{CameraState, CameraStatus, RateMeter, SharedStatus, StatusReader};
 use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, open_stoppable};
 use crate::clock::{Clock, Timestamp};
-use crate::config::SourceSettings;
+use crate::config::{End, SourceSettings};
 use crate::frame::{CameraId, Frame};
 use std::hash::BuildHasher;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -29,6 +29,11 @@ const STEADY: Duration = Duration::from_secs(30);
 pub trait FrameConsumer: Send {
     /// Takes the next frame; timestamps and numbers only grow.
     fn consume(&mut self, frame: Frame);
+
+    /// What is wrong with the camera although its frames come; shown as its reason.
+    fn concern(&self) -> Option<&str> {
+        None
+    }
 
     /// Called for each frame that is left out because it came too late.
     fn miss(&mut self) {}
@@ -51,7 +56,8 @@ pub struct CameraWorker {
 }
 
 impl CameraWorker {
-    /// Starts the camera `id`. Frames are timed from `settings.start`, or from `origin` if there is none.
+    /// Starts the camera `id`. Stream time 0 is monotonic time `began`, the same for cameras that belong together; its
+    /// scene time is `settings.start`, or `origin` if there is none.
     ///
     /// # Errors
     /// When no thread can be started. Whatever is wrong with the source shows in the status.
@@ -60,30 +66,33 @@ impl CameraWorker {
         settings: SourceSettings,
         roots: MediaRoots,
         clock: Arc<dyn Clock>,
-        origin: Timestamp,
+        (origin, began): (Timestamp, Duration),
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
-        let scene_start = settings.start.unwrap_or(origin);
+        let start = Start { scene: settings.start.unwrap_or(origin), began };
+        let end = settings.end;
         let open = move |stop: &StopFlag| open_stoppable(&settings, &roots, stop);
-        Self::spawn_with(id, open, clock, scene_start, consumer)
+        Self::spawn_with(id, open, end, clock, start, consumer)
     }
 
     fn spawn_with(
         id: CameraId,
         open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError> + Send + 'static,
+        end: End,
         clock: Arc<dyn Clock>,
-        scene_start: Timestamp,
+        start: Start,
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
         let (stop, status) = (StopFlag::default(), SharedStatus::new());
         let camera = Camera {
             id: id.clone(),
             clock,
-            scene_start,
+            scene_start: start.scene,
+            end,
             stop: stop.clone(),
             status: status.clone(),
             consumer,
-            pacer: Pacer::default(),
+            pacer: Pacer::new(start.began),
             rate: RateMeter::default(),
             ticked: None,
             next_number: 0,
@@ -129,6 +138,12 @@ impl CameraWorker {
         self.join();
     }
 
+    /// Asks the camera to end and does not wait for its thread: for one that hangs in a call that nothing ends.
+    pub fn abandon(mut self) {
+        self.stop.raise();
+        drop(self.thread.take());
+    }
+
     fn join(&mut self) {
         self.stop.raise();
         if let Some(thread) = self.thread.take()
@@ -145,11 +160,21 @@ impl Drop for CameraWorker {
     }
 }
 
+/// Where stream time 0 lies.
+#[derive(Clone, Copy)]
+struct Start {
+    /// In scene time.
+    scene: Timestamp,
+    /// In monotonic time.
+    began: Duration,
+}
+
 /// What lives on the camera's thread.
 struct Camera {
     id: CameraId,
     clock: Arc<dyn Clock>,
     scene_start: Timestamp,
+    end: End,
     stop: StopFlag,
     status: SharedStatus,
     consumer: Box<dyn FrameConsumer>,
@@ -172,6 +197,7 @@ impl Camera {
 
     fn run(&mut self, mut open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError>) {
         let mut n_failures = 0;
+        let mut last_state = CameraState::Ended;
         while !self.stop.is_raised() {
             self.status.set(CameraState::Connecting);
             let opened_at = self.clock.monotonic();
@@ -183,6 +209,13 @@ impl Camera {
             if self.clock.monotonic().saturating_sub(opened_at) >= STEADY {
                 n_failures = 0;
             }
+            // What was played cannot be played again as if it were new: a recording that ends in damage ends there.
+            if self.end == End::Stop && self.next_number > 0 && error.is_of_content() {
+                tracing::error!(%error, "a camera's recording is damaged and ends here");
+                self.status.fail(error.to_string());
+                last_state = CameraState::Failed;
+                break;
+            }
             let delay = retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures));
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
             self.status.fail(error.to_string());
@@ -190,7 +223,9 @@ impl Camera {
             self.sleep_until(self.clock.monotonic().saturating_add(delay));
         }
         self.consumer.finish();
-        self.status.set(CameraState::Ended);
+        if last_state != CameraState::Failed {
+            self.status.set(last_state);
+        }
     }
 
     /// Delivers frames until the source or the camera ends.
@@ -227,7 +262,8 @@ impl Camera {
         });
         let now = self.clock.monotonic();
         let fps = self.rate.count(now);
-        if self.status.count_frame(timestamp, now, size, fps) {
+        let concern = self.consumer.concern();
+        if self.status.count_frame(timestamp, now, size, fps, concern) {
             tracing::info!(width = size.0, height = size.1, "a camera is live");
         }
     }
@@ -347,13 +383,14 @@ mod tests {
         consume_cost: Duration,
         decode_cost: Duration,
         panics_at: Option<u64>,
+        end: End,
     }
 
     impl Bench {
         fn new() -> Self {
             let clock = Arc::new(SimulatedClock::new(Timestamp::from_nanos(77)));
             let (consume_cost, decode_cost) = (Duration::ZERO, Duration::ZERO);
-            Self { clock, events: Arc::default(), consume_cost, decode_cost, panics_at: None }
+            Self { clock, events: Arc::default(), consume_cost, decode_cost, panics_at: None, end: End::Loop }
         }
 
         /// Runs sources of these lengths one after the other; all but the last fail at their end.
@@ -374,8 +411,8 @@ mod tests {
                     as Box<dyn Source>)
             };
             let id = CameraId::new("gate").unwrap();
-            let start = Timestamp::from_nanos(1_000);
-            CameraWorker::spawn_with(id, open, clock, start, Box::new(recorder)).unwrap()
+            let start = Start { scene: Timestamp::from_nanos(1_000), began: clock.monotonic() };
+            CameraWorker::spawn_with(id, open, self.end, clock, start, Box::new(recorder)).unwrap()
         }
 
         fn run(&self, lengths: &'static [u64]) -> (Vec<Event>, CameraStatus) {
@@ -460,6 +497,15 @@ mod tests {
         assert_eq!(frames[10].0 - frames[9].0, i64::try_from(pause.as_nanos()).unwrap());
         assert_eq!((status.state, status.reason), (CameraState::Ended, None));
         assert!(events.iter().any(|event| matches!(event, Event::Tick(_))), "waiting cameras tick");
+    }
+
+    #[test]
+    fn a_recording_that_ends_in_damage_is_not_played_again() {
+        let (events, status) = Bench { end: End::Stop, ..Bench::new() }.run(&[10, 10]);
+        assert_eq!(numbers(&events), (0..10).collect::<Vec<_>>());
+        assert_eq!(events.last(), Some(&Event::Finish));
+        assert_eq!(status.state, CameraState::Failed);
+        assert!(status.reason.as_deref().unwrap_or("").contains("noise"), "{status:?}");
     }
 
     #[test]

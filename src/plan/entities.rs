@@ -1,24 +1,33 @@
 //! Which entities are drawn, how, and from which camera.
 
 use super::coverage::cone_meets_sphere;
-use super::{EntityStyle, Plan, PlannedBillboard, Reason, View};
-use crate::fuse::{Billboard, Entity, SceneState};
+use super::{EntityStyle, MAX_ENTITY_CAMERAS, Plan, PlannedBillboard, Reason, View};
+use crate::fuse::{Billboard, Entity, EntityPoint, SceneState};
 use glam::{DVec2, DVec3};
+
+/// How far beside the picture (share of its size) a point still counts as in view: it has a size.
+const POINT_MARGIN: f64 = 0.1;
 
 /// Fills in the entities' part of a plan.
 pub(super) fn plan(state: &SceneState, view: &View, style: EntityStyle, plan: &mut Plan) {
     let (billboard, points) = match style {
         EntityStyle::Billboards => {
-            plan.billboards = billboards(state, view);
+            let seen = billboards(state, view);
             let of = |planned: &PlannedBillboard| {
                 state.entities[planned.entity].sources[planned.source].camera_idx
             };
-            plan.entity_cameras = distinct(plan.billboards.iter().map(of));
-            (Some(because_of(plan.billboards.len(), state.entities.len(), "entities")), None)
+            plan.entity_cameras = busiest(seen.iter().map(of), state.cameras.len());
+            let n_seen = seen.len();
+            plan.billboards =
+                seen.into_iter().filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+            let drawn = (plan.billboards.len(), n_seen, state.entities.len());
+            (Some(because_of(drawn, "entities")), None)
         }
         EntityStyle::Points => {
-            plan.entity_cameras = distinct(state.points.iter().map(|point| point.camera_idx));
-            (None, Some(because_of(state.points.len(), state.points.len(), "points")))
+            let in_view = || state.points.iter().filter(|point| is_in_view(point, view));
+            plan.entity_cameras = busiest(in_view().map(|point| point.camera_idx), state.cameras.len());
+            let n_drawn = in_view().filter(|point| plan.entity_cameras.contains(&point.camera_idx)).count();
+            (None, Some(because_of((n_drawn, in_view().count(), state.points.len()), "points")))
         }
         EntityStyle::None => (None, None),
     };
@@ -31,19 +40,36 @@ pub(super) fn plan(state: &SceneState, view: &View, style: EntityStyle, plan: &m
     }
 }
 
-fn because_of(n_drawn: usize, n_all: usize, what: &str) -> (bool, String) {
-    match (n_drawn, n_all) {
-        (_, 0) => (false, format!("no {what} at this instant")),
-        (0, n) => (false, format!("none of {n} {what} lies in view")),
-        (drawn, n) => (true, format!("{drawn} of {n} {what} lie in view")),
+fn is_in_view(point: &EntityPoint, view: &View) -> bool {
+    let range = -POINT_MARGIN..=1.0 + POINT_MARGIN;
+    view.project(point.position_in_world).is_some_and(|place| place.iter().all(|along| range.contains(along)))
+}
+
+fn because_of((n_drawn, n_seen, n_all): (usize, usize, usize), what: &str) -> (bool, String) {
+    match (n_drawn, n_seen, n_all) {
+        (_, _, 0) => (false, format!("no {what} at this instant")),
+        (_, 0, all) => (false, format!("none of {all} {what} lies in view")),
+        (drawn, seen, all) if drawn < seen => (
+            true,
+            format!(
+                "{seen} of {all} {what} lie in view; {drawn}, of the busiest {MAX_ENTITY_CAMERAS} cameras, are drawn"
+            ),
+        ),
+        (_, seen, all) => (true, format!("{seen} of {all} {what} lie in view")),
     }
 }
 
-fn distinct(cameras: impl Iterator<Item = usize>) -> Vec<usize> {
-    let mut cameras: Vec<usize> = cameras.collect();
-    cameras.sort_unstable();
-    cameras.dedup();
-    cameras
+/// The cameras that occur, in their order; of more than a picture can have, those that occur most often.
+fn busiest(cameras: impl Iterator<Item = usize>, n_cameras: usize) -> Vec<usize> {
+    let mut counts = vec![0_usize; n_cameras];
+    for camera in cameras {
+        counts[camera] += 1;
+    }
+    let mut found: Vec<usize> = (0..n_cameras).filter(|camera| counts[*camera] > 0).collect();
+    found.sort_by_key(|camera| std::cmp::Reverse(counts[*camera]));
+    found.truncate(MAX_ENTITY_CAMERAS);
+    found.sort_unstable();
+    found
 }
 
 fn billboards(state: &SceneState, view: &View) -> Vec<PlannedBillboard> {
@@ -79,4 +105,29 @@ fn best_source(entity: &Entity, state: &SceneState, eye: DVec3) -> Option<usize>
             a_whole.cmp(b_whole).then(a.total_cmp(b)).then(b_idx.cmp(a_idx))
         })
         .map(|(_, idx)| idx)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_too_many_cameras_the_busiest_are_drawn() {
+        let once = 0..200;
+        let twice = (150..200).rev();
+        let found = busiest(once.chain(twice), 256);
+        assert_eq!(found.len(), MAX_ENTITY_CAMERAS);
+        assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!((150..200).all(|camera| found.contains(&camera)));
+        assert_eq!(busiest([3, 1, 3].into_iter(), 4), [1, 3]);
+        assert!(busiest(std::iter::empty(), 4).is_empty());
+    }
+
+    #[test]
+    fn reasons_tell_what_is_seen_and_what_is_drawn() {
+        assert_eq!(because_of((0, 0, 0), "points"), (false, "no points at this instant".to_owned()));
+        assert_eq!(because_of((0, 0, 9), "points"), (false, "none of 9 points lies in view".to_owned()));
+        assert_eq!(because_of((4, 4, 9), "points"), (true, "4 of 9 points lie in view".to_owned()));
+        assert!(because_of((3, 4, 9), "points").1.contains("3, of the busiest"));
+    }
 }

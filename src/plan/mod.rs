@@ -18,6 +18,10 @@ use serde::Serialize;
 /// the best few their weights are too small to see.
 pub const MAX_SURFACE_CAMERAS: usize = 8;
 
+/// Most cameras whose live frames are drawn with entities in one picture; with the surfaces' cameras, what a frame's
+/// data holds.
+pub const MAX_ENTITY_CAMERAS: usize = 112;
+
 /// How moving entities are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -22,6 +22,8 @@ use std::sync::Arc;
 const BACKGROUND_LEVELS: u32 = 5;
 /// Live frames are shown at about their own size.
 const FRAME_LEVELS: u32 = 1;
+/// Largest buffer for reading back that is kept between pictures, bytes.
+const MAX_KEPT_READBACK_BYTES: u64 = 64 << 20;
 
 /// A finished picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -142,6 +144,8 @@ impl Renderer {
             self.depth_maps.clear();
             self.targets.clear();
         }
+        self.targets.trim();
+        self.readback.trim(MAX_KEPT_READBACK_BYTES);
         rendered
     }
 

@@ -7,8 +7,9 @@ pub(super) const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8U
 /// Depth of every target: reversed, 0 at infinity.
 pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// Sizes that are kept.
-const MAX_SIZES: usize = 4;
+/// Most bytes that are kept between frames, all sizes together: a wall's tiles of one size, not every size that was
+/// ever asked for.
+const MAX_KEPT_BYTES: u64 = 256 << 20;
 
 /// Colour and depth of one size.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub(super) struct Targets {
     /// With several samples a pixel, what is drawn on before it is resolved.
     samples_view: Option<wgpu::TextureView>,
     depth_view: wgpu::TextureView,
+    n_bytes: u64,
 }
 
 /// A pass's place among those that draw one frame.
@@ -42,13 +44,19 @@ impl TargetCache {
             |targets: &Targets| (targets.color.width(), targets.color.height()) == (width, height);
         let targets = match self.sizes.iter().position(is_wanted) {
             Some(idx) => self.sizes.remove(idx),
-            None => {
-                self.sizes.truncate(MAX_SIZES - 1);
-                Targets::new(gpu, width, height, samples)
-            }
+            None => Targets::new(gpu, width, height, samples),
         };
         self.sizes.insert(0, targets);
         &self.sizes[0]
+    }
+
+    /// Lets go of what is kept beyond the bound, those used longest ago first; the latest too if it alone exceeds it.
+    pub(super) fn trim(&mut self) {
+        let mut n_bytes = 0;
+        self.sizes.retain(|targets| {
+            n_bytes += targets.n_bytes;
+            n_bytes <= MAX_KEPT_BYTES
+        });
     }
 
     pub(super) fn clear(&mut self) {
@@ -76,7 +84,10 @@ impl Targets {
         let samples_view =
             (samples > 1).then(|| view(&texture("color samples", COLOR_FORMAT, samples, attachment)));
         let depth_view = view(&texture("depth", DEPTH_FORMAT, samples, attachment));
-        Self { color_view: view(&color), color, samples_view, depth_view }
+        // Resolved colour, and where there are several samples their colours; a depth for each: 4 bytes each.
+        let per_pixel = 4 + if samples > 1 { 8 * u64::from(samples) } else { 4 };
+        let n_bytes = u64::from(width) * u64::from(height) * per_pixel;
+        Self { color_view: view(&color), color, samples_view, depth_view, n_bytes }
     }
 
     /// Where a pass draws: the first clears, the last resolves.

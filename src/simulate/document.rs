@@ -53,12 +53,12 @@ impl World {
     /// # Errors
     /// When the size is none that a camera can have.
     pub fn scene_json(&self, size_px: (u32, u32)) -> Result<String, SimulateError> {
-        let ground = self.surfaces.ground.iter().zip(0..).map(|(polygon, idx)| GroundDocument {
+        let ground = self.surfaces().ground.iter().zip(0..).map(|(polygon, idx)| GroundDocument {
             polygon: polygon.corners().iter().map(|corner| corner.to_array().map(whole_mm)).collect(),
             height_m: polygon.height_m(),
             color_srgb: hex(self.mean_srgb(SurfaceId::Ground(idx))),
         });
-        let boxes = self.surfaces.boxes.iter().zip(0..).map(|(solid, idx)| BoxDocument {
+        let boxes = self.surfaces().boxes.iter().zip(0..).map(|(solid, idx)| BoxDocument {
             id: self.box_ids[usize::from(idx)],
             center_m: solid.center().to_array().map(whole_mm),
             size_m: (solid.half_size() * 2.0).to_array().map(whole_mm),

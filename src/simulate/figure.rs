@@ -5,8 +5,7 @@
 //! that. Owns the gait and the body's parts; knows nothing of pictures.
 
 use super::path::ClosedPath;
-use super::shape::{Entry, Shape};
-use crate::geometry::Ray;
+use super::shape::{Part, Shape};
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 
@@ -44,14 +43,6 @@ pub(super) struct Clothes {
     pub(super) backpack: Option<DVec3>,
 }
 
-/// One part of a body.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
-    pub(super) shape: Shape,
-    /// Albedo, linear light.
-    pub(super) color: DVec3,
-}
-
 /// A figure at an instant.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
@@ -62,25 +53,6 @@ pub(super) struct Body {
     pub(super) foot: DVec3,
     /// Unit vector of the direction walked.
     pub(super) heading: DVec2,
-}
-
-impl Body {
-    /// The nearest part that the ray enters.
-    pub(super) fn entry(&self, ray: &Ray) -> Option<(Entry, DVec3)> {
-        self.parts
-            .iter()
-            .filter_map(|part| Some((part.shape.entry(ray)?, part.color)))
-            .min_by(|(a, _), (b, _)| a.distance_m.total_cmp(&b.distance_m))
-    }
-
-    /// Whether a cone around the ray, `spread` metres wide for each metre of distance, may meet the body.
-    pub(super) fn may_meet(&self, ray: &Ray, spread: f64) -> bool {
-        let (low, high) = self.bounds;
-        let to_center = (low + high) * 0.5 - ray.origin;
-        let along = to_center.dot(ray.direction).max(0.0);
-        let radius = (high - low).length() * 0.5 + spread * to_center.length();
-        (to_center - ray.direction * along).length_squared() <= radius * radius
-    }
 }
 
 /// The directions in which a body is built.
@@ -269,7 +241,7 @@ mod tests {
                 let [before, now] = [step, step + 1].map(|step| figure.body(step as f64 / 2000.0));
                 let joint = |body: &Body, part: usize| match body.parts[leg + part].shape {
                     Shape::Capsule { from, to, .. } => (from, to),
-                    Shape::Ellipsoid { .. } => panic!("legs are capsules"),
+                    Shape::Ellipsoid { .. } | Shape::Block { .. } => panic!("legs are capsules"),
                 };
                 let ((heel_before, _), (heel, toe)) = (joint(&before, 2), joint(&now, 2));
                 if heel.z < (SOLE_RADIUS_M + 1e-9) * scale && heel_before.z == heel.z {

@@ -10,25 +10,43 @@
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
 //! `render`, so that the errors of one do not cancel in the other.
 
+mod bounds;
 mod cast;
+mod delivery;
 mod document;
+pub mod effects;
+mod explain;
 mod figure;
 mod light;
+mod moment;
 mod noise;
 mod paint;
 mod path;
 mod plaza;
 mod seen;
+mod sensor;
+mod shade;
 mod shape;
+mod solids;
+mod station;
+mod terrain;
+mod truth;
 mod video;
 mod world;
 mod write;
 
-pub use cast::{Plate, Truth};
-pub use light::{CastShadows, Effects};
-pub use seen::JudgedView;
+pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
+pub use delivery::{Arrival, Delivery, Fate, deliver};
+pub use effects::{EffectKind, Effects, Entries};
+pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
+pub use moment::Shot;
+pub use seen::{JudgedView, SolidShare};
+pub use shape::{Entry, Part, Shape};
+pub use solids::{SolidHit, SolidId, Solids};
+pub use terrain::Terrain;
+pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{FigurePosition, World, pinhole};
-pub use write::{ExtraView, Parts, SimulateOptions, Written, run, write};
+pub use write::{ExtraView, Parts, SimulateOptions, Step, Written, run, write, write_with};
 
 use crate::error::ErrorKind;
 use crate::geometry::CameraError;
@@ -90,6 +108,12 @@ pub enum SimulateError {
         /// Why.
         source: std::io::Error,
     },
+    /// Every frame of a camera is dropped.
+    #[error("no frame arrives of camera {camera}: let fewer be dropped, or simulate longer")]
+    NothingArrives {
+        /// Which one.
+        camera: String,
+    },
     /// A document could not be serialised.
     #[error("cannot write a document: {0}")]
     Document(#[from] serde_json::Error),
@@ -101,7 +125,11 @@ impl SimulateError {
     pub const fn kind(&self) -> ErrorKind {
         match self {
             Self::UnknownWorld { .. } => ErrorKind::NotFound,
-            Self::Time | Self::Samples | Self::View { .. } | Self::Camera(_) => ErrorKind::Invalid,
+            Self::Time
+            | Self::Samples
+            | Self::View { .. }
+            | Self::Camera(_)
+            | Self::NothingArrives { .. } => ErrorKind::Invalid,
             Self::NoElement { .. } => ErrorKind::Unsupported,
             Self::Video { .. } | Self::Picture { .. } | Self::File { .. } | Self::Document(_) => {
                 ErrorKind::Internal

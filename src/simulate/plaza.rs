@@ -3,13 +3,16 @@
 //! Owns the numbers of this world and nothing else. All figures walk one lap in the world's period, so a clip of
 //! that length loops without a seam.
 
+use super::effects::{CastShadows, Effects, Entries};
 use super::figure::{Clothes, Figure};
-use super::light::{CastShadows, Effects, Light};
+use super::light::Light;
 use super::paint::{Bed, BoxPaint, Facade, GroundPaint, Meadow, Paving, srgb};
 use super::path::ClosedPath;
+use super::solids::Solids;
 use super::world::{World, WorldCamera, WorldView};
 use crate::geometry::{Distortion, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
 use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
 const PERIOD_SECS: f64 = 24.0;
 const SKY_SRGB: [u8; 3] = [0x9c, 0xc4, 0xe6];
@@ -26,13 +29,16 @@ impl World {
             id: "plaza",
             name: "Plaza",
             period_secs: PERIOD_SECS,
-            surfaces,
+            solids: Solids::new(surfaces, None),
             ground_paints: ground_paints(),
+            terrain_paint: None,
             box_paints: Vec::new(),
             box_ids: Vec::new(),
             box_yaws_deg: Vec::new(),
             figures: figures(),
             light: light(),
+            effects: Effects { cast_shadows: Some(CastShadows::STILL), ..Effects::default() },
+            entries: Arc::new(Entries::default()),
             sky_srgb: SKY_SRGB,
             sky: srgb(u32::from_be_bytes([0, SKY_SRGB[0], SKY_SRGB[1], SKY_SRGB[2]])),
             cameras: cameras(),
@@ -55,7 +61,7 @@ fn light() -> Light {
         sun: DVec3::new(1.00, 0.95, 0.86) * 0.95,
         sky: DVec3::new(0.30, 0.35, 0.43),
         bounce: DVec3::new(0.19, 0.175, 0.15),
-        effects: Effects { cast_shadows: CastShadows::Boxes },
+        lamps: Vec::new(),
     }
 }
 

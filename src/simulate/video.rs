@@ -1,21 +1,50 @@
 //! Pictures into a VP8 video in WebM, through GStreamer.
 //!
-//! Frames go in as sRGB, one after another at a fixed rate; a file comes out. VP8 because its encoder and muxer are
+//! Frames go in as sRGB, each with its place in the file; a file comes out. VP8 because its encoder and muxer are
 //! part of gst-plugins-good, which the daemon needs anyway to read files. One quantiser for every frame keeps the
 //! error alike over the whole clip, where a rate control would let it breathe.
 
 use super::SimulateError;
+use super::effects::{Effects, Entries};
 use crate::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
 use gstreamer_video as gst_video;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// VP8's quantiser index, 0 (best) to 63.
-const QUANTIZER: i32 = 4;
-/// Frames from one key frame to the next at most: seeking needs them, each costs as much as dozens of others.
-const KEY_FRAME_DISTANCE: i32 = 120;
+/// How the encoder spends its bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Codec {
+    /// VP8's quantiser index, 0 (best) to 63: the least and the largest that the encoder may choose.
+    pub(super) quantizers: (u32, u32),
+    /// What it may spend, if the quantiser may vary.
+    pub(super) bitrate_kbit_per_sec: Option<u32>,
+    /// Frames from one key frame to the next at most: seeking needs them, each costs as much as dozens of others.
+    pub(super) key_frame_distance: u32,
+}
+
+impl Codec {
+    /// One quantiser for all frames, near what the sensor gave.
+    const FINE: Self = Self { quantizers: (4, 4), bitrate_kbit_per_sec: None, key_frame_distance: 120 };
+
+    /// The codec of a world's cameras.
+    pub(super) fn of(effects: &Effects, entries: &Entries) -> Self {
+        effects.compression.as_ref().map_or(Self::FINE, |compression| Self {
+            quantizers: compression.quantizers(&entries.tally()),
+            bitrate_kbit_per_sec: compression.bitrate_kbit_per_sec,
+            key_frame_distance: compression.key_frame_distance,
+        })
+    }
+}
+
+/// Changes the bytes of an encoded frame.
+pub(super) type Damager = Box<dyn FnOnce(&mut [u8]) + Send>;
+/// What is to be done to encoded frames, by their place in the file.
+type Damages = Arc<Mutex<BTreeMap<gst::ClockTime, Damager>>>;
+
 /// Frames that wait for the encoder before the caller does.
 const QUEUED_FRAMES: u64 = 4;
 
@@ -25,13 +54,42 @@ pub(super) struct VideoWriter {
     source: gst_app::AppSrc,
     info: gst_video::VideoInfo,
     path: PathBuf,
-    rate_hz: f64,
-    n_frames: u64,
+    damages: Damages,
 }
 
 impl VideoWriter {
-    /// Begins a file at `path` for pictures of `size_px` at `rate_hz` frames a second.
-    pub(super) fn create(path: &Path, size_px: (u32, u32), rate_hz: f64) -> Result<Self, SimulateError> {
+    /// Begins a file at `path` for pictures of `size_px` at about `rate_hz` frames a second.
+    pub(super) fn create(
+        path: &Path,
+        size_px: (u32, u32),
+        rate_hz: f64,
+        codec: &Codec,
+    ) -> Result<Self, SimulateError> {
+        let sink = || {
+            let sink = element("filesink")?;
+            sink.set_property("location", path);
+            Ok(sink)
+        };
+        Self::create_into(sink, path, size_px, rate_hz, codec)
+    }
+
+    /// As [`Self::create`], but what comes out is thrown away.
+    pub(super) fn nowhere(size_px: (u32, u32), rate_hz: f64, codec: &Codec) -> Result<Self, SimulateError> {
+        let sink = || {
+            let sink = element("fakesink")?;
+            sink.set_property("sync", false);
+            Ok(sink)
+        };
+        Self::create_into(sink, Path::new("(nowhere)"), size_px, rate_hz, codec)
+    }
+
+    fn create_into(
+        sink: impl FnOnce() -> Result<gst::Element, SimulateError>,
+        path: &Path,
+        size_px: (u32, u32),
+        rate_hz: f64,
+        codec: &Codec,
+    ) -> Result<Self, SimulateError> {
         let fault = |what: String| SimulateError::Video { path: path.to_owned(), what };
         gst::init().map_err(|error| fault(error.to_string()))?;
         let rate = gst::Fraction::approximate_f64(rate_hz)
@@ -55,27 +113,39 @@ impl VideoWriter {
             .max_bytes(QUEUED_FRAMES * info.size() as u64)
             .build();
         let encoder = element("vp8enc")?;
-        encoder.set_property("min-quantizer", QUANTIZER);
-        encoder.set_property("max-quantizer", QUANTIZER);
-        encoder.set_property("keyframe-max-dist", KEY_FRAME_DISTANCE);
+        // The settings hold these to ranges that fit an i32.
+        encoder.set_property("min-quantizer", codec.quantizers.0 as i32);
+        encoder.set_property("max-quantizer", codec.quantizers.1 as i32);
+        encoder.set_property("keyframe-max-dist", codec.key_frame_distance as i32);
+        if let Some(rate) = codec.bitrate_kbit_per_sec {
+            encoder.set_property("target-bitrate", (rate * 1000) as i32);
+            encoder.set_property_from_str("end-usage", "cbr");
+        }
         // The slower of libvpx's two offline grades, on one thread so that the same frames give the same bits.
         encoder.set_property("deadline", 1_000_000_i64);
         encoder.set_property("threads", 1_i32);
         let muxer = element("webmmux")?;
         muxer.set_property("writing-app", "videofields");
-        let sink = element("filesink")?;
-        sink.set_property("location", path);
+        let sink = sink()?;
         let pipeline = gst::Pipeline::new();
         let elements = [source.upcast_ref(), &encoder, &muxer, &sink];
         pipeline.add_many(elements).map_err(|error| fault(error.to_string()))?;
         gst::Element::link_many(elements).map_err(|error| fault(error.to_string()))?;
-        let writer = Self { pipeline, source, info, path: path.to_owned(), rate_hz, n_frames: 0 };
+        let damages = Damages::default();
+        damage_encoded(&encoder, &damages).ok_or_else(|| fault("the encoder has no way out".to_owned()))?;
+        let writer = Self { pipeline, source, info, path: path.to_owned(), damages };
         writer.pipeline.set_state(gst::State::Playing).map_err(|error| writer.fault(error.to_string()))?;
         Ok(writer)
     }
 
-    /// Adds a picture.
-    pub(super) fn push(&mut self, rgb: &RgbImage) -> Result<(), SimulateError> {
+    /// Adds a picture that is shown from `start_secs` for `duration_secs`; pictures come in the order of their times.
+    pub(super) fn push(
+        &mut self,
+        rgb: &RgbImage,
+        start_secs: f64,
+        duration_secs: f64,
+        damage: Option<Damager>,
+    ) -> Result<(), SimulateError> {
         let yuv = YuvImage::from_rgb(rgb, ColorMatrix::Bt601, ColorRange::Limited)
             .map_err(|error| self.fault(error.to_string()))?;
         let buffer =
@@ -91,12 +161,14 @@ impl VideoWriter {
             }
         }
         let mut buffer = frame.into_buffer();
-        let nanos_at = |frame: u64| (frame as f64 / self.rate_hz * 1e9).round() as u64;
-        let (start, end) = (nanos_at(self.n_frames), nanos_at(self.n_frames + 1));
+        let nanos = |secs: f64| gst::ClockTime::from_nseconds((secs * 1e9).round() as u64);
+        let start = nanos(start_secs);
         let writable = buffer.make_mut();
-        writable.set_pts(gst::ClockTime::from_nseconds(start));
-        writable.set_duration(gst::ClockTime::from_nseconds(end - start));
-        self.n_frames += 1;
+        writable.set_pts(start);
+        writable.set_duration(nanos(start_secs + duration_secs) - start);
+        if let Some(damage) = damage {
+            self.damages.lock().unwrap_or_else(PoisonError::into_inner).insert(start, damage);
+        }
         self.source.push_buffer(buffer).map(|_flowing| ()).map_err(|error| {
             // The pipeline's own message says more than "error".
             self.pipeline_error().unwrap_or_else(|| self.fault(error.to_string()))
@@ -136,6 +208,24 @@ impl Drop for VideoWriter {
             tracing::warn!(path = %self.path.display(), %error, "a video's pipeline did not stop");
         }
     }
+}
+
+/// Lets encoded frames be changed on their way from the encoder; `None` if it has no way out.
+fn damage_encoded(encoder: &gst::Element, damages: &Damages) -> Option<()> {
+    let damages = Arc::clone(damages);
+    encoder.static_pad("src")?.add_probe(gst::PadProbeType::BUFFER, move |_pad, info| {
+        let Some(buffer) = info.buffer_mut() else { return gst::PadProbeReturn::Ok };
+        let damage =
+            buffer.pts().and_then(|pts| damages.lock().unwrap_or_else(PoisonError::into_inner).remove(&pts));
+        if let Some(damage) = damage {
+            match buffer.make_mut().map_writable() {
+                Ok(mut bytes) => damage(&mut bytes),
+                Err(error) => tracing::warn!(%error, "an encoded frame could not be damaged"),
+            }
+        }
+        gst::PadProbeReturn::Ok
+    })?;
+    Some(())
 }
 
 fn element(name: &'static str) -> Result<gst::Element, SimulateError> {

@@ -1,15 +1,18 @@
 //! A simulated world: what stands, what moves, what looks at it.
 //!
-//! Owns the world's parts and answers where its figures are and how bright a static place is. What numbers a world
-//! is made of stands in a file of its own (`plaza`); pictures are `cast`'s.
+//! Owns the world's parts and answers where its figures are. What numbers a world is made of stands in a file of its
+//! own (`plaza`); what a place looks like is `shade`'s, pictures are `cast`'s.
 
 use super::SimulateError;
+use super::effects::{Effects, Entries};
 use super::figure::{Body, Figure};
-use super::light::{Effects, Light};
-use super::paint::{BoxPaint, GroundPaint, WallPoint};
+use super::light::Light;
+use super::paint::{BoxPaint, GroundPaint};
+use super::solids::Solids;
 use crate::frame::srgb_from_linear;
-use crate::geometry::{Camera, Distortion, Face, Hit, OrientedBox, Pose, SurfaceId, Surfaces};
-use glam::{DMat2, DVec2, DVec3};
+use crate::geometry::{Camera, Distortion, Pose, Surfaces};
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
 
 /// A world with exact truth about everything in it.
 #[derive(Clone, Debug)]
@@ -17,17 +20,23 @@ pub struct World {
     pub(super) id: &'static str,
     pub(super) name: &'static str,
     pub(super) period_secs: f64,
-    pub(super) surfaces: Surfaces,
+    /// What stands.
+    pub(super) solids: Solids,
     /// In the order of `surfaces.ground`.
     pub(super) ground_paints: Vec<GroundPaint>,
     /// In the order of `surfaces.boxes`.
     pub(super) box_paints: Vec<BoxPaint>,
     /// In the order of `surfaces.boxes`.
     pub(super) box_ids: Vec<&'static str>,
+    /// What the terrain is painted with, where there is one.
+    pub(super) terrain_paint: Option<GroundPaint>,
     /// In the order of `surfaces.boxes`: turn from east towards north.
     pub(super) box_yaws_deg: Vec<f64>,
     pub(super) figures: Vec<Figure>,
     pub(super) light: Light,
+    pub(super) effects: Effects,
+    /// How often the effects' code was entered for this world and its clones.
+    pub(super) entries: Arc<Entries>,
     pub(super) sky_srgb: [u8; 3],
     pub(super) sky: DVec3,
     pub(super) cameras: Vec<WorldCamera>,
@@ -100,13 +109,39 @@ impl World {
     /// Ground and boxes, as rays meet them.
     #[must_use]
     pub const fn surfaces(&self) -> &Surfaces {
-        &self.surfaces
+        self.solids.surfaces()
+    }
+
+    /// Everything that stands, as rays meet it.
+    #[must_use]
+    pub const fn solids(&self) -> &Solids {
+        &self.solids
     }
 
     /// Which effects beyond plain shading the world simulates.
     #[must_use]
-    pub const fn effects(&self) -> Effects {
-        self.light.effects
+    pub const fn effects(&self) -> &Effects {
+        &self.effects
+    }
+
+    /// The same world with other effects, whose entries are counted anew.
+    #[must_use]
+    pub fn with_effects(&self, effects: Effects) -> Self {
+        Self { effects, entries: Arc::new(Entries::default()), ..self.clone() }
+    }
+
+    /// The worlds that are known by name: their ids and what each is, in a line.
+    #[must_use]
+    pub fn catalogue() -> Vec<(String, String)> {
+        let plaza =
+            "40 m x 30 m of paving between a hall and a cafe, three figures on their rounds, three cameras";
+        vec![("plaza".to_owned(), plaza.to_owned())]
+    }
+
+    /// How often the effects' code was entered for this world and its clones.
+    #[must_use]
+    pub fn entries(&self) -> &Entries {
+        &self.entries
     }
 
     /// Colour of the sky, 8-bit sRGB.
@@ -149,88 +184,6 @@ impl World {
         }
         let phase = (time_secs / self.period_secs).rem_euclid(1.0);
         Ok(self.figures.iter().map(|figure| figure.body(phase)).collect())
-    }
-
-    /// Light from a place of a static surface, for a sample that is `width_m` wide across the ray.
-    pub(super) fn surface_light(&self, hit: &Hit, width_m: f64, cosine: f64) -> DVec3 {
-        // A sample is stretched along the surface by 1/cos; the footprint is the mean of both ways.
-        let footprint_m = width_m / cosine.max(0.02).sqrt();
-        let albedo = match hit.surface {
-            SurfaceId::Ground(idx) => {
-                self.ground_paints[usize::from(idx)].albedo(hit.point_in_world.truncate(), footprint_m)
-            }
-            SurfaceId::Box(idx) => {
-                let idx = usize::from(idx);
-                self.box_paints[idx].albedo(&self.wall_point(idx, hit), footprint_m)
-            }
-        };
-        albedo * self.light.on(hit.point_in_world, hit.normal_in_world, &self.surfaces)
-    }
-
-    fn wall_point(&self, idx: usize, hit: &Hit) -> WallPoint {
-        let solid = &self.surfaces.boxes[idx];
-        let box_from_world = DMat2::from_angle(-self.box_yaws_deg[idx].to_radians());
-        let local = box_from_world * (hit.point_in_world - solid.center()).truncate();
-        let half = solid.half_size();
-        if hit.face != Face::Side {
-            return WallPoint { wall: None, at: local, size: half.truncate() * 2.0 };
-        }
-        let normal = box_from_world * hit.normal_in_world.truncate();
-        let (wall, along, half_width) = if normal.y.abs() > normal.x.abs() {
-            if normal.y < 0.0 { (0, local.x, half.x) } else { (2, -local.x, half.x) }
-        } else if normal.x > 0.0 {
-            (1, local.y, half.y)
-        } else {
-            (3, -local.y, half.y)
-        };
-        let foot = solid.center().z - half.z;
-        WallPoint {
-            wall: Some(wall),
-            at: DVec2::new(along + half_width, hit.point_in_world.z - foot),
-            size: DVec2::new(half_width, half.z) * 2.0,
-        }
-    }
-
-    /// The mean colour of a surface (a box's walls) as it is lit, 8-bit sRGB: what a scene shows where no camera
-    /// looks.
-    pub(super) fn mean_srgb(&self, surface: SurfaceId) -> [u8; 3] {
-        const STEPS: u32 = 48;
-        let share = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
-        let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-        let mut add = |point: DVec3, normal: DVec3, face: Face| {
-            let hit = Hit { distance_m: 1.0, point_in_world: point, normal_in_world: normal, surface, face };
-            sum += self.surface_light(&hit, 0.05, 1.0);
-            count += 1.0;
-        };
-        match surface {
-            SurfaceId::Ground(idx) => {
-                let polygon = &self.surfaces.ground[usize::from(idx)];
-                let low = polygon.corners().iter().copied().fold(DVec2::INFINITY, DVec2::min);
-                let high = polygon.corners().iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
-                for i in 0..STEPS * STEPS {
-                    let at = low + (high - low) * DVec2::new(share(i % STEPS), share(i / STEPS));
-                    if polygon.covers(at) {
-                        add(at.extend(polygon.height_m()), DVec3::Z, Face::Top);
-                    }
-                }
-            }
-            SurfaceId::Box(idx) => {
-                let solid: &OrientedBox = &self.surfaces.boxes[usize::from(idx)];
-                let half = solid.half_size();
-                for wall in 0..4 {
-                    let outward = DVec2::from_angle(f64::from(wall) * std::f64::consts::FRAC_PI_2);
-                    let normal =
-                        (solid.world_from_box_point(outward.extend(0.0)) - solid.center()).normalize();
-                    for i in 0..STEPS * STEPS {
-                        let along = outward.perp() * (2.0 * share(i % STEPS) - 1.0);
-                        let up = 2.0 * share(i / STEPS) - 1.0;
-                        let at = solid.world_from_box_point((outward + along).extend(up) * half);
-                        add(at, normal, Face::Side);
-                    }
-                }
-            }
-        }
-        (sum / f64::max(count, 1.0)).to_array().map(srgb_code)
     }
 }
 

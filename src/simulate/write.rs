@@ -1,40 +1,42 @@
 //! A world into a folder: clips, exact truth, scene document, configuration.
 //!
 //! ```text
-//! <out>/<world>.toml                        configuration that serves the clips
-//! <out>/<world>.json                        scene document
-//! <out>/calibration/<camera>.json           the cameras' calibrations alone
-//! <out>/clips/<camera>.webm                 what the cameras saw
-//! <out>/truth/positions.jsonl               figures, one line a frame
-//! <out>/truth/<camera>/background.png       the still world
-//! <out>/truth/<camera>/frame/000000.png     what the camera saw, without a codec's loss
-//! <out>/truth/<camera>/instance/000000.png  8 bits: 0 the still world, else a figure's instance
-//! <out>/truth/<camera>/depth/000000.png     16 bits: millimetres along the optical axis, 0 nothing, 65535 that far or further
+//! <out>/<world>.toml                    configuration that serves the clips
+//! <out>/<world>.json                    scene document
+//! <out>/calibration/<camera>.json       the cameras' calibrations alone
+//! <out>/clips/<camera>.webm             what arrived of what the cameras saw
+//! <out>/truth/truth.json                what lies beside it and what it means
+//! <out>/truth/positions.jsonl           figures, one line a frame
+//! <out>/truth/<camera>/delivery.jsonl   what arrived of each frame, and when
+//! <out>/truth/<camera>/...              pictures of each frame, as `truth` lists them
 //! ```
 //!
 //! Views where no camera stands lie under `truth/` as cameras do, with their calibrations, and have beside them what
-//! judges a picture made from the cameras' (8 bits each, 255 or 0):
+//! judges a picture made from the cameras': `seen` (whether a camera of the world sees the surface, its figures left
+//! out) and `static` (where seen, and no figure within 2 pixels), 255 or 0.
 //!
-//! ```text
-//! <out>/truth/<view>/seen/000000.png        whether a camera of the world sees the surface, its figures left out
-//! <out>/truth/<view>/static/000000.png      where seen, and no figure within 2 pixels
-//! ```
-//!
-//! Files of frames are named by the frame's number in the clip, from 0. Truth may be restricted to some frames, and
-//! what is written to the views alone: a frame of a view then takes about a second.
+//! Files of frames are named by the frame's number, from 0. Truth may be restricted to some frames, and what is written
+//! to the views alone: a frame of a view then takes about a second.
 
-use super::cast::{Plate, Truth, check_samples};
+use super::cast::check_samples;
+use super::delivery::{Arrival, Delivery, Fate, damaged, deliver};
+use super::effects::{Damage, Draw};
 use super::seen::static_part;
-use super::video::VideoWriter;
+use super::station::Station;
+use super::truth::{
+    JsonLines, Manifest, ManifestCamera, Of, TruthFolder, make_folder, save_mask, visible, write_file,
+    write_manifest, write_positions,
+};
+use super::video::{Codec, Damager, VideoWriter};
 use super::world::World;
 use super::{SimulateError, pinhole};
 use crate::calibrate::CameraDocument;
 use crate::frame::{Mask, is_id};
 use crate::geometry::Camera;
 use glam::DVec3;
-use serde::Serialize;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
 
 /// What is to be simulated, and where it is written.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,23 +121,17 @@ pub struct Written {
     pub n_frames: u64,
 }
 
-/// A line of `positions.jsonl`.
-#[derive(Serialize)]
-struct PositionsDocument {
-    frame: u64,
-    time_secs: f64,
-    figures: Vec<FigureDocument>,
-}
-
-#[derive(Serialize)]
-struct FigureDocument {
-    instance: u8,
-    name: &'static str,
-    foot_m: [f64; 3],
-    heading_rad: f64,
-    height_m: f64,
-    box_low_m: [f64; 3],
-    box_high_m: [f64; 3],
+/// How far the writing has come.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// What is being written: `camera west`, `view square`.
+    pub what: String,
+    /// Frames of it that are done.
+    pub n_done: u64,
+    /// Frames that it has.
+    pub n_frames: u64,
+    /// Which of the cameras and views it is, from 1, and how many there are.
+    pub part: (usize, usize),
 }
 
 /// Simulates the world with this id into the folder that the options name, as [`write()`] does.
@@ -148,38 +144,255 @@ pub fn run(world_id: &str, options: &SimulateOptions) -> Result<Written, Simulat
 
 /// Simulates `world` into the folder that the options name.
 ///
-/// **Cost** of the defaults: about a minute on two cores and 200 MB; 4 MB without truth.
+/// **Cost** of the defaults: about two minutes on two cores and 300 MB; 4 MB without truth.
 ///
 /// # Errors
-/// When an option is out of its range, GStreamer has no VP8 encoder or WebM muxer, or a file cannot be written.
+/// When an option is out of its range, GStreamer has no VP8 encoder or WebM muxer, a file cannot be written, or no
+/// frame of a camera arrives.
 pub fn write(world: &World, options: &SimulateOptions) -> Result<Written, SimulateError> {
+    write_with(world, options, &mut |_step| ())
+}
+
+/// As [`write()`], and tells `progress` after every frame.
+///
+/// # Errors
+/// As [`write()`].
+pub fn write_with(
+    world: &World,
+    options: &SimulateOptions,
+    progress: &mut dyn FnMut(&Step),
+) -> Result<Written, SimulateError> {
     let n_frames = n_frames(world, options)?;
     let wanted = wanted_frames(options, n_frames)?;
     let views = views(world, options)?;
-    let cameras = world.cameras(options.size_px)?;
-    let (config, clips) = match options.parts {
-        Parts::Everything => {
-            let config = write_documents(world, options, &cameras)?;
-            if !wanted.is_empty() {
-                write_positions(world, options, n_frames)?;
-            }
-            (Some(config), write_clips(world, options, &cameras, n_frames, &wanted)?)
-        }
-        Parts::Views => (None, Vec::new()),
+    let cameras = match options.parts {
+        Parts::Everything => world.cameras(options.size_px)?,
+        Parts::Views => Vec::new(),
     };
-    let cameras: Vec<Camera> = cameras.into_iter().map(|(_, camera)| camera).collect();
-    let mut view_folders = Vec::new();
-    for (id, camera) in &views {
-        write_calibration(options, id, camera)?;
-        let plate = world.plate(camera, options.samples_per_side)?;
-        let truth = TruthWriter::create(options, id, &plate, &wanted, &VIEW_KINDS)?;
-        let seen = world.seen_by(&plate, &cameras);
-        for frame in &wanted {
-            truth.judged_frame(*frame, &world.render_over(&plate, time_of(*frame, options))?, &seen)?;
-        }
-        view_folders.push(truth.folder);
+    let all: Vec<Camera> = world.cameras(options.size_px)?.into_iter().map(|(_, camera)| camera).collect();
+    let mut job = Job { world, options, n_frames, wanted, n_parts: cameras.len() + views.len(), progress };
+    let mut written = Written { config: None, clips: Vec::new(), views: Vec::new(), n_frames };
+    let mut manifest = Vec::new();
+    if options.parts == Parts::Everything {
+        written.config = Some(write_documents(world, options, &cameras)?);
+        make_folder(&options.out_dir.join("clips"))?;
     }
-    Ok(Written { config, clips, views: view_folders, n_frames })
+    for (i, (id, camera)) in cameras.iter().enumerate() {
+        let (clip, entry) = job.camera(i, id, camera, &all)?;
+        written.clips.push(clip);
+        manifest.push(entry);
+    }
+    let mut manifest_views = Vec::new();
+    for (i, (id, camera)) in views.iter().enumerate() {
+        written.views.push(job.view(cameras.len() + i, id, camera, &all)?);
+        manifest_views.push(entry(id, camera, "frame"));
+    }
+    if !job.wanted.is_empty() {
+        let folder = options.out_dir.join("truth");
+        if options.parts == Parts::Everything {
+            let path = folder.join("positions.jsonl");
+            write_positions(path, world, &cameras, n_frames, |frame| time_of(frame, options))?;
+        }
+        let manifest = Manifest {
+            world: world.id(),
+            rate_hz: options.rate_hz,
+            n_frames,
+            samples_per_side: options.samples_per_side,
+            frames: &job.wanted,
+            cameras: manifest,
+            views: manifest_views,
+            effects: world.effects(),
+        };
+        write_manifest(&folder, &manifest)?;
+    }
+    Ok(written)
+}
+
+/// The manifest's entry of a camera or view.
+fn entry(id: &str, camera: &Camera, clean: &'static str) -> ManifestCamera {
+    ManifestCamera {
+        id: id.to_owned(),
+        size_px: camera.size_px(),
+        calibration: format!("../calibration/{id}.json"),
+        clip: None,
+        clock: None,
+        clean,
+    }
+}
+
+/// One call's work.
+struct Job<'a> {
+    world: &'a World,
+    options: &'a SimulateOptions,
+    n_frames: u64,
+    wanted: Vec<u64>,
+    n_parts: usize,
+    progress: &'a mut dyn FnMut(&Step),
+}
+
+impl Job<'_> {
+    fn folder(&self, id: &str) -> PathBuf {
+        self.options.out_dir.join("truth").join(id)
+    }
+
+    fn tell(&mut self, part: usize, what: String, n_done: u64, n_frames: u64) {
+        (self.progress)(&Step { what, n_done, n_frames, part: (part + 1, self.n_parts) });
+    }
+
+    /// What a camera saw, as video and as truth; the clip and the manifest's entry.
+    fn camera(
+        &mut self,
+        part: usize,
+        id: &str,
+        camera: &Camera,
+        all: &[Camera],
+    ) -> Result<(PathBuf, ManifestCamera), SimulateError> {
+        let (world, options) = (self.world, self.options);
+        let (effects, entries) = (world.effects(), world.entries());
+        let draw = Draw::of_camera(effects.seed, id);
+        let Delivery { clock, arrivals } = deliver(effects, draw, self.n_frames, options.rate_hz, entries);
+        let by_frame = by_frame(&arrivals);
+        if by_frame.is_empty() {
+            return Err(SimulateError::NothingArrives { camera: id.to_owned() });
+        }
+        let clip = options.out_dir.join("clips").join(format!("{id}.webm"));
+        let codec = Codec::of(effects, entries);
+        let mut video = VideoWriter::create(&clip, options.size_px, options.rate_hz, &codec)?;
+        let mut station = Station::new(
+            world,
+            id,
+            camera,
+            options.samples_per_side,
+            options.rate_hz,
+            !self.wanted.is_empty(),
+        )?;
+        let truth = self.camera_truth(id, &station, &arrivals, all)?;
+        let mut seen_figures = match &truth {
+            Some(truth) => Some(JsonLines::create(truth.folder.join("visible.jsonl"))?),
+            None => None,
+        };
+        for frame in 0..self.n_frames {
+            let is_wanted = self.wanted.binary_search(&frame).is_ok();
+            let arriving = by_frame.get(&frame);
+            let time_secs = time_of(frame, options);
+            if is_wanted || arriving.is_some() || station.remembers() {
+                let shot = station.shoot(frame, time_secs, is_wanted)?;
+                for arrival in arriving.into_iter().flatten() {
+                    self.push(&mut video, draw, arrival, shot.picture())?;
+                }
+                if let (true, Some(truth), Some(seen)) = (is_wanted, &truth, &mut seen_figures) {
+                    truth.frame(frame, &shot.truth, shot.from_sensor.as_ref())?;
+                    seen.write(&visible(frame, time_secs, &shot.truth.instance))?;
+                }
+            }
+            self.tell(part, format!("camera {id}"), frame + 1, self.n_frames);
+        }
+        video.finish()?;
+        if let Some(seen) = seen_figures {
+            seen.finish()?;
+        }
+        let clean = if station.has_sensor() { "clean" } else { "frame" };
+        let entry = ManifestCamera {
+            clip: Some(format!("../clips/{id}.webm")),
+            clock: Some(clock),
+            ..entry(id, camera, clean)
+        };
+        Ok((clip, entry))
+    }
+
+    /// The folder of a camera's truth, if any is wanted, with what is known before its frames.
+    fn camera_truth(
+        &self,
+        id: &str,
+        station: &Station<'_>,
+        arrivals: &[Arrival],
+        all: &[Camera],
+    ) -> Result<Option<TruthFolder>, SimulateError> {
+        if self.wanted.is_empty() {
+            return Ok(None);
+        }
+        let of = if station.has_sensor() { Of::CameraWithSensor } else { Of::Camera };
+        let camera = station.camera();
+        let plate = station.plate();
+        let truth = TruthFolder::create(self.folder(id), camera, &plate.truth().rgb, of)?;
+        let mut lines = JsonLines::create(truth.folder.join("delivery.jsonl"))?;
+        arrivals.iter().try_for_each(|arrival| lines.write(arrival))?;
+        lines.finish()?;
+        let (width, height) = camera.size_px();
+        let mut seen_by = Mask::filled(width, height, 0);
+        for other in all.iter().filter(|other| *other != camera) {
+            let seen = self.world.seen_by(plate, std::slice::from_ref(other));
+            for (count, seen) in seen_by.data.iter_mut().zip(&seen.data) {
+                *count = count.saturating_add(u8::from(*seen > 0));
+            }
+        }
+        save_mask(&truth.folder.join("seen_by.png"), &seen_by)?;
+        Ok(Some(truth))
+    }
+
+    /// Hands an arriving picture to the video, damaged if it arrives so.
+    fn push(
+        &self,
+        video: &mut VideoWriter,
+        draw: Draw,
+        arrival: &Arrival,
+        picture: &crate::frame::RgbImage,
+    ) -> Result<(), SimulateError> {
+        let Some(start_secs) = arrival.clip_secs else { return Ok(()) };
+        let effects = self.world.effects();
+        let is_damaged = arrival.has(Fate::Corrupted);
+        let with_blocks = if is_damaged {
+            damaged(effects, draw, arrival.frame, picture, self.world.entries())
+        } else {
+            None
+        };
+        let corrupt = effects.corrupt.filter(|corrupt| is_damaged && corrupt.damage == Damage::Bytes);
+        let bytes = corrupt.map(|corrupt| {
+            let (entries, draw) = (Arc::clone(&self.world.entries), draw.at_frame(arrival.frame));
+            Box::new(move |bytes: &mut [u8]| corrupt.damage_bytes(bytes, draw, &entries.tally())) as Damager
+        });
+        let share = if arrival.has(Fate::Duplicated) { 0.5 } else { 1.0 };
+        let duration_secs = share / self.options.rate_hz;
+        video.push(with_blocks.as_ref().unwrap_or(picture), start_secs, duration_secs, bytes)
+    }
+
+    /// The truth of a view; its folder.
+    fn view(
+        &mut self,
+        part: usize,
+        id: &str,
+        camera: &Camera,
+        all: &[Camera],
+    ) -> Result<PathBuf, SimulateError> {
+        let (world, options) = (self.world, self.options);
+        write_calibration(options, id, camera)?;
+        let mut station = Station::free(world, camera, options.samples_per_side)?;
+        if self.wanted.is_empty() {
+            return Ok(self.folder(id));
+        }
+        let background = &station.plate().truth().rgb;
+        let truth = TruthFolder::create(self.folder(id), camera, background, Of::View)?;
+        let seen = world.seen_by(station.plate(), all);
+        let frames = self.wanted.clone();
+        for (n_done, frame) in (1..).zip(&frames) {
+            let shot = station.shoot(*frame, time_of(*frame, options), true)?;
+            truth.frame(*frame, &shot.truth, None)?;
+            truth.mask("seen", *frame, &seen)?;
+            truth.mask("static", *frame, &static_part(&shot.truth, &seen))?;
+            self.tell(part, format!("view {id}"), n_done, frames.len() as u64);
+        }
+        Ok(truth.folder)
+    }
+}
+
+/// What arrives of each frame, in the order of its places in the clip.
+fn by_frame(arrivals: &[Arrival]) -> BTreeMap<u64, Vec<&Arrival>> {
+    let mut by_frame: BTreeMap<u64, Vec<&Arrival>> = BTreeMap::new();
+    for arrival in arrivals.iter().filter(|arrival| arrival.clip_secs.is_some()) {
+        by_frame.entry(arrival.frame).or_default().push(arrival);
+    }
+    by_frame.values_mut().for_each(|copies| copies.sort_by_key(|arrival| arrival.copy));
+    by_frame
 }
 
 /// Scene document, configuration, calibrations; the configuration's path.
@@ -204,35 +417,6 @@ fn write_calibration(options: &SimulateOptions, id: &str, camera: &Camera) -> Re
     make_folder(&folder)?;
     let text = serde_json::to_string_pretty(&CameraDocument::from_camera(camera))? + "\n";
     write_file(&folder.join(format!("{id}.json")), &text)
-}
-
-/// What the cameras saw, as video and as truth.
-fn write_clips(
-    world: &World,
-    options: &SimulateOptions,
-    cameras: &[(&str, Camera)],
-    n_frames: u64,
-    wanted: &[u64],
-) -> Result<Vec<PathBuf>, SimulateError> {
-    let folder = options.out_dir.join("clips");
-    make_folder(&folder)?;
-    let mut clips = Vec::new();
-    for (id, camera) in cameras {
-        let clip = folder.join(format!("{id}.webm"));
-        let mut video = VideoWriter::create(&clip, options.size_px, options.rate_hz)?;
-        let plate = world.plate(camera, options.samples_per_side)?;
-        let truth = TruthWriter::create(options, id, &plate, wanted, &CAMERA_KINDS)?;
-        for frame in 0..n_frames {
-            let seen = world.render_over(&plate, time_of(frame, options))?;
-            video.push(&seen.rgb)?;
-            if wanted.contains(&frame) {
-                truth.frame(frame, &seen)?;
-            }
-        }
-        video.finish()?;
-        clips.push(clip);
-    }
-    Ok(clips)
 }
 
 fn time_of(frame: u64, options: &SimulateOptions) -> f64 {
@@ -292,100 +476,4 @@ fn views(world: &World, options: &SimulateOptions) -> Result<Vec<(String, Camera
         views.push((view.name.clone(), camera));
     }
     Ok(views)
-}
-
-fn write_positions(world: &World, options: &SimulateOptions, n_frames: u64) -> Result<(), SimulateError> {
-    let folder = options.out_dir.join("truth");
-    make_folder(&folder)?;
-    let path = folder.join("positions.jsonl");
-    let fault = |source| SimulateError::File { path: path.clone(), source };
-    let mut file = std::io::BufWriter::new(std::fs::File::create(&path).map_err(fault)?);
-    for frame in 0..n_frames {
-        let time_secs = time_of(frame, options);
-        let figures = world.figures(time_secs)?.into_iter().map(|figure| FigureDocument {
-            instance: figure.instance,
-            name: figure.name,
-            foot_m: figure.foot_in_world.to_array(),
-            heading_rad: figure.heading_rad,
-            height_m: figure.height_m,
-            box_low_m: figure.box_in_world.0.to_array(),
-            box_high_m: figure.box_in_world.1.to_array(),
-        });
-        let line = PositionsDocument { frame, time_secs, figures: figures.collect() };
-        writeln!(file, "{}", serde_json::to_string(&line)?).map_err(fault)?;
-    }
-    file.flush().map_err(fault)
-}
-
-/// Folders of a camera's truth, and of a view's where no camera stands.
-const CAMERA_KINDS: [&str; 3] = ["frame", "instance", "depth"];
-const VIEW_KINDS: [&str; 5] = ["frame", "instance", "depth", "seen", "static"];
-
-/// Writes one camera's truth.
-struct TruthWriter {
-    folder: PathBuf,
-}
-
-impl TruthWriter {
-    /// Makes the folders and writes the still world, where any frame is wanted.
-    fn create(
-        options: &SimulateOptions,
-        id: &str,
-        plate: &Plate,
-        wanted: &[u64],
-        kinds: &[&str],
-    ) -> Result<Self, SimulateError> {
-        let folder = options.out_dir.join("truth").join(id);
-        if !wanted.is_empty() {
-            for kind in kinds {
-                make_folder(&folder.join(kind))?;
-            }
-            let rgb = &plate.truth().rgb;
-            let path = folder.join("background.png");
-            save(&path, &rgb.data, (rgb.width, rgb.height), image::ExtendedColorType::Rgb8)?;
-        }
-        Ok(Self { folder })
-    }
-
-    fn path(&self, kind: &str, frame: u64) -> PathBuf {
-        self.folder.join(kind).join(format!("{frame:06}.png"))
-    }
-
-    fn frame(&self, frame: u64, truth: &Truth) -> Result<(), SimulateError> {
-        let Truth { rgb, instance, depth_m } = truth;
-        let size = (rgb.width, rgb.height);
-        save(&self.path("frame", frame), &rgb.data, size, image::ExtendedColorType::Rgb8)?;
-        save(&self.path("instance", frame), &instance.data, size, image::ExtendedColorType::L8)?;
-        // A cast from float saturates; `image` takes 16-bit samples in the machine's own byte order.
-        let depth_mm: Vec<u16> = depth_m.iter().map(|depth| (depth * 1000.0 + 0.5) as u16).collect();
-        let bytes = bytemuck::cast_slice(&depth_mm);
-        save(&self.path("depth", frame), bytes, size, image::ExtendedColorType::L16)
-    }
-
-    fn judged_frame(&self, frame: u64, truth: &Truth, seen: &Mask) -> Result<(), SimulateError> {
-        self.frame(frame, truth)?;
-        for (kind, mask) in [("seen", seen), ("static", &static_part(truth, seen))] {
-            let size = (mask.width, mask.height);
-            save(&self.path(kind, frame), &mask.data, size, image::ExtendedColorType::L8)?;
-        }
-        Ok(())
-    }
-}
-
-fn save(
-    path: &Path,
-    data: &[u8],
-    size_px: (u32, u32),
-    color: image::ExtendedColorType,
-) -> Result<(), SimulateError> {
-    image::save_buffer_with_format(path, data, size_px.0, size_px.1, color, image::ImageFormat::Png)
-        .map_err(|source| SimulateError::Picture { path: path.to_owned(), source })
-}
-
-fn make_folder(path: &Path) -> Result<(), SimulateError> {
-    std::fs::create_dir_all(path).map_err(|source| SimulateError::File { path: path.to_owned(), source })
-}
-
-fn write_file(path: &Path, text: &str) -> Result<(), SimulateError> {
-    std::fs::write(path, text).map_err(|source| SimulateError::File { path: path.to_owned(), source })
 }

@@ -22,6 +22,7 @@ pub use texture_map::TextureMapRecord;
 
 use sqlx::SqlitePool;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Most bytes of one background or map; SQLite's own limit is a little above.
 pub const MAX_BLOB_BYTES: usize = 900_000_000;
@@ -64,6 +65,17 @@ impl Store {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// As [`Self::close`], but no longer than `time`: what was acknowledged is in the log, which the next start reads.
+    ///
+    /// # Errors
+    /// As [`Self::close`].
+    pub async fn close_within(self, time: Duration) -> Result<(), StoreError> {
+        tokio::time::timeout(time, self.close()).await.unwrap_or_else(|_elapsed| {
+            tracing::warn!("the database was left open: its log is read at the next start");
+            Ok(())
+        })
     }
 
     /// Waits for what is being written, puts the log into the file and closes all connections.

@@ -38,25 +38,19 @@ impl Stage {
 pub enum DropReason {
     /// The next stage was still busy with earlier frames of a live camera.
     Overrun,
-    /// The decoder or the picture's reader refused it.
-    Damaged,
-    /// It has a size or pixel layout that cannot be used.
-    Unusable,
     /// Its time is not after that of the frame before it.
     OutOfOrder,
 }
 
 impl DropReason {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Overrun, Self::Damaged, Self::Unusable, Self::OutOfOrder];
+    pub const ALL: [Self; 2] = [Self::Overrun, Self::OutOfOrder];
 
     /// The label's value.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Overrun => "overrun",
-            Self::Damaged => "damaged",
-            Self::Unusable => "unusable",
             Self::OutOfOrder => "out_of_order",
         }
     }
@@ -88,7 +82,7 @@ pub struct Metrics {
     pub api_request: HistogramVec,
     /// Seconds since the last good checkpoint, set when the metrics are asked for.
     pub store_checkpoint_age: Gauge,
-    /// Seconds that a checkpoint of all backgrounds took.
+    /// Seconds that a checkpoint of one camera's background took.
     pub store_checkpoint: Histogram,
     /// Checkpoints that failed.
     pub store_checkpoints_failed: IntCounter,
@@ -118,7 +112,7 @@ impl Metrics {
             ingest_frames_dropped: counters(
                 r,
                 "ingest_frames_dropped_total",
-                "Frames that never became observations, by reason: overrun, damaged, unusable, out_of_order.",
+                "Frames that never became observations, by reason: overrun, out_of_order.",
                 &["camera", "reason"],
             ),
             ingest_frame_age: gauges(
@@ -170,7 +164,7 @@ impl Metrics {
             store_checkpoint: histogram(
                 r,
                 "store_checkpoint_seconds",
-                "Time of a checkpoint of all backgrounds.",
+                "Time of a checkpoint of one camera's background.",
                 &REQUEST_SECONDS,
             ),
             store_checkpoints_failed: counter(
@@ -321,13 +315,13 @@ mod tests {
     fn what_is_counted_is_told() {
         let metrics = used();
         metrics.ingest_frames.with_label_values(&["north"]).inc();
-        metrics.count_dropped("north", DropReason::Damaged);
+        metrics.count_dropped("north", DropReason::Overrun);
         metrics.observe_stage("north", Stage::Segment, 0.003);
         let text = metrics.encode();
         for line in [
             "videofields_ingest_frames_total{camera=\"north\"} 1",
-            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"damaged\"} 1",
-            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"overrun\"} 0",
+            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"overrun\"} 1",
+            "videofields_ingest_frames_dropped_total{camera=\"north\",reason=\"out_of_order\"} 0",
             "videofields_ingest_stage_seconds_bucket{camera=\"north\",stage=\"segment\",le=\"0.005\"} 1",
             "videofields_ingest_stage_seconds_count{camera=\"north\",stage=\"background\"} 0",
             "videofields_api_requests_total{route=\"/api/v1/scenes/{id}\",status=\"200\"} 1",

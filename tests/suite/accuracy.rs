@@ -14,7 +14,6 @@ use videofields::clock::{SystemClock, Timestamp};
 use videofields::engine::{At, ViewRequest, view_once};
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
-use videofields::gpu::{Gpu, GpuError};
 use videofields::plan::EntityStyle;
 use videofields::simulate::{World, pinhole};
 
@@ -138,27 +137,11 @@ fn what_cannot_be_compared_is_refused_by_name() {
     assert!(matches!(compare(&huge, &huge, None), Err(AccuracyError::Length { .. })));
 }
 
-/// Whether there is an adapter to draw with; says so where there is none, which with CI=true is a failure.
-fn has_adapter() -> bool {
-    match Gpu::new("") {
-        Ok(_) => true,
-        Err(error @ GpuError::NoAdapter { .. }) => {
-            assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs an adapter: {error}");
-            #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
-            {
-                eprintln!("skipped: {error}");
-            }
-            false
-        }
-        Err(error) => panic!("{error}"),
-    }
-}
-
 /// The demo's clips, from where no camera stands: the still part that a camera sees is true to 28 dB and more, and
 /// figures stand where they are.
 #[test]
 fn the_demo_is_true_where_no_camera_stands() {
-    if !has_adapter() {
+    if crate::support::adapter("").is_none() {
         return;
     }
     let config_path = Path::new(env!("CARGO_MANIFEST_DIR")).join("config/demo/plaza.toml");

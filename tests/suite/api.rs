@@ -51,7 +51,15 @@ impl Bench {
     fn within(limits: Limits, state: State) -> Self {
         let door = Arc::new(FakeDoor(state.into()));
         let handle = Handle::new(Arc::clone(&door) as _);
-        Self { router: router_within(limits, handle, Arc::new(TickingClock::default())), door }
+        Self {
+            router: router_within(
+                limits,
+                handle,
+                Arc::new(TickingClock::default()),
+                &["wall.example".to_owned()],
+            ),
+            door,
+        }
     }
 
     async fn send(&self, request: Request<Body>) -> Answer {

@@ -329,7 +329,7 @@ mod mutations {
     use proptest::prelude::*;
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(1000))]
+        #![proptest_config(crate::support::seeded(1000))]
         #[test]
         fn no_text_makes_it_panic(
             cut in any::<prop::sample::Index>(),

@@ -2,7 +2,6 @@
 
 use glam::{DQuat, DVec2, DVec3};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use videofields::geometry::{Camera, Distortion, Pose};
 
 /// Lenses as calibrations have them, each kind as often as another.
@@ -39,13 +38,8 @@ fn any_camera() -> impl Strategy<Value = Camera> {
     })
 }
 
-fn seeded() -> ProptestConfig {
-    let rng_seed = RngSeed::Fixed(2004);
-    ProptestConfig { cases: 1000, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
-}
-
 proptest! {
-    #![proptest_config(seeded())]
+    #![proptest_config(crate::support::seeded(1000))]
 
     #[test]
     fn a_texel_s_ray_comes_back_to_it(camera in any_camera(), u in 0.0..1.0_f64, v in 0.0..1.0_f64, distance in 0.5..500.0_f64) {

@@ -5,7 +5,7 @@ mod stage;
 #[path = "render/twin.rs"]
 mod twin;
 
-use crate::support::golden::{self, MOVED, TWIN, Tolerance};
+use crate::support::golden::{self, MOVED, TWIN};
 use glam::DVec3;
 use stage::{SKY, Stage};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
@@ -27,18 +27,8 @@ const REFEREE: &str = "llvmpipe";
 /// A renderer, or `None` (and a line on standard error) where there is no such adapter; with CI=true there must be.
 fn renderer(adapter: &str, samples: u32) -> Option<Renderer> {
     let settings = RenderSettings { samples, ..RenderSettings::default() };
-    match Gpu::new(adapter) {
-        Ok(gpu) => Some(Renderer::new(gpu, &settings).expect("a renderer")),
-        Err(error @ GpuError::NoAdapter { .. }) => {
-            assert!(std::env::var("CI").is_ok_and(|ci| ci != "true"), "CI needs an adapter: {error}");
-            #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
-            {
-                eprintln!("skipped: {error}");
-            }
-            None
-        }
-        Err(error) => panic!("{error}"),
-    }
+    let gpu = crate::support::adapter(adapter)?;
+    Some(Renderer::new(gpu, &settings).expect("a renderer"))
 }
 
 fn view(eye: DVec3, target: DVec3, fov_y_rad: f64, width: u32, height: u32) -> View {
@@ -168,9 +158,7 @@ fn a_view_from_a_cameras_place_shows_its_picture() {
     assert_eq!((plan.surface_cameras.as_slice(), plan.entity_cameras.as_slice()), (&[0][..], &[0][..]));
     keep("own_place", &rendered.image);
     let seen = camera.observation.frame.image.to_rgb();
-    // Edges of boxes and of the person are drawn between pixels.
-    let tolerance = Tolerance { mean_levels: 1.0, off_levels: 16, off_share: 0.02 };
-    golden::compare(&rendered.image, &seen, tolerance, |_| true).expect("the camera's own picture");
+    golden::compare(&rendered.image, &seen, golden::OWN_PLACE, |_| true).expect("the camera's own picture");
 }
 
 #[test]
@@ -214,8 +202,15 @@ fn a_person_stands_where_the_feet_are() {
     golden::check("points", &points.image);
     assert!(points.timings.iter().all(|time| time.gpu.as_secs() < 60), "{:?}", points.timings);
     // Points and billboards show the same person.
-    let alike = Tolerance { mean_levels: 1.5, off_levels: 60, off_share: 0.02 };
-    golden::compare(&points.image, &rendered.image, alike, |_| true).expect("the same person");
+    let is_of_person = |idx: usize| {
+        let (x, y) = (idx as u32 % 320, idx as u32 / 320);
+        let pair = pixel(&rendered.image, x, y).into_iter().zip(pixel(&without.image, x, y));
+        pair.map(|(a, b)| a.abs_diff(b)).max() > Some(24)
+    };
+    golden::compare(&points.image, &rendered.image, golden::SAME_PERSON, is_of_person)
+        .expect("the same person");
+    golden::compare(&without.image, &rendered.image, golden::SAME_PERSON, is_of_person)
+        .expect_err("a picture without the person is not the same");
 }
 
 /// The foreground texels of the first camera on the upright plane through the feet.

@@ -419,7 +419,7 @@ fn a_real_calibration_is_imported() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #![proptest_config(crate::support::seeded(1000))]
 
     /// Whatever is done to a document's text, the answer is a scene whose numbers are finite, or faults.
     #[test]

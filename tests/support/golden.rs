@@ -27,6 +27,12 @@ pub(crate) const TWIN: Tolerance = Tolerance { mean_levels: 0.7, off_levels: 4, 
 /// The same scene at map coordinates and at the origin.
 pub(crate) const MOVED: Tolerance = Tolerance { mean_levels: 0.05, off_levels: 3, off_share: 0.002 };
 
+/// A camera's own picture drawn from its own place: edges of boxes and of people are drawn between pixels.
+pub(crate) const OWN_PLACE: Tolerance = Tolerance { mean_levels: 1.0, off_levels: 16, off_share: 0.02 };
+
+/// Points and billboards of the same person, within the outline.
+pub(crate) const SAME_PERSON: Tolerance = Tolerance { mean_levels: 12.0, off_levels: 60, off_share: 0.1 };
+
 /// Most bytes of a golden file.
 const MAX_GOLDEN_BYTES: usize = 64 * 1024;
 

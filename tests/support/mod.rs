@@ -2,23 +2,61 @@
 
 pub(crate) mod golden;
 
+use proptest::prelude::ProptestConfig;
+use proptest::test_runner::RngSeed;
 use std::path::PathBuf;
 use std::time::Duration;
 use videofields::clock::{Clock, SystemClock};
+use videofields::gpu::{Gpu, GpuError};
+
+/// Says what is skipped and why, where a person looks; with CI=true nothing may be.
+///
+/// # Panics
+/// With CI=true in the environment.
+pub(crate) fn skip_for_want_of_an_adapter(why: &str) {
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs an adapter: {why}");
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: {why}");
+    }
+}
+
+/// The GPU of that name, or `None` (and a line on standard error) where there is none; with CI=true there must be.
+pub(crate) fn adapter(name: &str) -> Option<Gpu> {
+    match Gpu::new(name) {
+        Ok(gpu) => Some(gpu),
+        Err(error @ GpuError::NoAdapter { .. }) => {
+            skip_for_want_of_an_adapter(&error.to_string());
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
 
 /// A file or folder of the real footage beside the project, or `None` (and a line on standard error that says
-/// what was skipped) where the footage is not at hand.
+/// what was skipped) where the footage is not at hand; with `VIDEOFIELDS_DATA=required` it must be.
+///
+/// # Panics
+/// Where the footage is required and is not there.
 #[must_use]
 pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
     let full = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/data").join(path);
     if full.try_exists().unwrap_or(false) {
         return Some(full);
     }
+    let is_required = std::env::var("VIDEOFIELDS_DATA").as_deref() == Ok("required");
+    assert!(!is_required, "VIDEOFIELDS_DATA=required: no real footage at ../shared/data/{path}");
     #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
     {
         eprintln!("skipped: no real footage at ../shared/data/{path}");
     }
     None
+}
+
+/// Settings of a property test: the same cases in every run, and nothing written beside the tests.
+pub(crate) fn seeded(cases: u32) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(2004);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
 }
 
 /// Asks again and again until there is an answer.

@@ -64,8 +64,20 @@ fn complaints(file: &Text, rooms: &[String]) -> Vec<String> {
         Some(_) => None,
         None => Some(format!("{}: `crate::{used}` is no room of src/lib.rs", file.path)),
     };
-    rooms_used(&code.join("\n")).into_iter().filter_map(complain).collect()
+    let used = rooms_used(&code.join("\n"));
+    let forbidden =
+        FORBIDDEN.iter().filter(|(from, to, _)| *from == room && used.iter().any(|used| used == to));
+    let forbidden: Vec<String> =
+        forbidden.map(|(from, to, why)| format!("{}: `{from}` uses `{to}`: {why}", file.path)).collect();
+    used.into_iter().filter_map(complain).chain(forbidden).collect()
 }
+
+/// Edges that run downwards and must not be there all the same.
+const FORBIDDEN: [(&str, &str, &str); 3] = [
+    ("simulate", "render", "the simulator must not use the renderer that it judges"),
+    ("simulate", "gpu", "the simulator must not use the renderer that it judges"),
+    ("api", "ingest", "the engine's door is all that `api` sees"),
+];
 
 #[test]
 fn rooms_use_only_rooms_above_them() {

@@ -2,7 +2,7 @@
 //!
 //! The bounds lie a little beyond what was measured when they were set; nothing is timed.
 
-use super::has_adapter;
+use crate::support::adapter;
 use videofields::accuracy::{
     Easel, EntityForm, MapRun, OpenGate, Scope, SegmentationForm, SegmentationRun, Stopwatch, Subject,
     SurfaceForm,
@@ -53,7 +53,7 @@ fn the_plaza_is_as_accurate_as_it_was() {
     check("the grid map's mean distance", grid["mean_m"], 0.0..=0.02);
     check("the grid map's missing share", grid["missing_share"], 0.0..=0.02);
 
-    if !has_adapter() {
+    if adapter("").is_none() {
         return;
     }
     let mut easel = Easel::new(&subject, SurfaceForm::of(&subject.render)).unwrap();

@@ -295,7 +295,7 @@ fn no_request_whatever_panics_or_is_the_daemons_fault() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let bench = Bench::new();
     let mut runner = proptest::test_runner::TestRunner::new_with_rng(
-        ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() },
+        crate::support::seeded(3000),
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let seen: [std::cell::Cell<u32>; 600] = std::array::from_fn(|_| std::cell::Cell::new(0));
@@ -318,4 +318,45 @@ fn no_request_whatever_panics_or_is_the_daemons_fault() {
     // Each kind of answer comes up often enough that the test says something.
     let [found, invalid, missing] = [200, 400, 404].map(|status: usize| seen[status].get());
     assert!(found > 100 && invalid > 500 && missing > 300, "{found} {invalid} {missing}");
+}
+
+#[tokio::test]
+async fn only_the_daemons_own_names_are_answered() {
+    let bench = Bench::new();
+    let status = async |host: &str| {
+        let request = Request::get(FRAME).header("host", host).body(Body::empty()).unwrap();
+        bench.send(request).await
+    };
+    for host in
+        ["127.0.0.1:8080", "127.0.0.1", "[::1]:8080", "[::1]", "localhost:8080", "LOCALHOST", "Wall.example"]
+    {
+        assert_eq!(status(host).await.status, 200, "{host}");
+    }
+    for host in
+        ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "localhost.evil.example", "[::1", ""]
+    {
+        let problem = status(host).await.problem(421, FRAME);
+        assert_eq!(problem["type"], "urn:videofields:problem:host", "{host}");
+        assert!(problem["detail"].as_str().unwrap().contains("server.hosts"), "{host}");
+    }
+}
+
+#[tokio::test]
+async fn pictures_that_clients_have_not_taken_are_bounded() {
+    let bench = Bench::within(Limits { answer_bytes: 2048, ..Limits::default() }, State::default());
+    let ask = async || {
+        let request = Request::get(FRAME).body(Body::empty()).unwrap();
+        tower::ServiceExt::oneshot(bench.router.clone(), request).await.unwrap()
+    };
+    let (mut held, mut refused) = (Vec::new(), None);
+    for _ in 0..8 {
+        let response = ask().await;
+        match response.status().as_u16() {
+            200 => held.push(response),
+            status => refused = refused.or(Some(status)),
+        }
+    }
+    assert!(!held.is_empty() && refused == Some(503), "{} held, {refused:?}", held.len());
+    drop(held);
+    assert_eq!(ask().await.status(), 200, "what was taken or given up makes room");
 }

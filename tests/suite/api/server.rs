@@ -21,7 +21,7 @@ struct Running {
 
 async fn start(state: State) -> Running {
     let door = Arc::new(FakeDoor(state.into()));
-    let router = router(Handle::new(Arc::clone(&door) as _), Arc::new(SystemClock::new()));
+    let router = router(Handle::new(Arc::clone(&door) as _), Arc::new(SystemClock::new()), &[]);
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();

@@ -1,0 +1,116 @@
+//! One camera of a world, frame after frame: what falls on its sensor, and the picture that this gives.
+//!
+//! Joins `cast` (linear picture and truth) and `sensor`. Owns the camera's plate, where the still world is the same in
+//! every frame, and its sensor's memory.
+
+use super::SimulateError;
+use super::cast::{CastOptions, Layers, Plate, Truth};
+use super::effects::Draw;
+use super::moment::Shot;
+use super::sensor::{Exposed, Sensor};
+use super::world::World;
+use crate::frame::RgbImage;
+use crate::geometry::Camera;
+
+/// A camera of a world, or a view where none stands.
+pub(super) struct Station<'a> {
+    world: &'a World,
+    /// The camera's id; a view has none.
+    device: Option<String>,
+    plate: Plate,
+    sensor: Option<Sensor<'a>>,
+    samples_per_side: u32,
+}
+
+/// One frame.
+pub(super) struct Exposure {
+    /// The clean picture and what is known about it.
+    pub(super) truth: Truth,
+    /// What the sensor gave, if that is another picture.
+    pub(super) from_sensor: Option<RgbImage>,
+}
+
+impl Exposure {
+    /// What the camera gave.
+    pub(super) fn picture(&self) -> &RgbImage {
+        self.from_sensor.as_ref().unwrap_or(&self.truth.rgb)
+    }
+}
+
+impl<'a> Station<'a> {
+    /// The world's camera with this id, which takes `rate_hz` frames a second; `is_truth_wanted` of any of them.
+    pub(super) fn new(
+        world: &'a World,
+        id: &str,
+        camera: &Camera,
+        samples_per_side: u32,
+        rate_hz: f64,
+        is_truth_wanted: bool,
+    ) -> Result<Self, SimulateError> {
+        let draw = Draw::of_camera(world.effects().seed, id);
+        let sensor = Sensor::new(world.effects(), world.entries(), draw, 1.0 / rate_hz);
+        let options = CastOptions {
+            layers: layers(is_truth_wanted, sensor.is_some()),
+            ..CastOptions::new(samples_per_side)
+        };
+        let plate = world.plate_with(camera, &options)?;
+        Ok(Self { world, device: Some(id.to_owned()), plate, sensor, samples_per_side })
+    }
+
+    /// A view where no camera stands: it has no sensor, and truth is wanted of all its frames.
+    pub(super) fn free(
+        world: &'a World,
+        camera: &Camera,
+        samples_per_side: u32,
+    ) -> Result<Self, SimulateError> {
+        let options = CastOptions { layers: layers(true, false), ..CastOptions::new(samples_per_side) };
+        let plate = world.plate_with(camera, &options)?;
+        Ok(Self { world, device: None, plate, sensor: None, samples_per_side })
+    }
+
+    pub(super) const fn camera(&self) -> &Camera {
+        self.plate.camera()
+    }
+
+    pub(super) const fn plate(&self) -> &Plate {
+        &self.plate
+    }
+
+    pub(super) const fn has_sensor(&self) -> bool {
+        self.sensor.is_some()
+    }
+
+    /// Whether a frame hangs on the frames before it, so that none may be left out.
+    pub(super) const fn remembers(&self) -> bool {
+        self.sensor.is_some() && self.world.effects().exposure.is_some()
+    }
+
+    /// The frame at `time_secs`; with all layers of truth if `is_truth_wanted`.
+    pub(super) fn shoot(
+        &mut self,
+        frame: u64,
+        time_secs: f64,
+        is_truth_wanted: bool,
+    ) -> Result<Exposure, SimulateError> {
+        let device = self.device.as_deref();
+        let mut truth = if self.world.plates_last(device.is_some()) {
+            self.world.cast_over(&self.plate, device, time_secs)?
+        } else {
+            let layers = layers(is_truth_wanted, self.sensor.is_some());
+            let options = CastOptions { layers, ..CastOptions::new(self.samples_per_side) };
+            self.world.cast(&Shot { camera: self.plate.camera(), device, time_secs }, &options)?
+        };
+        let from_sensor = self.sensor.as_mut().zip(truth.linear.take()).map(|(sensor, linear)| {
+            let gains = self.world.effects().light_gains(time_secs, &self.world.entries().tally());
+            let sky = self.world.sky * gains.sky;
+            let exposed = Exposed { linear, depth_m: &truth.depth_m, frame, time_secs, sky };
+            sensor.develop(self.plate.camera(), exposed)
+        });
+        Ok(Exposure { truth, from_sensor })
+    }
+}
+
+/// What is cast of a frame beside its picture.
+const fn layers(is_truth_wanted: bool, has_sensor: bool) -> Layers {
+    Layers { normals: is_truth_wanted, shadow: is_truth_wanted, partial: is_truth_wanted, linear: has_sensor }
+}
