@@ -50,12 +50,12 @@ fn whole_mm(value: f64) -> f64 {
 }
 
 impl World {
-    /// The scene document (JSON) with the cameras calibrated for pictures of `size_px`, one line for each polygon,
-    /// box and camera.
+    /// The scene document (JSON) with the cameras calibrated for pictures of `size_px` (where none is given, of each
+    /// camera's own size), one line for each polygon, box and camera.
     ///
     /// # Errors
     /// When the size is none that a camera can have.
-    pub fn scene_json(&self, size_px: (u32, u32)) -> Result<String, SimulateError> {
+    pub fn scene_json(&self, size_px: impl Into<Option<(u32, u32)>>) -> Result<String, SimulateError> {
         let ground = self.surfaces().ground.iter().zip(0..).map(|(polygon, idx)| GroundDocument {
             polygon: polygon.corners().iter().map(|corner| corner.to_array().map(whole_mm)).collect(),
             height_m: polygon.height_m(),
@@ -70,7 +70,7 @@ impl World {
         });
         let terraces = self.terraces();
         let ground = ground.chain(terraces);
-        let cameras = self.cameras(size_px)?;
+        let cameras = self.cameras_at(size_px.into())?;
         let cameras = cameras
             .iter()
             .map(|(id, camera)| SceneCameraDocument { id, calibration: CameraDocument::from_camera(camera) });

@@ -1,10 +1,14 @@
 //! Worlds with exact truth: frames, instance masks, depth, positions and any extra view.
 //!
 //! ```text
-//! World ──cast──▶ Plate ──with figures at t──▶ Truth (picture, instances, depth)
-//!                                               ├──video──▶ one clip a camera (VP8 in WebM)
-//!                                               └──write──▶ masks, depth, positions, views
+//! World ──cast──▶ Plate ──with what moves at t──▶ Truth (clean picture, instances, depth, normals, shadow)
+//!                                                   │ ├──truth──▶ masks, labels, depth, normals, positions, views
+//!                                                   ▼ └──────────────────────────────────────┐
+//!                                   sensor (weather, exposure, noise) ──▶ what the camera gave ┘
+//!                                                   ▼
+//!                                   delivery (what arrives, when) ──video──▶ one clip a camera (VP8 in WebM)
 //! JSON ──world_file──▶ World ──document──▶ scene document, calibrations, configuration
+//! World ──explain──▶ which effects it names, and what each costs
 //! ```
 //!
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
@@ -18,9 +22,14 @@ mod document;
 pub mod effects;
 mod explain;
 mod figure;
+#[cfg(test)]
+mod hand_checked;
 mod light;
 mod material;
 mod moment;
+mod options;
+#[cfg(test)]
+mod proof;
 mod seen;
 mod sensor;
 mod shade;
@@ -41,13 +50,14 @@ pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};
 pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
 pub use moment::Shot;
+pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
 pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{CameraSetting, FigurePosition, ViewSetting, World, pinhole};
-pub use write::{ExtraView, Parts, SimulateOptions, Step, Written, run, write, write_with};
+pub use write::{run, write, write_with};
 
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::geometry::CameraError;

@@ -151,7 +151,7 @@ impl Scene<'_> {
             };
             let end = source.beyond(start);
             let is_hidden = self.world.solids.is_hidden_with(self.crowns(), start, end)
-                || shadows.actors_cast() && self.moment.actors.hide(start, end);
+                || (shadows.actors_cast() && self.moment.actors.hide(start, end));
             !is_hidden
         };
         self.world.light.on(place, normal, &self.moment.gains, is_seen)

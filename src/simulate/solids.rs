@@ -369,12 +369,11 @@ mod tests {
                 let axis = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z][i as usize % 6];
                 check(at + ((eye - at) * 2.0).round() * 0.5, axis);
                 // On from a surface, off it, along it.
-                if let Some(hit) = solids.hit(&Ray { origin: eye, direction }) {
-                    let along = hit.normal.any_orthonormal_vector();
-                    for direction in [direction, hit.normal, along, -hit.normal] {
-                        check(hit.point, direction);
-                        check(hit.point + hit.normal * 1e-3, direction);
-                    }
+                let Some(hit) = solids.hit(&Ray { origin: eye, direction }) else { continue };
+                let along = hit.normal.any_orthonormal_vector();
+                for direction in [direction, hit.normal, along, -hit.normal] {
+                    check(hit.point, direction);
+                    check(hit.point + hit.normal * 1e-3, direction);
                 }
             }
             assert!(n_hits > 3000 && n_rays - n_hits > 300, "{n_hits} of {n_rays} rays meet something");

@@ -192,6 +192,15 @@ impl World {
         self.cameras.iter().map(|camera| Ok((camera.id.as_str(), camera.at_size(size_px)?))).collect()
     }
 
+    /// As [`Self::cameras`], each with the size of its own pictures where none is given.
+    ///
+    /// # Errors
+    /// When the size is none that a camera can have.
+    pub fn cameras_at(&self, size_px: Option<(u32, u32)>) -> Result<Vec<(&str, Camera)>, SimulateError> {
+        let at_size = |camera: &'_ WorldCamera| camera.at_size(size_px.unwrap_or(camera.size_px));
+        self.cameras.iter().map(|camera| Ok((camera.id.as_str(), at_size(camera)?))).collect()
+    }
+
     /// What the world's cameras are like, in the order of [`Self::cameras`].
     pub fn camera_settings(&self) -> impl Iterator<Item = CameraSetting> + '_ {
         self.cameras.iter().map(|camera| CameraSetting {

@@ -9,6 +9,7 @@ mod background;
 mod calibrate;
 mod config;
 mod daemon;
+mod effects;
 mod engine;
 mod fuse;
 mod geometry;
