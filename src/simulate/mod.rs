@@ -21,7 +21,6 @@ mod document;
 pub mod effects;
 mod explain;
 mod figure;
-#[cfg(test)]
 mod hand_checked;
 mod light;
 mod moment;
