@@ -3,11 +3,13 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
+use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
 use crate::api;
 use crate::clock::{Clock, SystemClock};
 use crate::config::{Config, SceneSettings};
 use crate::engine::Engine;
 use crate::scene::{self, Scene};
+use crate::simulate::World;
 use crate::store::Store;
 use crate::telemetry::Metrics;
 use anyhow::{Context, Result};
@@ -15,7 +17,14 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
+use tokio::runtime::Handle as Runtime;
 use tokio::signal::unix::{SignalKind, signal};
+
+/// The world on which the machine's costs are measured.
+const MEASURED_WORLD: &str = "plaza";
+
+/// Time that a step of measuring in hand is given when the daemon stops.
+const FINISH_TIME: Duration = Duration::from_millis(100);
 
 /// Time for the database to be closed: with `engine`'s, less than the 3 s in which the daemon must be gone.
 const CLOSE_TIME: Duration = Duration::from_millis(400);
@@ -54,6 +63,7 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     let metrics = Arc::new(Metrics::new());
     warn_of_unknown_cameras(config, &scenes);
     let engine = Engine::start(config, scenes, store.clone(), metrics, Arc::clone(&clock))?;
+    let keeper = start_keeper(config, &engine, &store, &clock)?;
     let address = listener.local_addr().context("the listener has no address")?;
     tracing::info!(%address, "listening");
     announce(address);
@@ -63,15 +73,34 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
             _some = terminate.recv() => tracing::info!("stopping on SIGTERM"),
             _some = interrupt.recv() => tracing::info!("stopping on SIGINT"),
         }
+        keeper.request_stop();
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
-    api::serve(listener, api::router(engine.handle(), clock, &settings.server.hosts), stopped).await;
+    let router = api::router(engine.handle(), Arc::clone(&clock), &settings.server.hosts);
+    api::serve(listener, router, stopped).await;
     // Joining threads blocks; nothing else is left to do for this one.
-    tokio::task::block_in_place(|| engine.stop());
+    tokio::task::block_in_place(|| {
+        keeper.stop(&*clock, FINISH_TIME);
+        engine.stop();
+    });
     store.close_within(CLOSE_TIME).await?;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// The thread that measures what this machine's accuracy costs.
+fn start_keeper(config: &Config, engine: &Engine, store: &Store, clock: &Arc<dyn Clock>) -> Result<Keeper> {
+    let settings = config.settings();
+    let settings = KeeperSettings {
+        world: World::named(MEASURED_WORLD)?,
+        scope: Scope::DAEMON,
+        stages: Stage::ALL.to_vec(),
+        render: settings.render.clone(),
+        measures_at_start: settings.accuracy.measure_at_start,
+    };
+    Keeper::start(settings, engine.accuracy_board(), store.clone(), Runtime::current(), Arc::clone(clock))
+        .context("cannot start the thread that measures costs")
 }
 
 async fn open(config: &Config, clock: &dyn Clock) -> Result<(Store, Vec<Arc<Scene>>)> {

@@ -5,6 +5,7 @@
 
 mod color;
 mod mask;
+mod reduce;
 mod yuv;
 
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};

@@ -24,6 +24,7 @@ enum Command {
     Compare(commands::compare::Compare),
     Calibration(commands::calibration::Calibration),
     Simulate(commands::simulate::Simulate),
+    Accuracy(commands::accuracy::Accuracy),
 }
 
 fn main() -> ExitCode {
@@ -36,6 +37,7 @@ fn main() -> ExitCode {
         Command::Compare(compare) => compare.run(),
         Command::Calibration(calibration) => calibration.run(),
         Command::Simulate(simulate) => simulate.run(),
+        Command::Accuracy(accuracy) => accuracy.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

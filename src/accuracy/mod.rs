@@ -1,146 +1,122 @@
-//! How far a picture is from the truth.
+//! What accuracy costs: errors against truth, and the time and memory of the settings that leave them.
 //!
-//! Two pictures (and a mask that says where to look) go in, figures come out. Knows nothing of who made either.
+//! ```text
+//! World ──subject──▶ what cameras see, what is true, views where none stands
+//!                      │ every knob's values: segmentation, map, views (surfaces, entities), whole pipelines
+//!                      ▼
+//!                    rows of cost and error ──front──▶ what is worth having ──report──▶ JSON, CSV, HTML
+//! ```
+//!
+//! Measures (`comparison`, `measures`) know nothing of who made what they judge. Settings are swept one at a time around
+//! the defaults (`sweep`), timed one at a time behind a `gate`.
 
+mod comparison;
+mod front;
+mod gate;
+mod keeper;
+mod live;
+mod machine;
+mod map;
+mod measures;
+mod report;
+mod segmentation;
+mod settings;
 mod similarity;
+mod subject;
+mod sweep;
+mod unjudged;
+mod views;
 
-use crate::error::ErrorKind;
-use crate::frame::{Mask, RgbImage};
-use serde::Serialize;
-use similarity::SimilarityRows;
+pub use comparison::{AccuracyError, Comparison, compare};
+pub use front::{knee, pareto_front};
+pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
+pub use keeper::{Keeper, KeeperSettings};
+pub use live::{LiveScope, judge_scene};
+pub use machine::{digest, machine};
+pub use map::MapRun;
+pub use measures::{
+    MaskScore, Mean, NO_OWNER, Pooled, add_flicker, add_seam_energy, dilated, distance_figures, silhouette,
+};
+pub use report::{REPORT_VERSION, Report, ReportError, StageReport, SubjectReport};
+pub use segmentation::SegmentationRun;
+pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
+pub use subject::{Scope, Subject, SubjectCamera, SubjectView, owners};
+pub use sweep::{Example, Skipped, Stage, Sweep, sweep, sweep_gated};
+pub use unjudged::{HeldBack, LeftOut, Unjudged, UnjudgedCamera};
+pub use views::{Easel, ViewsRun};
 
-/// How far a picture is from its reference, over all pixels or those of a mask.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Comparison {
-    /// Root of the mean squared difference of the 8-bit sRGB codes over all three channels, 0 to 255.
-    pub rmse: f64,
-    /// Peak signal-to-noise ratio for a peak of 255, decibels; `None` (null) where nothing differs.
-    pub psnr_db: Option<f64>,
-    /// Mean structural similarity, -1 to 1; 1 where nothing differs.
-    pub ssim: f64,
-    /// Pixels compared.
-    pub n_pixels: u64,
+use crate::config::ConfigError;
+use crate::error::{ErrorKind, Fault};
+use crate::gpu::GpuError;
+use crate::mapping::MappingError;
+use crate::render::RenderError;
+use crate::scene::SceneError;
+use crate::simulate::SimulateError;
+use std::collections::BTreeMap;
+
+/// Why a sweep came to nothing.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// Its gate ended it.
+    #[error("the measuring was stopped")]
+    Stopped,
+    /// The world could not be cast.
+    #[error(transparent)]
+    Simulate(#[from] SimulateError),
+    /// The world's scene document cannot be read.
+    #[error("the world's scene document: {0}")]
+    Scene(#[from] SceneError),
+    /// The world's configuration cannot be read.
+    #[error("the world's configuration: {0}")]
+    Config(#[from] ConfigError),
+    /// The world's configuration lacks a camera that the world has.
+    #[error("the world's configuration has no camera {id}")]
+    Camera {
+        /// Which one.
+        id: String,
+    },
+    /// There is nothing to judge.
+    #[error("there is no camera")]
+    NoCamera,
+    /// Nothing was timed.
+    #[error("no step could be timed")]
+    Untimed,
+    /// A view that cannot be.
+    #[error("a view cannot be drawn: {0}")]
+    View(Fault),
+    /// Two pictures that cannot be compared, or one that is none.
+    #[error("a picture cannot be judged: {0}")]
+    Picture(String),
+    /// A map could not be built.
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
+    /// There is no device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A picture could not be drawn.
+    #[error(transparent)]
+    Render(#[from] RenderError),
 }
 
-/// Why two pictures cannot be compared.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum AccuracyError {
-    /// Pictures or mask of different sizes.
-    #[error("{what} has {} x {} pixels, the reference {} x {}", size.0, size.1, reference.0, reference.1)]
-    Size {
-        /// `picture` or `mask`.
-        what: &'static str,
-        /// Its columns and rows.
-        size: (u32, u32),
-        /// The reference's columns and rows.
-        reference: (u32, u32),
-    },
-    /// Smaller than the window of the structural similarity.
-    #[error("pictures must have at least 7 pixels each way, got {width} x {height}")]
-    TooSmall {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-    },
-    /// Bytes that do not make up the picture.
-    #[error("{what} needs {needed} bytes for its size, got {available}")]
-    Length {
-        /// `reference`, `picture` or `mask`.
-        what: &'static str,
-        /// Bytes that its size takes.
-        needed: u64,
-        /// Bytes that it has.
-        available: u64,
-    },
-    /// A mask that selects nothing.
-    #[error("the mask selects no pixel: every value is 0")]
-    EmptyMask,
-}
-
-impl AccuracyError {
+impl SweepError {
     /// What the caller can do about it.
     #[must_use]
-    pub const fn kind(&self) -> ErrorKind {
-        ErrorKind::Invalid
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Stopped => ErrorKind::Unavailable,
+            Self::Simulate(error) => error.kind(),
+            Self::Scene(error) => error.kind(),
+            Self::Config(error) => error.kind(),
+            Self::Mapping(error) => error.kind(),
+            Self::Gpu(error) => error.kind(),
+            Self::Render(error) => error.kind(),
+            Self::NoCamera | Self::View(_) => ErrorKind::Invalid,
+            Self::Camera { .. } | Self::Untimed | Self::Picture(_) => ErrorKind::Internal,
+        }
     }
 }
 
-/// Compares `picture` with `reference`, where `mask` is not 0 if there is one.
-///
-/// The figures are those of scikit-image for 8-bit pictures: `peak_signal_noise_ratio` and `structural_similarity`
-/// with `channel_axis=2` and its defaults. Without a mask the similarity is the mean over the pixels whose whole
-/// window lies in the picture; with one, the mean of the similarity map (`full=True`) over the mask's pixels.
-///
-/// **Cost** linear in the pixels.
-///
-/// # Errors
-/// When sizes differ, a side is below 7 pixels, a picture's bytes do not fit its size, or the mask selects nothing.
-pub fn compare(
-    reference: &RgbImage,
-    picture: &RgbImage,
-    mask: Option<&Mask>,
-) -> Result<Comparison, AccuracyError> {
-    check(reference, picture, mask)?;
-    let width = reference.width as usize;
-    let (mut n_pixels, mut squares) = (0_u64, 0_u64);
-    let (mut similarity, mut n_similarities) = (0.0, 0_u64);
-    let mut rows = SimilarityRows::new(reference, picture);
-    for y in 0..reference.height as usize {
-        let span = y * width * 3..(y + 1) * width * 3;
-        let pixels = reference.data[span.clone()].chunks_exact(3).zip(picture.data[span].chunks_exact(3));
-        let similarities = rows.next_row();
-        for (x, ((a, b), pixel_similarity)) in pixels.zip(similarities).enumerate() {
-            let is_selected = mask.is_none_or(|mask| mask.data[y * width + x] != 0);
-            if is_selected {
-                n_pixels += 1;
-                squares += a.iter().zip(b).map(|(a, b)| u64::from(a.abs_diff(*b)).pow(2)).sum::<u64>();
-            }
-            if is_selected && (mask.is_some() || rows_within(reference, x, y)) {
-                similarity += pixel_similarity;
-                n_similarities += 1;
-            }
-        }
-    }
-    if n_pixels == 0 {
-        return Err(AccuracyError::EmptyMask);
-    }
-    let mean_square = squares as f64 / (3 * n_pixels) as f64;
-    Ok(Comparison {
-        rmse: mean_square.sqrt(),
-        psnr_db: (squares > 0).then(|| 10.0 * (255.0 * 255.0 / mean_square).log10()),
-        ssim: similarity / n_similarities as f64,
-        n_pixels,
-    })
-}
-
-/// Whether the whole window around a pixel lies in the picture.
-fn rows_within(picture: &RgbImage, x: usize, y: usize) -> bool {
-    let within = |at: usize, count: u32| {
-        (similarity::WINDOW_HALF..count as usize - similarity::WINDOW_HALF).contains(&at)
-    };
-    within(x, picture.width) && within(y, picture.height)
-}
-
-fn check(reference: &RgbImage, picture: &RgbImage, mask: Option<&Mask>) -> Result<(), AccuracyError> {
-    let size = (reference.width, reference.height);
-    let mut parts = vec![
-        ("reference", size, reference.data.len(), 3),
-        ("picture", (picture.width, picture.height), picture.data.len(), 3),
-    ];
-    parts.extend(mask.map(|mask| ("mask", (mask.width, mask.height), mask.data.len(), 1)));
-    for (what, part_size, available, bytes_each) in parts {
-        if part_size != size {
-            return Err(AccuracyError::Size { what, size: part_size, reference: size });
-        }
-        let needed = (u64::from(size.0) * u64::from(size.1)).saturating_mul(bytes_each);
-        if available as u64 != needed {
-            return Err(AccuracyError::Length { what, needed, available: available as u64 });
-        }
-    }
-    let least = 2 * similarity::WINDOW_HALF as u32 + 1;
-    if size.0 < least || size.1 < least {
-        return Err(AccuracyError::TooSmall { width: size.0, height: size.1 });
-    }
-    Ok(())
+/// Figures by name, without those that are not there.
+fn named<'a>(figures: impl IntoIterator<Item = (&'a str, Option<f64>)>) -> BTreeMap<String, f64> {
+    figures.into_iter().filter_map(|(name, value)| Some((name.to_owned(), value?))).collect()
 }

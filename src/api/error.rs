@@ -82,11 +82,10 @@ impl Problem {
         Self::new(ErrorKind::NotFound, format!("there is no {what} {shown}; {listed}"))
     }
 
-    /// A method that no route takes.
-    pub(super) fn method() -> Self {
+    /// A method that the route does not take; `detail` says which it does.
+    pub(super) fn method(detail: &str) -> Self {
         let class = class(StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not allowed");
-        let detail = "only GET and HEAD are answered".to_owned();
-        Self { class, detail, errors: Vec::new(), internal: None }
+        Self { class, detail: detail.to_owned(), errors: Vec::new(), internal: None }
     }
 
     /// A target of more than `limit_bytes`.

@@ -2,8 +2,9 @@
 //!
 //! Requests flow in, are held to limits (`guard`), read strictly (`query`) and asked of the [`Handle`]; pictures are
 //! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). Only GET and
-//! HEAD are answered: nothing here changes the daemon.
+//! HEAD are answered, and one POST that has costs measured anew: nothing here changes what the daemon shows.
 
+mod accuracy;
 mod cameras;
 mod error;
 mod guard;
@@ -100,6 +101,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
+        .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()
         .route("/healthz", get(health::live))
@@ -120,7 +122,7 @@ async fn no_route(uri: Uri) -> Problem {
 }
 
 async fn no_method() -> Response {
-    let mut response = Problem::method().into_response();
+    let mut response = Problem::method("only GET and HEAD are answered").into_response();
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD"));
     response
 }

@@ -102,6 +102,12 @@ impl GaussianMixture {
         self.n_frames
     }
 
+    /// Bytes that the model and its pictures take.
+    #[must_use]
+    pub const fn len_bytes(&self) -> usize {
+        self.modes.len() * size_of::<Mode>() + self.foreground.data.len() + self.background.len()
+    }
+
     /// Which pixels of the frame last given to [`update`](Self::update) or [`classify`](Self::classify) matched no
     /// background mode: 255 there, 0 elsewhere. The second detector.
     #[must_use]

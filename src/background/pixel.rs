@@ -122,6 +122,12 @@ pub(super) fn learn<const K: usize>(
         let observed = squared_distance * parameters.variance_from_distance;
         mode.variance = (mode.variance + share * (observed - mode.variance))
             .clamp(parameters.variance_min, parameters.variance_max);
+    } else if K == 1 && modes[0].weight > 0.0 {
+        // Replaced, the only mode would make background of whatever came last: it follows slowly instead, as the one
+        // Gaussian of Wren et al. 1997, Pfinder, section 4.1 does.
+        for (mean, value) in modes[0].mean.iter_mut().zip(sample) {
+            *mean += rate * (value - *mean);
+        }
     } else {
         modes[K - 1] = Mode { weight: rate, mean: sample, variance: parameters.variance_init };
     }
@@ -314,6 +320,26 @@ mod tests {
         }
         let expected = -(0.7_f64.ln()) / f64::from(rate);
         assert!((f64::from(steps) - expected).abs() < 4.0, "{steps}, not {expected}");
+    }
+
+    #[test]
+    fn a_single_mode_follows_what_it_does_not_match() {
+        let parameters = parameters();
+        let mut modes = [Mode::EMPTY; 1];
+        learn(&mut modes, [100.0, 128.0, 128.0], &parameters, 1.0);
+        // Something passes: it is foreground, and the background is hardly moved.
+        for _ in 0..10 {
+            assert!(!learn(&mut modes, [200.0, 128.0, 128.0], &parameters, 1e-3));
+        }
+        assert!((modes[0].mean[0] - 101.0).abs() < 0.1, "{modes:?}");
+        assert!(learn(&mut modes, [100.0, 128.0, 128.0], &parameters, 1e-3));
+        // What stays is background in the end.
+        let mut steps = 0;
+        while !learn(&mut modes, [200.0, 128.0, 128.0], &parameters, 1e-2) {
+            steps += 1;
+        }
+        assert!((200..400).contains(&steps), "{steps}");
+        assert_eq!(modes[0].weight, 1.0);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use toml::de::DeValue;
 
 const PREFIX: &str = "VIDEOFIELDS_";
-const SECTIONS: [&str; 5] = ["server", "storage", "media", "timeline", "render"];
+const SECTIONS: [&str; 6] = ["server", "storage", "media", "timeline", "render", "accuracy"];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
 const TEXTS: [&str; 3] = ["server.listen", "storage.database", "render.adapter"];

@@ -121,6 +121,7 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         media: section!("media"),
         timeline: section!("timeline"),
         render: section!("render"),
+        accuracy: section!("accuracy"),
         camera: Vec::new(),
         scene: Vec::new(),
     };

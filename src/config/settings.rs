@@ -2,8 +2,8 @@
 
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
-use serde::Deserialize;
 use serde::de::{self, Deserializer, Visitor};
+use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -22,6 +22,8 @@ pub struct Settings {
     pub timeline: TimelineSettings,
     /// The renderer.
     pub render: RenderSettings,
+    /// What is measured of the machine.
+    pub accuracy: AccuracySettings,
     /// The cameras, in any order; ids are unique; at most 256.
     pub camera: Vec<CameraSettings>,
     /// The scenes, the default one first; ids are unique; at most 64.
@@ -99,6 +101,9 @@ pub struct RenderSettings {
     pub adapter: String,
     /// Samples a pixel for smooth edges: 1 or 4. Default 4.
     pub samples: u32,
+    /// Texels each way of the depth maps that tell what hides surfaces from a camera: 256, 512, 1024, 2048 or 4096.
+    /// Default 1024.
+    pub depth_map_side_px: u32,
     /// Most pixels of one picture, 1 to 268435456; each side is also held to the GPU's limit. Default 33177600
     /// (7680 x 4320).
     pub max_pixels: u64,
@@ -108,7 +113,28 @@ pub struct RenderSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { adapter: String::new(), samples: 4, max_pixels: 33_177_600, queue_length: 32 }
+        Self {
+            adapter: String::new(),
+            samples: 4,
+            depth_map_side_px: 1024,
+            max_pixels: 33_177_600,
+            queue_length: 32,
+        }
+    }
+}
+
+/// What is measured of the machine.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct AccuracySettings {
+    /// Whether the daemon, once it has started, measures what each step of accuracy costs on this machine, if it has
+    /// not before: at most 30 s, and never while a view is asked for. Default true.
+    pub measure_at_start: bool,
+}
+
+impl Default for AccuracySettings {
+    fn default() -> Self {
+        Self { measure_at_start: true }
     }
 }
 
@@ -277,6 +303,9 @@ pub enum Learning {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SegmentSettings {
+    /// At which size of the picture background and foreground are computed; lengths and areas below are the full
+    /// picture's whichever it is. Default `full`.
+    pub resolution: Resolution,
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.08.
     pub delta: f64,
     /// Standard deviation of the blur, pixels, 0 (none) to 16. Default 1.5.
@@ -301,6 +330,7 @@ pub struct SegmentSettings {
 impl Default for SegmentSettings {
     fn default() -> Self {
         Self {
+            resolution: Resolution::Full,
             delta: 0.08,
             blur_sigma_px: 1.5,
             mixture: MixtureRule::Require,
@@ -309,6 +339,32 @@ impl Default for SegmentSettings {
             close_radius_px: 0,
             max_hole_px: 64,
             min_area_px: 300,
+        }
+    }
+}
+
+/// At which size of a camera's picture its background is learned and its foreground found. Masks and blobs are the
+/// full picture's all the same; the background picture has the reduced size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Resolution {
+    /// Every pixel.
+    #[default]
+    Full,
+    /// Half the columns and half the rows.
+    Half,
+    /// A quarter of the columns and of the rows.
+    Quarter,
+}
+
+impl Resolution {
+    /// By how much the picture's sides are reduced: 1, 2 or 4.
+    #[must_use]
+    pub const fn factor(self) -> u32 {
+        match self {
+            Self::Full => 1,
+            Self::Half => 2,
+            Self::Quarter => 4,
         }
     }
 }

@@ -62,6 +62,11 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     if !matches!(render.samples, 1 | 4) {
         gatherer.fault("/render/samples", format!("expected 1 or 4, got {}", render.samples));
     }
+    if !matches!(render.depth_map_side_px, 256 | 512 | 1024 | 2048 | 4096) {
+        let message =
+            format!("expected 256, 512, 1024, 2048 or 4096 texels, got {}", render.depth_map_side_px);
+        gatherer.fault("/render/depth_map_side_px", message);
+    }
     range(gatherer, "/render/max_pixels", render.max_pixels as f64, 1.0, 268_435_456.0, "pixels");
     range(gatherer, "/render/queue_length", render.queue_length as f64, 1.0, 1024.0, "pictures");
     let mut ids = Ids::default();

@@ -77,7 +77,8 @@ impl Checkpoints {
     pub(super) fn restore(&self, pipeline: &mut Pipeline, first: &YuvImage) -> bool {
         let camera = &self.camera;
         // By size and not by time: clips begin again, so what was written last need not be the latest.
-        let stored = self.store.background(camera, first.width(), first.height());
+        let (width, height) = pipeline.model_size_px(first.width(), first.height());
+        let stored = self.store.background(camera, width, height);
         let stored = match self.runtime.block_on(stored) {
             Ok(Some(stored)) => stored,
             Ok(None) => return false,

@@ -1,6 +1,6 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::EngineError;
+use super::{AccuracyStatus, EngineError};
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{EntityStyle, Plan};
@@ -190,6 +190,15 @@ pub trait Door: Send + Sync {
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// What each step of accuracy costs on this machine, as far as it was measured.
+    fn accuracy(&self) -> AccuracyStatus;
+
+    /// Asks for that to be measured anew, which takes a while.
+    ///
+    /// # Errors
+    /// [`EngineError::Unavailable`] where nothing measures.
+    fn refresh_accuracy(&self) -> Result<(), EngineError>;
 
     /// Whether everything is ready to answer.
     fn readiness(&self) -> Readiness;

@@ -1,6 +1,7 @@
 //! Threads, tasks and channels: cameras on one side, the renderer on the other. [`Handle`] is the only door that
 //! `api` uses.
 
+mod accuracy;
 mod camera;
 mod checkpoint;
 mod error;
@@ -11,6 +12,7 @@ mod picture;
 mod renderer;
 mod shared;
 
+pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use error::EngineError;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, SceneSummary, SourceTime, ViewAnswer,
@@ -153,6 +155,12 @@ impl Engine {
     #[must_use]
     pub fn handle(&self) -> Handle {
         Handle::new(Arc::clone(&self.shared) as Arc<dyn Door>)
+    }
+
+    /// The board on which measured costs are put up and asked for.
+    #[must_use]
+    pub fn accuracy_board(&self) -> Arc<AccuracyBoard> {
+        Arc::clone(&self.shared.accuracy)
     }
 
     /// Asks cameras and the building of maps to end, and returns at once; what was seen and drawn can still be

@@ -45,9 +45,11 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
         shared.count_dequeued();
         // A caller that has gone wants no picture.
         if job.reply.is_closed() {
+            shared.accuracy.note_answered();
             continue;
         }
         let answer = thread.contained(|thread| thread.answer(&job.request));
+        shared.accuracy.note_answered();
         if job.reply.send(answer).is_err() {
             tracing::debug!("the caller left before its picture was ready");
         }

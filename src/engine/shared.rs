@@ -1,6 +1,7 @@
 //! What the engine's threads and its callers share, and the door's answers from it.
 
 use super::EngineError;
+use super::accuracy::{AccuracyBoard, AccuracyStatus};
 use super::checkpoint::StoreHealth;
 use super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
@@ -50,6 +51,7 @@ pub(super) struct Shared {
     pub(super) scenes: Vec<Arc<Scene>>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
+    pub(super) accuracy: Arc<AccuracyBoard>,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// The adapter's name, or why there is none.
@@ -80,6 +82,7 @@ impl Shared {
             .map(|key| (key, MapState::Building))
             .collect();
         Self {
+            accuracy: Arc::new(AccuracyBoard::new(Arc::clone(&clock))),
             clock,
             metrics,
             cameras,
@@ -312,6 +315,7 @@ impl Door for Shared {
         let Some(queue) = &*queue else {
             return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
         };
+        self.accuracy.note_asked();
         let waiting = self.waiting.fetch_add(1, Ordering::Relaxed) + 1;
         match queue.try_send(Job { request, reply }) {
             Ok(()) => {
@@ -320,6 +324,7 @@ impl Door for Shared {
             }
             Err(error) => {
                 self.waiting.fetch_sub(1, Ordering::Relaxed);
+                self.accuracy.note_answered();
                 Err(match error {
                     TrySendError::Full(_) => EngineError::Busy { waiting: waiting - 1 },
                     TrySendError::Disconnected(_) => {
@@ -328,6 +333,14 @@ impl Door for Shared {
                 })
             }
         }
+    }
+
+    fn accuracy(&self) -> AccuracyStatus {
+        self.accuracy.status()
+    }
+
+    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+        self.accuracy.refresh()
     }
 
     fn readiness(&self) -> Readiness {

@@ -31,6 +31,8 @@ const MODEL_HEADER_LEN: usize = 9;
 #[derive(Debug)]
 pub struct Pipeline {
     settings: BackgroundSettings,
+    /// By how much frames are reduced before anything is done with them.
+    factor: u32,
     segmenter: Segmenter,
     current: Option<Model>,
     /// Models of formats that the camera left, the one left last at the end: a picture of one size is never read by
@@ -56,6 +58,7 @@ impl Pipeline {
     pub fn new(background: &BackgroundSettings, segment: &SegmentSettings) -> Self {
         Self {
             settings: background.clone(),
+            factor: segment.resolution.factor(),
             segmenter: Segmenter::new(segment),
             current: None,
             aside: Vec::new(),
@@ -70,8 +73,21 @@ impl Pipeline {
         self.current.as_ref().is_some_and(|model| model.has_clip)
     }
 
+    /// Columns and rows of the model for pictures of this size: fewer, where the resolution is reduced.
+    #[must_use]
+    pub const fn model_size_px(&self, width: u32, height: u32) -> (u32, u32) {
+        (width.div_ceil(self.factor), height.div_ceil(self.factor))
+    }
+
+    /// The picture that is worked on: reduced, where the resolution is.
+    fn reduced(&self, image: &YuvImage) -> Option<YuvImage> {
+        (self.factor > 1).then(|| image.reduced(self.factor))
+    }
+
     /// Learns a picture of the background clip, `dt_secs` after the one before it.
     pub fn learn(&mut self, image: &YuvImage, dt_secs: f64) {
+        let reduced = self.reduced(image);
+        let image = reduced.as_ref().unwrap_or(image);
         self.choose_model(image, None);
         if let Some(model) = &mut self.current {
             model.has_clip = true;
@@ -91,20 +107,27 @@ impl Pipeline {
 
     /// As [`Self::process`]; `done` is told each stage as it ends, so that a caller with a clock can time them.
     pub fn process_staged(&mut self, frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
-        self.choose_model(&frame.image, Some(&frame.camera));
+        let reduced = self.reduced(&frame.image);
+        let image = reduced.as_ref().unwrap_or(&frame.image);
+        self.choose_model(image, Some(&frame.camera));
         let is_hold = self.settings.learning == Learning::Hold;
         let model = self.current.as_mut().expect("a model was just chosen");
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
         model.seen = Some(frame.timestamp);
         let is_held = is_hold && model.has_clip;
         if is_held {
-            model.mixture.classify(&frame.image).expect(MODEL_FITS);
+            model.mixture.classify(image).expect(MODEL_FITS);
         } else {
-            update(&mut model.mixture, &frame.image, dt_secs, Some(&frame.camera));
+            update(&mut model.mixture, image, dt_secs, Some(&frame.camera));
         }
         done(Stage::Background);
         let mixture = &model.mixture;
-        let found = self.segmenter.segment(&frame.image, mixture.background_planes(), mixture.foreground());
+        let found = self.segmenter.segment_reduced(
+            image,
+            mixture.background_planes(),
+            mixture.foreground(),
+            (frame.image.width(), frame.image.height()),
+        );
         done(Stage::Segment);
         // A held background never ages.
         let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
@@ -146,6 +169,12 @@ impl Pipeline {
     #[must_use]
     pub fn current(&self) -> Option<(Format, Option<Timestamp>)> {
         self.current.as_ref().map(|model| (model.mixture.format(), model.seen))
+    }
+
+    /// Bytes that the current model takes; 0 before the first frame.
+    #[must_use]
+    pub fn model_bytes(&self) -> usize {
+        self.current.as_ref().map_or(0, |model| model.mixture.len_bytes())
     }
 
     /// Everything that later masks depend on, as bytes; `None` before anything was learned.
@@ -247,6 +276,7 @@ fn refused(reason: &str) -> BackgroundError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Resolution;
     use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
 
     /// Frame `number` of a noisy floor over which a box walks, at ten frames a second.
@@ -295,6 +325,38 @@ mod tests {
         assert!(rect.x.abs_diff(59 * 3 % 84) <= 2 && rect.width.abs_diff(12) <= 4, "{rect:?}");
         assert!(last.background.plane(0).row(20).iter().all(|luma| luma.abs_diff(129) <= 4));
         assert_eq!(last.frame.number, 59);
+    }
+
+    #[test]
+    fn a_reduced_resolution_finds_nearly_what_the_full_one_finds() {
+        let (background, segment) = settings();
+        let at = |resolution| {
+            let segment = SegmentSettings { resolution, ..segment.clone() };
+            let mut pipeline = Pipeline::new(&background, &segment);
+            let last = (0..60).map(|number| pipeline.process(frame(98, 66, number))).last().unwrap();
+            assert_eq!((last.labels.width, last.labels.height), (98, 66), "{resolution:?}");
+            assert_eq!((last.soft_mask.width, last.soft_mask.height), (98, 66), "{resolution:?}");
+            assert_eq!(last.blobs.len(), 1, "{resolution:?}: {:?}", last.blobs);
+            let model = pipeline.current().unwrap().0;
+            assert_eq!((model.width, model.height), pipeline.model_size_px(98, 66));
+            last
+        };
+        let full = at(Resolution::Full);
+        for (resolution, least_overlap) in [(Resolution::Half, 0.75), (Resolution::Quarter, 0.5)] {
+            let reduced = at(resolution);
+            let (mut both, mut either) = (0, 0);
+            for (a, b) in full.labels.data.iter().zip(&reduced.labels.data) {
+                both += u32::from(*a == 255 && *b == 255);
+                either += u32::from(*a == 255 || *b == 255);
+            }
+            let overlap = f64::from(both) / f64::from(either);
+            assert!(overlap >= least_overlap && overlap < 1.0, "{resolution:?}: {overlap}");
+            let foot = |of: &Observation| of.blobs[0].foot_in_image;
+            for (a, b) in foot(&full).into_iter().zip(foot(&reduced)) {
+                assert!((a - b).abs() <= f64::from(resolution.factor()) + 1.0, "{resolution:?}");
+            }
+            assert_eq!(reduced.background.width(), 98_u32.div_ceil(resolution.factor()));
+        }
     }
 
     #[test]

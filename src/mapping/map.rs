@@ -57,6 +57,12 @@ impl WorldMap {
         self.size_px
     }
 
+    /// Bytes that its texels take.
+    #[must_use]
+    pub const fn len_bytes(&self) -> usize {
+        self.texels.len() * size_of::<Texel>()
+    }
+
     /// What it was made by.
     #[must_use]
     pub const fn builder(&self) -> Builder {

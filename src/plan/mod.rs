@@ -3,10 +3,12 @@
 //! In: a `SceneState` and a [`View`]. Out: a [`Plan`], made without drawing anything. Must not know the GPU: it says
 //! what is needed, `render` alone knows how.
 
+mod cost;
 mod coverage;
 mod entities;
 mod view;
 
+pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use view::{View, ViewLimits};
 
 use crate::fuse::SceneState;

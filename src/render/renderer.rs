@@ -82,10 +82,15 @@ impl Renderer {
     /// A renderer on `gpu`. Draws nothing and compiles nothing yet.
     ///
     /// # Errors
-    /// When `settings.samples` is neither 1 nor 4, or the device refuses its first buffers.
+    /// When `settings.samples` is neither 1 nor 4, a depth map of that side is none, or the device refuses its first buffers.
     pub fn new(gpu: Gpu, settings: &RenderSettings) -> Result<Self, RenderError> {
         if !matches!(settings.samples, 1 | 4) {
             return Err(RenderError::Samples(settings.samples));
+        }
+        let (side, most) = (settings.depth_map_side_px, gpu.limits().max_texture_dimension_2d);
+        if side == 0 || side > most {
+            let (needed, limit) = (u64::from(side), u64::from(most));
+            return Err(RenderError::TooMany { what: "texels of a depth map's side", needed, limit });
         }
         let renderer = Self {
             samples: settings.samples,
@@ -97,7 +102,7 @@ impl Renderer {
             mesh: None,
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
-            depth_maps: DepthMaps::default(),
+            depth_maps: DepthMaps::new(settings.depth_map_side_px),
             passes: Passes::default(),
             billboards: Vec::new(),
             points: Vec::new(),

@@ -4,10 +4,12 @@
 //! pieces flow out. Knows nothing of how backgrounds are learned, of cameras in the world, or of time.
 //!
 //! The stages, one file each: signed difference and norm (`difference`), one label a pixel (`label`), repair of the
-//! labels (`repair`), pieces (`components`), and their order (`segmenter`).
+//! labels (`repair`), pieces (`components`), their order (`segmenter`), and the way back from a reduced picture
+//! (`enlarge`).
 
 mod components;
 mod difference;
+mod enlarge;
 mod label;
 mod repair;
 mod segmenter;

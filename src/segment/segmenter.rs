@@ -2,6 +2,7 @@
 
 use super::components::{Components, Connectivity, Piece, Run};
 use super::difference::Difference;
+use super::enlarge::enlarge;
 use super::label::{Majority, label};
 use super::repair::{Closing, EnclosedShadow, fill_holes};
 use super::{BACKGROUND, Blob, MOVING, PixelRect};
@@ -23,7 +24,10 @@ pub struct Segmentation {
 /// Finds what moves; keeps its memory from frame to frame, and no state that a later frame could depend on.
 #[derive(Debug)]
 pub struct Segmenter {
+    /// As they count in the picture that is looked at: reduced, if the resolution is.
     settings: SegmentSettings,
+    /// As it counts in the full picture.
+    min_area_px: u32,
     difference: Difference,
     majority: Majority,
     enclosed_shadow: EnclosedShadow,
@@ -37,14 +41,37 @@ impl Segmenter {
     /// A segmenter with these settings.
     #[must_use]
     pub fn new(settings: &SegmentSettings) -> Self {
+        let min_area_px = settings.min_area_px;
+        let settings = reduced(settings);
         Self {
-            settings: settings.clone(),
+            min_area_px,
             difference: Difference::new(settings.blur_sigma_px),
             majority: Majority::default(),
             enclosed_shadow: EnclosedShadow::default(),
             closing: Closing::default(),
             components: Components::default(),
             coverage: Vec::new(),
+            settings,
+        }
+    }
+
+    /// Finds what moves in a picture of `size_px`, of which `frame`, `background` and `unmatched` are reduced by the
+    /// settings' resolution; masks and blobs are the full picture's. At full resolution as [`Self::segment`].
+    ///
+    /// # Panics
+    /// As [`Self::segment`].
+    #[must_use]
+    pub fn segment_reduced(
+        &mut self,
+        frame: &YuvImage,
+        background: [Plane<'_>; 3],
+        unmatched: &Mask,
+        size_px: (u32, u32),
+    ) -> Segmentation {
+        let found = self.segment(frame, background, unmatched);
+        match self.settings.resolution.factor() {
+            1 => found,
+            factor => enlarge(&found, size_px, factor, self.min_area_px, &mut self.components),
         }
     }
 
@@ -143,6 +170,20 @@ impl Segmenter {
     }
 }
 
+/// The settings as they count in a picture reduced by their own resolution: lengths by its factor, areas by its
+/// square. What just passes for large enough at full size must not be lost before.
+fn reduced(settings: &SegmentSettings) -> SegmentSettings {
+    let factor = settings.resolution.factor();
+    let area = factor * factor;
+    SegmentSettings {
+        blur_sigma_px: settings.blur_sigma_px / f64::from(factor),
+        close_radius_px: (settings.close_radius_px + factor / 2) / factor,
+        max_hole_px: settings.max_hole_px / area,
+        min_area_px: (settings.min_area_px / area).max(1),
+        ..settings.clone()
+    }
+}
+
 /// Adds a run of moving pixels to a row of the coverage, `weight` times 1 2 1.
 fn spread(row: &mut [u8], run: &Run, weight: u8) {
     let (start, end) = (run.start as usize, run.end as usize);
@@ -159,7 +200,7 @@ fn spread(row: &mut [u8], run: &Run, weight: u8) {
     }
 }
 
-fn blob(piece: &Piece, width: u32, height: u32) -> Blob {
+pub(super) fn blob(piece: &Piece, width: u32, height: u32) -> Blob {
     let (columns, n_columns) = piece.foot;
     Blob {
         rect: PixelRect {

@@ -35,7 +35,7 @@ mod tests {
         let ground = GroundPolygon::new(corners.to_vec(), 0.0).unwrap();
         let surfaces = Surfaces { ground: vec![ground], boxes: Vec::new() };
         let mut world = World::plaza();
-        world.figures.clear();
+        world.actors.clear();
         world.effects = Effects::default();
         world.ground_paints.rotate_left(1);
         world.solids = Solids::with_shapes(surfaces, None, posts, Vec::new());

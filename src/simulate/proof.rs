@@ -31,7 +31,7 @@ fn plaza_with_a_tree() -> World {
 fn options(out_dir: &Path) -> SimulateOptions {
     SimulateOptions {
         seconds: Some(0.6),
-        size_px: (64, 36),
+        size_px: Some((64, 36)),
         samples_per_side: 1,
         truth_every_frames: 3,
         extra_views: vec![ExtraView {

@@ -1,4 +1,4 @@
-//! The SQLite database: scenes, backgrounds and texture-to-world maps, one file a table.
+//! The SQLite database: scenes, backgrounds, texture-to-world maps and measured costs, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -8,6 +8,7 @@
 
 mod background;
 mod error;
+mod measured_cost;
 mod migrate;
 mod open;
 mod scene;

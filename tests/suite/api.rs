@@ -18,7 +18,7 @@ use std::time::Duration;
 use tower::ServiceExt;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
-use videofields::engine::{At, Handle, LocateMethod};
+use videofields::engine::{At, EngineError, Handle, LocateMethod};
 use videofields::plan::EntityStyle;
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
@@ -328,4 +328,50 @@ async fn every_answer_keeps_other_sites_out() {
         assert_eq!(answer.field("referrer-policy"), "no-referrer", "{path}");
         assert!(answer.field("content-security-policy").contains("default-src 'none'"), "{path}");
     }
+}
+
+#[tokio::test]
+async fn costs_are_shown_and_measured_anew_when_asked() {
+    let bench = Bench::new();
+    let path = "/api/v1/accuracy";
+    let shown = bench.get(path).await;
+    assert_eq!((shown.status, shown.field("cache-control")), (StatusCode::OK, "no-store"));
+    let body = shown.json();
+    assert_eq!((&body["state"], &body["reason"]), (&json!("measured"), &Value::Null));
+    let table = &body["table"];
+    assert_eq!((&table["machine"]["adapter"], &table["is_complete"]), (&json!("llvmpipe"), &json!(true)));
+    assert_eq!(
+        table["rows"][0],
+        json!({
+            "stage": "segmentation", "knob": "resolution", "value": "half", "is_default": false,
+            "time_ms": {"median": 2.5, "lower_quartile": 2.25, "upper_quartile": 3.0, "count": 48},
+            "memory_bytes": 4000, "error": 0.125, "measures": {"f_measure": 0.875}
+        })
+    );
+    let post = |site: Option<&str>| {
+        let request = Request::post(path);
+        let request = if let Some(site) = site { request.header("sec-fetch-site", site) } else { request };
+        request.body(Body::empty()).unwrap()
+    };
+    for site in [None, Some("same-origin"), Some("none")] {
+        let answer = bench.send(post(site)).await;
+        assert_eq!(
+            (answer.status, &answer.json()["state"]),
+            (StatusCode::ACCEPTED, &json!("pending")),
+            "{site:?}"
+        );
+    }
+    assert_eq!(bench.door.0.lock().unwrap().n_refreshed, 3);
+    // Another site's page may not keep the machine busy.
+    for site in ["cross-site", "same-site"] {
+        bench.send(post(Some(site))).await.problem(400, path);
+    }
+    assert_eq!(bench.door.0.lock().unwrap().n_refreshed, 3);
+    let other = bench.send(Request::delete(path).body(Body::empty()).unwrap()).await;
+    assert_eq!(other.problem(405, path)["detail"], "only GET, HEAD and POST are answered here");
+    assert_eq!(other.field("allow"), "GET, HEAD, POST");
+    bench.get("/api/v1/accuracy?fast=1").await.problem(400, path);
+    let failing = EngineError::Unavailable("nothing measures on this machine now".to_owned());
+    let bench = Bench::within(Limits::default(), State { failure: Some(failing), ..State::default() });
+    bench.send(post(None)).await.problem(503, path);
 }

@@ -81,7 +81,7 @@ fn the_example_names_every_key() {
         assert_eq!(written, known, "{path}");
     };
     check(&example, "", "zzz = 1");
-    for section in ["server", "storage", "media", "timeline", "render"] {
+    for section in ["server", "storage", "media", "timeline", "render", "accuracy"] {
         check(example[section].as_table().expect("a table"), section, &format!("{section}.zzz = 1"));
     }
     let camera = example["camera"][0].as_table().expect("a table");
@@ -103,14 +103,14 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         &example,
         &[&format!(
             "{line}:1: render.sample: unknown key `sample`; did you mean `samples`? allowed: adapter, samples, \
-             max_pixels, queue_length"
+             depth_map_side_px, max_pixels, queue_length"
         )],
     );
     check(
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
             "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, media, timeline, \
-           render, camera, scene",
+           render, accuracy, camera, scene",
         ],
     );
 }
@@ -183,6 +183,7 @@ fn numbers_outside_their_range_are_refused() {
     check("timeline", "mib_per_camera = 1e30", "0 or more");
     check("timeline", "mib_per_camera = 99999999999999999999", "63 bits");
     check("render", "samples = 2", "expected 1 or 4, got 2");
+    check("render", "depth_map_side_px = 1000", "256, 512, 1024, 2048 or 4096 texels, got 1000");
     check("render", "max_pixels = 0", "1 to 268435456 pixels");
     check("render", "queue_length = 1025", "1 to 1024 pictures");
     check("render", "adapter = \"a\\u001b[31m\"", "control character");

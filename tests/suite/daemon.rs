@@ -89,6 +89,8 @@ fn a_daemon_serves_stops_starts_again_and_survives_being_killed() {
 
 fn it_answers_every_route(daemon: &Daemon) {
     assert_eq!(daemon.json("/healthz")["status"], "ok");
+    let accuracy = daemon.json("/api/v1/accuracy");
+    assert_eq!((&accuracy["state"], &accuracy["table"]), (&"none".into(), &Value::Null), "{accuracy}");
     let readiness = daemon.json("/readyz");
     assert_eq!(readiness["cameras_with_frames"], serde_json::json!([3, 3]), "{readiness}");
     let cameras = daemon.json("/api/v1/cameras");

@@ -21,3 +21,4 @@ mod segment;
 mod simulate;
 mod store;
 mod timeline;
+mod worlds;

@@ -22,7 +22,7 @@ fn view_from_the_south() -> Camera {
 }
 
 /// The world's cameras and a view where none stands.
-fn cameras(world: &World) -> Vec<(&'static str, Camera)> {
+fn cameras(world: &World) -> Vec<(&str, Camera)> {
     let mut cameras = world.cameras(SIZE).unwrap();
     cameras.push(("view", view_from_the_south()));
     cameras
@@ -384,8 +384,8 @@ fn decode(path: &Path) -> Vec<RgbImage> {
 fn small_options(out_dir: PathBuf) -> SimulateOptions {
     SimulateOptions {
         seconds: Some(0.8),
-        rate_hz: 10.0,
-        size_px: (162, 90),
+        rate_hz: Some(10.0),
+        size_px: Some((162, 90)),
         samples_per_side: 2,
         truth_every_frames: 4,
         extra_views: vec![ExtraView {
@@ -415,7 +415,7 @@ fn what_is_written_is_what_is_true() {
     }
     let scene = std::fs::read_to_string(options.out_dir.join(&settings.scene[0].file)).unwrap();
     assert_eq!(scene, world.scene_json(options.size_px).unwrap());
-    for ((id, camera), clip) in world.cameras(options.size_px).unwrap().iter().zip(&clips) {
+    for ((id, camera), clip) in world.cameras_at(options.size_px).unwrap().iter().zip(&clips) {
         let text = std::fs::read_to_string(options.out_dir.join(format!("calibration/{id}.json"))).unwrap();
         let document: CameraDocument = serde_json::from_str(&text).unwrap();
         assert_eq!(document, CameraDocument::from_camera(camera));
@@ -481,7 +481,7 @@ fn views_alone_are_written_at_the_times_asked_for() {
     }
     let view = &options.extra_views[0];
     let camera = pinhole(view.eye_in_world, view.target_in_world, view.fov_y_rad, view.size_px).unwrap();
-    let judged = world.judged_view(&camera, 0.7, 2, options.size_px).unwrap();
+    let judged = world.judged_view(&camera, 0.7, 2, (162, 90)).unwrap();
     let read = |kind: &str| image::open(views[0].join(kind).join("000007.png")).unwrap();
     assert_eq!(read("frame").into_rgb8().into_raw(), judged.truth.rgb.data);
     assert_eq!(read("seen").into_luma8().into_raw(), judged.seen.data);
@@ -584,10 +584,10 @@ fn what_cannot_be_simulated_is_refused_by_name() {
         assert!(error.to_string().contains(expected), "{error}");
         assert!(!options.out_dir.is_dir(), "{expected}: something was written");
     };
-    check(&|o| o.rate_hz = f64::NAN, "rate must be 0.1 to 240");
-    check(&|o| o.rate_hz = 0.0, "rate");
-    check(&|o| o.size_px = (0, 360), "picture size must be 16 to 16383");
-    check(&|o| o.size_px = (640, 16_384), "picture size");
+    check(&|o| o.rate_hz = Some(f64::NAN), "rate must be 0.1 to 240");
+    check(&|o| o.rate_hz = Some(0.0), "rate");
+    check(&|o| o.size_px = Some((0, 360)), "picture size must be 16 to 16383");
+    check(&|o| o.size_px = Some((640, 16_384)), "picture size");
     check(&|o| o.seconds = Some(f64::INFINITY), "length must be");
     check(&|o| o.seconds = Some(f64::NAN), "length");
     check(&|o| o.seconds = Some(-1.0), "length");

@@ -354,3 +354,23 @@ async fn a_write_cut_short_leaves_the_one_before() {
         assert_eq!(read, Some(background("north", 640, 1)), "cut after {end} bytes of the log");
     }
 }
+
+#[tokio::test]
+async fn measured_costs_are_kept_for_each_machine_and_a_few_machines() {
+    let folder = folder();
+    let store = open(&folder.path().join("a.sqlite")).await;
+    let machine = |number: i64| digest_hex(&number.to_le_bytes());
+    assert_eq!(store.measured_cost(&machine(0)).await.expect("read"), None);
+    for number in 0..10_i64 {
+        let document = format!("{{\"rows\": {number}}}");
+        store.put_measured_cost(&machine(number), &document, at(number)).await.expect("written");
+    }
+    let kept = async |number| store.measured_cost(&machine(number)).await.expect("read");
+    assert_eq!((kept(0).await, kept(1).await), (None, None), "measured longest ago");
+    assert_eq!(kept(2).await.as_deref(), Some("{\"rows\": 2}"));
+    // A clock that stepped back does not lose what was just measured.
+    store.put_measured_cost(&machine(0), "{}", at(-5)).await.expect("written");
+    assert_eq!((kept(0).await.as_deref(), kept(2).await), (Some("{}"), None));
+    assert!(store.put_measured_cost(&machine(0), "no json", at(9)).await.is_err());
+    assert_eq!(kept(0).await.as_deref(), Some("{}"), "what was there stays");
+}

@@ -14,8 +14,6 @@ use crate::scene::Scene;
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use std::sync::Arc;
 
-/// Texels of a map each way.
-const MAP_SIDE: u32 = 1024;
 /// Nearest that anything hides, metres from the camera: `DEPTH_NEAR_M` of surface.wgsl.
 const NEAR_M: f64 = 0.05;
 /// Depth, and depth with discontinuities dilated.
@@ -43,8 +41,10 @@ const FACE_FROM_CAMERA: [[DVec3; 3]; 6] = [
 ];
 
 /// Which maps exist, and where.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(in crate::render) struct DepthMaps {
+    /// Texels of a map each way.
+    side_px: u32,
     maps: Vec<DepthMap>,
     textures: Option<Textures>,
     frame: u64,
@@ -69,6 +69,11 @@ struct Textures {
 }
 
 impl DepthMaps {
+    /// No maps yet; each will have `side_px` texels each way.
+    pub(in crate::render) const fn new(side_px: u32) -> Self {
+        Self { side_px, maps: Vec::new(), textures: None, frame: 0 }
+    }
+
     /// Reserves a map for every camera and tells `data`, in the same order, where it will be.
     ///
     /// # Errors
@@ -145,7 +150,7 @@ impl DepthMaps {
             return Err(RenderError::TooMany { what: "faces of depth maps", needed, limit });
         }
         self.clear();
-        self.textures = Some(Textures::new(gpu, n_faces, MAP_SIDE));
+        self.textures = Some(Textures::new(gpu, n_faces, self.side_px));
         Ok(())
     }
 

@@ -41,9 +41,8 @@ impl Exposure {
         ranges.number("time_constant_secs", self.time_constant_secs, 0.0..=60.0);
         ranges.number("least_gain", self.least_gain, 0.001..=1000.0);
         ranges.number("most_gain", self.most_gain, 0.001..=1000.0);
-        let (least, most) = (self.least_gain, self.most_gain);
-        // NaN is reported above.
-        ranges.hold("least_gain", || !(least > most), "must be at most most_gain");
+        let is_ordered = || self.least_gain <= self.most_gain;
+        ranges.hold("least_gain", is_ordered, "must be at most most_gain");
     }
 
     /// Multiplies a linear picture by the camera's gain; the gain for the next frame, `interval_secs` later, is

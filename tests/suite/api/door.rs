@@ -6,12 +6,12 @@ use std::time::Duration;
 use tokio::sync::oneshot;
 use videofields::clock::Timestamp;
 use videofields::engine::{
-    At, CameraSummary, Door, EngineError, LocateMethod, Located, Readiness, SceneSummary, SourceTime,
-    ViewAnswer, ViewRequest,
+    AccuracyState, AccuracyStatus, At, CameraSummary, Door, EngineError, LocateMethod, Located, Readiness,
+    SceneSummary, SourceTime, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
-use videofields::plan::{EntityStyle, Plan, Reason};
+use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Spread};
 use videofields::scene::{Scene, SceneView};
 use videofields::timeline::Observation;
 
@@ -31,6 +31,8 @@ pub(super) struct State {
     pub(super) keeps_views: bool,
     pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
     pub(super) is_unready: bool,
+    /// How often costs were asked for anew.
+    pub(super) n_refreshed: u32,
     /// What was asked last.
     pub(super) view: Option<ViewRequest>,
     pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
@@ -170,6 +172,18 @@ impl Door for FakeDoor {
         Ok(())
     }
 
+    fn accuracy(&self) -> AccuracyStatus {
+        let is_refreshed = self.0.lock().unwrap().n_refreshed > 0;
+        let state = if is_refreshed { AccuracyState::Pending } else { AccuracyState::Measured };
+        AccuracyStatus { state, reason: None, table: Some(Arc::new(costs())) }
+    }
+
+    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+        self.failure()?;
+        self.0.lock().unwrap().n_refreshed += 1;
+        Ok(())
+    }
+
     fn readiness(&self) -> Readiness {
         let ready = !self.0.lock().unwrap().is_unready;
         Readiness { ready, store: true, renderer: "llvmpipe".into(), cameras_with_frames: [1, 2] }
@@ -181,6 +195,33 @@ impl Door for FakeDoor {
 
     fn count_http(&self, route: &str, status: u16, duration: Duration) {
         self.0.lock().unwrap().counted.push((route.to_owned(), status, duration));
+    }
+}
+
+fn costs() -> CostTable {
+    CostTable {
+        version: 1,
+        machine: Machine {
+            processor: "a processor".to_owned(),
+            n_processors: 2,
+            adapter: "llvmpipe".to_owned(),
+            version: "0.1.0".to_owned(),
+            build: "release".to_owned(),
+        },
+        subject: "world plaza".to_owned(),
+        measured_at: LAST.to_string(),
+        took_secs: 21.5,
+        is_complete: true,
+        rows: vec![CostRow {
+            stage: "segmentation".to_owned(),
+            knob: "resolution".to_owned(),
+            value: "half".to_owned(),
+            is_default: false,
+            time_ms: Spread { median: 2.5, lower_quartile: 2.25, upper_quartile: 3.0, count: 48 },
+            memory_bytes: 4000,
+            error: Some(0.125),
+            measures: [("f_measure".to_owned(), 0.875)].into(),
+        }],
     }
 }
 

@@ -1,0 +1,479 @@
+//! The order of a sweep: every stage's knobs one at a time around the defaults, then whole pipelines.
+//!
+//! A world goes in; rows of cost and error come out, as far as the gate lets it. What is left out is said.
+
+use super::front::{knee, pareto_front};
+use super::gate::{OpenGate, Stopwatch};
+use super::map::MapRun;
+use super::segmentation::SegmentationRun;
+use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
+use super::subject::{Scope, Subject};
+use super::views::{Easel, ViewsRun};
+use super::{AccuracyError, SweepError};
+use crate::config::RenderSettings;
+use crate::frame::RgbImage;
+use crate::mapping::{Builder, MappingError};
+use crate::plan::{CostRow, EntityStyle, Spread};
+use crate::simulate::World;
+use std::collections::BTreeMap;
+
+/// A part of the way from frames to pictures that is judged by itself; in the order in which it is swept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Stage {
+    /// Background and foreground of frames.
+    Segmentation,
+    /// From texels to world points.
+    Map,
+    /// Backgrounds projected on ground and boxes.
+    Surfaces,
+    /// What moves.
+    Entities,
+    /// All together.
+    Pipeline,
+}
+
+impl Stage {
+    /// Every stage.
+    pub const ALL: [Self; 5] =
+        [Self::Segmentation, Self::Map, Self::Surfaces, Self::Entities, Self::Pipeline];
+
+    /// Its name in commands, files and tables.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Segmentation => "segmentation",
+            Self::Map => "map",
+            Self::Surfaces => "surfaces",
+            Self::Entities => "entities",
+            Self::Pipeline => "pipeline",
+        }
+    }
+
+    /// What its main error is, with the unit.
+    #[must_use]
+    pub const fn error_name(self) -> &'static str {
+        match self {
+            Self::Segmentation => "1 - F-measure",
+            Self::Map => "mean distance, m",
+            Self::Surfaces => "RMSE of the still part, 8-bit codes",
+            Self::Entities => "RMSE at people, 8-bit codes",
+            Self::Pipeline => "mean of both RMSE, 8-bit codes",
+        }
+    }
+
+    /// What its time is of.
+    #[must_use]
+    pub const fn work(self) -> &'static str {
+        match self {
+            Self::Segmentation => "one frame of one camera",
+            Self::Map => "the map of one camera",
+            Self::Surfaces | Self::Entities => "one view",
+            Self::Pipeline => "one frame of every camera and one view",
+        }
+    }
+}
+
+impl std::str::FromStr for Stage {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::ALL.into_iter().find(|stage| stage.name() == text).ok_or_else(|| {
+            let known: Vec<&str> = Self::ALL.map(Self::name).to_vec();
+            format!("{text:?} is no stage; there are {}", known.join(", "))
+        })
+    }
+}
+
+/// A setting that was not measured, and why.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct Skipped {
+    /// The stage.
+    pub stage: String,
+    /// What was set.
+    pub knob: String,
+    /// To what.
+    pub value: String,
+    /// Why it was not measured.
+    pub reason: String,
+}
+
+/// A picture, what it should have been, and what it shows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Example {
+    /// What it is of.
+    pub title: String,
+    /// As the daemon draws it.
+    pub picture: RgbImage,
+    /// As it is.
+    pub truth: RgbImage,
+}
+
+/// What a sweep found.
+#[derive(Clone, Debug, Default)]
+pub struct Sweep {
+    /// One row a setting.
+    pub rows: Vec<CostRow>,
+    /// Settings that were not measured.
+    pub skipped: Vec<Skipped>,
+    /// Rows of the stage `pipeline` that no other beats, by rising cost: indices into `rows`.
+    pub front: Vec<usize>,
+    /// The front's knee: an index into `rows`.
+    pub knee: Option<usize>,
+    /// Pictures to look at.
+    pub examples: Vec<Example>,
+    /// The adapter that drew; empty where nothing was drawn.
+    pub adapter: String,
+    /// Whether everything asked for was measured.
+    pub is_complete: bool,
+}
+
+/// Sweeps `stages` of `world` as far as `scope` says, alone on the machine. `progress` hears what is being done.
+///
+/// # Errors
+/// When the world cannot be cast or drawn.
+pub fn sweep(
+    world: &World,
+    scope: &Scope,
+    stages: &[Stage],
+    clock: &dyn crate::clock::Clock,
+    progress: &dyn Fn(&str),
+) -> Result<Sweep, SweepError> {
+    sweep_gated(world, scope, stages, None, &Stopwatch::new(clock, &OpenGate), progress)
+}
+
+/// As [`sweep`], with the renderer's settings given (else the world's own), step by step as the stopwatch's gate lets
+/// it; what was measured before it ended the sweep is kept.
+///
+/// # Errors
+/// As [`sweep`].
+pub fn sweep_gated(
+    world: &World,
+    scope: &Scope,
+    stages: &[Stage],
+    render: Option<&RenderSettings>,
+    watch: &Stopwatch<'_>,
+    progress: &dyn Fn(&str),
+) -> Result<Sweep, SweepError> {
+    let mut sweep = Sweep::default();
+    let outcome = Subject::prepare(world, scope, watch, progress).and_then(|mut subject| {
+        if let Some(render) = render {
+            subject.render = render.clone();
+        }
+        Sweeper { subject: &subject, scope, watch, progress, sweep: &mut sweep }.run(stages)
+    });
+    match outcome {
+        Ok(()) => sweep.is_complete = true,
+        Err(SweepError::Stopped) => {}
+        Err(error) => return Err(error),
+    }
+    Ok(sweep)
+}
+
+struct Sweeper<'a> {
+    subject: &'a Subject,
+    scope: &'a Scope,
+    watch: &'a Stopwatch<'a>,
+    progress: &'a dyn Fn(&str),
+    sweep: &'a mut Sweep,
+}
+
+/// What a stage leaves for the pipelines: forms with their runs.
+type Segmentations = Vec<(SegmentationForm, SegmentationRun)>;
+
+impl Sweeper<'_> {
+    fn run(&mut self, stages: &[Stage]) -> Result<(), SweepError> {
+        let wants = |stage: Stage| stages.contains(&stage);
+        let draws = [Stage::Surfaces, Stage::Entities, Stage::Pipeline].into_iter().any(wants);
+        let default_form = self.default_form()?;
+        let mut segmentations = Vec::new();
+        if wants(Stage::Segmentation) || wants(Stage::Pipeline) {
+            segmentations = self.segmentation(default_form)?;
+        } else if draws {
+            segmentations.push((default_form, SegmentationRun::of(self.subject, &default_form, self.watch)?));
+        }
+        if wants(Stage::Map) {
+            self.map()?;
+        }
+        if !draws {
+            return Ok(());
+        }
+        let observed = segmentations.iter().position(|(form, _)| *form == default_form).unwrap_or(0);
+        if wants(Stage::Surfaces) {
+            self.surfaces(&segmentations[observed].1)?;
+        }
+        if wants(Stage::Entities) || wants(Stage::Pipeline) {
+            self.entities(&segmentations[observed].1)?;
+        }
+        if wants(Stage::Pipeline) {
+            self.pipelines(&segmentations, default_form)?;
+        }
+        Ok(())
+    }
+
+    fn default_form(&self) -> Result<SegmentationForm, SweepError> {
+        let first = self.subject.cameras.first().ok_or(SweepError::NoCamera)?;
+        Ok(SegmentationForm::of(&first.settings))
+    }
+
+    fn push(&mut self, stage: Stage, knob: &str, value: &str, is_default: bool, cost: Cost) {
+        self.sweep.rows.push(CostRow {
+            stage: stage.name().to_owned(),
+            knob: knob.to_owned(),
+            value: value.to_owned(),
+            is_default,
+            time_ms: cost.time_ms,
+            memory_bytes: cost.memory_bytes,
+            error: cost.error,
+            measures: cost.measures,
+        });
+    }
+
+    fn skip(&mut self, stage: Stage, knob: &str, value: &str, reason: String) {
+        let (stage, knob, value) = (stage.name().to_owned(), knob.to_owned(), value.to_owned());
+        self.sweep.skipped.push(Skipped { stage, knob, value, reason });
+    }
+
+    fn segmentation(&mut self, default: SegmentationForm) -> Result<Segmentations, SweepError> {
+        let mut runs: Segmentations = Vec::new();
+        for (knob, value, form) in default.sweep() {
+            let known = runs.iter().position(|(of, _)| *of == form);
+            let idx = match known {
+                Some(idx) => idx,
+                None => {
+                    (self.progress)(&format!("segmentation: {}", form.label()));
+                    runs.push((form, SegmentationRun::of(self.subject, &form, self.watch)?));
+                    runs.len() - 1
+                }
+            };
+            let run = &runs[idx].1;
+            let (error, measures) = run.measures();
+            let cost =
+                Cost { time_ms: run.time_ms, memory_bytes: run.memory_bytes, error: Some(error), measures };
+            self.push(Stage::Segmentation, knob, &value, form == default, cost);
+        }
+        Ok(runs)
+    }
+
+    fn map(&mut self) -> Result<(), SweepError> {
+        for (value, builder) in map_forms() {
+            (self.progress)(&format!("map: {value}"));
+            if let Some(reason) = self.beyond_scope(builder) {
+                self.skip(Stage::Map, "builder", &value, reason);
+                continue;
+            }
+            let run = match MapRun::of(self.subject, builder, self.scope.n_map_builds, self.watch) {
+                Ok(run) => run,
+                Err(SweepError::Mapping(error @ MappingError::GridPoints { .. })) => {
+                    self.skip(Stage::Map, "builder", &value, error.to_string());
+                    continue;
+                }
+                Err(error) => return Err(error),
+            };
+            let (error, measures) = run.measures();
+            let time_ms = run.time_ms().ok_or(SweepError::Untimed)?;
+            let cost = Cost { time_ms, memory_bytes: run.memory_bytes(), error, measures };
+            self.push(Stage::Map, "builder", &value, builder == Builder::Ray, cost);
+        }
+        Ok(())
+    }
+
+    /// Why a grid is left out, if it is: more points over the ground alone than the scope allows.
+    fn beyond_scope(&self, builder: Builder) -> Option<String> {
+        let Builder::Grid(settings) = builder else { return None };
+        let most = self.scope.max_grid_points;
+        let points: f64 = self
+            .subject
+            .scene
+            .surfaces
+            .ground
+            .iter()
+            .map(|ground| {
+                let corners = || ground.corners().iter().copied();
+                let low = corners().fold(glam::DVec2::INFINITY, glam::DVec2::min);
+                let high = corners().fold(glam::DVec2::NEG_INFINITY, glam::DVec2::max);
+                ((high - low) / settings.step_m).element_product()
+            })
+            .sum();
+        (points > most as f64)
+            .then(|| format!("{points:.0} points over the ground alone, more than the {most} of this run"))
+    }
+
+    fn surfaces(&mut self, observed: &SegmentationRun) -> Result<(), SweepError> {
+        let default = SurfaceForm::of(&self.subject.render);
+        let nothing = EntityForm { style: EntityStyle::None, stride: 1 };
+        let mut runs: Vec<(SurfaceForm, ViewsRun)> = Vec::new();
+        for (knob, value, form) in default.sweep() {
+            let known = runs.iter().position(|(of, _)| *of == form);
+            let idx = match known {
+                Some(idx) => idx,
+                None => {
+                    (self.progress)(&format!("surfaces: {knob} {value}"));
+                    let mut easel = self.easel(form)?;
+                    runs.push((form, easel.judge(self.subject, observed, nothing, self.watch)?));
+                    runs.len() - 1
+                }
+            };
+            let run = &runs[idx].1;
+            let mut measures = run.measures();
+            measures.retain(|name, _| {
+                !name.starts_with("people") && name != "silhouette_iou" && name != "balanced_rmse"
+            });
+            let cost = Cost {
+                time_ms: run.time_ms()?,
+                memory_bytes: run.target_bytes(),
+                error: run.still_rmse(),
+                measures,
+            };
+            self.push(Stage::Surfaces, knob, &value, form == default, cost);
+        }
+        Ok(())
+    }
+
+    fn easel(&mut self, form: SurfaceForm) -> Result<Easel, SweepError> {
+        let easel = Easel::new(self.subject, form)?;
+        self.sweep.adapter = easel.adapter();
+        Ok(easel)
+    }
+
+    fn entities(&mut self, observed: &SegmentationRun) -> Result<(), SweepError> {
+        let mut easel = self.easel(SurfaceForm::of(&self.subject.render))?;
+        for form in EntityForm::ALL {
+            (self.progress)(&format!("entities: {}", form.label()));
+            let run = easel.judge(self.subject, observed, form, self.watch)?;
+            let cost = Cost {
+                time_ms: run.time_ms()?,
+                memory_bytes: run.entity_bytes(),
+                error: run.people_rmse(),
+                measures: run.measures(),
+            };
+            self.push(Stage::Entities, "style", &form.label(), form == EntityForm::DEFAULT, cost);
+            self.keep_example(&run, form);
+        }
+        Ok(())
+    }
+
+    /// Keeps the first picture of what a person should see: the default, the other style, nothing.
+    fn keep_example(&mut self, run: &ViewsRun, form: EntityForm) {
+        let is_shown = form.style != EntityStyle::Points || form.stride == 1;
+        let (Some((frame, picture)), Some(view)) = (run.examples.first(), self.subject.views.first()) else {
+            return;
+        };
+        let Some((_, judged)) = view.frames.iter().find(|(of, _)| of == frame) else { return };
+        if is_shown {
+            let example =
+                Example { title: form.label(), picture: picture.clone(), truth: judged.truth.rgb.clone() };
+            self.sweep.examples.insert(0, example);
+        }
+    }
+
+    /// The cross of what is worth having of each stage, bounded in number and time.
+    fn pipelines(
+        &mut self,
+        segmentations: &Segmentations,
+        default: SegmentationForm,
+    ) -> Result<(), SweepError> {
+        let chosen = chosen(segmentations, default);
+        let entities = self.entity_forms();
+        let surface_default = SurfaceForm::of(&self.subject.render);
+        let surfaces = [1, 4].map(|samples| SurfaceForm { samples, ..surface_default });
+        let mut combinations: Vec<(usize, SurfaceForm, EntityForm)> = Vec::new();
+        for entity in &entities {
+            for surface in surfaces {
+                combinations.extend(chosen.iter().map(|idx| (*idx, surface, *entity)));
+            }
+        }
+        // The default first, so that a bound cuts it last.
+        let is_default = |(idx, surface, entity): &(usize, SurfaceForm, EntityForm)| {
+            segmentations[*idx].0 == default && *surface == surface_default && *entity == EntityForm::DEFAULT
+        };
+        combinations.sort_by_key(|of| !is_default(of));
+        let clock = self.watch.clock();
+        let started = clock.monotonic();
+        let first_row = self.sweep.rows.len();
+        let mut easels: Vec<(SurfaceForm, Easel)> = Vec::new();
+        for (count, combination) in combinations.iter().enumerate() {
+            let (idx, surface, entity) = *combination;
+            let (form, run) = &segmentations[idx];
+            let label = format!("{}; samples {}; {}", form.label(), surface.samples, entity.label());
+            let spent_secs = clock.monotonic().saturating_sub(started).as_secs_f64();
+            if count >= self.scope.max_pipelines || spent_secs > self.scope.max_pipelines_secs {
+                let reason = format!(
+                    "beyond the bound of {} pipelines or {} s",
+                    self.scope.max_pipelines, self.scope.max_pipelines_secs
+                );
+                self.skip(Stage::Pipeline, "whole", &label, reason);
+                continue;
+            }
+            (self.progress)(&format!("pipeline: {label}"));
+            let place = match easels.iter().position(|(of, _)| *of == surface) {
+                Some(place) => place,
+                None => {
+                    easels.push((surface, self.easel(surface)?));
+                    easels.len() - 1
+                }
+            };
+            let views = easels[place].1.judge(self.subject, run, entity, self.watch)?;
+            let n_cameras = self.subject.cameras.len() as f64;
+            let time_ms: Spread = views.time_ms()?.plus(run.time_ms, n_cameras);
+            let mut measures = views.measures();
+            measures.extend(run.measures().1);
+            let memory_bytes = run.memory_bytes * self.subject.cameras.len() as u64
+                + views.target_bytes()
+                + views.entity_bytes();
+            let cost = Cost { time_ms, memory_bytes, error: views.balanced_rmse(), measures };
+            self.push(Stage::Pipeline, "whole", &label, is_default(combination), cost);
+        }
+        self.find_front(first_row);
+        Ok(())
+    }
+
+    fn find_front(&mut self, first_row: usize) {
+        let rows = &self.sweep.rows[first_row..];
+        let points: Vec<(f64, f64)> =
+            rows.iter().map(|row| (row.time_ms.median, row.error.unwrap_or(f64::NAN))).collect();
+        let front = pareto_front(&points);
+        self.sweep.knee = knee(&points, &front).map(|idx| idx + first_row);
+        self.sweep.front = front.into_iter().map(|idx| idx + first_row).collect();
+    }
+
+    /// The entities' forms on their own front, cheap to exact, and the default.
+    fn entity_forms(&self) -> Vec<EntityForm> {
+        let rows = || self.sweep.rows.iter().filter(|row| row.stage == Stage::Entities.name());
+        let points: Vec<(f64, f64)> =
+            rows().map(|row| (row.time_ms.median, row.error.unwrap_or(f64::NAN))).collect();
+        let mut forms: Vec<EntityForm> = pareto_front(&points)
+            .into_iter()
+            .filter_map(|idx| {
+                let label = &rows().nth(idx)?.value;
+                EntityForm::ALL.into_iter().find(|form| form.label() == *label)
+            })
+            .collect();
+        if !forms.contains(&EntityForm::DEFAULT) {
+            forms.push(EntityForm::DEFAULT);
+        }
+        forms
+    }
+}
+
+/// The segmentations on their own front, and the default.
+fn chosen(segmentations: &Segmentations, default: SegmentationForm) -> Vec<usize> {
+    let points: Vec<(f64, f64)> =
+        segmentations.iter().map(|(_, run)| (run.time_ms.median, run.measures().0)).collect();
+    let mut chosen = pareto_front(&points);
+    let of_default = segmentations.iter().position(|(form, _)| *form == default);
+    chosen.extend(of_default.filter(|idx| !chosen.contains(idx)));
+    chosen
+}
+
+struct Cost {
+    time_ms: Spread,
+    memory_bytes: u64,
+    error: Option<f64>,
+    measures: BTreeMap<String, f64>,
+}
+
+impl From<AccuracyError> for SweepError {
+    fn from(error: AccuracyError) -> Self {
+        Self::Picture(error.to_string())
+    }
+}

@@ -1,0 +1,47 @@
+//! `/api/v1/accuracy`: what each step of accuracy costs on this machine.
+
+use super::Api;
+use super::error::Problem;
+use super::query::Query;
+use crate::error::ErrorKind;
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+/// Where a browser says what kind of page a request comes from.
+const FETCH_SITE: &str = "sec-fetch-site";
+
+/// The table, and where measuring stands.
+pub(super) async fn show(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Ok(answer(&api, StatusCode::OK))
+}
+
+/// Asks for it to be measured anew.
+pub(super) async fn refresh(
+    State(api): State<Api>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    // There are no users yet: without this, any page open in the operator's browser could keep the machine busy.
+    let is_foreign = headers.get(FETCH_SITE).is_some_and(|site| site != "same-origin" && site != "none");
+    if is_foreign {
+        let detail = "a page of another site asks for this; only the daemon's own may".to_owned();
+        return Err(Problem::new(ErrorKind::Invalid, detail));
+    }
+    api.door.refresh_accuracy()?;
+    Ok(answer(&api, StatusCode::ACCEPTED))
+}
+
+/// A method that this route does not take.
+pub(super) async fn no_method() -> Response {
+    let mut response = Problem::method("only GET, HEAD and POST are answered here").into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, POST"));
+    response
+}
+
+fn answer(api: &Api, status: StatusCode) -> Response {
+    (status, [(header::CACHE_CONTROL, "no-store")], Json(api.door.accuracy())).into_response()
+}

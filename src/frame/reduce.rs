@@ -1,0 +1,91 @@
+//! A picture at a fraction of its size, for stages that need fewer pixels.
+
+use super::yuv::{YuvImage, YuvLayout};
+use rayon::prelude::*;
+
+/// Rows that one thread takes at least.
+const MIN_ROWS: usize = 16;
+
+impl YuvImage {
+    /// The picture at 1/`factor` of its sides, rounded up: each sample is the rounded mean of the `factor` x `factor`
+    /// samples of its plane that it stands for (of those that exist at the right and lower edges).
+    ///
+    /// `factor` is 1 to 16; what lies outside is taken as the nearest. **Cost** one pass over the samples.
+    ///
+    /// # Panics
+    /// Never: every picture has a pixel.
+    #[must_use]
+    pub fn reduced(&self, factor: u32) -> Self {
+        let factor = factor.clamp(1, 16) as usize;
+        let (width, height) = (self.width().div_ceil(factor as u32), self.height().div_ceil(factor as u32));
+        let layout = YuvLayout::packed(width, height);
+        let mut data = vec![0; YuvLayout::packed_len(width, height)];
+        let mut rest = data.as_mut_slice();
+        for index in 0..3 {
+            let source = self.plane(index);
+            let out_width = (source.width as usize).div_ceil(factor);
+            let out_height = (source.height as usize).div_ceil(factor);
+            let (plane, after) = rest.split_at_mut(out_width * out_height);
+            rest = after;
+            plane.par_chunks_mut(out_width).enumerate().with_min_len(MIN_ROWS).for_each(|(y, out)| {
+                let rows = y * factor..((y + 1) * factor).min(source.height as usize);
+                let n_rows = rows.len() as u32;
+                let mut sums = vec![0_u32; out_width];
+                for row in rows {
+                    for (sum, block) in sums.iter_mut().zip(source.row(row as u32).chunks(factor)) {
+                        *sum += block.iter().map(|value| u32::from(*value)).sum::<u32>();
+                    }
+                }
+                let last = source.width as usize - (out_width - 1) * factor;
+                for (x, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
+                    let n_columns = if x + 1 == out_width { last } else { factor };
+                    let count = n_rows * n_columns as u32;
+                    *out = ((sum + count / 2) / count) as u8;
+                }
+            });
+        }
+        Self::new(layout, self.matrix(), self.range(), data).expect("a packed layout fits its own length")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange};
+
+    /// A picture whose every sample is told by its place.
+    fn picture(width: u32, height: u32) -> YuvImage {
+        let data = (0..YuvLayout::packed_len(width, height)).map(|i| (i * 7 % 251) as u8).collect::<Vec<_>>();
+        let layout = YuvLayout::packed(width, height);
+        YuvImage::new(layout, ColorMatrix::Bt709, ColorRange::Full, data).unwrap()
+    }
+
+    #[test]
+    fn every_sample_is_the_mean_of_those_it_stands_for() {
+        for (width, height) in [(8, 8), (9, 7), (1, 1), (2, 5), (17, 3), (64, 33)] {
+            let source = picture(width, height);
+            for factor in [1, 2, 3, 4] {
+                let reduced = source.reduced(factor);
+                assert_eq!(
+                    (reduced.width(), reduced.height()),
+                    (width.div_ceil(factor), height.div_ceil(factor))
+                );
+                assert_eq!((reduced.matrix(), reduced.range()), (source.matrix(), source.range()));
+                for index in 0..3 {
+                    let (from, to) = (source.plane(index), reduced.plane(index));
+                    for (x, y) in (0..to.height).flat_map(|y| (0..to.width).map(move |x| (x, y))) {
+                        let rows = y * factor..((y + 1) * factor).min(from.height);
+                        let columns = || x * factor..((x + 1) * factor).min(from.width);
+                        let values: Vec<f64> = rows
+                            .flat_map(|row| columns().map(move |column| (row, column)))
+                            .map(|(row, column)| f64::from(from.row(row)[column as usize]))
+                            .collect();
+                        let mean = values.iter().sum::<f64>() / values.len() as f64;
+                        let found = f64::from(to.row(y)[x as usize]);
+                        assert!((found - mean).abs() <= 0.5, "{width} x {height} / {factor}, plane {index}");
+                    }
+                }
+            }
+        }
+    }
+}

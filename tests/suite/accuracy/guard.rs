@@ -1,0 +1,70 @@
+//! Holds the quality of every stage to fixed bounds on the plaza: what regresses fails here, whatever the machine.
+//!
+//! The bounds lie a little beyond what was measured when they were set; nothing is timed.
+
+use crate::support::adapter;
+use videofields::accuracy::{
+    Easel, EntityForm, MapRun, OpenGate, Scope, SegmentationForm, SegmentationRun, Stopwatch, Subject,
+    SurfaceForm,
+};
+use videofields::clock::SystemClock;
+use videofields::config::Resolution;
+use videofields::mapping::{Builder, GridSettings};
+use videofields::plan::EntityStyle;
+use videofields::simulate::World;
+
+const SCOPE: Scope = Scope {
+    n_frames: 20,
+    samples_per_side: 2,
+    view_size_px: (480, 270),
+    n_views: 2,
+    n_moments: 2,
+    ..Scope::QUICK
+};
+
+/// Fails with what was found where it lies outside its bounds.
+fn check(what: &str, found: f64, bounds: std::ops::RangeInclusive<f64>) {
+    assert!(bounds.contains(&found), "{what} is {found}, outside {bounds:?}");
+}
+
+#[test]
+fn the_plaza_is_as_accurate_as_it_was() {
+    let clock = SystemClock::new();
+    let watch = Stopwatch::new(&clock, &OpenGate);
+    let subject = Subject::prepare(&World::plaza(), &SCOPE, &watch, &|_step| {}).unwrap();
+    assert_eq!((subject.cameras.len(), subject.views.len()), (3, 2));
+
+    let default = SegmentationForm::of(&subject.cameras[0].settings);
+    let form = |resolution, modes| SegmentationForm { resolution, modes, ..default };
+    let f_measure =
+        |form: SegmentationForm| SegmentationRun::of(&subject, &form, &watch).unwrap().score.f_measure();
+    let found = SegmentationRun::of(&subject, &default, &watch).unwrap();
+    check("F at full resolution", found.score.f_measure(), 0.89..=1.0);
+    check("precision", found.score.precision().unwrap(), 0.84..=1.0);
+    check("recall", found.score.recall().unwrap(), 0.94..=1.0);
+    check("F at half resolution", f_measure(form(Resolution::Half, 3)), 0.85..=1.0);
+    check("F with a single mode", f_measure(form(Resolution::Full, 1)), 0.88..=1.0);
+
+    let map = |builder| MapRun::of(&subject, builder, 1, &watch).unwrap().measures().1;
+    let ray = map(Builder::Ray);
+    check("the ray map's worst distance", ray["worst_m"], 0.0..=1e-4);
+    check("the ray map's missing share", ray["missing_share"], 0.0..=0.0);
+    let grid = map(Builder::Grid(GridSettings { step_m: 0.1 }));
+    check("the grid map's mean distance", grid["mean_m"], 0.0..=0.02);
+    check("the grid map's missing share", grid["missing_share"], 0.0..=0.02);
+
+    if adapter("").is_none() {
+        return;
+    }
+    let mut easel = Easel::new(&subject, SurfaceForm::of(&subject.render)).unwrap();
+    let mut judged = |form| easel.judge(&subject, &found, form, &watch).unwrap().measures();
+    let billboards = judged(EntityForm::DEFAULT);
+    check("PSNR of the still part", billboards["still_psnr_db"], 31.5..=60.0);
+    check("SSIM of the still part", billboards["still_ssim"], 0.925..=1.0);
+    check("seam energy", billboards["seam_energy"], 0.0..=2.2);
+    check("flicker", billboards["flicker"], 0.0..=0.1);
+    check("IoU of billboards' silhouettes", billboards["silhouette_iou"], 0.34..=1.0);
+    let points = judged(EntityForm { style: EntityStyle::Points, stride: 1 });
+    check("IoU of points' silhouettes", points["silhouette_iou"], 0.40..=1.0);
+    check("PSNR at people drawn as points", points["people_psnr_db"], 13.6..=60.0);
+}
