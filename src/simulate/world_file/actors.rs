@@ -166,6 +166,14 @@ pub(super) fn read(
     cast.actors
 }
 
+/// What an actor moves on.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Legs {
+    Two,
+    /// Wheels.
+    None,
+}
+
 /// The actors read so far.
 struct Cast {
     actors: Vec<Actor>,
@@ -191,7 +199,7 @@ impl Cast {
                 return None;
             }
         }
-        let motion = self.motion(document.path, &place, true, reader)?;
+        let motion = self.motion(document.path, &place, Legs::Two, reader)?;
         let clothes = document.clothes.map_or_else(|| self.drawn_clothes(), |clothes| clothes.made());
         let walker = Walker::new(motion, document.height_m, clothes, document.strides);
         is_sound.then(|| self.add(document.id, Role::Walker(walker)))
@@ -213,7 +221,7 @@ impl Cast {
                 is_sound = false;
             }
         }
-        let motion = self.motion(document.path, &place, true, reader)?;
+        let motion = self.motion(document.path, &place, Legs::Two, reader)?;
         if !is_sound {
             return None;
         }
@@ -239,7 +247,7 @@ impl Cast {
         let document: CyclistDocument = reader.read(placed)?;
         let is_sound = reader.id(&place, &document.id, "actor", &mut self.ids)
             & reader.number(&place, "height_m", document.height_m, 1.2..=2.2, "metres");
-        let motion = self.motion(document.path, &place, false, reader)?;
+        let motion = self.motion(document.path, &place, Legs::None, reader)?;
         let clothes = document.clothes.map_or_else(|| self.drawn_clothes(), |clothes| clothes.made());
         let (height_m, frame) = (document.height_m, linear(document.bicycle_srgb.0));
         let cyclist = Cyclist { motion, height_m, clothes, frame };
@@ -250,7 +258,7 @@ impl Cast {
         let place = placed.1.clone();
         let document: CarDocument = reader.read(placed)?;
         let is_sound = reader.id(&place, &document.id, "actor", &mut self.ids);
-        let motion = self.motion(document.path, &place, false, reader)?;
+        let motion = self.motion(document.path, &place, Legs::None, reader)?;
         let car = Car { motion, style: document.style, paint: linear(document.paint_srgb.0) };
         is_sound.then(|| self.add(document.id, Role::Car(car)))
     }
@@ -310,7 +318,7 @@ impl Cast {
         &self,
         document: PathDocument,
         place: &str,
-        walks: bool,
+        legs: Legs,
         reader: &mut Reader<'_>,
     ) -> Option<Motion> {
         let place = pointer_to(place, "path");
@@ -322,7 +330,7 @@ impl Cast {
         reader.number(place, "start_share", document.start_share, 0.0..=1.0, "");
         let stops = stops(&document.stops, length, place, reader);
         if let Some(acceleration) = document.acceleration_m_per_sec2 {
-            if walks {
+            if legs == Legs::Two {
                 reader.fault(
                     pointer_to(place, "acceleration_m_per_sec2"),
                     "walkers start and stop within a step",
