@@ -6,8 +6,8 @@ use glam::DVec3;
 use std::path::PathBuf;
 use videofields::clock::SystemClock;
 use videofields::simulate::{
-    EffectKind, Effects, ExplainOptions, Explanation, ExtraView, Parts, SimulateOptions, World, explain,
-    write_with,
+    Beside, EffectKind, Effects, ExplainOptions, Explanation, ExtraView, Parts, SimulateOptions, World,
+    explain, write_with,
 };
 
 /// Draws a world with known truth: clips, masks, depth, normals, positions, a scene document and a configuration.
@@ -31,6 +31,9 @@ pub(crate) struct Simulate {
     /// With --explain: how often each time is taken, 1 to 100; the least counts.
     #[arg(long, value_name = "COUNT", default_value_t = 2, requires = "explain")]
     rounds: u32,
+    /// With --explain: measures beside these every effect alone, and all together.
+    #[arg(long, requires = "explain")]
+    each: bool,
     /// With --explain or --list: as JSON.
     #[arg(long)]
     json: bool,
@@ -141,6 +144,7 @@ impl Simulate {
             samples_per_side: self.samples,
             rate_hz: self.rate_hz,
             n_rounds: self.rounds,
+            beside: if self.each { Beside::Everything } else { Beside::Nothing },
             ..ExplainOptions::default()
         };
         let mut progress = Progress::new();
@@ -173,9 +177,9 @@ fn parse_effect(text: &str) -> Result<Named, String> {
 fn table(told: &Explanation) -> String {
     let cost = |cost_ms: Option<f64>| cost_ms.map_or(String::new(), |cost_ms| format!("{cost_ms:.1}"));
     let on = |is_on: bool| if is_on { "on" } else { "off" };
-    let row = |cells: [&str; 5]| {
-        let [id, stage, is_on, cost, why] = cells;
-        format!("| {id:<15} | {stage:<8} | {is_on:<3} | {cost:>8} | {why} |\n")
+    let row = |cells: [&str; 6]| {
+        let [id, stage, is_on, cost, alone, why] = cells;
+        format!("| {id:<15} | {stage:<8} | {is_on:<3} | {cost:>8} | {alone:>8} | {why} |\n")
     };
     let (width, height) = told.size_px;
     let n = told.samples_per_side;
@@ -185,13 +189,13 @@ fn table(told: &Explanation) -> String {
          The still world is cast {often} ({}); it takes {:.0} ms.\n\n",
         told.world, told.camera, told.n_threads, told.still_world.reason, told.still_world.cost_ms,
     );
-    text += &row(["effect", "stage", "is", "ms/frame", "why and how"]);
-    text += "| --------------- | -------- | --- | -------: | ----------- |\n";
+    text += &row(["effect", "stage", "is", "ms/frame", "alone", "why and how"]);
+    text += "| --------------- | -------- | --- | -------: | -------: | ----------- |\n";
     for line in &told.effects {
         let stage = format!("{:?}", line.stage).to_lowercase();
         let settings = line.settings.as_ref().map_or(String::new(), |settings| format!(": `{settings}`"));
         let why = format!("{}{settings}", line.reason);
-        text += &row([line.id, &stage, on(line.is_on), &cost(line.cost_ms), &why]);
+        text += &row([line.id, &stage, on(line.is_on), &cost(line.cost_ms), &cost(line.cost_alone_ms), &why]);
     }
     let lens = &told.lens_distortion;
     let why = if lens.is_on {
@@ -199,11 +203,14 @@ fn table(told: &Explanation) -> String {
     } else {
         "no camera's calibration has one".to_owned()
     };
-    text += &row(["lens distortion", "camera", on(lens.is_on), &cost(lens.cost_ms), &why]);
+    text += &row(["lens distortion", "camera", on(lens.is_on), &cost(lens.cost_ms), "", &why]);
     text += &format!(
         "\nA frame, from the world to the encoded picture: {:.1} ms with what is named, {:.1} ms with no effect.",
         told.frame_ms, told.bare_frame_ms,
     );
+    if let Some(full_ms) = told.full_frame_ms {
+        text += &format!(" With every effect: {full_ms:.1} ms.");
+    }
     text
 }
 

@@ -27,12 +27,31 @@ pub struct ExplainOptions {
     pub n_frames: u64,
     /// How often everything is measured, 1 to 100; the least time of each counts. Default 2.
     pub n_rounds: u32,
+    /// Which effects are measured beside those that the world names. Default: none.
+    pub beside: Beside,
 }
 
 impl Default for ExplainOptions {
     fn default() -> Self {
-        Self { size_px: None, samples_per_side: 3, rate_hz: None, n_frames: 3, n_rounds: 2 }
+        Self {
+            size_px: None,
+            samples_per_side: 3,
+            rate_hz: None,
+            n_frames: 3,
+            n_rounds: 2,
+            beside: Beside::Nothing,
+        }
     }
+}
+
+/// Which effects are measured beside those that a world names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Beside {
+    /// None.
+    #[default]
+    Nothing,
+    /// Every effect alone and all together, each with the world's settings or else its defaults.
+    Everything,
 }
 
 /// What a world calls for.
@@ -58,6 +77,8 @@ pub struct Explanation {
     pub frame_ms: f64,
     /// Milliseconds of a frame of the same world with no effect.
     pub bare_frame_ms: f64,
+    /// Milliseconds of a frame of the same world with every effect, where that was asked for.
+    pub full_frame_ms: Option<f64>,
 }
 
 /// How often the still world is cast.
@@ -86,6 +107,8 @@ pub struct EffectLine {
     pub settings: Option<serde_json::Value>,
     /// Milliseconds that it adds to a frame, if it is named; what is too small to measure may come out negative.
     pub cost_ms: Option<f64>,
+    /// Milliseconds that it adds to a frame of the same world with no other effect, where that was asked for.
+    pub cost_alone_ms: Option<f64>,
 }
 
 /// Lens distortion.
@@ -124,9 +147,7 @@ pub fn explain(
         return range("rate", "0.1 to 240 frames a second");
     }
     let named: Vec<EffectKind> = world.effects().named().collect();
-    let seed = world.effects().seed;
-    let mut variants = vec![world.clone(), world.with_effects(Effects { seed, ..Effects::default() })];
-    variants.extend(named.iter().map(|kind| world.with_effects(world.effects().clone().without(*kind))));
+    let variants = variants(world, &named, options.beside);
     let mut meter = Meter { options, clock, id, camera, rate_hz };
     let mut least_ms = vec![f64::INFINITY; variants.len()];
     let n_steps = variants.len() * options.n_rounds as usize + 1;
@@ -140,6 +161,7 @@ pub fn explain(
     let lens_distortion = meter.lens(world, &cameras)?;
     progress(n_steps, n_steps);
     let settings = serde_json::to_value(world.effects())?;
+    let beside = &least_ms[2 + named.len()..];
     let line = |kind: EffectKind| {
         let place = named.iter().position(|other| *other == kind);
         EffectLine {
@@ -149,6 +171,8 @@ pub fn explain(
             reason: if place.is_some() { "the world names it" } else { "not named" }.to_owned(),
             settings: settings.get(kind.key()).cloned(),
             cost_ms: place.map(|place| least_ms[0] - least_ms[2 + place]),
+            // The last ones: every effect alone, then all.
+            cost_alone_ms: beside.get(kind as usize).map(|alone_ms| alone_ms - least_ms[1]),
         }
     };
     Ok(Explanation {
@@ -162,7 +186,26 @@ pub fn explain(
         lens_distortion,
         frame_ms: least_ms[0],
         bare_frame_ms: least_ms[1],
+        full_frame_ms: beside.last().copied(),
     })
+}
+
+/// The worlds that are measured: as it is, without effects, without each that it names; and, if asked for, with each
+/// effect alone and with all.
+fn variants(world: &World, named: &[EffectKind], beside: Beside) -> Vec<World> {
+    let own = world.effects();
+    let bare = EffectKind::ALL.into_iter().fold(own.clone(), Effects::without);
+    let mut all = vec![own.clone(), bare];
+    all.extend(named.iter().map(|kind| own.clone().without(*kind)));
+    if beside == Beside::Everything {
+        let full = EffectKind::ALL.into_iter().fold(own.clone(), Effects::with);
+        let alone = |kind: EffectKind| {
+            EffectKind::ALL.into_iter().filter(|other| *other != kind).fold(full.clone(), Effects::without)
+        };
+        all.extend(EffectKind::ALL.into_iter().map(alone));
+        all.push(full);
+    }
+    all.into_iter().map(|effects| world.with_effects(effects)).collect()
 }
 
 /// How often a world's effects let its still part be cast, and why; not what it costs.
@@ -278,7 +321,34 @@ mod tests {
         assert!(told.effects.iter().all(|line| line.cost_ms.is_some() == line.is_on));
         assert_eq!(told.lens_distortion.cameras, ["north"]);
         assert!(told.frame_ms > 0.0 && told.bare_frame_ms > 0.0);
+        assert!(told.full_frame_ms.is_none() && told.effects.iter().all(|line| line.cost_alone_ms.is_none()));
         assert_eq!(steps.last(), Some(&(4, 4)));
+    }
+
+    #[test]
+    fn every_effect_alone_and_all_together_are_measured_if_asked_for() {
+        let named = [EffectKind::CastShadows];
+        let variants = variants(&World::plaza(), &named, Beside::Everything);
+        let names: Vec<Vec<EffectKind>> =
+            variants.iter().map(|world| world.effects().named().collect()).collect();
+        assert_eq!(names[..3], [named.to_vec(), Vec::new(), Vec::new()]);
+        for (name, kind) in names[3..].iter().zip(EffectKind::ALL) {
+            assert_eq!(*name, [kind]);
+        }
+        assert_eq!(names[3 + EffectKind::ALL.len()..], [EffectKind::ALL.to_vec()]);
+        // The world's own settings are kept.
+        assert_eq!(variants[3 + 2].effects().cast_shadows, Some(CastShadows::STILL));
+        let options = ExplainOptions {
+            size_px: Some((32, 18)),
+            samples_per_side: 1,
+            n_frames: 1,
+            n_rounds: 1,
+            beside: Beside::Everything,
+            ..ExplainOptions::default()
+        };
+        let told = explain(&World::plaza(), &options, &SystemClock::new(), &mut |_, _| ()).expect("measured");
+        assert!(told.full_frame_ms.is_some_and(|full_ms| full_ms > 0.0));
+        assert!(told.effects.iter().all(|line| line.cost_alone_ms.is_some()));
     }
 
     #[test]

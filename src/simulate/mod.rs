@@ -48,7 +48,7 @@ pub use actor::ActorKind;
 pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};
-pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
+pub use explain::{Beside, EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
 pub use moment::Shot;
 pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
