@@ -16,8 +16,8 @@ use videofields::simulate::{
 /// which these are and what each costs. What was written, and in which formats, stands in DIR/truth/truth.json.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Simulate {
-    /// Which world: plaza.
-    #[arg(long, default_value = "plaza")]
+    /// Which world: a name (--list has them) or the path of a world's document (docs/worlds.md).
+    #[arg(long, value_name = "NAME|FILE", default_value = "plaza")]
     world: String,
     /// The folder to write to; made if it is not there. Files of the same names are replaced.
     #[arg(long, value_name = "DIR", required_unless_present_any = ["list", "explain"])]
@@ -28,6 +28,9 @@ pub(crate) struct Simulate {
     /// Says which effects the world calls for, why, and what each costs a frame here (measured), and writes nothing.
     #[arg(long, conflicts_with = "out")]
     explain: bool,
+    /// With --explain: how often each time is taken, 1 to 100; the least counts.
+    #[arg(long, value_name = "COUNT", default_value_t = 2, requires = "explain")]
+    rounds: u32,
     /// With --explain or --list: as JSON.
     #[arg(long)]
     json: bool,
@@ -43,12 +46,12 @@ pub(crate) struct Simulate {
     /// Length of the clips, seconds. Default: the world's period, so that they loop without a seam.
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
-    /// Frames a second, 0.1 to 240.
-    #[arg(long, value_name = "RATE", default_value_t = 10.0)]
-    rate_hz: f64,
-    /// Columns and rows of the cameras' pictures, 16 to 16383 each.
-    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::calibration::parse_size, default_value = "640x360")]
-    size_px: [u32; 2],
+    /// Frames a second of all cameras, 0.1 to 240. Default: each camera's own.
+    #[arg(long, value_name = "RATE")]
+    rate_hz: Option<f64>,
+    /// Columns and rows of all cameras' pictures, 16 to 16383 each. Default: each camera's own.
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = super::calibration::parse_size)]
+    size_px: Option<[u32; 2]>,
     /// Samples a pixel, each way, 1 to 16.
     #[arg(long, value_name = "COUNT", default_value_t = 3)]
     samples: u32,
@@ -76,7 +79,7 @@ impl Simulate {
         if self.list {
             return self.list();
         }
-        let world = World::named(&self.world)?;
+        let world = World::load(&self.world)?;
         let world = world.with_effects(self.effects(world.effects().clone()));
         if self.explain {
             return self.explain(&world);
@@ -85,7 +88,7 @@ impl Simulate {
         let mut options = SimulateOptions::new(out);
         options.seconds = self.seconds;
         options.rate_hz = self.rate_hz;
-        options.size_px = (self.size_px[0], self.size_px[1]);
+        options.size_px = self.size_px.map(|[width, height]| (width, height));
         options.samples_per_side = self.samples;
         options.truth_every_frames = self.truth_every;
         options.database.clone_from(&self.database);
@@ -134,9 +137,10 @@ impl Simulate {
 
     fn explain(&self, world: &World) -> Result<()> {
         let options = ExplainOptions {
-            size_px: (self.size_px[0], self.size_px[1]),
+            size_px: self.size_px.map(|[width, height]| (width, height)),
             samples_per_side: self.samples,
             rate_hz: self.rate_hz,
+            n_rounds: self.rounds,
             ..ExplainOptions::default()
         };
         let mut progress = Progress::new();

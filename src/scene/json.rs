@@ -8,7 +8,7 @@ use serde_json::{Map, Number, Value};
 use std::fmt;
 
 /// The tree of a whole document.
-pub(super) fn tree(text: &str, gatherer: &mut Gatherer) -> Result<Value, SceneError> {
+pub(crate) fn tree(text: &str, gatherer: &mut Gatherer) -> Result<Value, SceneError> {
     if text.len() > MAX_DOCUMENT_BYTES {
         return Err(SceneError::TooLarge { bytes: text.len() as u64 });
     }

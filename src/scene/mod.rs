@@ -15,6 +15,7 @@ pub use document::{
     SkyDocument, VERSION, ViewDocument,
 };
 pub use import::{load_file, no_imports};
+pub(crate) use json::tree as json_tree;
 
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::frame::CameraId;

@@ -190,7 +190,8 @@ impl World {
     /// The picture at `time_secs` of the camera that took `plate`, with the plate's layers; `device` as in [`Shot`].
     ///
     /// Equal to [`Self::cast`] in every byte. **Cost** that of the pixels near what moves, where the world names
-    /// nothing that changes others ([`Self::plates_last`]); else that of the whole picture.
+    /// nothing that changes others ([`Self::plates_last_for_cameras`], [`Self::plates_last_for_views`]); else that of
+    /// the whole picture.
     ///
     /// # Errors
     /// As [`Self::cast`].
@@ -205,7 +206,7 @@ impl World {
         let moments = self.moments(&shot)?;
         let caster = Caster::new(self, &moments, self.shutter(&shot), *samples_per_side);
         let mut truth = truth.clone();
-        if self.plates_last(device.is_some()) {
+        if self.plate_lasts(device) {
             let bounds = moments.actor_bounds();
             let spread = pixel_spread(camera);
             let may_move = |ray: &Ray| bounds.iter().any(|bounds| may_meet(bounds, ray, spread));
@@ -218,19 +219,29 @@ impl World {
         Ok(truth)
     }
 
-    /// Whether the still world looks the same in all frames, so that a plate is cast once and a frame costs the
-    /// pixels near what moves: no effect changes its light, its crowns or the camera's pose, and nothing that moves
-    /// casts shadows or is mirrored.
+    /// Whether the still world looks the same in all frames of a view, so that a plate is cast once and a frame costs
+    /// the pixels near what moves: no effect changes its light or its crowns, and nothing that moves casts shadows or
+    /// is mirrored.
     #[must_use]
-    pub fn plates_last(&self, is_camera: bool) -> bool {
+    pub fn plates_last_for_views(&self) -> bool {
         let effects = &self.effects;
         let is_still = effects.light_drift.is_none()
             && effects.light_switching.is_none()
-            && effects.foliage_motion.is_none()
-            && (effects.camera_shake.is_none() || !is_camera);
+            && effects.foliage_motion.is_none();
         let is_alone =
             effects.wet_ground.is_none() && effects.cast_shadows.is_none_or(|shadows| !shadows.actors_cast());
         is_still && is_alone
+    }
+
+    /// As [`Self::plates_last_for_views`], for a camera of the world: that it does not shake either.
+    #[must_use]
+    pub fn plates_last_for_cameras(&self) -> bool {
+        self.plates_last_for_views() && self.effects.camera_shake.is_none()
+    }
+
+    /// Whether a plate of this shot's taker lasts; `device` as in [`Shot`].
+    pub(super) fn plate_lasts(&self, device: Option<&str>) -> bool {
+        if device.is_some() { self.plates_last_for_cameras() } else { self.plates_last_for_views() }
     }
 }
 

@@ -1,10 +1,9 @@
 //! What of a camera's frames arrives, and when.
 //!
 //! The named delivery effects go in; one [`Arrival`] for every frame (two for a duplicated one) comes out, in the
-//! order in which they arrive. Knows nothing of pictures but how to damage them.
+//! order in which they arrive. Knows nothing of pictures.
 
-use super::effects::{ClockError, Damage, Draw, Effects, Entries};
-use crate::frame::RgbImage;
+use super::effects::{ClockError, Draw, Effects, Entries};
 use serde::Serialize;
 
 /// What became of a frame on its way.
@@ -123,21 +122,6 @@ pub fn deliver(effects: &Effects, draw: Draw, n_frames: u64, rate_hz: f64, entri
     let order = |arrival: &Arrival| arrival.arrived_secs.unwrap_or(arrival.captured_secs);
     arrivals.sort_by(|a, b| order(a).total_cmp(&order(b)).then(a.frame.cmp(&b.frame)));
     Delivery { clock, arrivals }
-}
-
-/// The picture as it arrives, where the damage is one of pictures.
-#[must_use]
-pub(super) fn damaged(
-    effects: &Effects,
-    draw: Draw,
-    frame: u64,
-    picture: &RgbImage,
-    entries: &Entries,
-) -> Option<RgbImage> {
-    let corrupt = effects.corrupt.as_ref().filter(|corrupt| corrupt.damage == Damage::Blocks)?;
-    let mut picture = picture.clone();
-    corrupt.damage_blocks(&mut picture, draw.at_frame(frame), &entries.tally());
-    Some(picture)
 }
 
 #[cfg(test)]

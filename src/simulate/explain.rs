@@ -4,11 +4,12 @@
 //! the same world without that effect: cast, sensor, delivery and codec together.
 
 use super::SimulateError;
-use super::delivery::{Fate, damaged, deliver};
+use super::delivery::deliver;
 use super::effects::{Draw, EffectKind, EffectStage, Effects};
-use super::station::Station;
+use super::station::{Station, Wanted};
 use super::video::{Codec, VideoWriter};
 use super::world::World;
+use super::write::send;
 use crate::clock::Clock;
 use crate::geometry::{Camera, Distortion};
 use serde::Serialize;
@@ -16,12 +17,12 @@ use serde::Serialize;
 /// How it is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExplainOptions {
-    /// Columns and rows of the pictures. Default 640 x 360.
-    pub size_px: (u32, u32),
+    /// Columns and rows of the pictures. Default: each camera's own.
+    pub size_px: Option<(u32, u32)>,
     /// Samples a pixel, each way, 1 to 16. Default 3.
     pub samples_per_side: u32,
-    /// Frames a second. Default 10.
-    pub rate_hz: f64,
+    /// Frames a second. Default: each camera's own.
+    pub rate_hz: Option<f64>,
     /// Frames of each measurement, 1 to 1000. Default 3.
     pub n_frames: u64,
     /// How often everything is measured, 1 to 100; the least time of each counts. Default 2.
@@ -30,7 +31,7 @@ pub struct ExplainOptions {
 
 impl Default for ExplainOptions {
     fn default() -> Self {
-        Self { size_px: (640, 360), samples_per_side: 3, rate_hz: 10.0, n_frames: 3, n_rounds: 2 }
+        Self { size_px: None, samples_per_side: 3, rate_hz: None, n_frames: 3, n_rounds: 2 }
     }
 }
 
@@ -109,7 +110,7 @@ pub fn explain(
     clock: &dyn Clock,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Explanation, SimulateError> {
-    let cameras = world.cameras(options.size_px)?;
+    let cameras = world.cameras_at(options.size_px)?;
     let Some((id, camera)) = cameras.first() else {
         return Err(SimulateError::View { field: "world", allowed: "one with a camera" });
     };
@@ -117,14 +118,16 @@ pub fn explain(
     if !(1..=1000).contains(&options.n_frames) || !(1..=100).contains(&options.n_rounds) {
         return range("number of measured frames or rounds", "1 to 1000 frames and 1 to 100 rounds");
     }
-    if !(0.1..=240.0).contains(&options.rate_hz) {
+    let own_rate_hz = world.camera_settings().next().map_or(10.0, |setting| setting.rate_hz);
+    let rate_hz = options.rate_hz.unwrap_or(own_rate_hz);
+    if !(0.1..=240.0).contains(&rate_hz) {
         return range("rate", "0.1 to 240 frames a second");
     }
     let named: Vec<EffectKind> = world.effects().named().collect();
     let seed = world.effects().seed;
     let mut variants = vec![world.clone(), world.with_effects(Effects { seed, ..Effects::default() })];
     variants.extend(named.iter().map(|kind| world.with_effects(world.effects().clone().without(*kind))));
-    let mut meter = Meter { options, clock, id: id.as_ref(), camera };
+    let mut meter = Meter { options, clock, id, camera, rate_hz };
     let mut least_ms = vec![f64::INFINITY; variants.len()];
     let n_steps = variants.len() * options.n_rounds as usize + 1;
     for round in 0..options.n_rounds as usize {
@@ -151,7 +154,7 @@ pub fn explain(
     Ok(Explanation {
         world: world.id().to_owned(),
         camera: (*id).to_string(),
-        size_px: options.size_px,
+        size_px: camera.size_px(),
         samples_per_side: options.samples_per_side,
         n_threads: rayon::current_num_threads(),
         still_world,
@@ -167,7 +170,7 @@ fn still_world(world: &World) -> StillWorld {
     let changes_it = |kind: &EffectKind| {
         let others = EffectKind::ALL.into_iter().filter(|other| other != kind);
         let alone = others.fold(world.effects().clone(), Effects::without);
-        !world.with_effects(alone).plates_last(true)
+        !world.with_effects(alone).plates_last_for_cameras()
     };
     let changing: Vec<&str> = world.effects().named().filter(changes_it).map(EffectKind::id).collect();
     let reason = match &changing[..] {
@@ -175,7 +178,7 @@ fn still_world(world: &World) -> StillWorld {
         [one] => format!("{one} changes it between frames"),
         many => format!("{} change it between frames", many.join(", ")),
     };
-    StillWorld { is_cast_once: world.plates_last(true), reason, cost_ms: 0.0 }
+    StillWorld { is_cast_once: world.plates_last_for_cameras(), reason, cost_ms: 0.0 }
 }
 
 /// Measures frames of one camera.
@@ -184,33 +187,26 @@ struct Meter<'a> {
     clock: &'a dyn Clock,
     id: &'a str,
     camera: &'a Camera,
+    rate_hz: f64,
 }
 
 impl Meter<'_> {
     /// Milliseconds of a frame, from the world to the encoded picture; without the still world where that is cast once.
     fn frame_ms(&mut self, world: &World) -> Result<f64, SimulateError> {
-        let ExplainOptions { size_px, samples_per_side, rate_hz, n_frames, .. } = *self.options;
+        let ExplainOptions { samples_per_side, n_frames, .. } = *self.options;
+        let rate_hz = self.rate_hz;
         let (effects, entries) = (world.effects(), world.entries());
-        let mut station = Station::new(world, self.id, self.camera, samples_per_side, rate_hz, false)?;
+        let mut station =
+            Station::new(world, self.id, self.camera, samples_per_side, rate_hz, Wanted::Picture)?;
         let draw = Draw::of_camera(effects.seed, self.id);
-        let mut video = VideoWriter::nowhere(size_px, rate_hz, &Codec::of(effects, entries))?;
+        let mut video = VideoWriter::nowhere(self.camera.size_px(), rate_hz, &Codec::of(effects, entries))?;
         let start = self.clock.monotonic();
         let arrivals = deliver(effects, draw, n_frames, rate_hz, entries).arrivals;
         for frame in 0..n_frames {
             let time_secs = frame as f64 / rate_hz;
-            let shot = station.shoot(frame, time_secs, false)?;
+            let shot = station.shoot(frame, time_secs, Wanted::Picture)?;
             for arrival in arrivals.iter().filter(|arrival| arrival.frame == frame) {
-                let Some(clip_secs) = arrival.clip_secs else { continue };
-                let broken = arrival
-                    .has(Fate::Corrupted)
-                    .then(|| damaged(effects, draw, frame, shot.picture(), entries))
-                    .flatten();
-                video.push(
-                    broken.as_ref().unwrap_or_else(|| shot.picture()),
-                    clip_secs,
-                    0.5 / rate_hz,
-                    None,
-                )?;
+                send(world, &mut video, draw, arrival, shot.picture(), rate_hz)?;
             }
         }
         video.finish()?;
@@ -264,7 +260,7 @@ mod tests {
     fn the_plaza_says_what_it_names_and_why() {
         let world = World::plaza();
         let options = ExplainOptions {
-            size_px: (64, 36),
+            size_px: Some((64, 36)),
             samples_per_side: 1,
             n_frames: 1,
             n_rounds: 1,

@@ -1,15 +1,20 @@
 //! Worlds with exact truth: frames, instance masks, depth, positions and any extra view.
 //!
 //! ```text
-//! World ──cast──▶ Plate ──with figures at t──▶ Truth (picture, instances, depth)
-//!                                               ├──video──▶ one clip a camera (VP8 in WebM)
-//!                                               └──write──▶ masks, depth, positions, views
-//! World ──document──▶ scene document, calibrations, configuration
+//! World ──cast──▶ Plate ──with what moves at t──▶ Truth (clean picture, instances, depth, normals, shadow)
+//!                                                   │ ├──truth──▶ masks, labels, depth, normals, positions, views
+//!                                                   ▼ └──────────────────────────────────────┐
+//!                                   sensor (weather, exposure, noise) ──▶ what the camera gave ┘
+//!                                                   ▼
+//!                                   delivery (what arrives, when) ──video──▶ one clip a camera (VP8 in WebM)
+//! JSON ──world_file──▶ World ──document──▶ scene document, calibrations, configuration
+//! World ──explain──▶ which effects it names, and what each costs
 //! ```
 //!
 //! An f64 ray caster on the CPU that shares `geometry` (and frame types) with the rest of the crate and never
 //! `render`, so that the errors of one do not cancel in the other.
 
+mod actor;
 mod bounds;
 mod cast;
 mod delivery;
@@ -17,38 +22,45 @@ mod document;
 pub mod effects;
 mod explain;
 mod figure;
+#[cfg(test)]
+mod hand_checked;
 mod light;
+mod material;
 mod moment;
-mod noise;
-mod paint;
-mod path;
-mod plaza;
+mod options;
+#[cfg(test)]
+mod proof;
 mod seen;
 mod sensor;
 mod shade;
 mod shape;
 mod solids;
 mod station;
+mod sun;
 mod terrain;
 mod truth;
 mod video;
 mod world;
+mod world_file;
 mod write;
 
+pub use actor::ActorKind;
 pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};
 pub use explain::{EffectLine, ExplainOptions, Explanation, LensLine, StillWorld, explain};
 pub use moment::Shot;
+pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
+pub use station::{Exposure, Station, Wanted};
 pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
-pub use world::{FigurePosition, World, pinhole};
-pub use write::{ExtraView, Parts, SimulateOptions, Step, Written, run, write, write_with};
+pub use world::{CameraSetting, FigurePosition, ViewSetting, World, pinhole};
+pub use write::{run, write, write_with};
 
-use crate::error::ErrorKind;
+use crate::error::{ErrorKind, Fault, join_faults};
 use crate::geometry::CameraError;
 use std::path::PathBuf;
 
@@ -56,10 +68,26 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum SimulateError {
     /// No such world.
-    #[error("there is no world named {id:?}; there is plaza")]
+    #[error("{message}")]
     UnknownWorld {
-        /// What was asked for.
-        id: String,
+        /// What was asked for, what was probably meant and what there is.
+        message: String,
+    },
+    /// A world's file could not be read.
+    #[error("cannot read the world: {source}: {}", path.display())]
+    Unreadable {
+        /// Which file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A world's document is faulty.
+    #[error("{}: {path}", join_faults(faults))]
+    World {
+        /// Which world or file.
+        path: String,
+        /// Its faults; never empty.
+        faults: Vec<Fault>,
     },
     /// A time that is none.
     #[error("time must be a finite number of seconds")]
@@ -122,10 +150,15 @@ pub enum SimulateError {
 impl SimulateError {
     /// What the caller can do about it.
     #[must_use]
-    pub const fn kind(&self) -> ErrorKind {
+    pub fn kind(&self) -> ErrorKind {
         match self {
             Self::UnknownWorld { .. } => ErrorKind::NotFound,
+            Self::Unreadable { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                ErrorKind::NotFound
+            }
             Self::Time
+            | Self::Unreadable { .. }
+            | Self::World { .. }
             | Self::Samples
             | Self::View { .. }
             | Self::Camera(_)

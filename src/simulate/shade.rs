@@ -5,9 +5,9 @@
 
 use super::effects::{Draw, EffectKind, LightGains, Tally, WetGround};
 use super::light::{Share, Source, off_surface};
+use super::material::WallPoint;
+use super::material::noise::noise;
 use super::moment::Moment;
-use super::noise::noise;
-use super::paint::WallPoint;
 use super::solids::{Crowns, SolidHit, SolidId};
 use super::world::{World, srgb_code};
 use crate::geometry::{Face, OrientedBox, Ray, SurfaceId};
@@ -150,8 +150,9 @@ impl Scene<'_> {
                 lamp @ Source::Lamp(_) => lamp,
             };
             let end = source.beyond(start);
-            !self.world.solids.is_hidden_with(self.crowns(), start, end)
-                && !(shadows.actors_cast() && self.moment.actors.hide(start, end))
+            let is_hidden = self.world.solids.is_hidden_with(self.crowns(), start, end)
+                || (shadows.actors_cast() && self.moment.actors.hide(start, end));
+            !is_hidden
         };
         self.world.light.on(place, normal, &self.moment.gains, is_seen)
     }
@@ -171,17 +172,15 @@ impl World {
     /// What share of light a place of something that stands reflects, for a sample of this width.
     fn albedo(&self, hit: &SolidHit, footprint_m: f64) -> DVec3 {
         match hit.solid {
-            SolidId::Ground(idx) => {
-                self.ground_paints[usize::from(idx)].albedo(hit.point.truncate(), footprint_m)
-            }
+            SolidId::Ground(idx) => self.ground_paints[usize::from(idx)]
+                .albedo(&WallPoint::ground(hit.point.truncate()), footprint_m),
             SolidId::Box(idx) => {
                 let idx = usize::from(idx);
                 self.box_paints[idx].albedo(&self.wall_point(idx, hit), footprint_m)
             }
-            SolidId::Terrain => self
-                .terrain_paint
-                .as_ref()
-                .map_or(DVec3::ZERO, |paint| paint.albedo(hit.point.truncate(), footprint_m)),
+            SolidId::Terrain => self.terrain_paint.as_ref().map_or(DVec3::ZERO, |paint| {
+                paint.albedo(&WallPoint::ground(hit.point.truncate()), footprint_m)
+            }),
             SolidId::Post(_) => self.solids.part(hit.solid).map_or(DVec3::ZERO, |part| part.color),
             SolidId::Crown(_) => self.solids.part(hit.solid).map_or(DVec3::ZERO, |part| {
                 let at = hit.point.truncate() + DVec2::new(0.7, -0.6) * hit.point.z;
@@ -215,17 +214,19 @@ impl World {
         }
     }
 
+    /// Light that a place of the still world sends back, for a sample 5 cm wide.
+    pub(super) fn still_light(&self, hit: &SolidHit) -> DVec3 {
+        let is_seen = |start: DVec3, source: Source| {
+            self.effects.cast_shadows.is_none() || !self.solids.is_hidden(start, source.beyond(start))
+        };
+        let falling = self.light.on(hit.point, hit.normal, &LightGains::default(), is_seen);
+        self.albedo(hit, footprint_m(0.05, 1.0)) * falling
+    }
+
     /// The mean colour of a surface (a box's walls) as it is lit, 8-bit sRGB: what a scene shows where no camera
     /// looks.
     pub(super) fn mean_srgb(&self, surface: SurfaceId) -> [u8; 3] {
         const STEPS: u32 = 48;
-        let gains = LightGains::default();
-        let falling = |place: DVec3, normal: DVec3| {
-            let is_seen = |start: DVec3, source: Source| {
-                self.effects.cast_shadows.is_none() || !self.solids.is_hidden(start, source.beyond(start))
-            };
-            self.light.on(place, normal, &gains, is_seen)
-        };
         let share = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
         let mut add = |point: DVec3, normal: DVec3, face: Face| {
@@ -234,7 +235,7 @@ impl World {
                 SurfaceId::Box(idx) => SolidId::Box(idx),
             };
             let hit = SolidHit { distance_m: 1.0, point, normal, face, solid };
-            sum += self.albedo(&hit, footprint_m(0.05, 1.0)) * falling(point, normal);
+            sum += self.still_light(&hit);
             count += 1.0;
         };
         match surface {

@@ -63,6 +63,10 @@ pub(super) struct Crowns {
 }
 
 impl Crowns {
+    const fn is_empty(&self) -> bool {
+        self.parts.is_empty()
+    }
+
     fn new(parts: Vec<Part>, heights_m: Vec<f64>, quality: Quality) -> Self {
         let bounds: Vec<Bounds> = parts.iter().map(|part| part.shape.bounds()).collect();
         Self { tree: BoundsTree::new(&bounds, quality), parts, heights_m }
@@ -139,6 +143,11 @@ impl Solids {
     #[must_use]
     pub const fn surfaces(&self) -> &Surfaces {
         &self.surfaces
+    }
+
+    /// Whether anything stands but ground and boxes.
+    pub(super) const fn has_shapes(&self) -> bool {
+        !self.posts.is_empty() || !self.crowns.is_empty()
     }
 
     /// Uneven ground, where there is any.
@@ -262,7 +271,7 @@ pub(super) fn line(from: DVec3, to: DVec3) -> Option<(Ray, f64)> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::noise::hash01;
+    use super::super::material::noise::hash01;
     use super::super::shape::Shape;
     use super::*;
     use crate::geometry::{GroundPolygon, OrientedBox};
@@ -360,12 +369,11 @@ mod tests {
                 let axis = [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z][i as usize % 6];
                 check(at + ((eye - at) * 2.0).round() * 0.5, axis);
                 // On from a surface, off it, along it.
-                if let Some(hit) = solids.hit(&Ray { origin: eye, direction }) {
-                    let along = hit.normal.any_orthonormal_vector();
-                    for direction in [direction, hit.normal, along, -hit.normal] {
-                        check(hit.point, direction);
-                        check(hit.point + hit.normal * 1e-3, direction);
-                    }
+                let Some(hit) = solids.hit(&Ray { origin: eye, direction }) else { continue };
+                let along = hit.normal.any_orthonormal_vector();
+                for direction in [direction, hit.normal, along, -hit.normal] {
+                    check(hit.point, direction);
+                    check(hit.point + hit.normal * 1e-3, direction);
                 }
             }
             assert!(n_hits > 3000 && n_rays - n_hits > 300, "{n_hits} of {n_rays} rays meet something");

@@ -13,7 +13,7 @@ use crate::frame::RgbImage;
 use crate::geometry::Camera;
 
 /// A camera of a world, or a view where none stands.
-pub(super) struct Station<'a> {
+pub struct Station<'a> {
     world: &'a World,
     /// The camera's id; a view has none.
     device: Option<String>,
@@ -22,37 +22,50 @@ pub(super) struct Station<'a> {
     samples_per_side: u32,
 }
 
+/// What is wanted of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Wanted {
+    /// What the camera gives.
+    Picture,
+    /// That, and everything that is known about it.
+    Truth,
+}
+
 /// One frame.
-pub(super) struct Exposure {
+#[derive(Clone, Debug)]
+pub struct Exposure {
     /// The clean picture and what is known about it.
-    pub(super) truth: Truth,
+    pub truth: Truth,
     /// What the sensor gave, if that is another picture.
-    pub(super) from_sensor: Option<RgbImage>,
+    pub from_sensor: Option<RgbImage>,
 }
 
 impl Exposure {
     /// What the camera gave.
-    pub(super) fn picture(&self) -> &RgbImage {
+    #[must_use]
+    pub fn picture(&self) -> &RgbImage {
         self.from_sensor.as_ref().unwrap_or(&self.truth.rgb)
     }
 }
 
 impl<'a> Station<'a> {
-    /// The world's camera with this id, which takes `rate_hz` frames a second; `is_truth_wanted` of any of them.
-    pub(super) fn new(
+    /// The world's camera with this id, which takes `rate_hz` frames a second; `wanted` is the most that is wanted of
+    /// any of them.
+    ///
+    /// # Errors
+    /// As [`World::plate_with`].
+    pub fn new(
         world: &'a World,
         id: &str,
         camera: &Camera,
         samples_per_side: u32,
         rate_hz: f64,
-        is_truth_wanted: bool,
+        wanted: Wanted,
     ) -> Result<Self, SimulateError> {
         let draw = Draw::of_camera(world.effects().seed, id);
         let sensor = Sensor::new(world.effects(), world.entries(), draw, 1.0 / rate_hz);
-        let options = CastOptions {
-            layers: layers(is_truth_wanted, sensor.is_some()),
-            ..CastOptions::new(samples_per_side)
-        };
+        let options =
+            CastOptions { layers: layers(wanted, sensor.as_ref()), ..CastOptions::new(samples_per_side) };
         let plate = world.plate_with(camera, &options)?;
         Ok(Self { world, device: Some(id.to_owned()), plate, sensor, samples_per_side })
     }
@@ -63,7 +76,8 @@ impl<'a> Station<'a> {
         camera: &Camera,
         samples_per_side: u32,
     ) -> Result<Self, SimulateError> {
-        let options = CastOptions { layers: layers(true, false), ..CastOptions::new(samples_per_side) };
+        let options =
+            CastOptions { layers: layers(Wanted::Truth, None), ..CastOptions::new(samples_per_side) };
         let plate = world.plate_with(camera, &options)?;
         Ok(Self { world, device: None, plate, sensor: None, samples_per_side })
     }
@@ -72,7 +86,9 @@ impl<'a> Station<'a> {
         self.plate.camera()
     }
 
-    pub(super) const fn plate(&self) -> &Plate {
+    /// The still world as the camera sees it.
+    #[must_use]
+    pub const fn plate(&self) -> &Plate {
         &self.plate
     }
 
@@ -85,18 +101,16 @@ impl<'a> Station<'a> {
         self.sensor.is_some() && self.world.effects().exposure.is_some()
     }
 
-    /// The frame at `time_secs`; with all layers of truth if `is_truth_wanted`.
-    pub(super) fn shoot(
-        &mut self,
-        frame: u64,
-        time_secs: f64,
-        is_truth_wanted: bool,
-    ) -> Result<Exposure, SimulateError> {
+    /// The frame at `time_secs`; with all layers of truth if they are wanted. Frames must come in their order.
+    ///
+    /// # Errors
+    /// As [`World::cast`].
+    pub fn shoot(&mut self, frame: u64, time_secs: f64, wanted: Wanted) -> Result<Exposure, SimulateError> {
         let device = self.device.as_deref();
-        let mut truth = if self.world.plates_last(device.is_some()) {
+        let mut truth = if self.world.plate_lasts(device) {
             self.world.cast_over(&self.plate, device, time_secs)?
         } else {
-            let layers = layers(is_truth_wanted, self.sensor.is_some());
+            let layers = layers(wanted, self.sensor.as_ref());
             let options = CastOptions { layers, ..CastOptions::new(self.samples_per_side) };
             self.world.cast(&Shot { camera: self.plate.camera(), device, time_secs }, &options)?
         };
@@ -111,6 +125,7 @@ impl<'a> Station<'a> {
 }
 
 /// What is cast of a frame beside its picture.
-const fn layers(is_truth_wanted: bool, has_sensor: bool) -> Layers {
-    Layers { normals: is_truth_wanted, shadow: is_truth_wanted, partial: is_truth_wanted, linear: has_sensor }
+fn layers(wanted: Wanted, sensor: Option<&Sensor<'_>>) -> Layers {
+    let is_truth = wanted == Wanted::Truth;
+    Layers { normals: is_truth, shadow: is_truth, partial: is_truth, linear: sensor.is_some() }
 }

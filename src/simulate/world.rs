@@ -1,38 +1,46 @@
 //! A simulated world: what stands, what moves, what looks at it.
 //!
-//! Owns the world's parts and answers where its figures are. What numbers a world is made of stands in a file of its
-//! own (`plaza`); what a place looks like is `shade`'s, pictures are `cast`'s.
+//! Owns the world's parts and answers where its actors are. What numbers a world is made of stands in a document
+//! (`world_file`); what a place looks like is `shade`'s, pictures are `cast`'s.
 
 use super::SimulateError;
+use super::actor::{Actor, ActorKind, WorldTime};
 use super::effects::{Effects, Entries};
-use super::figure::{Body, Figure};
+use super::figure::Body;
 use super::light::Light;
-use super::paint::{BoxPaint, GroundPaint};
+use super::material::Material;
 use super::solids::Solids;
+use super::world_file::ground_height;
 use crate::frame::srgb_from_linear;
 use crate::geometry::{Camera, Distortion, Pose, Surfaces};
+use crate::scene::OriginDocument;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
+
+/// Length of a clip of a world that does not repeat, seconds.
+const CLIP_SECS: f64 = 20.0;
 
 /// A world with exact truth about everything in it.
 #[derive(Clone, Debug)]
 pub struct World {
-    pub(super) id: &'static str,
-    pub(super) name: &'static str,
-    pub(super) period_secs: f64,
+    pub(super) id: String,
+    pub(super) name: String,
+    pub(super) origin: Option<OriginDocument>,
+    pub(super) period_secs: Option<f64>,
     /// What stands.
     pub(super) solids: Solids,
     /// In the order of `surfaces.ground`.
-    pub(super) ground_paints: Vec<GroundPaint>,
+    pub(super) ground_paints: Vec<Arc<Material>>,
     /// In the order of `surfaces.boxes`.
-    pub(super) box_paints: Vec<BoxPaint>,
+    pub(super) box_paints: Vec<Arc<Material>>,
     /// In the order of `surfaces.boxes`.
-    pub(super) box_ids: Vec<&'static str>,
+    pub(super) box_ids: Vec<String>,
     /// What the terrain is painted with, where there is one.
-    pub(super) terrain_paint: Option<GroundPaint>,
+    pub(super) terrain_paint: Option<Arc<Material>>,
     /// In the order of `surfaces.boxes`: turn from east towards north.
     pub(super) box_yaws_deg: Vec<f64>,
-    pub(super) figures: Vec<Figure>,
+    /// In the order of their instances.
+    pub(super) actors: Vec<Actor>,
     pub(super) light: Light,
     pub(super) effects: Effects,
     /// How often the effects' code was entered for this world and its clones.
@@ -40,13 +48,14 @@ pub struct World {
     pub(super) sky_srgb: [u8; 3],
     pub(super) sky: DVec3,
     pub(super) cameras: Vec<WorldCamera>,
-    /// Where the world's scene is seen from, where a request names no place.
-    pub(super) view: WorldView,
+    /// Places where no camera stands; the first is where the world's scene is seen from.
+    pub(super) views: Vec<WorldView>,
 }
 
-/// A place to look from, written into the scene document.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
+/// A place to look from.
+#[derive(Clone, Debug)]
 pub(super) struct WorldView {
+    pub(super) id: String,
     pub(super) eye_m: [f64; 3],
     pub(super) target_m: [f64; 3],
     pub(super) fov_deg: f64,
@@ -55,55 +64,88 @@ pub(super) struct WorldView {
 /// A camera of a world, for pictures of any size.
 #[derive(Clone, Debug)]
 pub(super) struct WorldCamera {
-    pub(super) id: &'static str,
+    pub(super) id: String,
     /// Name for people.
-    pub(super) name: &'static str,
-    pub(super) eye: DVec3,
-    pub(super) target: DVec3,
-    /// Horizontal field of view of the lens without its distortion.
-    pub(super) fov_x_rad: f64,
+    pub(super) name: String,
+    pub(super) pose: Pose,
+    pub(super) focal: Focal,
     pub(super) distortion: Distortion,
+    /// Columns and rows of its own pictures.
+    pub(super) size_px: (u32, u32),
+    pub(super) rate_hz: f64,
 }
 
-/// Where a figure is at an instant.
+/// How long a lens is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Focal {
+    /// Horizontal field of view: of the lens without its distortion, but a fisheye's own.
+    FieldOfView { x_rad: f64 },
+    /// Focal length in pixels of a picture so wide.
+    Length { px: f64, at_width_px: u32 },
+}
+
+/// What a camera of a world is like.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CameraSetting {
+    /// Its id.
+    pub id: String,
+    /// Name for people.
+    pub name: String,
+    /// Columns and rows of its own pictures.
+    pub size_px: (u32, u32),
+    /// Its own frames a second.
+    pub rate_hz: f64,
+}
+
+/// A place of a world from which to look where no camera stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewSetting {
+    /// Its id.
+    pub id: String,
+    /// The viewer's place, metres.
+    pub eye_in_world: DVec3,
+    /// What the viewer looks at, metres.
+    pub target_in_world: DVec3,
+    /// Vertical field of view, radians.
+    pub fov_y_rad: f64,
+}
+
+/// Where an actor is at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FigurePosition {
     /// Its value in instance masks, from 1.
     pub instance: u8,
-    /// Name for people.
-    pub name: &'static str,
-    /// The ground below its hips, metres.
+    /// Its id in the world's document.
+    pub name: String,
+    /// What it is.
+    pub kind: ActorKind,
+    /// The ground below its middle (of someone on foot, below the hips), metres.
     pub foot_in_world: DVec3,
-    /// Direction walked, from east towards north.
+    /// Direction of travel, from east towards north.
     pub heading_rad: f64,
-    /// Highest point above the ground, metres.
+    /// Highest point above the ground below its middle, metres.
     pub height_m: f64,
     /// Low and high corner of the tightest box along the world's axes, metres.
     pub box_in_world: (DVec3, DVec3),
 }
 
 impl World {
-    /// The world with this id: so far only `plaza`.
-    ///
-    /// # Errors
-    /// When there is no such world.
-    pub fn named(id: &str) -> Result<Self, SimulateError> {
-        match id {
-            "plaza" => Ok(Self::plaza()),
-            _ => Err(SimulateError::UnknownWorld { id: id.to_owned() }),
-        }
-    }
-
     /// The id by which configurations and addresses name the world's scene.
     #[must_use]
-    pub const fn id(&self) -> &'static str {
-        self.id
+    pub fn id(&self) -> &str {
+        &self.id
     }
 
-    /// Seconds after which everything repeats.
+    /// Its name for people.
     #[must_use]
-    pub const fn period_secs(&self) -> f64 {
-        self.period_secs
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Length of a clip of the world, seconds: the time after which everything repeats, or 20 where nothing does.
+    #[must_use]
+    pub fn period_secs(&self) -> f64 {
+        self.period_secs.unwrap_or(CLIP_SECS)
     }
 
     /// Ground and boxes, as rays meet them.
@@ -130,14 +172,6 @@ impl World {
         Self { effects, entries: Arc::new(Entries::default()), ..self.clone() }
     }
 
-    /// The worlds that are known by name: their ids and what each is, in a line.
-    #[must_use]
-    pub fn catalogue() -> Vec<(String, String)> {
-        let plaza =
-            "40 m x 30 m of paving between a hall and a cafe, three figures on their rounds, three cameras";
-        vec![("plaza".to_owned(), plaza.to_owned())]
-    }
-
     /// How often the effects' code was entered for this world and its clones.
     #[must_use]
     pub fn entries(&self) -> &Entries {
@@ -154,36 +188,81 @@ impl World {
     ///
     /// # Errors
     /// When the size is none that a camera can have.
-    pub fn cameras(&self, size_px: (u32, u32)) -> Result<Vec<(&'static str, Camera)>, SimulateError> {
-        self.cameras.iter().map(|camera| Ok((camera.id, camera.at_size(size_px)?))).collect()
+    pub fn cameras(&self, size_px: (u32, u32)) -> Result<Vec<(&str, Camera)>, SimulateError> {
+        self.cameras.iter().map(|camera| Ok((camera.id.as_str(), camera.at_size(size_px)?))).collect()
     }
 
-    /// Where every figure is at `time_secs`, by instance.
+    /// As [`Self::cameras`], each with the size of its own pictures where none is given.
+    ///
+    /// # Errors
+    /// When the size is none that a camera can have.
+    pub fn cameras_at(&self, size_px: Option<(u32, u32)>) -> Result<Vec<(&str, Camera)>, SimulateError> {
+        let at_size = |camera: &'_ WorldCamera| camera.at_size(size_px.unwrap_or(camera.size_px));
+        self.cameras.iter().map(|camera| Ok((camera.id.as_str(), at_size(camera)?))).collect()
+    }
+
+    /// What the world's cameras are like, in the order of [`Self::cameras`].
+    pub fn camera_settings(&self) -> impl Iterator<Item = CameraSetting> + '_ {
+        self.cameras.iter().map(|camera| CameraSetting {
+            id: camera.id.clone(),
+            name: camera.name.clone(),
+            size_px: camera.size_px,
+            rate_hz: camera.rate_hz,
+        })
+    }
+
+    /// The world's own places to look from where no camera stands.
+    pub fn views(&self) -> impl Iterator<Item = ViewSetting> + '_ {
+        self.views.iter().map(|view| ViewSetting {
+            id: view.id.clone(),
+            eye_in_world: DVec3::from_array(view.eye_m),
+            target_in_world: DVec3::from_array(view.target_m),
+            fov_y_rad: view.fov_deg.to_radians(),
+        })
+    }
+
+    /// Height of the topmost ground at a place, metres; 0 beside all ground.
+    #[must_use]
+    pub fn ground_height(&self, at: DVec2) -> f64 {
+        ground_height(self.solids.surfaces(), self.solids.terrain(), at)
+    }
+
+    /// Where every actor that is there at `time_secs` is, by instance.
     ///
     /// # Errors
     /// When the time is not a finite number.
     pub fn figures(&self, time_secs: f64) -> Result<Vec<FigurePosition>, SimulateError> {
         let bodies = self.bodies(time_secs)?;
-        let positions = self.figures.iter().zip(bodies).zip(1..).map(|((figure, body), instance)| {
+        let actors = self.actors.iter().zip(bodies).zip(1..).filter(|((_, body), _)| body.is_present());
+        let positions = actors.map(|((actor, body), instance)| {
             let (low, high) = body.bounds;
             FigurePosition {
                 instance,
-                name: figure.name,
+                name: actor.id.clone(),
+                kind: actor.kind(),
                 foot_in_world: body.foot,
                 heading_rad: body.heading.to_angle(),
-                height_m: high.z,
+                height_m: high.z - body.foot.z,
                 box_in_world: (low, high),
             }
         });
         Ok(positions.collect())
     }
 
+    /// The body of every actor, by instance; of those that are not there, absent ones.
     pub(super) fn bodies(&self, time_secs: f64) -> Result<Vec<Body>, SimulateError> {
         if !time_secs.is_finite() {
             return Err(SimulateError::Time);
         }
-        let phase = (time_secs / self.period_secs).rem_euclid(1.0);
-        Ok(self.figures.iter().map(|figure| figure.body(phase)).collect())
+        let time = WorldTime::new(time_secs, self.period_secs);
+        let ground = |at: DVec2| self.ground_height(at);
+        Ok(self.actors.iter().map(|actor| actor.body(time, &ground)).collect())
+    }
+
+    /// Everything that the world is painted with.
+    #[cfg(test)]
+    pub(super) fn materials(&self) -> impl Iterator<Item = &Material> {
+        self.ground_paints.iter().chain(&self.box_paints).chain(&self.terrain_paint).map(AsRef::as_ref)
     }
 }
 
@@ -193,14 +272,21 @@ pub(super) fn srgb_code(linear: f64) -> u8 {
 }
 
 impl WorldCamera {
-    fn at_size(&self, size_px: (u32, u32)) -> Result<Camera, SimulateError> {
+    /// The camera's calibration for pictures of this size.
+    pub(super) fn at_size(&self, size_px: (u32, u32)) -> Result<Camera, SimulateError> {
         let size = DVec2::new(f64::from(size_px.0), f64::from(size_px.1));
-        let focal_px = size.x * 0.5 / (self.fov_x_rad * 0.5).tan();
-        let pose = Pose::looking_at(self.eye, self.target).ok_or(SimulateError::View {
-            field: "camera",
-            allowed: "somewhere else than what it looks at",
-        })?;
-        Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, self.distortion, pose)?)
+        let focal_px = match (self.focal, self.distortion) {
+            (Focal::Length { px, at_width_px }, _) => px * size.x / f64::from(at_width_px),
+            (Focal::FieldOfView { x_rad }, Distortion::Fisheye { coefficients: [k1, k2, k3, k4] }) => {
+                // The picture's edge is theta (1 + k1 theta^2 + ...) focal lengths from its middle.
+                let theta = x_rad * 0.5;
+                let square = theta * theta;
+                let bent = theta * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))));
+                size.x * 0.5 / bent
+            }
+            (Focal::FieldOfView { x_rad }, _) => size.x * 0.5 / (x_rad * 0.5).tan(),
+        };
+        Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, self.distortion, self.pose)?)
     }
 }
 

@@ -2,17 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
+use crate::support::video::decode_timed;
 use glam::{DVec2, DVec3};
-use gstreamer as gst;
-use gstreamer::prelude::*;
-use gstreamer_app as gst_app;
-use gstreamer_video as gst_video;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use videofields::accuracy::compare;
 use videofields::calibrate::CameraDocument;
 use videofields::error::ErrorKind;
-use videofields::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage, YuvLayout};
+use videofields::frame::RgbImage;
 use videofields::geometry::{Camera, OrientedBox, Ray};
 use videofields::simulate::{
     ExtraView, Parts, SimulateError, SimulateOptions, Truth, World, Written, pinhole, run, write,
@@ -25,7 +22,7 @@ fn view_from_the_south() -> Camera {
 }
 
 /// The world's cameras and a view where none stands.
-fn cameras(world: &World) -> Vec<(&'static str, Camera)> {
+fn cameras(world: &World) -> Vec<(&str, Camera)> {
     let mut cameras = world.cameras(SIZE).unwrap();
     cameras.push(("view", view_from_the_south()));
     cameras
@@ -381,42 +378,14 @@ fn the_scene_document_tells_of_the_same_world() {
 
 /// All frames of a video, as a decoder gives them.
 fn decode(path: &Path) -> Vec<RgbImage> {
-    gst::init().unwrap();
-    let description =
-        "filesrc name=file ! decodebin ! appsink name=out sync=false caps=video/x-raw,format=I420";
-    let pipeline = gst::parse::launch(description).unwrap().downcast::<gst::Pipeline>().unwrap();
-    pipeline.by_name("file").unwrap().set_property("location", path);
-    let sink = pipeline.by_name("out").unwrap().downcast::<gst_app::AppSink>().unwrap();
-    pipeline.set_state(gst::State::Playing).unwrap();
-    let mut frames = Vec::new();
-    while let Ok(sample) = sink.pull_sample() {
-        let info = gst_video::VideoInfo::from_caps(sample.caps().unwrap()).unwrap();
-        assert_eq!(info.colorimetry().matrix(), gst_video::VideoColorMatrix::Bt601);
-        assert_eq!(info.colorimetry().range(), gst_video::VideoColorRange::Range16_235);
-        let buffer = sample.buffer_owned().unwrap();
-        let frame = gst_video::VideoFrame::from_buffer_readable(buffer, &info).unwrap();
-        let layout = YuvLayout::packed(info.width(), info.height());
-        let mut data = Vec::new();
-        for plane in 0..3 {
-            let width = if plane == 0 { layout.width } else { layout.chroma_width() } as usize;
-            let height = if plane == 0 { layout.height } else { layout.chroma_height() } as usize;
-            let stride = info.stride()[plane as usize] as usize;
-            for row in frame.plane_data(plane).unwrap().chunks(stride).take(height) {
-                data.extend_from_slice(&row[..width]);
-            }
-        }
-        frames.push(YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap().to_rgb());
-    }
-    assert!(sink.is_eos(), "{}: the pipeline failed", path.display());
-    pipeline.set_state(gst::State::Null).unwrap();
-    frames
+    decode_timed(path).into_iter().map(|(picture, _)| picture).collect()
 }
 
 fn small_options(out_dir: PathBuf) -> SimulateOptions {
     SimulateOptions {
         seconds: Some(0.8),
-        rate_hz: 10.0,
-        size_px: (162, 90),
+        rate_hz: Some(10.0),
+        size_px: Some((162, 90)),
         samples_per_side: 2,
         truth_every_frames: 4,
         extra_views: vec![ExtraView {
@@ -446,7 +415,7 @@ fn what_is_written_is_what_is_true() {
     }
     let scene = std::fs::read_to_string(options.out_dir.join(&settings.scene[0].file)).unwrap();
     assert_eq!(scene, world.scene_json(options.size_px).unwrap());
-    for ((id, camera), clip) in world.cameras(options.size_px).unwrap().iter().zip(&clips) {
+    for ((id, camera), clip) in world.cameras_at(options.size_px).unwrap().iter().zip(&clips) {
         let text = std::fs::read_to_string(options.out_dir.join(format!("calibration/{id}.json"))).unwrap();
         let document: CameraDocument = serde_json::from_str(&text).unwrap();
         assert_eq!(document, CameraDocument::from_camera(camera));
@@ -503,15 +472,16 @@ fn views_alone_are_written_at_the_times_asked_for() {
         names
     };
     assert_eq!(names(folder.path()), ["calibration", "truth"]);
-    assert_eq!(names(&folder.path().join("truth")), ["from-the-south"]);
-    let kinds = ["background.png", "depth", "frame", "instance", "seen", "static"];
+    assert_eq!(names(&folder.path().join("truth")), ["from-the-south", "truth.json"]);
+    let kinds =
+        ["background.png", "depth", "frame", "instance", "label", "normal", "seen", "shadow", "static"];
     assert_eq!(names(&views[0]), kinds);
     for kind in &kinds[1..] {
         assert_eq!(names(&views[0].join(kind)), ["000002.png", "000007.png"], "{kind}");
     }
     let view = &options.extra_views[0];
     let camera = pinhole(view.eye_in_world, view.target_in_world, view.fov_y_rad, view.size_px).unwrap();
-    let judged = world.judged_view(&camera, 0.7, 2, options.size_px).unwrap();
+    let judged = world.judged_view(&camera, 0.7, 2, (162, 90)).unwrap();
     let read = |kind: &str| image::open(views[0].join(kind).join("000007.png")).unwrap();
     assert_eq!(read("frame").into_rgb8().into_raw(), judged.truth.rgb.data);
     assert_eq!(read("seen").into_luma8().into_raw(), judged.seen.data);
@@ -614,10 +584,10 @@ fn what_cannot_be_simulated_is_refused_by_name() {
         assert!(error.to_string().contains(expected), "{error}");
         assert!(!options.out_dir.is_dir(), "{expected}: something was written");
     };
-    check(&|o| o.rate_hz = f64::NAN, "rate must be 0.1 to 240");
-    check(&|o| o.rate_hz = 0.0, "rate");
-    check(&|o| o.size_px = (0, 360), "picture size must be 16 to 16383");
-    check(&|o| o.size_px = (640, 16_384), "picture size");
+    check(&|o| o.rate_hz = Some(f64::NAN), "rate must be 0.1 to 240");
+    check(&|o| o.rate_hz = Some(0.0), "rate");
+    check(&|o| o.size_px = Some((0, 360)), "picture size must be 16 to 16383");
+    check(&|o| o.size_px = Some((640, 16_384)), "picture size");
     check(&|o| o.seconds = Some(f64::INFINITY), "length must be");
     check(&|o| o.seconds = Some(f64::NAN), "length");
     check(&|o| o.seconds = Some(-1.0), "length");

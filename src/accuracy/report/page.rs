@@ -100,7 +100,7 @@ const fn about(stage: Stage) -> &'static str {
         }
         Stage::Map => {
             "Every texel's world point against the simulator's depth, where the ray meets the surface at half a degree \
-             or more."
+             or more; of the first four cameras. What the world has and the scene does not is left out."
         }
         Stage::Surfaces => {
             "The still part of views where no camera stands, as far as a camera sees it. Seam energy is the step at \

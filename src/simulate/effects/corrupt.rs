@@ -37,6 +37,38 @@ impl Default for Corrupt {
     }
 }
 
+/// What befell a run of blocks.
+struct Run {
+    /// 0 shifted, 1 smeared from its left edge, else one colour.
+    kind: u8,
+    shift: [f64; 2],
+    tint: [u8; 3],
+}
+
+impl Run {
+    /// Damages the block whose top left pixel is given.
+    fn apply(&self, picture: &mut RgbImage, before: &[u8], left: usize, top: usize) {
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        let from = |x: f64, y: f64| {
+            let x = x.clamp(0.0, (width - 1) as f64) as usize;
+            let y = y.clamp(0.0, (height - 1) as f64) as usize;
+            let start = (y * width + x) * 3;
+            [before[start], before[start + 1], before[start + 2]]
+        };
+        for y in top..(top + BLOCK).min(height) {
+            for x in left..(left + BLOCK).min(width) {
+                let pixel = match self.kind {
+                    0 => from(x as f64 + self.shift[0], y as f64 + self.shift[1]),
+                    1 => from(left as f64, y as f64).map(|value| value ^ (self.tint[0] & 0x60)),
+                    _ => self.tint,
+                };
+                let start = (y * width + x) * 3;
+                picture.data[start..start + 3].copy_from_slice(&pixel);
+            }
+        }
+    }
+}
+
 /// Side of a macroblock, pixels.
 const BLOCK: usize = 16;
 /// Bytes at the start of a VP8 frame that are spared, so that it is still taken for one [RFC 6386 section 9.1].
@@ -70,28 +102,11 @@ impl Corrupt {
             let first = ((number(0) * n_blocks as f64) as usize).min(n_blocks - 1);
             // Lost slices are runs of blocks, up to a row of them.
             let length = (1 + (number(1) * columns as f64) as usize).min(left).min(n_blocks - first);
-            let kind = (number(2) * 3.0) as u8;
             let shift = [(number(3) * 2.0 - 1.0) * 48.0, (number(4) * 2.0 - 1.0) * 32.0];
             let tint = [number(5), number(6), number(7)].map(|value| (value * 255.0) as u8);
+            let damage = Run { kind: (number(2) * 3.0) as u8, shift, tint };
             for block in first..first + length {
-                let (left_px, top_px) = (block % columns * BLOCK, block / columns * BLOCK);
-                for y in top_px..(top_px + BLOCK).min(height) {
-                    for x in left_px..(left_px + BLOCK).min(width) {
-                        let from = |x: f64, y: f64| {
-                            let x = x.clamp(0.0, (width - 1) as f64) as usize;
-                            let y = y.clamp(0.0, (height - 1) as f64) as usize;
-                            let start = (y * width + x) * 3;
-                            [before[start], before[start + 1], before[start + 2]]
-                        };
-                        let pixel = match kind {
-                            0 => from(x as f64 + shift[0], y as f64 + shift[1]),
-                            1 => from(left_px as f64, y as f64).map(|value| value ^ (tint[0] & 0x60)),
-                            _ => tint,
-                        };
-                        let start = (y * width + x) * 3;
-                        picture.data[start..start + 3].copy_from_slice(&pixel);
-                    }
-                }
+                damage.apply(picture, &before, block % columns * BLOCK, block / columns * BLOCK);
             }
             left -= length;
             run += 1;

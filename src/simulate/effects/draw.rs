@@ -5,10 +5,10 @@
 use super::EffectKind;
 use std::f64::consts::TAU;
 
-/// The golden ratio's odd multiplier of SplitMix64.
+/// The golden ratio's odd multiplier of `SplitMix64`.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014, Fast splittable pseudorandom number generators).
+/// The finaliser of `SplitMix64` (Steele, Lea, Flood 2014, Fast splittable pseudorandom number generators).
 const fn finish(mut bits: u64) -> u64 {
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -36,7 +36,7 @@ impl Draw {
     /// The same camera's numbers for one frame.
     #[must_use]
     pub const fn at_frame(self, frame: u64) -> Self {
-        Self { state: mix(self.state ^ 0x6672_616d_65, frame) }
+        Self { state: mix(self.state ^ 0x66_7261_6d65, frame) }
     }
 
     /// Numbers of one effect alone.

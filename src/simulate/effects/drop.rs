@@ -6,6 +6,9 @@ use super::ranges::Ranges;
 use super::{Draw, EffectKind, Tally};
 use serde::{Deserialize, Serialize};
 
+/// Frames of the longest burst.
+const MOST_BURST_FRAMES: u32 = 1000;
+
 /// Settings of the loss.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -25,7 +28,7 @@ impl Default for Drop {
 impl Drop {
     pub(super) fn check(&self, ranges: &mut Ranges<'_>) {
         ranges.number("share", self.share, 0.0..=0.99);
-        ranges.count("burst_frames", self.burst_frames, 1..=1000);
+        ranges.count("burst_frames", self.burst_frames, 1..=MOST_BURST_FRAMES);
     }
 
     /// Whether the frame is lost; `camera` is the camera's draw.
@@ -34,8 +37,11 @@ impl Drop {
         tally.enter(EffectKind::Drop);
         // A frame is lost if any of the last n frames began a burst: 1 - (1 - start)^n is the share.
         let start = 1.0 - (1.0 - self.share).powf(1.0 / f64::from(self.burst_frames.max(1)));
-        let first = (frame + 1).saturating_sub(u64::from(self.burst_frames));
-        (first..=frame).any(|at| camera.at_frame(at).of_effect(EffectKind::Drop).unit(0) < start)
+        // Bursts may have begun before the first frame: they are counted from as far back as the longest reaches.
+        let last = frame + u64::from(MOST_BURST_FRAMES);
+        let first = last + 1 - u64::from(self.burst_frames.clamp(1, MOST_BURST_FRAMES));
+        let draw = camera.of_effect(EffectKind::Drop);
+        (first..=last).any(|at| draw.unit(at) < start)
     }
 }
 
@@ -59,5 +65,10 @@ mod tests {
             }
         }
         assert_eq!(entries.count(EffectKind::Drop), 60_000);
+        // The first frames are lost as often as any.
+        let drop = Drop { share: 0.5, burst_frames: 1000 };
+        let lost = |camera: u64| drop.loses(Draw::of_camera(camera, "a"), 0, &entries.tally());
+        let n_lost = (0..1000).filter(|camera| lost(*camera)).count();
+        assert!((440..560).contains(&n_lost), "{n_lost}");
     }
 }

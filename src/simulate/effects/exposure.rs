@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Exposure {
-    /// Mean luminance that it aims at, linear light, 0.01 to 0.9. Default 0.18.
+    /// Mean luminance that it aims at, linear light, 0.01 to 0.9. Default 0.25.
     pub target: f64,
     /// Time constant of its way there, seconds, 0 (one frame) to 60. Default 0.6.
     pub time_constant_secs: f64,
@@ -24,7 +24,7 @@ pub struct Exposure {
 
 impl Default for Exposure {
     fn default() -> Self {
-        Self { target: 0.18, time_constant_secs: 0.6, least_gain: 0.25, most_gain: 8.0 }
+        Self { target: 0.25, time_constant_secs: 0.6, least_gain: 0.25, most_gain: 8.0 }
     }
 }
 
@@ -41,9 +41,8 @@ impl Exposure {
         ranges.number("time_constant_secs", self.time_constant_secs, 0.0..=60.0);
         ranges.number("least_gain", self.least_gain, 0.001..=1000.0);
         ranges.number("most_gain", self.most_gain, 0.001..=1000.0);
-        let (least, most) = (self.least_gain, self.most_gain);
-        // NaN is reported above.
-        ranges.hold("least_gain", || !(least > most), "must be at most most_gain");
+        let is_ordered = || self.least_gain <= self.most_gain;
+        ranges.hold("least_gain", is_ordered, "must be at most most_gain");
     }
 
     /// Multiplies a linear picture by the camera's gain; the gain for the next frame, `interval_secs` later, is

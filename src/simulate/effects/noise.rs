@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Noise {
-    /// Electrons of a pixel that shows white at gain 1, 50 to 1000000: few make much shot noise. Default 4000.
+    /// Electrons of a pixel that shows white at gain 1, 50 to 1000000: few make much shot noise. Default 1500.
     pub full_well_electrons: f64,
     /// Deviation of the noise that reading adds, electrons, 0 to 10000. Default 12.
     pub read_noise_electrons: f64,
@@ -23,7 +23,7 @@ pub struct Noise {
 
 impl Default for Noise {
     fn default() -> Self {
-        Self { full_well_electrons: 4000.0, read_noise_electrons: 12.0, fixed_pattern: 0.0 }
+        Self { full_well_electrons: 1500.0, read_noise_electrons: 12.0, fixed_pattern: 0.0 }
     }
 }
 

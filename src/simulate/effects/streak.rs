@@ -91,20 +91,23 @@ pub(super) fn draw(
             let Some([left, right, top, bottom]) = streak.reach(width, height) else { continue };
             for y in top.max(first_row)..=bottom.min(last_row) {
                 let start = (y - first_row) * width;
-                for x in left..=right {
-                    let behind = depth_m[start + x];
-                    if behind > 0.0 && f64::from(behind) < streak.depth_m {
-                        continue;
-                    }
-                    let cover = streak.cover(x, y) as f32;
-                    let pixel = &mut picture[start + x];
-                    for (value, light) in pixel.iter_mut().zip(light) {
-                        *value += (light - *value) * cover;
-                    }
+                let is_seen = |x: &usize| {
+                    let behind = f64::from(depth_m[start + x]);
+                    behind <= 0.0 || behind >= streak.depth_m
+                };
+                for x in (left..=right).filter(is_seen) {
+                    blend(&mut picture[start + x], light, streak.cover(x, y) as f32);
                 }
             }
         }
     });
+}
+
+/// Replaces this share of a pixel's light.
+fn blend(pixel: &mut [f32; 3], light: [f32; 3], share: f32) {
+    for (value, light) in pixel.iter_mut().zip(light) {
+        *value += (light - *value) * share;
+    }
 }
 
 /// Veils a linear picture with the `light` of air through which one sees `visibility_m` far.
@@ -116,9 +119,7 @@ pub(super) fn veil(visibility_m: f64, light: DVec3, picture: &mut [[f32; 3]], de
     let light = light.as_vec3().to_array();
     picture.par_iter_mut().zip(depth_m).for_each(|(pixel, depth)| {
         let left = if *depth > 0.0 { (-rate * depth).exp() } else { 0.0 };
-        for (value, light) in pixel.iter_mut().zip(light) {
-            *value = light + (*value - light) * left;
-        }
+        blend(pixel, light, 1.0 - left);
     });
 }
 

@@ -4,7 +4,7 @@
 //!
 //! `[BW80]` Born and Wolf 1980, Principles of optics, 1.5.2 (Fresnel's formulae).
 
-use super::super::noise::{noise, smooth_step};
+use super::super::material::noise::{noise, smooth_step};
 use super::ranges::Ranges;
 use super::{Draw, EffectKind, Tally};
 use glam::{DVec2, DVec3};

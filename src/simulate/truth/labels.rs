@@ -1,7 +1,7 @@
 //! What every pixel is to a change detector, in the labels of the change detection benchmark.
 //!
 //! Instance, shadow and coverage go in; a mask of labels comes out, as changedetection.net has them (Wang et al. 2014,
-//! CDnet 2014: an expanded change detection benchmark dataset).
+//! `CDnet` 2014: an expanded change detection benchmark dataset).
 
 use crate::frame::Mask;
 

@@ -13,11 +13,10 @@ use std::path::Path;
 #[derive(Serialize)]
 pub(in crate::simulate) struct Manifest<'a> {
     pub(in crate::simulate) world: &'a str,
+    /// Of `positions.jsonl`: the fastest camera's.
     pub(in crate::simulate) rate_hz: f64,
     pub(in crate::simulate) n_frames: u64,
     pub(in crate::simulate) samples_per_side: u32,
-    /// Numbers of the frames whose pictures were written.
-    pub(in crate::simulate) frames: &'a [u64],
     pub(in crate::simulate) cameras: Vec<ManifestCamera>,
     pub(in crate::simulate) views: Vec<ManifestCamera>,
     pub(in crate::simulate) effects: &'a Effects,
@@ -28,6 +27,10 @@ pub(in crate::simulate) struct Manifest<'a> {
 pub(in crate::simulate) struct ManifestCamera {
     pub(in crate::simulate) id: String,
     pub(in crate::simulate) size_px: (u32, u32),
+    pub(in crate::simulate) rate_hz: f64,
+    pub(in crate::simulate) n_frames: u64,
+    /// Numbers of the frames whose pictures were written.
+    pub(in crate::simulate) frames: Vec<u64>,
     pub(in crate::simulate) calibration: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::simulate) clip: Option<String>,
@@ -58,7 +61,7 @@ fn formats() -> serde_json::Value {
         "axes": "right-handed, metres, z up; pixel (0, 0) is at the top left and its centre at (0.5, 0.5); frames are \
                  numbered from 0, time is in seconds from the first frame",
         "files": {
-            "positions.jsonl": "a line a frame: every figure's instance, name, foot (the ground below its hips), \
+            "positions.jsonl": "a line a frame of the fastest camera: every figure's instance, name, foot (the ground below its hips), \
                  heading (radians from east towards north), height, box along the world's axes, and by camera the \
                  rectangle (left, top, right, bottom) around the box's corners, cut to the picture; no rectangle where \
                  the box is outside the picture or has a corner behind the camera",
@@ -68,7 +71,7 @@ fn formats() -> serde_json::Value {
                  copy (1 for the second arrival of a duplicated frame), captured_secs (true time), stamped_secs (the \
                  camera's own clock), clip_secs (place in the clip), arrived_secs (true time), fates (delivered, \
                  dropped, duplicated, corrupted, late)",
-            "<camera>/background.png": "8-bit sRGB: the still world at time 0, without figures, clean",
+            "<camera>/background.png": "8-bit sRGB: the still world without figures, lit as the world is before any effect changes its lights, clean",
             "<camera>/seen_by.png": "8 bits: how many other cameras of the world see the still world's surface that \
                  the pixel shows (figures left out); 0 also in the sky",
             "<camera>/frame/NNNNNN.png": "8-bit sRGB: what the sensor gave, before the codec",

@@ -202,6 +202,33 @@ fn nonsense_for_simulate_is_refused_before_anything_is_written() {
     refused(&["--samples", "0"], 1, "samples");
     refused(&["--size-px", "1x1"], 1, "size");
     refused(&["--size-px", "many"], 2, "--size-px");
+    refused(&["--with", "rian"], 2, "did you mean `rain`?");
+    refused(&["--explain"], 2, "--explain");
+    check_refused(folder.path(), &["simulate"], 2, "--out");
+}
+
+#[test]
+fn simulate_says_what_a_world_calls_for() {
+    let folder = TempDir::new().unwrap();
+    let small = ["simulate", "--size-px", "64x36", "--samples", "1", "--explain"];
+    let told = succeed(folder.path(), &[&small[..], &["--with", "noise", "--json"]].concat());
+    let told: Value = serde_json::from_str(&told.stdout).unwrap();
+    let on = |id: &str| {
+        let mut lines = told["effects"].as_array().unwrap().iter();
+        let line = lines.find(|line| line["id"] == id).unwrap();
+        (line["is_on"].as_bool(), line["cost_ms"].is_number(), line["settings"].is_object())
+    };
+    assert_eq!(on("noise"), (Some(true), true, true));
+    assert_eq!(on("cast-shadows"), (Some(true), true, true));
+    assert_eq!(on("rain"), (Some(false), false, false));
+    assert_eq!(told["still_world"]["is_cast_once"], true);
+    let table =
+        succeed(folder.path(), &[&small[..], &["--without", "all", "--with", "light-drift"]].concat()).stdout;
+    assert!(table.contains("cast for every frame (light-drift changes it between frames)"), "{table}");
+    assert!(table.contains("| light-drift") && table.contains("| not named |"), "{table}");
+    let listed = succeed(folder.path(), &["simulate", "--list"]).stdout;
+    assert!(listed.lines().any(|line| line.starts_with("plaza ")), "{listed}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
 }
 
 #[test]
@@ -221,6 +248,7 @@ fn help_says_what_every_command_and_flag_is_for() {
     check(&["segment"], &["255 moving, 50 shadow, 0 background", "frames a second were decoded"]);
     check(&["compare"], &["scikit-image", "PSNR is null"]);
     check(&["calibration"], &["pixel centres lie at +0.5"]);
+    check(&["simulate"], &["--explain", "truth.json", "Names one more effect", "--list"]);
     check(&["check-config"], &["do not make the configuration wrong"]);
     assert_eq!(run(&mut videofields()).status, Some(2));
     assert_eq!(run(videofields().arg("fly")).status, Some(2));
