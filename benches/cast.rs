@@ -84,13 +84,13 @@ fn benchmark(criterion: &mut Criterion) {
     group.sample_size(10);
     group.throughput(Throughput::Elements(u64::from(SIZE_PX.0 * SIZE_PX.1) * 9));
     group.bench_function("plate", |bencher| bencher.iter(|| plaza.plate(&camera, 3).unwrap()));
-    let shot = Shot { camera: &camera, device: Some(&*id), time_secs: 8.0 };
+    let shot = Shot { camera: &camera, device: Some(id), time_secs: 8.0 };
     let layers = Layers::ALL;
     let options = CastOptions { layers, ..CastOptions::new(3) };
     group.bench_function("all layers", |bencher| bencher.iter(|| plaza.cast(&shot, &options).unwrap()));
     let plate = plaza.plate(&camera, 3).unwrap();
     group.bench_function("over a plate", |bencher| {
-        bencher.iter(|| plaza.cast_over(&plate, Some(&*id), 8.0).unwrap());
+        bencher.iter(|| plaza.cast_over(&plate, Some(id), 8.0).unwrap());
     });
     group.finish();
     let mut group = criterion.benchmark_group("built once");

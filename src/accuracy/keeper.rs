@@ -69,7 +69,7 @@ impl Keeper {
         clock: Arc<dyn Clock>,
     ) -> std::io::Result<Self> {
         let stop = StopFlag::default();
-        board.attend(true);
+        board.attend();
         let work = Work { settings, board: Arc::clone(&board), store, runtime, clock, stop: stop.clone() };
         let thread = std::thread::Builder::new().name("accuracy".to_owned()).spawn(move || work.run())?;
         Ok(Self { stop, board, thread })
@@ -78,7 +78,7 @@ impl Keeper {
     /// Asks it to end, and returns at once.
     pub fn request_stop(&self) {
         self.stop.raise();
-        self.board.attend(false);
+        self.board.leave();
     }
 
     /// Ends it; a step that takes longer than `patience` is left to itself.

@@ -212,10 +212,12 @@ impl Learner {
         let luma = held.plane(0);
         for y in 0..luma.height {
             let [before, after] = neighbours.map(|image| image.plane(0).row(y));
-            for (x, (seen, label)) in luma.row(y).iter().zip(labels.row(y)).enumerate() {
-                if [before[x], after[x]].iter().all(|other| seen.abs_diff(*other) <= STILL_CODES) {
-                    self.false_share.add(if *label == MOVING { 1.0 } else { 0.0 });
-                }
+            let is_still = |x: usize, seen: u8| {
+                [before[x], after[x]].iter().all(|other| seen.abs_diff(*other) <= STILL_CODES)
+            };
+            let pixels = luma.row(y).iter().zip(labels.row(y)).enumerate();
+            for (_, (_, label)) in pixels.filter(|(x, (seen, _))| is_still(*x, **seen)) {
+                self.false_share.add(f64::from(u8::from(*label == MOVING)));
             }
         }
     }

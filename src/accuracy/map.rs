@@ -112,7 +112,10 @@ impl MapRun {
     /// Bytes of one camera's map, the mean over the cameras.
     #[must_use]
     pub const fn memory_bytes(&self) -> u64 {
-        if self.n_cameras == 0 { 0 } else { self.bytes / self.n_cameras }
+        match self.bytes.checked_div(self.n_cameras) {
+            Some(bytes) => bytes,
+            None => 0,
+        }
     }
 
     /// What is reported: the main error, the mean distance in metres, and every measure by name.

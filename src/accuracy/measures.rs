@@ -3,7 +3,7 @@
 //! Masks, pictures and lists of metres go in, figures come out; every one is checked below on pictures small enough
 //! to be judged by hand.
 //!
-//! `[WJP14]` Wang, Jodoin, Porikli et al. 2014, CDnet 2014: an expanded change detection benchmark dataset, section 4
+//! `[WJP14]` Wang, Jodoin, Porikli et al. 2014, `CDnet` 2014: an expanded change detection benchmark dataset, section 4
 //! (precision, recall and F-measure over the pixels of all frames together).
 //! `[J12]` Jaccard 1912, The distribution of the flora in the alpine zone (intersection over union).
 

@@ -315,7 +315,7 @@ impl Subject {
 }
 
 /// For every pixel of `view` the index of the camera whose picture weighs most on the surface there, after "Hybrid" 2004
-/// sections 4.3 and 4.4 as the renderer blends (`shaders/render/surface.wgsl`): V W_f (d_k . n)^5 (d_k . d_v + 1)^5.
+/// sections 4.3 and 4.4 as the renderer blends (`shaders/render/surface.wgsl`): `V W_f (d_k . n)^5 (d_k . d_v + 1)^5`.
 #[must_use]
 pub fn owners(surfaces: &Surfaces, cameras: &[&Camera], view: &View) -> Mask {
     const FEATHER: f64 = 0.06;

@@ -215,12 +215,12 @@ impl Sweeper<'_> {
         Ok(SegmentationForm::of(&first.settings))
     }
 
-    fn push(&mut self, stage: Stage, knob: &str, value: &str, is_default: bool, cost: Cost) {
+    fn push(&mut self, stage: Stage, knob: &str, value: &str, place: Place, cost: Cost) {
         self.sweep.rows.push(CostRow {
             stage: stage.name().to_owned(),
             knob: knob.to_owned(),
             value: value.to_owned(),
-            is_default,
+            is_default: place == Place::Default,
             time_ms: cost.time_ms,
             memory_bytes: cost.memory_bytes,
             error: cost.error,
@@ -249,7 +249,7 @@ impl Sweeper<'_> {
             let (error, measures) = run.measures();
             let cost =
                 Cost { time_ms: run.time_ms, memory_bytes: run.memory_bytes, error: Some(error), measures };
-            self.push(Stage::Segmentation, knob, &value, form == default, cost);
+            self.push(Stage::Segmentation, knob, &value, Place::from(form == default), cost);
         }
         Ok(runs)
     }
@@ -272,7 +272,7 @@ impl Sweeper<'_> {
             let (error, measures) = run.measures();
             let time_ms = run.time_ms().ok_or(SweepError::Untimed)?;
             let cost = Cost { time_ms, memory_bytes: run.memory_bytes(), error, measures };
-            self.push(Stage::Map, "builder", &value, builder == Builder::Ray, cost);
+            self.push(Stage::Map, "builder", &value, Place::from(builder == Builder::Ray), cost);
         }
         Ok(())
     }
@@ -324,7 +324,7 @@ impl Sweeper<'_> {
                 error: run.still_rmse(),
                 measures,
             };
-            self.push(Stage::Surfaces, knob, &value, form == default, cost);
+            self.push(Stage::Surfaces, knob, &value, Place::from(form == default), cost);
         }
         Ok(())
     }
@@ -346,7 +346,13 @@ impl Sweeper<'_> {
                 error: run.people_rmse(),
                 measures: run.measures(),
             };
-            self.push(Stage::Entities, "style", &form.label(), form == EntityForm::DEFAULT, cost);
+            self.push(
+                Stage::Entities,
+                "style",
+                &form.label(),
+                Place::from(form == EntityForm::DEFAULT),
+                cost,
+            );
             self.keep_example(&run, form);
         }
         Ok(())
@@ -421,7 +427,7 @@ impl Sweeper<'_> {
                 + views.target_bytes()
                 + views.entity_bytes();
             let cost = Cost { time_ms, memory_bytes, error: views.balanced_rmse(), measures };
-            self.push(Stage::Pipeline, "whole", &label, is_default(combination), cost);
+            self.push(Stage::Pipeline, "whole", &label, Place::from(is_default(combination)), cost);
         }
         self.find_front(first_row);
         Ok(())
@@ -463,6 +469,19 @@ fn chosen(segmentations: &Segmentations, default: SegmentationForm) -> Vec<usize
     let of_default = segmentations.iter().position(|(form, _)| *form == default);
     chosen.extend(of_default.filter(|idx| !chosen.contains(idx)));
     chosen
+}
+
+/// Where a setting stands among those of its stage.
+#[derive(Clone, Copy, PartialEq)]
+enum Place {
+    Default,
+    Other,
+}
+
+impl From<bool> for Place {
+    fn from(is_default: bool) -> Self {
+        if is_default { Self::Default } else { Self::Other }
+    }
 }
 
 struct Cost {

@@ -113,9 +113,14 @@ impl AccuracyBoard {
         Ok(())
     }
 
-    /// Says whether somebody measures what is asked for.
-    pub fn attend(&self, is_attended: bool) {
-        self.inner().is_attended = is_attended;
+    /// Says that somebody measures what is asked for.
+    pub fn attend(&self) {
+        self.inner().is_attended = true;
+    }
+
+    /// Says that nobody measures any more.
+    pub fn leave(&self) {
+        self.inner().is_attended = false;
     }
 
     /// Takes the wish for a measurement, if there is one.
@@ -195,7 +200,7 @@ mod tests {
     fn a_wish_is_taken_once_and_only_where_somebody_measures() {
         let board = AccuracyBoard::new(Arc::new(SimulatedClock::new(Timestamp::from_nanos(0))));
         assert!(matches!(board.refresh(), Err(EngineError::Unavailable(_))));
-        board.attend(true);
+        board.attend();
         board.refresh().unwrap();
         assert_eq!(board.status().state, AccuracyState::Pending);
         assert!(board.take_wish() && !board.take_wish());

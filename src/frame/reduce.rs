@@ -1,6 +1,6 @@
 //! A picture at a fraction of its size, for stages that need fewer pixels.
 
-use super::yuv::{YuvImage, YuvLayout};
+use super::yuv::{Plane, YuvImage, YuvLayout};
 use rayon::prelude::*;
 
 /// Rows that one thread takes at least.
@@ -27,24 +27,29 @@ impl YuvImage {
             let out_height = (source.height as usize).div_ceil(factor);
             let (plane, after) = rest.split_at_mut(out_width * out_height);
             rest = after;
-            plane.par_chunks_mut(out_width).enumerate().with_min_len(MIN_ROWS).for_each(|(y, out)| {
-                let rows = y * factor..((y + 1) * factor).min(source.height as usize);
-                let n_rows = rows.len() as u32;
-                let mut sums = vec![0_u32; out_width];
-                for row in rows {
-                    for (sum, block) in sums.iter_mut().zip(source.row(row as u32).chunks(factor)) {
-                        *sum += block.iter().map(|value| u32::from(*value)).sum::<u32>();
-                    }
-                }
-                let last = source.width as usize - (out_width - 1) * factor;
-                for (x, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
-                    let n_columns = if x + 1 == out_width { last } else { factor };
-                    let count = n_rows * n_columns as u32;
-                    *out = ((sum + count / 2) / count) as u8;
-                }
-            });
+            let rows = plane.par_chunks_mut(out_width).enumerate().with_min_len(MIN_ROWS);
+            rows.for_each(|(y, out)| reduce_row(&source, factor, y, out));
         }
         Self::new(layout, self.matrix(), self.range(), data).expect("a packed layout fits its own length")
+    }
+}
+
+/// Row `y` of a plane reduced by `factor`, rounded means of its blocks; those at the borders may be smaller.
+fn reduce_row(source: &Plane<'_>, factor: usize, y: usize, out: &mut [u8]) {
+    let rows = y * factor..((y + 1) * factor).min(source.height as usize);
+    let n_rows = rows.len() as u32;
+    let mut sums = vec![0_u32; out.len()];
+    for row in rows {
+        for (sum, block) in sums.iter_mut().zip(source.row(row as u32).chunks(factor)) {
+            *sum += block.iter().map(|value| u32::from(*value)).sum::<u32>();
+        }
+    }
+    let last = source.width as usize - (out.len() - 1) * factor;
+    let n_out = out.len();
+    for (x, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
+        let n_columns = if x + 1 == n_out { last } else { factor };
+        let count = n_rows * n_columns as u32;
+        *out = ((sum + count / 2) / count) as u8;
     }
 }
 
@@ -72,20 +77,23 @@ mod tests {
                 );
                 assert_eq!((reduced.matrix(), reduced.range()), (source.matrix(), source.range()));
                 for index in 0..3 {
-                    let (from, to) = (source.plane(index), reduced.plane(index));
-                    for (x, y) in (0..to.height).flat_map(|y| (0..to.width).map(move |x| (x, y))) {
-                        let rows = y * factor..((y + 1) * factor).min(from.height);
-                        let columns = || x * factor..((x + 1) * factor).min(from.width);
-                        let values: Vec<f64> = rows
-                            .flat_map(|row| columns().map(move |column| (row, column)))
-                            .map(|(row, column)| f64::from(from.row(row)[column as usize]))
-                            .collect();
-                        let mean = values.iter().sum::<f64>() / values.len() as f64;
-                        let found = f64::from(to.row(y)[x as usize]);
-                        assert!((found - mean).abs() <= 0.5, "{width} x {height} / {factor}, plane {index}");
-                    }
+                    assert_means(&source.plane(index), &reduced.plane(index), factor);
                 }
             }
+        }
+    }
+
+    fn assert_means(from: &Plane<'_>, to: &Plane<'_>, factor: u32) {
+        for (x, y) in (0..to.height).flat_map(|y| (0..to.width).map(move |x| (x, y))) {
+            let rows = y * factor..((y + 1) * factor).min(from.height);
+            let columns = || x * factor..((x + 1) * factor).min(from.width);
+            let values: Vec<f64> = rows
+                .flat_map(|row| columns().map(move |column| (row, column)))
+                .map(|(row, column)| f64::from(from.row(row)[column as usize]))
+                .collect();
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let found = f64::from(to.row(y)[x as usize]);
+            assert!((found - mean).abs() <= 0.5, "({x}, {y}) of {} x {} / {factor}", from.width, from.height);
         }
     }
 }

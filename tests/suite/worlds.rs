@@ -38,7 +38,7 @@ fn every_world_of_the_catalogue_is_whole() {
     for ((id, description), world) in World::catalogue().into_iter().zip(catalogue()) {
         assert_eq!(world.id(), id);
         assert!(description.len() > 20, "{id} says what it is");
-        assert!(world.cameras((64, 36)).unwrap().iter().map(|(id, _)| *id).collect::<HashSet<_>>().len() > 0);
+        assert!(world.camera_settings().next().is_some(), "{id} has a camera");
         assert_eq!(
             Some(id.as_str()),
             folder.join(format!("{id}.json")).file_stem().and_then(|stem| stem.to_str())
@@ -328,7 +328,7 @@ fn places(tree: &Value, place: &str, found: &mut Vec<String>) {
     found.push(place.to_owned());
     match tree {
         Value::Object(fields) => {
-            fields.iter().for_each(|(key, value)| places(value, &format!("{place}/{key}"), found))
+            fields.iter().for_each(|(key, value)| places(value, &format!("{place}/{key}"), found));
         }
         Value::Array(elements) => {
             elements.iter().enumerate().for_each(|(i, value)| places(value, &format!("{place}/{i}"), found));

@@ -117,18 +117,32 @@ const fn about(stage: Stage) -> &'static str {
     }
 }
 
+/// Whether points say what was set.
+#[derive(Clone, Copy, PartialEq)]
+enum Labels {
+    Shown,
+    Hidden,
+}
+
+/// How a figure's upright axis runs.
+#[derive(Clone, Copy, PartialEq)]
+enum Scale {
+    Linear,
+    Logarithmic,
+}
+
 /// A stage's points of one knob.
 fn series_of<'a>(
     name: &str,
     rows: impl Iterator<Item = &'a CostRow>,
     y: impl Fn(&CostRow) -> Option<f64>,
-    is_labelled: bool,
+    labels: Labels,
 ) -> Series {
     let point = |row: &CostRow| {
         Some(Point {
             x: row.time_ms.median,
             y: y(row)?,
-            label: if is_labelled { row.value.clone() } else { String::new() },
+            label: if labels == Labels::Shown { row.value.clone() } else { String::new() },
             is_marked: row.is_default,
             is_large: false,
         })
@@ -140,7 +154,8 @@ fn measure<'a>(name: &'a str) -> impl Fn(&CostRow) -> Option<f64> + 'a {
     move |row| row.measures.get(name).copied()
 }
 
-fn figure(title: &str, y_name: &str, is_log: bool, series: Vec<Series>) -> Figure {
+fn figure(title: &str, y_name: &str, scale: Scale, series: Vec<Series>) -> Figure {
+    let is_log = scale == Scale::Logarithmic;
     Figure { title: title.to_owned(), x_name: TIME.to_owned(), y_name: y_name.to_owned(), is_log, series }
 }
 
@@ -151,31 +166,36 @@ fn figures(report: &Report, stage: Stage, found: &StageReport) -> Vec<Figure> {
         knobs.dedup();
         knobs
             .into_iter()
-            .map(|knob| series_of(knob, rows.iter().filter(|row| row.knob == knob), y, true))
+            .map(|knob| series_of(knob, rows.iter().filter(|row| row.knob == knob), y, Labels::Shown))
             .collect()
     };
     match stage {
         Stage::Segmentation => {
             let series = by_knob(|row| row.error);
-            vec![figure("Segmentation: error against time", &found.error, false, series)]
+            vec![figure("Segmentation: error against time", &found.error, Scale::Linear, series)]
         }
         Stage::Map => {
             let grids = || rows.iter().filter(|row| row.value != "ray");
             let ray = || rows.iter().filter(|row| row.value == "ray");
             let mut series = vec![
-                series_of("grid, mean", grids(), measure("mean_m"), true),
-                series_of("grid, worst", grids(), measure("worst_m"), false),
-                series_of("ray, mean", ray(), measure("mean_m"), true),
-                series_of("ray, worst", ray(), measure("worst_m"), false),
+                series_of("grid, mean", grids(), measure("mean_m"), Labels::Shown),
+                series_of("grid, worst", grids(), measure("worst_m"), Labels::Hidden),
+                series_of("ray, mean", ray(), measure("mean_m"), Labels::Shown),
+                series_of("ray, worst", ray(), measure("worst_m"), Labels::Hidden),
             ];
             series.retain(|series| !series.points.is_empty());
-            vec![figure("Grid against ray map: distance from the truth", "distance, m", true, series)]
+            vec![figure(
+                "Grid against ray map: distance from the truth",
+                "distance, m",
+                Scale::Logarithmic,
+                series,
+            )]
         }
         Stage::Surfaces => {
             vec![figure(
                 "Surfaces: error of the still part against time",
                 &found.error,
-                false,
+                Scale::Linear,
                 by_knob(|row| row.error),
             )]
         }
@@ -185,9 +205,9 @@ fn figures(report: &Report, stage: Stage, found: &StageReport) -> Vec<Figure> {
             let bare = || rows.iter().filter(|row| row.value == "none");
             let series = |y: fn(&CostRow) -> Option<f64>| {
                 vec![
-                    series_of("early pruning: points", early(), y, true),
-                    series_of("deferred pruning: billboards", late(), y, true),
-                    series_of("nothing drawn", bare(), y, true),
+                    series_of("early pruning: points", early(), y, Labels::Shown),
+                    series_of("deferred pruning: billboards", late(), y, Labels::Shown),
+                    series_of("nothing drawn", bare(), y, Labels::Shown),
                 ]
             };
             let missed = |row: &CostRow| Some(1.0 - row.measures.get("silhouette_iou")?);
@@ -195,13 +215,13 @@ fn figures(report: &Report, stage: Stage, found: &StageReport) -> Vec<Figure> {
                 figure(
                     "Early against deferred pruning: colour",
                     "RMSE at people, 8-bit codes",
-                    false,
+                    Scale::Linear,
                     series(|row| row.error),
                 ),
                 figure(
                     "Early against deferred pruning: outline",
                     "1 - IoU of silhouettes",
-                    false,
+                    Scale::Linear,
                     series(missed),
                 ),
             ]
@@ -237,7 +257,7 @@ fn pipeline_figure(report: &Report, found: &StageReport) -> Figure {
     let front = Series { name: "Pareto front".to_owned(), points: on_front, is_joined: true };
     let mut series = vec![front, beaten];
     series.retain(|series| !series.points.is_empty());
-    figure("Whole pipelines: error against time", &found.error, false, series)
+    figure("Whole pipelines: error against time", &found.error, Scale::Linear, series)
 }
 
 fn table(stage: Stage, rows: &[CostRow], front: &[String], knee: Option<&str>) -> String {

@@ -103,9 +103,10 @@ impl CarStyle {
         let (_, width) = self.extent();
         for (ahead, side) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
             let forward = ahead * self.wheel_at();
+            // The arch is larger than the wheel, and as near to the ground.
             let disc = |left: f64, radius: f64, thickness: f64, color: f64| Part {
                 shape: Shape::ellipsoid(
-                    stand.at(forward, side * left, WHEEL_RADIUS_M),
+                    stand.at(forward, side * left, WHEEL_RADIUS_M.max(radius)),
                     stand.axes.columns(),
                     DVec3::new(radius, thickness, radius),
                 ),

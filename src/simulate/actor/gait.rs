@@ -2,8 +2,8 @@
 //!
 //! A stride is two steps; cycle n is where the left foot is planted for the n-th time with the body over it, n + 1/2
 //! the right. Between stops strides are of one length, a whole number of them, so that a walker comes to every stop on
-//! its left foot; there it brings its feet together in three quarters of a stride on the spot. Owns that function of
-//! time; knows no limbs.
+//! its left foot; there it brings its feet together in three quarters of a stride on the spot, and makes the last quarter
+//! before it goes on. Owns that function of time; knows no limbs.
 
 use super::motion::Motion;
 
@@ -27,9 +27,11 @@ struct Knot {
     stands: bool,
 }
 
-/// Strides on the spot at a stop, and how long they take at most, seconds.
+/// Share of a stride on the spot that brings the feet together at a stop, and how long it takes at most, seconds.
 const CLOSING_CYCLES: f64 = 0.75;
 const CLOSING_SECS: f64 = 0.9;
+/// How long the rest of that stride takes at most, before the walker goes on, seconds.
+const OPENING_SECS: f64 = 0.3;
 /// Seconds that arms take to come to rest, or out of it.
 const REST_SECS: f64 = 0.5;
 
@@ -44,25 +46,22 @@ impl Gait {
         }
         let mut knots = Vec::new();
         let mut cycles = 0.0;
-        let mut is_after_stop = false;
         for leg in motion.legs() {
             let knot =
                 |secs: f64, cycles: f64, stands: bool| Knot { secs, cycles, travelled_m: leg.from_m, stands };
             knots.push(knot(leg.from_secs, cycles, false));
             if leg.is_stop() {
-                let closing = CLOSING_SECS.min(0.8 * leg.secs);
-                cycles += CLOSING_CYCLES;
-                knots.push(knot(leg.from_secs + closing, cycles, true));
+                let closing = CLOSING_SECS.min(0.6 * leg.secs);
+                let opening = OPENING_SECS.min(0.2 * leg.secs);
+                knots.push(knot(leg.from_secs + closing, cycles + CLOSING_CYCLES, true));
+                knots.push(knot(leg.from_secs + leg.secs - opening, cycles + CLOSING_CYCLES, false));
+                cycles += 1.0;
             } else {
-                let n = n_between(leg.speed * leg.secs);
-                cycles += if is_after_stop { n + 1.0 - CLOSING_CYCLES } else { n };
+                cycles += n_between(leg.speed * leg.secs);
             }
-            is_after_stop = leg.is_stop();
         }
-        // A round that ends standing ends with its left foot planted all the same.
-        let n_cycles = cycles.ceil();
-        knots.push(Knot { secs: round_secs, cycles: n_cycles, travelled_m: length_m, stands: false });
-        Self { n_cycles, length_m, round_secs, knots }
+        knots.push(Knot { secs: round_secs, cycles, travelled_m: length_m, stands: false });
+        Self { n_cycles: cycles, length_m, round_secs, knots }
     }
 
     /// Strides made when this share of the round has passed.

@@ -14,9 +14,18 @@ const STEPS_PER_CORNER: usize = 256;
 #[derive(Clone, Debug)]
 pub(in crate::simulate) struct Path {
     corners: Vec<DVec2>,
-    is_closed: bool,
+    course: Course,
     /// Arc length from the first corner to each step, metres; one more entry than there are steps.
     length_to_step_m: Vec<f64>,
+}
+
+/// What lies after the last corner.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Course {
+    /// The first.
+    Closed,
+    /// Nothing.
+    Open,
 }
 
 /// Where something is on a path.
@@ -32,16 +41,16 @@ impl Path {
     /// The curve through `corners` and back to the first, which needs three; `None` with fewer, or where it has no
     /// length worth the name (less than 1 mm).
     pub(in crate::simulate) fn closed(corners: Vec<DVec2>) -> Option<Self> {
-        (corners.len() >= 3).then(|| Self::measured(corners, true)).flatten()
+        (corners.len() >= 3).then(|| Self::measured(corners, Course::Closed)).flatten()
     }
 
     /// The curve from the first corner to the last, which needs two; `None` as for [`Self::closed`].
     pub(in crate::simulate) fn open(corners: Vec<DVec2>) -> Option<Self> {
-        (corners.len() >= 2).then(|| Self::measured(corners, false)).flatten()
+        (corners.len() >= 2).then(|| Self::measured(corners, Course::Open)).flatten()
     }
 
-    fn measured(corners: Vec<DVec2>, is_closed: bool) -> Option<Self> {
-        let mut path = Self { corners, is_closed, length_to_step_m: vec![0.0] };
+    fn measured(corners: Vec<DVec2>, course: Course) -> Option<Self> {
+        let mut path = Self { corners, course, length_to_step_m: vec![0.0] };
         let n_steps = path.n_spans() * STEPS_PER_CORNER;
         let (mut length, mut before) = (0.0, path.corners[0]);
         for step in 1..=n_steps {
@@ -53,8 +62,12 @@ impl Path {
         (length.is_finite() && length >= 1e-3).then_some(path)
     }
 
+    const fn is_closed(&self) -> bool {
+        matches!(self.course, Course::Closed)
+    }
+
     const fn n_spans(&self) -> usize {
-        if self.is_closed { self.corners.len() } else { self.corners.len() - 1 }
+        if self.is_closed() { self.corners.len() } else { self.corners.len() - 1 }
     }
 
     /// Length of the whole curve, metres.
@@ -67,7 +80,7 @@ impl Path {
     pub(in crate::simulate) fn at(&self, travelled_m: f64) -> PathPoint {
         let length = self.length_m();
         let within =
-            if self.is_closed { travelled_m.rem_euclid(length) } else { travelled_m.clamp(0.0, length) };
+            if self.is_closed() { travelled_m.rem_euclid(length) } else { travelled_m.clamp(0.0, length) };
         let last_step = self.length_to_step_m.len() - 2;
         let step = self.length_to_step_m.partition_point(|length| *length <= within).saturating_sub(1);
         let step = step.min(last_step);
@@ -75,7 +88,7 @@ impl Path {
         let share = if to > from { ((within - from) / (to - from)).clamp(0.0, 1.0) } else { 0.0 };
         let (position, velocity) = self.evaluate((step as f64 + share) / STEPS_PER_CORNER as f64);
         let heading = velocity.normalize_or(DVec2::X);
-        if self.is_closed {
+        if self.is_closed() {
             return PathPoint { position, heading };
         }
         PathPoint { position: position + heading * (travelled_m - within), heading }
@@ -85,10 +98,10 @@ impl Path {
     fn evaluate(&self, parameter: f64) -> (DVec2, DVec2) {
         let n = self.corners.len();
         let span = parameter.floor().clamp(0.0, f64::from(u32::MAX));
-        let span = if self.is_closed { span } else { span.min((self.n_spans() - 1) as f64) };
+        let span = if self.is_closed() { span } else { span.min((self.n_spans() - 1) as f64) };
         let t = parameter - span;
         let corner = span as usize;
-        let [a, b, c, d] = if self.is_closed {
+        let [a, b, c, d] = if self.is_closed() {
             [n - 1, 0, 1, 2].map(|offset| self.corners[(corner + offset) % n])
         } else {
             // Beyond its ends an open curve is mirrored at the end.

@@ -68,7 +68,7 @@ impl Material {
     /// Albedo at a place of a surface, for a sample `footprint_m` wide. On the ground the place counts from the
     /// world's origin.
     pub(super) fn albedo(&self, point: &WallPoint, footprint_m: f64) -> DVec3 {
-        match self {
+        let albedo = match self {
             Self::Plain(plain) => plain.albedo(point.at, footprint_m),
             Self::Paving(paving) => paving.albedo(point.at, footprint_m),
             Self::Meadow(meadow) => meadow.albedo(point.at, footprint_m),
@@ -84,7 +84,9 @@ impl Material {
                 *leaves * tone
             }
             Self::Picture(picture) => picture.albedo(point.at, footprint_m),
-        }
+        };
+        // Bright colours may be made brighter than white by their grain.
+        albedo.clamp(DVec3::ZERO, DVec3::ONE)
     }
 }
 
@@ -94,28 +96,29 @@ mod tests {
     use super::noise::hash01;
     use super::*;
 
-    #[test]
-    fn materials_reflect_between_nothing_and_everything() {
-        let mut n_materials = 0;
-        for (id, _) in World::catalogue() {
-            let world = World::named(&id).unwrap();
-            for material in world.materials() {
-                n_materials += 1;
-                for i in 0..600 {
-                    let size = DVec2::new(14.0, 6.4);
-                    let share = DVec2::new(hash01(i, 0, 90), hash01(i, 1, 90));
-                    for wall in [None, Some(0), Some(1), Some(2), Some(3)] {
-                        let at = if wall.is_some() { share * size } else { share * 60.0 - 30.0 };
-                        for footprint in [0.0, 0.05, 2.0] {
-                            let albedo = material.albedo(&WallPoint { wall, at, size }, footprint);
-                            let is_albedo = albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0;
-                            assert!(is_albedo, "{id} {material:?} {at}: {albedo}");
-                        }
-                    }
-                }
+    fn check(id: &str, material: &Material) {
+        for i in 0..600 {
+            let size = DVec2::new(14.0, 6.4);
+            let share = DVec2::new(hash01(i, 0, 90), hash01(i, 1, 90));
+            let footprint = [0.0, 0.05, 2.0][i as usize % 3];
+            for wall in [None, Some(0), Some(1), Some(2), Some(3)] {
+                let at = if wall.is_some() { share * size } else { share * 60.0 - 30.0 };
+                let albedo = material.albedo(&WallPoint { wall, at, size }, footprint);
+                let is_albedo = albedo.min_element() >= 0.0 && albedo.max_element() <= 1.0;
+                assert!(is_albedo, "{id} {material:?} {at}: {albedo}");
             }
         }
-        assert!(n_materials > 20, "{n_materials}");
+    }
+
+    #[test]
+    fn materials_reflect_between_nothing_and_everything() {
+        let worlds: Vec<World> = ["plaza", "corner", "station", "carpark12", "campus100", "yard"]
+            .map(|id| World::named(id).unwrap())
+            .into();
+        let materials =
+            || worlds.iter().flat_map(|world| world.materials().map(|material| (world.id(), material)));
+        materials().for_each(|(id, material)| check(id, material));
+        assert!(materials().count() > 100);
     }
 
     #[test]

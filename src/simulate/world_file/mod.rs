@@ -11,8 +11,10 @@ mod files;
 mod light;
 mod markings;
 mod materials;
+mod paths;
 mod reader;
 mod still;
+mod things;
 
 pub(super) use still::ground_height;
 
@@ -73,12 +75,12 @@ fn read(id: &str, tree: Value, files: &dyn Files, reader: &mut Reader<'_>) -> Op
     let lit = light::read(sky, light, origin, reader);
     let materials = materials::read(materials, files, reader);
     let mut still = still::Still::default();
-    let terrain = reader.gatherer.list(terrain, still::max_things());
+    let terrain = reader.gatherer.list(terrain, still::max_polygons());
     still::terrain(terrain, &materials, &mut still, reader);
     let buildings = reader.gatherer.list(buildings, still::max_buildings());
     still::buildings(buildings, &materials, &mut still, reader);
-    let things = reader.gatherer.list(things, still::max_things());
-    still::things(things, &mut still, reader);
+    let things = reader.gatherer.list(things, things::max_things());
+    things::things(things, &mut still, reader);
     let actors = reader.gatherer.list(actors, actors::max_actors());
     let actors = actors::read(actors, seed, period_secs, reader);
     let mut ids = HashSet::new();

@@ -7,22 +7,22 @@ use videofields::engine::{AccuracyState, AccuracyStatus};
 use videofields::simulate::World;
 
 /// A few small pictures: what is measured does not matter here, that it is does.
-fn settings(measures_at_start: bool) -> KeeperSettings {
+fn settings() -> KeeperSettings {
     let scope = Scope { size_px: (160, 90), n_frames: 4, max_cameras: 1, n_map_builds: 1, ..Scope::DAEMON };
     KeeperSettings {
         world: World::named("plaza").unwrap(),
         scope,
         stages: vec![Stage::Segmentation, Stage::Map],
         render: RenderSettings::default(),
-        measures_at_start,
+        measures_at_start: true,
     }
 }
 
-fn keeper(bench: &Bench, measures_at_start: bool) -> Keeper {
+fn keeper(bench: &Bench, settings: KeeperSettings) -> Keeper {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     let runtime = bench.runtime.handle().clone();
     let board = bench.engine.accuracy_board();
-    Keeper::start(settings(measures_at_start), board, bench.store.clone(), runtime, clock).unwrap()
+    Keeper::start(settings, board, bench.store.clone(), runtime, clock).unwrap()
 }
 
 fn wait_for_table(bench: &Bench) -> AccuracyStatus {
@@ -47,7 +47,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
         "nobody measures"
     );
     assert_eq!(bench.handle.accuracy().state, AccuracyState::None);
-    let first = keeper(&bench, true);
+    let first = keeper(&bench, settings());
     let measured = wait_for_table(&bench).table.unwrap();
     assert!(measured.is_complete, "{measured:?}");
     let rows = |stage: &str| measured.rows.iter().filter(|row| row.stage == stage).count();
@@ -67,7 +67,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
 
     // The same machine after a restart: nothing is measured, until it is asked for.
     let bench = start();
-    let second = keeper(&bench, true);
+    let second = keeper(&bench, settings());
     assert_eq!(wait_for_table(&bench).table.unwrap(), measured, "as it was kept");
     bench.handle.refresh_accuracy().unwrap();
     let status = wait_for("a newer table", || {
@@ -85,7 +85,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
 fn nothing_is_measured_where_it_is_switched_off() {
     let folder = TempDir::new().unwrap();
     let bench = Bench::start(folder.path(), Settings::default(), &[("yard", SCENE)]);
-    let keeper = keeper(&bench, false);
+    let keeper = keeper(&bench, KeeperSettings { measures_at_start: false, ..settings() });
     keeper.stop(&SystemClock::new(), std::time::Duration::from_secs(5));
     assert_eq!(bench.handle.accuracy(), AccuracyStatus::default());
     bench.stop();

@@ -182,7 +182,8 @@ fn a_thousand_mutated_view_requests_are_answered_or_refused() {
             _ => panic!("{status} for {query}: {}", String::from_utf8_lossy(&body)),
         }
     }
-    assert!(statuses[&200] > 200 && statuses[&400] > 200 && statuses[&404] > 0, "{statuses:?}");
+    // How many are drawn hangs on how much of the past is kept while they are asked for.
+    assert!(statuses[&200] > 100 && statuses[&400] > 200 && statuses[&404] > 0, "{statuses:?}");
     assert_eq!(bench.handle.cameras().iter().filter(|camera| camera.state == "live").count(), 3);
     bench.stop();
 }
