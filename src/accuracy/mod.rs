@@ -33,7 +33,7 @@ pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
 pub use keeper::{Keeper, KeeperSettings};
 pub use live::{LiveScope, judge_scene};
 pub use machine::{digest, machine};
-pub use map::MapRun;
+pub use map::{MAX_MAP_CAMERAS, MapRun};
 pub use measures::{
     MaskScore, Mean, NO_OWNER, Pooled, add_flicker, add_seam_energy, dilated, distance_figures, silhouette,
 };

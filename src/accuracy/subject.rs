@@ -1,6 +1,7 @@
 //! A simulated world made ready to be judged: what its cameras see, what is true of it, and views where none stands.
 //!
-//! Uses the world's public interface alone: its documents as users read them, plates, truths.
+//! Uses the world's public interface alone: its documents as users read them, what its cameras' sensors give, truths.
+//! Codecs and delivery are left out: what they do is the source's and not a setting's.
 
 use super::SweepError;
 use super::gate::{Stopped, Stopwatch};
@@ -11,7 +12,7 @@ use crate::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
 use crate::geometry::{Camera, Ray, Surfaces};
 use crate::plan::{View, ViewLimits};
 use crate::scene::{self, Scene, SceneView};
-use crate::simulate::{JudgedView, World, pinhole};
+use crate::simulate::{JudgedView, Station, Wanted, World, pinhole};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::path::Path;
@@ -48,7 +49,7 @@ impl Scope {
     /// For a report that is kept: some minutes.
     pub const FULL: Self = Self {
         size_px: (640, 360),
-        n_frames: 60,
+        n_frames: 40,
         max_cameras: 12,
         samples_per_side: 3,
         view_size_px: (640, 360),
@@ -94,7 +95,7 @@ impl Scope {
     #[must_use]
     pub fn told(&self) -> String {
         format!(
-            "at most {} cameras of {} x {} pixels, {} frames of the period, played twice; {} views of {} x {} pixels at \
+            "at most {} cameras of {} x {} pixels as their sensors give them, without codec or delivery, {} frames of the period, played twice; {} views of {} x {} pixels at \
              {} pairs of frames",
             self.max_cameras,
             self.size_px.0,
@@ -377,17 +378,20 @@ fn subject_camera(
     watch: &Stopwatch<'_>,
 ) -> Result<SubjectCamera, SweepError> {
     watch.enter()?;
-    let plate = world.plate(&camera, scope.samples_per_side)?;
+    let id = settings.id.as_str();
+    let rate_hz = 1.0 / interval_secs;
+    let mut station = Station::new(world, id, &camera, scope.samples_per_side, rate_hz, Wanted::Picture)?;
     let (mut frames, mut instances) = (Vec::new(), Vec::new());
     for number in 0..scope.n_frames.max(2) {
         watch.enter()?;
-        let truth = world.render_over(&plate, f64::from(number) * interval_secs)?;
-        let image = YuvImage::from_rgb(&truth.rgb, ColorMatrix::Bt601, ColorRange::Limited)
+        let time_secs = f64::from(number) * interval_secs;
+        let shot = station.shoot(u64::from(number), time_secs, Wanted::Picture)?;
+        let image = YuvImage::from_rgb(shot.picture(), ColorMatrix::Bt601, ColorRange::Limited)
             .map_err(|error| SweepError::Picture(error.to_string()))?;
         frames.push(Arc::new(image));
-        instances.push(truth.instance);
+        instances.push(shot.truth.instance);
     }
-    let depth_m = plate.truth().depth_m.clone();
+    let depth_m = station.plate().truth().depth_m.clone();
     Ok(SubjectCamera { id: settings.id.clone(), camera, settings, depth_m, frames, instances })
 }
 

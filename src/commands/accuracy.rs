@@ -21,8 +21,8 @@ use videofields::telemetry::{self, LogFormat};
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("subject").required(true).args(["world", "scene"])))]
 pub(crate) struct Accuracy {
-    /// A simulated world by its name, such as plaza.
-    #[arg(long, value_name = "NAME")]
+    /// A simulated world: its name, such as plaza, or the path of its document.
+    #[arg(long, value_name = "NAME|FILE")]
     world: Option<String>,
     /// A scene of the configuration by its id.
     #[arg(long, value_name = "ID", requires = "config")]
@@ -52,7 +52,7 @@ impl Accuracy {
     }
 
     fn world(&self, name: &str) -> Result<()> {
-        let world = World::named(name)?;
+        let world = World::load(name)?;
         let scope = if self.quick { Scope::QUICK } else { Scope::FULL };
         let stages = if self.stages.is_empty() { Stage::ALL.to_vec() } else { self.stages.clone() };
         let clock = SystemClock::new();

@@ -54,6 +54,7 @@ pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
+pub use station::{Exposure, Station, Wanted};
 pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{CameraSetting, FigurePosition, ViewSetting, World, pinhole};

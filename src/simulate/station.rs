@@ -13,7 +13,7 @@ use crate::frame::RgbImage;
 use crate::geometry::Camera;
 
 /// A camera of a world, or a view where none stands.
-pub(super) struct Station<'a> {
+pub struct Station<'a> {
     world: &'a World,
     /// The camera's id; a view has none.
     device: Option<String>,
@@ -24,7 +24,7 @@ pub(super) struct Station<'a> {
 
 /// What is wanted of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wanted {
+pub enum Wanted {
     /// What the camera gives.
     Picture,
     /// That, and everything that is known about it.
@@ -32,23 +32,29 @@ pub(super) enum Wanted {
 }
 
 /// One frame.
-pub(super) struct Exposure {
+#[derive(Clone, Debug)]
+pub struct Exposure {
     /// The clean picture and what is known about it.
-    pub(super) truth: Truth,
+    pub truth: Truth,
     /// What the sensor gave, if that is another picture.
-    pub(super) from_sensor: Option<RgbImage>,
+    pub from_sensor: Option<RgbImage>,
 }
 
 impl Exposure {
     /// What the camera gave.
-    pub(super) fn picture(&self) -> &RgbImage {
+    #[must_use]
+    pub fn picture(&self) -> &RgbImage {
         self.from_sensor.as_ref().unwrap_or(&self.truth.rgb)
     }
 }
 
 impl<'a> Station<'a> {
-    /// The world's camera with this id, which takes `rate_hz` frames a second; `wanted` is the most that is wanted of any of them.
-    pub(super) fn new(
+    /// The world's camera with this id, which takes `rate_hz` frames a second; `wanted` is the most that is wanted of
+    /// any of them.
+    ///
+    /// # Errors
+    /// As [`World::plate_with`].
+    pub fn new(
         world: &'a World,
         id: &str,
         camera: &Camera,
@@ -80,7 +86,9 @@ impl<'a> Station<'a> {
         self.plate.camera()
     }
 
-    pub(super) const fn plate(&self) -> &Plate {
+    /// The still world as the camera sees it.
+    #[must_use]
+    pub const fn plate(&self) -> &Plate {
         &self.plate
     }
 
@@ -93,13 +101,11 @@ impl<'a> Station<'a> {
         self.sensor.is_some() && self.world.effects().exposure.is_some()
     }
 
-    /// The frame at `time_secs`; with all layers of truth if they are wanted.
-    pub(super) fn shoot(
-        &mut self,
-        frame: u64,
-        time_secs: f64,
-        wanted: Wanted,
-    ) -> Result<Exposure, SimulateError> {
+    /// The frame at `time_secs`; with all layers of truth if they are wanted. Frames must come in their order.
+    ///
+    /// # Errors
+    /// As [`World::cast`].
+    pub fn shoot(&mut self, frame: u64, time_secs: f64, wanted: Wanted) -> Result<Exposure, SimulateError> {
         let device = self.device.as_deref();
         let mut truth = if self.world.plate_lasts(device) {
             self.world.cast_over(&self.plate, device, time_secs)?

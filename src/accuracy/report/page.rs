@@ -100,7 +100,7 @@ const fn about(stage: Stage) -> &'static str {
         }
         Stage::Map => {
             "Every texel's world point against the simulator's depth, where the ray meets the surface at half a degree \
-             or more."
+             or more; of the first four cameras. What the world has and the scene does not is left out."
         }
         Stage::Surfaces => {
             "The still part of views where no camera stands, as far as a camera sees it. Seam energy is the step at \
@@ -161,13 +161,24 @@ fn figure(title: &str, y_name: &str, scale: Scale, series: Vec<Series>) -> Figur
 
 fn figures(report: &Report, stage: Stage, found: &StageReport) -> Vec<Figure> {
     let rows = &found.rows;
+    // The default lies on every knob's curve: it is named once.
     let by_knob = |y: fn(&CostRow) -> Option<f64>| -> Vec<Series> {
         let mut knobs: Vec<&str> = rows.iter().map(|row| row.knob.as_str()).collect();
         knobs.dedup();
-        knobs
-            .into_iter()
-            .map(|knob| series_of(knob, rows.iter().filter(|row| row.knob == knob), y, Labels::Shown))
-            .collect()
+        let curve = |(place, knob): (usize, &str)| {
+            let mut series = series_of(knob, rows.iter().filter(|row| row.knob == knob), y, Labels::Shown);
+            for point in &mut series.points {
+                point.label = match (point.is_marked, place) {
+                    (true, 0) => "default".to_owned(),
+                    (true, _) => String::new(),
+                    (false, _) if knob == "modes" => format!("K {}", point.label),
+                    (false, _) if knob == "samples" => format!("{} sample", point.label),
+                    (false, _) => std::mem::take(&mut point.label),
+                };
+            }
+            series
+        };
+        knobs.into_iter().enumerate().map(curve).collect()
     };
     match stage {
         Stage::Segmentation => {

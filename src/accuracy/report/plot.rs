@@ -97,7 +97,7 @@ impl Axis {
         if self.is_log { 10_f64.powf(place) } else { place }
     }
 
-    /// A logarithmic axis around positive values, with marks at 1, 2 and 5 where they fit, else at every decade or two.
+    /// A logarithmic axis around positive values, with marks as close as they fit.
     fn log(values: impl Iterator<Item = f64>) -> Option<Self> {
         let (low, high) = values
             .filter(|value| *value > 0.0 && value.is_finite())
@@ -111,7 +111,13 @@ impl Axis {
         let range = low - room..high + room;
         let decades = range.start.floor() as i32..=range.end.ceil() as i32;
         let span = range.end - range.start;
-        let leading: &[f64] = if span < 2.5 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+        let leading: &[f64] = if span < 1.2 {
+            &[1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0]
+        } else if span < 2.5 {
+            &[1.0, 2.0, 5.0]
+        } else {
+            &[1.0]
+        };
         let every = (span / 8.0).ceil().max(1.0) as i32;
         let marks = decades
             .filter(|decade| decade.rem_euclid(every) == 0)

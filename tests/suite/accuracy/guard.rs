@@ -31,7 +31,7 @@ fn check(what: &str, found: f64, bounds: std::ops::RangeInclusive<f64>) {
 fn the_plaza_is_as_accurate_as_it_was() {
     let clock = SystemClock::new();
     let watch = Stopwatch::new(&clock, &OpenGate);
-    let subject = Subject::prepare(&World::plaza(), &SCOPE, &watch, &|_step| {}).unwrap();
+    let subject = Subject::prepare(&World::named("plaza").unwrap(), &SCOPE, &watch, &|_step| {}).unwrap();
     assert_eq!((subject.cameras.len(), subject.views.len()), (3, 2));
 
     let default = SegmentationForm::of(&subject.cameras[0].settings);

@@ -34,7 +34,8 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
         return;
     }
     let folder = TempDir::new().unwrap();
-    let found = sweep(&World::plaza(), &SCOPE, &Stage::ALL, &SystemClock::new(), &|_step| {}).unwrap();
+    let found = sweep(&World::named("plaza").unwrap(), &SCOPE, &Stage::ALL, &SystemClock::new(), &|_step| {})
+        .unwrap();
     let report = Report::new(subject(), machine(&found.adapter), &found, "now".to_owned(), 1.0);
     assert!(report.is_complete);
     let names: Vec<&str> = report.stages.iter().map(|stage| stage.name.as_str()).collect();
@@ -117,7 +118,15 @@ fn a_sweep_that_is_ended_keeps_what_it_has() {
     let ended = |n_steps| {
         let gate = Steps(AtomicU32::new(n_steps));
         let watch = Stopwatch::new(&clock, &gate);
-        sweep_gated(&World::plaza(), &SCOPE, &[Stage::Segmentation], None, &watch, &|_step| {}).unwrap()
+        sweep_gated(
+            &World::named("plaza").unwrap(),
+            &SCOPE,
+            &[Stage::Segmentation],
+            None,
+            &watch,
+            &|_step| {},
+        )
+        .unwrap()
     };
     let nothing = ended(0);
     assert!(nothing.rows.is_empty() && !nothing.is_complete);

@@ -10,7 +10,7 @@ use videofields::simulate::World;
 fn settings() -> KeeperSettings {
     let scope = Scope { size_px: (160, 90), n_frames: 4, max_cameras: 1, n_map_builds: 1, ..Scope::DAEMON };
     KeeperSettings {
-        world: World::plaza(),
+        world: World::named("plaza").unwrap(),
         scope,
         stages: vec![Stage::Segmentation, Stage::Map],
         render: RenderSettings::default(),
