@@ -66,10 +66,14 @@ impl<'a> Stopwatch<'a> {
     /// [`Stopped`], before the step.
     pub fn once<T>(&self, step: impl FnOnce() -> T) -> Result<(T, Option<f64>), Stopped> {
         self.enter()?;
+        let (result, time_ms) = self.timed(step);
+        Ok((result, self.gate.was_alone().then_some(time_ms)))
+    }
+
+    fn timed<T>(&self, step: impl FnOnce() -> T) -> (T, f64) {
         let started = self.clock.monotonic();
         let result = step();
-        let took = self.clock.monotonic().saturating_sub(started);
-        Ok((result, self.gate.was_alone().then_some(millis(took))))
+        (result, millis(self.clock.monotonic().saturating_sub(started)))
     }
 
     /// Does one step, again while it was disturbed; its result and its time in milliseconds.
@@ -77,16 +81,27 @@ impl<'a> Stopwatch<'a> {
     /// # Errors
     /// [`Stopped`], before a step.
     pub fn again<T>(&self, mut step: impl FnMut() -> T) -> Result<(T, f64), Stopped> {
+        self.again_after(&mut (), |()| {}, |()| step())
+    }
+
+    /// As [`Self::again`]; each time `prepare` comes before the step and is not timed.
+    ///
+    /// # Errors
+    /// [`Stopped`], before either.
+    pub fn again_after<S, T>(
+        &self,
+        state: &mut S,
+        mut prepare: impl FnMut(&mut S),
+        mut step: impl FnMut(&mut S) -> T,
+    ) -> Result<(T, f64), Stopped> {
         let mut retries = 0;
         loop {
-            let started = self.clock.monotonic();
-            let (result, time_ms) = self.once(&mut step)?;
+            self.enter()?;
+            prepare(state);
+            let (result, time_ms) = self.timed(|| step(state));
             retries += 1;
-            if let Some(time_ms) = time_ms {
+            if self.gate.was_alone() || retries >= MAX_RETRIES {
                 return Ok((result, time_ms));
-            }
-            if retries >= MAX_RETRIES {
-                return Ok((result, millis(self.clock.monotonic().saturating_sub(started))));
             }
         }
     }

@@ -53,24 +53,38 @@ impl MapRun {
         n_builds: u32,
         watch: &Stopwatch<'_>,
     ) -> Result<Self, SweepError> {
-        let surfaces = &subject.scene.surfaces;
         let mut run = Self::default();
-        for camera in subject.cameras.iter().take(MAX_MAP_CAMERAS) {
-            let mut built: Option<WorldMap> = None;
-            for _ in 0..n_builds.max(1) {
-                let build = || builder.build(&camera.camera, surfaces, camera.camera.size_px());
-                let (map, time_ms): (Result<WorldMap, MappingError>, f64) = watch.again(build)?;
-                built = Some(map?);
-                run.times_ms.push(time_ms);
-                if time_ms > LONG_BUILD_MS {
-                    break;
-                }
-            }
-            if let Some(map) = built {
-                run.judge(camera, surfaces, &map);
-            }
+        for _ in 0..n_builds.max(1) {
+            run.build(subject, builder, watch)?;
         }
         Ok(run)
+    }
+
+    /// One more round over the cameras, unless the maps take long; the first is judged.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn build(
+        &mut self,
+        subject: &Subject,
+        builder: Builder,
+        watch: &Stopwatch<'_>,
+    ) -> Result<(), SweepError> {
+        if self.times_ms.iter().any(|time_ms| *time_ms > LONG_BUILD_MS) {
+            return Ok(());
+        }
+        let is_first = self.times_ms.is_empty();
+        let surfaces = &subject.scene.surfaces;
+        for camera in subject.cameras.iter().take(MAX_MAP_CAMERAS) {
+            let build = || builder.build(&camera.camera, surfaces, camera.camera.size_px());
+            let (map, time_ms): (Result<WorldMap, MappingError>, f64) = watch.again(build)?;
+            let map = map?;
+            self.times_ms.push(time_ms);
+            if is_first {
+                self.judge(camera, surfaces, &map);
+            }
+        }
+        Ok(())
     }
 
     fn judge(&mut self, camera: &SubjectCamera, surfaces: &Surfaces, map: &WorldMap) {

@@ -4,7 +4,7 @@
 //! one frame of one camera: reduction, background and segmentation together.
 
 use super::SweepError;
-use super::gate::Stopwatch;
+use super::gate::{Stopped, Stopwatch};
 use super::measures::MaskScore;
 use super::settings::SegmentationForm;
 use super::subject::{Subject, SubjectCamera};
@@ -34,28 +34,38 @@ impl SegmentationRun {
     /// # Errors
     /// When the gate ends it.
     pub fn of(subject: &Subject, form: &SegmentationForm, watch: &Stopwatch<'_>) -> Result<Self, SweepError> {
+        let (mut runs, outcome) = Self::all(subject, &[*form], watch)?;
+        outcome?;
+        runs.pop().ok_or(SweepError::Untimed)
+    }
+
+    /// Plays every camera of `subject` with every form, the forms in turns at each frame, so that what else the machine
+    /// does falls on all alike. What the gate ends early is told as far as it went, once every form was timed some
+    /// times; whether it did end it stands beside the runs.
+    ///
+    /// # Errors
+    /// When the gate ends it before.
+    pub fn all(
+        subject: &Subject,
+        forms: &[SegmentationForm],
+        watch: &Stopwatch<'_>,
+    ) -> Result<(Vec<Self>, Result<(), Stopped>), SweepError> {
         let judged = subject.judged_frames();
-        let mut score = MaskScore::default();
-        let (mut times_ms, mut bytes) = (Vec::new(), 0);
-        let mut observations: BTreeMap<usize, Vec<_>> =
-            judged.iter().map(|frame| (*frame, Vec::new())).collect();
-        for camera in &subject.cameras {
-            bytes += play(subject, camera, form, watch, |number, observation, time_ms| {
-                score.add(
-                    &observation.labels,
-                    &camera.instances[number],
-                    |label| label == MOVING,
-                    |truth| truth > 0,
-                );
-                times_ms.extend(time_ms);
-                if let Some(kept) = observations.get_mut(&number) {
-                    kept.push((camera.id.clone(), observation));
-                }
-            })?;
+        let mut gathered: Vec<Gathered> = forms.iter().map(|_| Gathered::new(&judged)).collect();
+        let mut cameras = subject.cameras.iter();
+        let outcome = cameras.try_for_each(|camera| play(subject, camera, forms, watch, &mut gathered));
+        if gathered.iter().any(|of| of.times_ms.len() < LEAST_TIMES) {
+            outcome?;
         }
-        let time_ms = Spread::of(&times_ms).ok_or(SweepError::Untimed)?;
-        let memory_bytes = bytes / subject.cameras.len().max(1) as u64;
-        Ok(Self { score, time_ms, memory_bytes, observations })
+        let runs: Result<Vec<Self>, _> = gathered.into_iter().map(Gathered::into_run).collect();
+        Ok((runs?, outcome))
+    }
+
+    /// What a camera saw at a frame at which views are judged.
+    #[must_use]
+    pub fn of_frame(&self, frame: usize, camera: &CameraId) -> Option<&Observation> {
+        let seen = self.observations.get(&frame)?;
+        seen.iter().find(|(of, _)| of == camera).map(|(_, observation)| observation)
     }
 
     /// What is reported: the main error, 1 - F, and every measure by name.
@@ -71,23 +81,80 @@ impl SegmentationRun {
     }
 }
 
-/// Plays a camera twice; hands each observation of the second time on, with its time. Bytes of the model.
+/// Times of a form that are enough to be told.
+const LEAST_TIMES: usize = 4;
+
+/// What is known of a form while it is played.
+struct Gathered {
+    score: MaskScore,
+    times_ms: Vec<f64>,
+    model_bytes: u64,
+    n_cameras: u64,
+    observations: BTreeMap<usize, Vec<(CameraId, Observation)>>,
+}
+
+impl Gathered {
+    fn new(judged: &[usize]) -> Self {
+        Self {
+            score: MaskScore::default(),
+            times_ms: Vec::new(),
+            model_bytes: 0,
+            n_cameras: 0,
+            observations: judged.iter().map(|frame| (*frame, Vec::new())).collect(),
+        }
+    }
+
+    fn judge(
+        &mut self,
+        camera: &SubjectCamera,
+        number: usize,
+        observation: Observation,
+        time_ms: Option<f64>,
+    ) {
+        let truth = &camera.instances[number];
+        self.score.add(&observation.labels, truth, |label| label == MOVING, |truth| truth > 0);
+        self.times_ms.extend(time_ms);
+        if let Some(kept) = self.observations.get_mut(&number) {
+            kept.push((camera.id.clone(), observation));
+        }
+    }
+
+    fn into_run(self) -> Result<SegmentationRun, SweepError> {
+        Ok(SegmentationRun {
+            score: self.score,
+            time_ms: Spread::of(&self.times_ms).ok_or(SweepError::Untimed)?,
+            memory_bytes: self.model_bytes / self.n_cameras.max(1),
+            observations: self.observations,
+        })
+    }
+}
+
+/// Plays a camera twice with every form in turns; what the second time shows is judged.
 fn play(
     subject: &Subject,
     camera: &SubjectCamera,
-    form: &SegmentationForm,
+    forms: &[SegmentationForm],
     watch: &Stopwatch<'_>,
-    mut judge: impl FnMut(usize, Observation, Option<f64>),
-) -> Result<u64, SweepError> {
-    let settings = form.applied(&camera.settings);
-    let mut pipeline = Pipeline::new(&settings.background, &settings.segment);
+    gathered: &mut [Gathered],
+) -> Result<(), Stopped> {
+    let pipeline = |form: &SegmentationForm| {
+        let settings = form.applied(&camera.settings);
+        Pipeline::new(&settings.background, &settings.segment)
+    };
+    let mut pipelines: Vec<Pipeline> = forms.iter().map(pipeline).collect();
     let n_frames = camera.frames.len();
     for number in 0..2 * n_frames {
-        let frame = subject.frame(camera, number);
-        let (observation, time_ms) = watch.once(|| pipeline.process(frame))?;
-        if number >= n_frames {
-            judge(number - n_frames, observation, time_ms);
+        for (pipeline, gathered) in pipelines.iter_mut().zip(gathered.iter_mut()) {
+            let frame = subject.frame(camera, number);
+            let (observation, time_ms) = watch.once(|| pipeline.process(frame))?;
+            if number == n_frames {
+                gathered.model_bytes += pipeline.model_bytes() as u64;
+                gathered.n_cameras += 1;
+            }
+            if number >= n_frames {
+                gathered.judge(camera, number - n_frames, observation, time_ms);
+            }
         }
     }
-    Ok(pipeline.model_bytes() as u64)
+    Ok(())
 }

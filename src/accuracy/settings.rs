@@ -141,9 +141,12 @@ impl EntityForm {
     /// What is drawn where nothing else is asked for.
     pub const DEFAULT: Self = Self { style: EntityStyle::Billboards, stride: 1 };
 
-    /// All forms from cheap to exact.
+    /// Nothing is drawn: what the others are held against.
+    pub const NOTHING: Self = Self { style: EntityStyle::None, stride: 1 };
+
+    /// All forms from cheap to exact, after nothing.
     pub const ALL: [Self; 5] = [
-        Self { style: EntityStyle::None, stride: 1 },
+        Self::NOTHING,
         Self { style: EntityStyle::Points, stride: 4 },
         Self { style: EntityStyle::Points, stride: 2 },
         Self { style: EntityStyle::Points, stride: 1 },

@@ -57,8 +57,8 @@ impl Scope {
         n_moments: 3,
         n_map_builds: 5,
         max_grid_points: crate::mapping::MAX_GRID_POINTS,
-        max_pipelines: 24,
-        max_pipelines_secs: 300.0,
+        max_pipelines: 40,
+        max_pipelines_secs: 900.0,
     };
 
     /// For a first look: about half a minute.

@@ -8,7 +8,7 @@ use super::map::MapRun;
 use super::segmentation::SegmentationRun;
 use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
 use super::subject::{Scope, Subject};
-use super::views::{Easel, ViewsRun};
+use super::views::{Easel, ViewsRun, view_times};
 use super::{AccuracyError, SweepError};
 use crate::config::RenderSettings;
 use crate::frame::RgbImage;
@@ -198,16 +198,52 @@ impl Sweeper<'_> {
             return Ok(());
         }
         let observed = segmentations.iter().position(|(form, _)| *form == default_form).unwrap_or(0);
+        let mut studio = self.studio(&segmentations[observed].1, stages)?;
         if wants(Stage::Surfaces) {
-            self.surfaces(&segmentations[observed].1)?;
+            self.surfaces(&mut studio, &segmentations[observed].1)?;
         }
         if wants(Stage::Entities) || wants(Stage::Pipeline) {
-            self.entities(&segmentations[observed].1)?;
+            self.entities(&mut studio, &segmentations[observed].1)?;
         }
         if wants(Stage::Pipeline) {
-            self.pipelines(&segmentations, default_form)?;
+            self.pipelines(&mut studio, &segmentations, default_form)?;
         }
         Ok(())
+    }
+
+    /// Every easel that the stages need, and what a view takes on each.
+    fn studio(&mut self, observed: &SegmentationRun, stages: &[Stage]) -> Result<Studio, SweepError> {
+        let default = SurfaceForm::of(&self.subject.render);
+        let mut wanted: Vec<(SurfaceForm, EntityForm)> = Vec::new();
+        if stages.contains(&Stage::Surfaces) {
+            wanted.extend(default.sweep().into_iter().map(|(.., form)| (form, EntityForm::NOTHING)));
+        }
+        if stages.contains(&Stage::Entities) || stages.contains(&Stage::Pipeline) {
+            wanted.extend(EntityForm::ALL.map(|entities| (default, entities)));
+        }
+        if stages.contains(&Stage::Pipeline) {
+            for surface in pipeline_surfaces(default) {
+                wanted.extend(EntityForm::ALL.into_iter().skip(1).map(|entities| (surface, entities)));
+            }
+        }
+        let mut combinations: Vec<(SurfaceForm, EntityForm)> = Vec::new();
+        let mut forms: Vec<SurfaceForm> = Vec::new();
+        for pair in wanted {
+            if !combinations.contains(&pair) {
+                combinations.push(pair);
+            }
+            if !forms.contains(&pair.0) {
+                forms.push(pair.0);
+            }
+        }
+        (self.progress)(&format!("views: the time of {} ways to draw them, in turns", combinations.len()));
+        let mut easels = forms.iter().map(|form| self.easel(*form)).collect::<Result<Vec<_>, _>>()?;
+        let place_of = |form: &SurfaceForm| forms.iter().position(|of| of == form).unwrap_or(0);
+        let places: Vec<(usize, EntityForm)> =
+            combinations.iter().map(|(surface, entities)| (place_of(surface), *entities)).collect();
+        let times = view_times(self.subject, observed, &mut easels, &places, self.watch)?;
+        let times = combinations.into_iter().zip(times).collect();
+        Ok(Studio { easels: forms.into_iter().zip(easels).collect(), times })
     }
 
     fn default_form(&self) -> Result<SegmentationForm, SweepError> {
@@ -234,41 +270,53 @@ impl Sweeper<'_> {
     }
 
     fn segmentation(&mut self, default: SegmentationForm) -> Result<Segmentations, SweepError> {
-        let mut runs: Segmentations = Vec::new();
-        for (knob, value, form) in default.sweep() {
-            let known = runs.iter().position(|(of, _)| *of == form);
-            let idx = match known {
-                Some(idx) => idx,
-                None => {
-                    (self.progress)(&format!("segmentation: {}", form.label()));
-                    runs.push((form, SegmentationRun::of(self.subject, &form, self.watch)?));
-                    runs.len() - 1
-                }
-            };
-            let run = &runs[idx].1;
+        let sweep = default.sweep();
+        let mut forms: Vec<SegmentationForm> = Vec::new();
+        for (.., form) in &sweep {
+            if !forms.contains(form) {
+                forms.push(*form);
+            }
+        }
+        (self.progress)(&format!("segmentation: {} forms in turns", forms.len()));
+        let (runs, outcome) = SegmentationRun::all(self.subject, &forms, self.watch)?;
+        let runs: Segmentations = forms.into_iter().zip(runs).collect();
+        for (knob, value, form) in sweep {
+            let Some((_, run)) = runs.iter().find(|(of, _)| *of == form) else { continue };
             let (error, measures) = run.measures();
             let cost =
                 Cost { time_ms: run.time_ms, memory_bytes: run.memory_bytes, error: Some(error), measures };
             self.push(Stage::Segmentation, knob, &value, Place::from(form == default), cost);
         }
+        outcome?;
         Ok(runs)
     }
 
     fn map(&mut self) -> Result<(), SweepError> {
+        let mut runs: Vec<(String, Builder, MapRun)> = Vec::new();
         for (value, builder) in map_forms() {
-            (self.progress)(&format!("map: {value}"));
-            if let Some(reason) = self.beyond_scope(builder) {
-                self.skip(Stage::Map, "builder", &value, reason);
-                continue;
+            match self.beyond_scope(builder) {
+                Some(reason) => self.skip(Stage::Map, "builder", &value, reason),
+                None => runs.push((value, builder, MapRun::default())),
             }
-            let run = match MapRun::of(self.subject, builder, self.scope.n_map_builds, self.watch) {
-                Ok(run) => run,
-                Err(SweepError::Mapping(error @ MappingError::GridPoints { .. })) => {
-                    self.skip(Stage::Map, "builder", &value, error.to_string());
-                    continue;
+        }
+        // In turns, so that what else the machine does falls on all alike.
+        for round in 0..self.scope.n_map_builds.max(1) {
+            let mut refused = Vec::new();
+            for (idx, (value, builder, run)) in runs.iter_mut().enumerate() {
+                (self.progress)(&format!("map: {value}, round {}", round + 1));
+                match run.build(self.subject, *builder, self.watch) {
+                    Err(SweepError::Mapping(error @ MappingError::GridPoints { .. })) => {
+                        refused.push((idx, error.to_string()));
+                    }
+                    outcome => outcome?,
                 }
-                Err(error) => return Err(error),
-            };
+            }
+            for (idx, reason) in refused.into_iter().rev() {
+                let (value, ..) = runs.remove(idx);
+                self.skip(Stage::Map, "builder", &value, reason);
+            }
+        }
+        for (value, builder, run) in runs {
             let (error, measures) = run.measures();
             let time_ms = run.time_ms().ok_or(SweepError::Untimed)?;
             let cost = Cost { time_ms, memory_bytes: run.memory_bytes(), error, measures };
@@ -298,9 +346,8 @@ impl Sweeper<'_> {
             .then(|| format!("{points:.0} points over the ground alone, more than the {most} of this run"))
     }
 
-    fn surfaces(&mut self, observed: &SegmentationRun) -> Result<(), SweepError> {
+    fn surfaces(&mut self, studio: &mut Studio, observed: &SegmentationRun) -> Result<(), SweepError> {
         let default = SurfaceForm::of(&self.subject.render);
-        let nothing = EntityForm { style: EntityStyle::None, stride: 1 };
         let mut runs: Vec<(SurfaceForm, ViewsRun)> = Vec::new();
         for (knob, value, form) in default.sweep() {
             let known = runs.iter().position(|(of, _)| *of == form);
@@ -308,8 +355,8 @@ impl Sweeper<'_> {
                 Some(idx) => idx,
                 None => {
                     (self.progress)(&format!("surfaces: {knob} {value}"));
-                    let mut easel = self.easel(form)?;
-                    runs.push((form, easel.judge(self.subject, observed, nothing, self.watch)?));
+                    let easel = studio.easel(form)?;
+                    runs.push((form, easel.judge(self.subject, observed, EntityForm::NOTHING, self.watch)?));
                     runs.len() - 1
                 }
             };
@@ -319,7 +366,7 @@ impl Sweeper<'_> {
                 !name.starts_with("people") && name != "silhouette_iou" && name != "balanced_rmse"
             });
             let cost = Cost {
-                time_ms: run.time_ms()?,
+                time_ms: studio.time_ms(form, EntityForm::NOTHING)?,
                 memory_bytes: run.target_bytes(),
                 error: run.still_rmse(),
                 measures,
@@ -335,13 +382,13 @@ impl Sweeper<'_> {
         Ok(easel)
     }
 
-    fn entities(&mut self, observed: &SegmentationRun) -> Result<(), SweepError> {
-        let mut easel = self.easel(SurfaceForm::of(&self.subject.render))?;
+    fn entities(&mut self, studio: &mut Studio, observed: &SegmentationRun) -> Result<(), SweepError> {
+        let surface = SurfaceForm::of(&self.subject.render);
         for form in EntityForm::ALL {
             (self.progress)(&format!("entities: {}", form.label()));
-            let run = easel.judge(self.subject, observed, form, self.watch)?;
+            let run = studio.easel(surface)?.judge(self.subject, observed, form, self.watch)?;
             let cost = Cost {
-                time_ms: run.time_ms()?,
+                time_ms: studio.time_ms(surface, form)?,
                 memory_bytes: run.entity_bytes(),
                 error: run.people_rmse(),
                 measures: run.measures(),
@@ -375,13 +422,14 @@ impl Sweeper<'_> {
     /// The cross of what is worth having of each stage, bounded in number and time.
     fn pipelines(
         &mut self,
+        studio: &mut Studio,
         segmentations: &Segmentations,
         default: SegmentationForm,
     ) -> Result<(), SweepError> {
         let chosen = chosen(segmentations, default);
         let entities = self.entity_forms();
         let surface_default = SurfaceForm::of(&self.subject.render);
-        let surfaces = [1, 4].map(|samples| SurfaceForm { samples, ..surface_default });
+        let surfaces = pipeline_surfaces(surface_default);
         let mut combinations: Vec<(usize, SurfaceForm, EntityForm)> = Vec::new();
         for entity in &entities {
             for surface in surfaces {
@@ -396,7 +444,6 @@ impl Sweeper<'_> {
         let clock = self.watch.clock();
         let started = clock.monotonic();
         let first_row = self.sweep.rows.len();
-        let mut easels: Vec<(SurfaceForm, Easel)> = Vec::new();
         for (count, combination) in combinations.iter().enumerate() {
             let (idx, surface, entity) = *combination;
             let (form, run) = &segmentations[idx];
@@ -411,16 +458,9 @@ impl Sweeper<'_> {
                 continue;
             }
             (self.progress)(&format!("pipeline: {label}"));
-            let place = match easels.iter().position(|(of, _)| *of == surface) {
-                Some(place) => place,
-                None => {
-                    easels.push((surface, self.easel(surface)?));
-                    easels.len() - 1
-                }
-            };
-            let views = easels[place].1.judge(self.subject, run, entity, self.watch)?;
+            let views = studio.easel(surface)?.judge(self.subject, run, entity, self.watch)?;
             let n_cameras = self.subject.cameras.len() as f64;
-            let time_ms: Spread = views.time_ms()?.plus(run.time_ms, n_cameras);
+            let time_ms = studio.time_ms(surface, entity)?.plus(run.time_ms, n_cameras);
             let mut measures = views.measures();
             measures.extend(run.measures().1);
             let memory_bytes = run.memory_bytes * self.subject.cameras.len() as u64
@@ -442,23 +482,43 @@ impl Sweeper<'_> {
         self.sweep.front = front.into_iter().map(|idx| idx + first_row).collect();
     }
 
-    /// The entities' forms on their own front, cheap to exact, and the default.
+    /// The entities' forms on their own front, cheap to exact, and the default; a pipeline that draws nobody is none.
     fn entity_forms(&self) -> Vec<EntityForm> {
-        let rows = || self.sweep.rows.iter().filter(|row| row.stage == Stage::Entities.name());
+        let nothing = EntityForm::NOTHING.label();
+        let of_entities = |row: &&CostRow| row.stage == Stage::Entities.name() && row.value != nothing;
+        let rows: Vec<&CostRow> = self.sweep.rows.iter().filter(of_entities).collect();
         let points: Vec<(f64, f64)> =
-            rows().map(|row| (row.time_ms.median, row.error.unwrap_or(f64::NAN))).collect();
-        let mut forms: Vec<EntityForm> = pareto_front(&points)
-            .into_iter()
-            .filter_map(|idx| {
-                let label = &rows().nth(idx)?.value;
-                EntityForm::ALL.into_iter().find(|form| form.label() == *label)
-            })
-            .collect();
+            rows.iter().map(|row| (row.time_ms.median, row.error.unwrap_or(f64::NAN))).collect();
+        let form_of = |idx: usize| EntityForm::ALL.into_iter().find(|form| form.label() == rows[idx].value);
+        let mut forms: Vec<EntityForm> = pareto_front(&points).into_iter().filter_map(form_of).collect();
         if !forms.contains(&EntityForm::DEFAULT) {
             forms.push(EntityForm::DEFAULT);
         }
         forms
     }
+}
+
+/// Renderers with what a view takes on each.
+struct Studio {
+    easels: Vec<(SurfaceForm, Easel)>,
+    times: Vec<((SurfaceForm, EntityForm), Spread)>,
+}
+
+impl Studio {
+    fn easel(&mut self, form: SurfaceForm) -> Result<&mut Easel, SweepError> {
+        let found = self.easels.iter_mut().find(|(of, _)| *of == form);
+        found.map(|(_, easel)| easel).ok_or(SweepError::Untimed)
+    }
+
+    fn time_ms(&self, surface: SurfaceForm, entities: EntityForm) -> Result<Spread, SweepError> {
+        let found = self.times.iter().find(|(of, _)| *of == (surface, entities));
+        found.map(|(_, time_ms)| *time_ms).ok_or(SweepError::Untimed)
+    }
+}
+
+/// The surfaces' forms of whole pipelines: what a view's edges cost.
+fn pipeline_surfaces(default: SurfaceForm) -> [SurfaceForm; 2] {
+    [1, 4].map(|samples| SurfaceForm { samples, ..default })
 }
 
 /// The segmentations on their own front, and the default.

@@ -1,7 +1,8 @@
 //! Views where no camera stands: drawn as the daemon draws them, judged against the truth.
 //!
 //! The unit of work that is timed is one view of one instant: fuse, plan, render (which takes new frames up to the
-//! GPU first), until its pixels are back.
+//! GPU first), until its pixels are back. Backgrounds are on the GPU already, as live, where frames of a second share
+//! one picture.
 
 use super::SweepError;
 use super::comparison::{Comparison, compare};
@@ -15,7 +16,9 @@ use crate::fuse::{self, Billboard, EntityPoint, SceneState};
 use crate::gpu::Gpu;
 use crate::plan::{self, EntityStyle, Spread};
 use crate::render::{RenderError, Renderer};
+use crate::timeline::Observation;
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// Pixels around people that count as theirs: what is drawn beside them is an error too.
 const PEOPLE_MARGIN_PX: u32 = 4;
@@ -30,8 +33,6 @@ pub struct Easel {
 /// What a form's pictures are worth.
 #[derive(Debug, Default)]
 pub struct ViewsRun {
-    /// Of one picture.
-    times_ms: Vec<f64>,
     /// Bytes of what stands for the entities, the mean over the pictures.
     entity_bytes: Mean,
     /// Bytes of the targets that are drawn into.
@@ -67,15 +68,16 @@ impl Easel {
         &mut self,
         subject: &Subject,
         view: &SubjectView,
-        frame: usize,
+        moment: Moment,
         observations: &SegmentationRun,
         entities: EntityForm,
     ) -> Result<(RgbImage, SceneState), RenderError> {
         let stride = (entities.style == EntityStyle::Points).then_some(entities.stride);
-        let seen = observations.observations.get(&frame);
-        let find =
-            |id: &CameraId| seen?.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone());
-        let instant = subject.instant(frame + subject.n_frames());
+        let find = |id: &CameraId| {
+            let background = Arc::clone(&observations.of_frame(moment.background_frame, id)?.background);
+            Some(Observation { background, ..observations.of_frame(moment.frame, id)?.clone() })
+        };
+        let instant = subject.instant(moment.frame + subject.n_frames());
         let state = fuse::assemble(&subject.scene, instant, find, stride);
         let mut plan = plan::make(&state, &view.view, entities.style);
         if self.form.depth_map_side_px.is_none() {
@@ -97,25 +99,19 @@ impl Easel {
         watch: &Stopwatch<'_>,
     ) -> Result<ViewsRun, SweepError> {
         let mut run = ViewsRun::default();
-        let nothing = EntityForm { style: EntityStyle::None, stride: 1 };
         for (view_idx, view) in subject.views.iter().enumerate() {
-            // Once untimed: pipelines and targets are made at the first picture.
-            if let Some((frame, _)) = view.frames.first() {
-                watch.enter()?;
-                drop(self.draw(subject, view, *frame, observations, entities)?);
-            }
             let (width, height) = (u64::from(view.view.width_px), u64::from(view.view.height_px));
             let samples = u64::from(self.form.samples);
             // Colour and depth, 4 bytes each, by sample; and the resolved picture, if there is more than one.
             run.target_bytes = width * height * (8 * samples + if samples > 1 { 4 } else { 0 });
             let mut pictures = Vec::new();
             for (frame, judged) in &view.frames {
-                let draw = || self.draw(subject, view, *frame, observations, entities);
-                let (drawn, time_ms) = watch.again(draw)?;
-                let (picture, state) = drawn?;
-                run.times_ms.push(time_ms);
+                watch.enter()?;
+                let moment = Moment { frame: *frame, background_frame: *frame };
+                let (picture, state) = self.draw(subject, view, moment, observations, entities)?;
                 run.entity_bytes.add(entity_bytes(&state, entities.style) as f64);
-                let (bare, _) = self.draw(subject, view, *frame, observations, nothing)?;
+                watch.enter()?;
+                let (bare, _) = self.draw(subject, view, moment, observations, EntityForm::NOTHING)?;
                 run.judge(view, judged, &picture, &bare)?;
                 pictures.push((*frame, picture));
             }
@@ -128,6 +124,64 @@ impl Easel {
         }
         Ok(run)
     }
+}
+
+/// Which of the period's frames is drawn, over the backgrounds of which.
+#[derive(Clone, Copy)]
+struct Moment {
+    frame: usize,
+    background_frame: usize,
+}
+
+/// Times of a form that are enough to be told.
+const LEAST_TIMES: usize = 3;
+
+/// Draws the subject's views with every combination of an easel (by its place) and a form of entities, one picture of
+/// each in turns, so that what else the machine does falls on all alike; their times. What the gate ends early is told
+/// as far as it went, once every combination was timed some times.
+///
+/// # Errors
+/// When a picture cannot be drawn, or the gate ends it before.
+pub fn view_times(
+    subject: &Subject,
+    observations: &SegmentationRun,
+    easels: &mut [Easel],
+    combinations: &[(usize, EntityForm)],
+    watch: &Stopwatch<'_>,
+) -> Result<Vec<Spread>, SweepError> {
+    let mut times_ms: Vec<Vec<f64>> = vec![Vec::new(); combinations.len()];
+    // The first round is not counted: pipelines and targets are made at the first picture.
+    let pairs: Vec<_> = subject.views.iter().flat_map(frame_pairs).collect();
+    let rounds = pairs.first().into_iter().chain(&pairs);
+    'rounds: for (round, &(view, [before, frame])) in rounds.enumerate() {
+        for (idx, (easel, entities)) in combinations.iter().enumerate() {
+            let draw = |easel: &mut Easel, frame| {
+                let moment = Moment { frame, background_frame: before };
+                easel.draw(subject, view, moment, observations, *entities)
+            };
+            // The frame before brings the backgrounds, untimed, so that every combination begins alike; were it to
+            // fail, so would the next.
+            let prepare = |easel: &mut Easel| drop(draw(easel, before));
+            let (drawn, time_ms) =
+                match watch.again_after(&mut easels[*easel], prepare, |easel| draw(easel, frame)) {
+                    Err(_stopped) if times_ms.iter().all(|times| times.len() >= LEAST_TIMES) => break 'rounds,
+                    timed => timed?,
+                };
+            drawn?;
+            if round > 0 {
+                times_ms[idx].push(time_ms);
+            }
+        }
+    }
+    times_ms.iter().map(|times| Spread::of(times).ok_or(SweepError::Untimed)).collect()
+}
+
+/// A view's pairs of frames that follow each other, each pair both ways round.
+fn frame_pairs(view: &SubjectView) -> impl Iterator<Item = (&SubjectView, [usize; 2])> {
+    view.frames.chunks_exact(2).flat_map(move |pair| {
+        let [first, second] = [pair[0].0, pair[1].0];
+        [[first, second], [second, first]].map(|pair| (view, pair))
+    })
 }
 
 fn entity_bytes(state: &SceneState, style: EntityStyle) -> usize {
@@ -174,14 +228,6 @@ impl ViewsRun {
         let both = first.still.data.iter().zip(&second.still.data).map(|(a, b)| *a & *b).collect();
         let part = Mask { width: first.still.width, height: first.still.height, data: both };
         add_flicker(&mut self.flicker, pictures, [&first.truth.rgb, &second.truth.rgb], &part);
-    }
-
-    /// Of one picture.
-    ///
-    /// # Errors
-    /// Without any picture.
-    pub fn time_ms(&self) -> Result<Spread, SweepError> {
-        Spread::of(&self.times_ms).ok_or(SweepError::Untimed)
     }
 
     /// Bytes of what stands for the entities.

@@ -130,8 +130,10 @@ fn a_sweep_that_is_ended_keeps_what_it_has() {
     };
     let nothing = ended(0);
     assert!(nothing.rows.is_empty() && !nothing.is_complete);
-    // Casting takes 2 cameras of 1 + 4 steps and 1 view of 3, the first two forms 2 x 16 each.
-    let some = ended(13 + 40);
-    assert_eq!((some.rows.len(), some.is_complete), (2, false));
+    // Casting takes 2 cameras of 1 + 4 steps and 1 view of 3; the seven forms take turns at 4 frames that are learned
+    // and 4 that are judged, for each camera.
+    assert!(ended(13 + 7 * 4 + 7).rows.is_empty(), "one time each is too little");
+    let some = ended(13 + 7 * 8 + 20);
+    assert_eq!((some.rows.len(), some.is_complete), (9, false));
     assert!(ended(10_000).is_complete);
 }
