@@ -25,6 +25,7 @@ enum Command {
     Calibration(commands::calibration::Calibration),
     Simulate(commands::simulate::Simulate),
     Accuracy(commands::accuracy::Accuracy),
+    Bench(commands::bench::Bench),
 }
 
 fn main() -> ExitCode {
@@ -38,6 +39,7 @@ fn main() -> ExitCode {
         Command::Calibration(calibration) => calibration.run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Accuracy(accuracy) => accuracy.run(),
+        Command::Bench(bench) => bench.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,19 +1,22 @@
 //! A model as bytes: versioned, compressed, exact.
 //!
-//! Owns the layout below. A model read back equals the one written to the bit, so a restart goes on as if there had
-//! been none. Bytes that are damaged, cut short or foreign are an error, never a model.
+//! Owns the layout below. A model read back goes on to the bit as the one written would have, so a restart changes
+//! nothing. Bytes that are damaged, cut short or foreign are an error, never a model.
 //!
 //! ```text
 //! "vfgm", version (u8)                                   5 bytes, then one zstd frame with its checksum:
-//! width, height (u32), matrix, range, modes (u8), changed frames (u32), changed seconds (f64), time (i64), n (u64)
-//! live modes of every pixel (u8 each), row-major
-//! weights, mean Y, mean U, mean V, variances of the live modes (f32)
+//! width, height (u32), matrix, range, modes (u8), changed frames (u32), changed seconds (f64), time (i64),
+//! frames learned (u64), steps ever (u64), decay (f64), variance step (f32)
+//! which modes but the first of every pixel are live (u8 each, one bit a mode), row-major
+//! if frames were learned: mean Y, mean U, mean V, variance of the first modes (i16)
+//! mean Y, mean U, mean V, variance (i16), weight (f32) of the live others, pixel by pixel
 //! ```
-//! All numbers are little-endian. The five fields are stored one after the other, each as four planes of bytes, the
-//! lowest bytes first: alike bytes side by side compress, whole floats hardly do.
+//! All numbers are little-endian. Fields are stored one after the other, each as planes of bytes, the lowest bytes
+//! first: alike bytes side by side compress, whole numbers hardly do.
 
+use super::kernel::variance_step;
 use super::light::LightChange;
-use super::pixel::{Mode, WEIGHT_FLOOR, stands_before};
+use super::tile::{MEAN_STEPS, TILE, TileGaussians, VARIANCE_STEPS};
 use super::{BackgroundError, Format, GaussianMixture};
 use crate::clock::Timestamp;
 use crate::config::BackgroundSettings;
@@ -21,9 +24,11 @@ use crate::frame::{ColorMatrix, ColorRange};
 use std::io::{Read, Write};
 
 const MAGIC: [u8; 4] = *b"vfgm";
-const VERSION: u8 = 1;
-const HEADER_LEN: usize = 4 + 4 + 3 + 4 + 8 + 8 + 8;
-const FIELDS: usize = 5;
+const VERSION: u8 = 2;
+const HEADER_LEN: usize = 4 + 4 + 3 + 4 + 8 + 8 + 8 + 8 + 8 + 4;
+
+/// Means and the variance.
+const FIELDS: usize = 4;
 
 /// The fastest level: a model is mostly noise in its low bytes, which no level shrinks.
 const LEVEL: i32 = 1;
@@ -39,21 +44,41 @@ impl GaussianMixture {
         let mut encoder = zstd::Encoder::new(out, LEVEL)?;
         encoder.include_checksum(true)?;
         encoder.write_all(&self.header(time))?;
-        let counts: Vec<u8> = self.modes.chunks_exact(self.n_modes).map(live_modes).collect();
-        encoder.write_all(&counts)?;
-        for field in 0..FIELDS {
-            let values: Vec<[u8; 4]> = self
-                .modes
-                .iter()
-                .filter(|mode| mode.weight > 0.0)
-                .map(|mode| field_of(mode, field).to_le_bytes())
-                .collect();
-            for byte in 0..4 {
-                let plane: Vec<u8> = values.iter().map(|value| value[byte]).collect();
-                encoder.write_all(&plane)?;
-            }
+        let live: Vec<u8> = self.places().map(|place| self.live_others(place)).collect();
+        encoder.write_all(&live)?;
+        if self.n_frames() == 0 {
+            return Ok(encoder.finish()?);
         }
+        for field in 0..FIELDS {
+            let values = self.places().map(|(tile, i)| field_of(&self.first[tile], field)[i].to_le_bytes());
+            write_planes(&mut encoder, values)?;
+        }
+        let n_others = self.n_modes - 1;
+        let others = || {
+            self.places().zip(&live).flat_map(move |((tile, i), live)| {
+                let is_live = move |j: &usize| live >> j & 1 == 1;
+                (0..n_others).filter(is_live).map(move |j| (&self.others[tile * n_others + j], i))
+            })
+        };
+        for field in 0..FIELDS {
+            let values = others().map(|(mode, i)| field_of(&mode.gaussians, field)[i].to_le_bytes());
+            write_planes(&mut encoder, values)?;
+        }
+        write_planes(&mut encoder, others().map(|(mode, i)| mode.weights[i].to_le_bytes()))?;
         Ok(encoder.finish()?)
+    }
+
+    /// Tile and place in it of every pixel, row-major.
+    fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let (width, tiles_per_row) = (self.format.width as usize, self.tiles_per_row);
+        (0..self.format.height as usize)
+            .flat_map(move |y| (0..width).map(move |x| (y * tiles_per_row + x / TILE, x % TILE)))
+    }
+
+    fn live_others(&self, (tile, i): (usize, usize)) -> u8 {
+        let n_others = self.n_modes - 1;
+        let modes = &self.others[tile * n_others..(tile + 1) * n_others];
+        modes.iter().enumerate().map(|(j, mode)| u8::from(mode.weights[i] > 0.0) << j).sum()
     }
 
     fn header(&self, time: Timestamp) -> Vec<u8> {
@@ -61,10 +86,13 @@ impl GaussianMixture {
         header.extend(self.format.width.to_le_bytes());
         header.extend(self.format.height.to_le_bytes());
         header.extend([matrix_code(self.format.matrix), range_code(self.format.range), self.n_modes as u8]);
-        header.extend(self.change.n_frames.to_le_bytes());
-        header.extend(self.change.secs.to_le_bytes());
+        header.extend(self.pace.change.n_frames.to_le_bytes());
+        header.extend(self.pace.change.secs.to_le_bytes());
         header.extend(time.as_nanos().to_le_bytes());
-        header.extend(self.n_frames.to_le_bytes());
+        header.extend(self.pace.n_frames.to_le_bytes());
+        header.extend(self.n_steps.to_le_bytes());
+        header.extend(self.decay.to_le_bytes());
+        header.extend(variance_step(&self.parameters).to_le_bytes());
         header
     }
 
@@ -85,18 +113,64 @@ impl GaussianMixture {
         let mut decoder = zstd::Decoder::with_buffer(payload)?.single_frame();
         let mut header = [0; HEADER_LEN];
         decoder.read_exact(&mut header)?;
-        let (mut model, time) = read_header(&header, settings, &mut decoder)?;
+        let (mut model, time) = read_model(&header, settings, &mut decoder)?;
         let mut end = [0; 1];
         if decoder.read(&mut end)? != 0 || !decoder.finish().is_empty() {
             return Err(refused("bytes follow its end"));
         }
+        model.find_rests();
         model.paint_all();
         Ok((model, time))
     }
+
+    /// Beyond the right border, the last pixel of every row is repeated: as if it had been learned there too.
+    fn repeat_last_pixels(&mut self) {
+        let n_inside = (self.format.width as usize - 1) % TILE + 1;
+        let n_others = self.n_modes - 1;
+        for row in 0..self.first.len() / self.tiles_per_row {
+            let tile = (row + 1) * self.tiles_per_row - 1;
+            repeat_last(&mut self.first[tile], n_inside);
+            for mode in &mut self.others[tile * n_others..(tile + 1) * n_others] {
+                repeat_last(&mut mode.gaussians, n_inside);
+                let last = mode.weights[n_inside - 1];
+                mode.weights[n_inside..].fill(last);
+            }
+        }
+    }
+}
+
+fn repeat_last(gaussians: &mut TileGaussians, n_inside: usize) {
+    for field in 0..FIELDS {
+        let values = field_of_mut(gaussians, field);
+        let last = values[n_inside - 1];
+        values[n_inside..].fill(last);
+    }
+}
+
+/// Writes numbers as planes of bytes, the lowest bytes first.
+fn write_planes<const N: usize>(
+    out: &mut impl Write,
+    values: impl Iterator<Item = [u8; N]>,
+) -> std::io::Result<()> {
+    let values: Vec<[u8; N]> = values.collect();
+    (0..N).try_for_each(|byte| {
+        let plane: Vec<u8> = values.iter().map(|value| value[byte]).collect();
+        out.write_all(&plane)
+    })
+}
+
+/// Reads numbers that were written as planes, only as far as the bytes really go.
+fn read_planes<const N: usize, R: Read>(
+    payload: &mut R,
+    n_values: usize,
+    what: &str,
+) -> Result<impl Iterator<Item = [u8; N]> + use<N, R>, BackgroundError> {
+    let planes = read_bytes(payload, (N * n_values) as u64, what)?;
+    Ok((0..n_values).map(move |i| std::array::from_fn(|byte| planes[byte * n_values + i])))
 }
 
 /// Reads what the header says and then, only as far as the bytes really go, the modes it promises.
-fn read_header(
+fn read_model(
     header: &[u8; HEADER_LEN],
     settings: &BackgroundSettings,
     payload: &mut impl Read,
@@ -108,6 +182,9 @@ fn read_header(
         LightChange { n_frames: u32::from_le_bytes(fields.take()), secs: f64::from_le_bytes(fields.take()) };
     let time = Timestamp::from_nanos(i64::from_le_bytes(fields.take()));
     let n_frames = u64::from_le_bytes(fields.take());
+    let n_steps = u64::from_le_bytes(fields.take());
+    let decay = f64::from_le_bytes(fields.take());
+    let step = f32::from_le_bytes(fields.take());
     let n_modes = usize::from(n_modes);
     let expected = settings.modes.clamp(1, 5);
     if n_modes != expected {
@@ -119,53 +196,91 @@ fn read_header(
     if !(change.secs.is_finite() && change.secs >= 0.0) {
         return Err(refused("its seconds of change are not a time"));
     }
+    if !(decay > 0.0 && decay <= 1.0) {
+        return Err(refused("its decay is not a share"));
+    }
+    if !(step.is_finite() && step > 0.0) {
+        return Err(refused("its variance step is no number above 0"));
+    }
     let format = Format { width, height, matrix: matrix_of(matrix)?, range: range_of(range)? };
-    let n_pixels = u64::from(width) * u64::from(height);
-    let counts = read_bytes(payload, n_pixels, "mode counts")?;
-    if counts.iter().any(|count| usize::from(*count) > n_modes || (*count == 0) != (n_frames == 0)) {
-        return Err(refused("a pixel has no modes or too many"));
-    }
-    let n_live: u64 = counts.iter().map(|count| u64::from(*count)).sum();
-    let mut live = vec![Mode::EMPTY; n_live as usize];
-    for field in 0..FIELDS {
-        let planes = read_bytes(payload, 4 * n_live, "modes")?;
-        for (i, mode) in live.iter_mut().enumerate() {
-            let byte = |plane: usize| planes[plane * n_live as usize + i];
-            *field_of_mut(mode, field) = f32::from_le_bytes([byte(0), byte(1), byte(2), byte(3)]);
-        }
-    }
+    // Before a model of that size is made, its first plane must be there.
+    let live = read_bytes(payload, u64::from(width) * u64::from(height), "live modes")?;
     let mut model = GaussianMixture::new(settings, format);
-    model.n_frames = n_frames;
-    model.change = change;
-    let mut live = live.as_slice();
-    for (modes, count) in model.modes.chunks_exact_mut(n_modes).zip(counts) {
-        let (of_pixel, rest) = live.split_at(usize::from(count));
-        check_pixel(of_pixel)?;
-        modes[..of_pixel.len()].copy_from_slice(of_pixel);
-        live = rest;
+    model.pace.n_frames = n_frames;
+    model.pace.change = change;
+    model.n_steps = n_steps;
+    model.decay = decay;
+    if n_frames > 0 {
+        let variance_factor = step / variance_step(&model.parameters);
+        read_modes(&mut model, &live, variance_factor, payload)?;
+        model.repeat_last_pixels();
     }
     Ok((model, time))
 }
 
-/// What every model that was learned keeps to; damage that a checksum was computed over does not.
-fn check_pixel(modes: &[Mode]) -> Result<(), BackgroundError> {
-    let mut sum = 0.0;
-    for mode in modes {
-        let weight_is_sound = mode.weight >= 0.5 * WEIGHT_FLOOR && mode.weight <= 1.001;
-        let mean_is_sound = mode.mean.iter().all(|mean| (-0.01..=255.01).contains(mean));
-        let variance_is_sound = mode.variance > 0.0 && mode.variance <= 1e6;
-        if !(weight_is_sound && mean_is_sound && variance_is_sound) {
-            return Err(refused("a mode has a weight, mean or variance that no model has"));
+/// Reads every pixel's modes. Variances are counted in other steps now, if the settings changed: `variance_factor`.
+fn read_modes(
+    model: &mut GaussianMixture,
+    live: &[u8],
+    variance_factor: f32,
+    payload: &mut impl Read,
+) -> Result<(), BackgroundError> {
+    let n_others = model.n_modes - 1;
+    if live.iter().any(|live| live >> n_others != 0) {
+        return Err(refused("a pixel has too many modes"));
+    }
+    for field in 0..FIELDS {
+        let values = read_planes(payload, live.len(), "first modes")?.map(i16::from_le_bytes);
+        for ((tile, i), value) in model.places().zip(values) {
+            field_of_mut(&mut model.first[tile], field)[i] = sound(field, value, variance_factor)?;
         }
-        sum += mode.weight;
     }
-    if !modes.is_empty() && (sum - 1.0).abs() > 1e-3 {
-        return Err(refused(format!("weights of a pixel sum to {sum}")));
+    let n_live = live.iter().map(|live| live.count_ones() as usize).sum();
+    let slots: Vec<(usize, usize)> = model
+        .places()
+        .zip(live)
+        .flat_map(|((tile, i), live)| {
+            let is_live = move |j: &usize| live >> j & 1 == 1;
+            (0..n_others).filter(is_live).map(move |j| (tile * n_others + j, i))
+        })
+        .collect();
+    for field in 0..FIELDS {
+        let values = read_planes(payload, n_live, "modes")?.map(i16::from_le_bytes);
+        for (&(mode, i), value) in slots.iter().zip(values) {
+            let gaussians = &mut model.others[mode].gaussians;
+            field_of_mut(gaussians, field)[i] = sound(field, value, variance_factor)?;
+        }
     }
-    if modes.windows(2).any(|pair| stands_before(&pair[1], &pair[0])) {
-        return Err(refused("modes of a pixel are out of order"));
+    let weights = read_planes(payload, n_live, "weights")?.map(f32::from_le_bytes);
+    for (&(mode, i), weight) in slots.iter().zip(weights) {
+        if !(weight.is_finite() && weight > 0.0) {
+            return Err(refused("a mode has a weight that no model has"));
+        }
+        model.others[mode].weights[i] = weight;
+    }
+    let decay = model.decay as f32;
+    for (tile, i) in model.places() {
+        let modes = &model.others[tile * n_others..(tile + 1) * n_others];
+        let rest: f32 = modes.iter().map(|mode| mode.weights[i]).sum();
+        if rest * decay > 1.001 {
+            return Err(refused(format!("weights of a pixel sum to more than 1: {}", rest * decay)));
+        }
     }
     Ok(())
+}
+
+/// A field's value if a model can have it; damage that a checksum was computed over makes others.
+fn sound(field: usize, value: i16, variance_factor: f32) -> Result<i16, BackgroundError> {
+    if field + 1 == FIELDS {
+        if value <= 0 || f32::from(value) > VARIANCE_STEPS + 1.0 {
+            return Err(refused("a mode has a variance that no model has"));
+        }
+        return Ok((f32::from(value) * variance_factor).clamp(1.0, VARIANCE_STEPS + 0.5) as i16);
+    }
+    if value < 0 || f32::from(value) >= 255.0 * MEAN_STEPS + 1.0 {
+        return Err(refused("a mode has a mean that no model has"));
+    }
+    Ok(value)
 }
 
 /// Reads exactly `len` bytes, growing only as they come, so that a false size costs no memory.
@@ -178,23 +293,17 @@ fn read_bytes(payload: &mut impl Read, len: u64, what: &str) -> Result<Vec<u8>, 
     Err(refused(format!("it ends within its {what}: {} of {len} bytes", bytes.len())))
 }
 
-fn live_modes(modes: &[Mode]) -> u8 {
-    modes.iter().filter(|mode| mode.weight > 0.0).count() as u8
-}
-
-const fn field_of(mode: &Mode, field: usize) -> f32 {
+const fn field_of(gaussians: &TileGaussians, field: usize) -> &[i16; TILE] {
     match field {
-        0 => mode.weight,
-        1..=3 => mode.mean[field - 1],
-        _ => mode.variance,
+        0..=2 => &gaussians.means[field],
+        _ => &gaussians.variances,
     }
 }
 
-const fn field_of_mut(mode: &mut Mode, field: usize) -> &mut f32 {
+const fn field_of_mut(gaussians: &mut TileGaussians, field: usize) -> &mut [i16; TILE] {
     match field {
-        0 => &mut mode.weight,
-        1..=3 => &mut mode.mean[field - 1],
-        _ => &mut mode.variance,
+        0..=2 => &mut gaussians.means[field],
+        _ => &mut gaussians.variances,
     }
 }
 
@@ -287,8 +396,8 @@ mod tests {
             let mut model = learned(width, height);
             let (mut restored, restored_time) = decode(&model.encode(time).unwrap()).unwrap();
             assert_eq!(restored_time, time);
-            assert_eq!(restored.modes, model.modes);
-            assert_eq!((restored.n_frames, restored.format), (model.n_frames, model.format));
+            assert_eq!(restored.encode(time).unwrap(), model.encode(time).unwrap());
+            assert_eq!((restored.n_frames(), restored.format), (model.n_frames(), model.format));
             for plane in 0..3 {
                 let [got, want] = [&restored, &model].map(|model| model.background_planes()[plane].data);
                 assert_eq!(got, want);
@@ -299,7 +408,20 @@ mod tests {
                 assert_eq!(updates[0], updates[1]);
                 assert_eq!(restored.foreground(), model.foreground());
             }
-            assert_eq!(restored.modes, model.modes);
+            assert_eq!(restored.encode(time).unwrap(), model.encode(time).unwrap());
+        }
+    }
+
+    #[test]
+    fn another_greatest_variance_takes_the_variances_along() {
+        let model = learned(40, 3);
+        let settings = BackgroundSettings { variance_max: 150.0, ..BackgroundSettings::default() };
+        let (other, _) =
+            GaussianMixture::decode(&model.encode(Timestamp::default()).unwrap(), &settings).unwrap();
+        for (a, b) in model.first.iter().zip(&other.first) {
+            for (a, b) in a.variances.iter().zip(&b.variances) {
+                assert!((f32::from(*a) * 0.5 - f32::from(*b)).abs() <= 1.0, "{a} {b}");
+            }
         }
     }
 
@@ -331,7 +453,7 @@ mod tests {
                 damaged[at] ^= 1 << bit;
                 if let Ok((model, _)) = decode(&damaged) {
                     // Some bits of zstd's own header carry no meaning; the model must then be the same.
-                    assert_eq!(model.modes, learned(6, 4).modes, "byte {at} bit {bit}");
+                    assert_eq!(model.encode(Timestamp::default()).unwrap(), bytes, "byte {at} bit {bit}");
                 }
             }
         }
@@ -355,18 +477,32 @@ mod tests {
         check("endless change", &|payload| payload[15..23].copy_from_slice(&f64::NAN.to_le_bytes()));
         check("no frames but modes", &|payload| payload[31..39].fill(0));
         check("too many modes", &|payload| payload[HEADER_LEN] = 4);
-        check("no modes", &|payload| payload[HEADER_LEN] = 0);
+        check("fewer modes than follow", &|payload| payload[HEADER_LEN] = 0);
+        check("no decay", &|payload| payload[47..55].fill(0));
+        check("a decay that grows", &|payload| payload[47..55].copy_from_slice(&1.5_f64.to_le_bytes()));
+        check("no variance step", &|payload| payload[55..59].fill(0));
         check("a byte more", &|payload| payload.push(0));
-        // The highest byte of every field's floats: NaN, infinity or negative.
-        let n_live = (whole.len() - HEADER_LEN - 4) / 20;
-        for field in 0..FIELDS {
-            for (high, next) in [(0x7f, 0xff), (0x7f, 0x80), (0xc2, 0x80)] {
-                check(&format!("field {field} {high:x}"), &|payload| {
-                    let planes = HEADER_LEN + 4 + field * 4 * n_live;
-                    payload[planes + 3 * n_live] = high;
-                    payload[planes + 2 * n_live] = next;
+        let (n_pixels, n_live) = (4, (whole.len() - HEADER_LEN - 4 * 9) / 12);
+        assert!(n_live > 0, "the test model has more than first modes");
+        // The highest byte of every field: a negative number, or one beyond every mean and variance.
+        let others = HEADER_LEN + n_pixels * 9;
+        let planes = [(HEADER_LEN + n_pixels, n_pixels), (others, n_live)]
+            .into_iter()
+            .flat_map(|(start, n)| (0..FIELDS).map(move |field| (start + field * 2 * n, n)));
+        for (plane, n) in planes {
+            for beyond in [i16::MAX, -1] {
+                check(&format!("{beyond} at {plane}"), &|payload| {
+                    [payload[plane], payload[plane + n]] = beyond.to_le_bytes();
                 });
             }
+        }
+        // NaN, infinity, a negative weight, and one above all others.
+        let weights = others + FIELDS * 2 * n_live;
+        for (high, next) in [(0x7f, 0xff), (0x7f, 0x80), (0xc2, 0x80), (0x42, 0x80)] {
+            check(&format!("weight {high:x}"), &|payload| {
+                payload[weights + 3 * n_live] = high;
+                payload[weights + 2 * n_live] = next;
+            });
         }
     }
 

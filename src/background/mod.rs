@@ -4,18 +4,26 @@
 //! Pictures and the time between them flow in; which pixels match the background, and the background picture, flow
 //! out. Knows nothing of where pictures come from, of clips, of holding, or of what is done with the answer.
 //!
-//! This is the scalar twin: exact, readable, f32. A faster form is measured against it.
+//! Two forms of it: [`GaussianMixture`], compact and vectorised, is the one in use; [`ReferenceMixture`], scalar, in f32
+//! and readable, is what it is held to. Inside: one pixel's formulas (`pixel`), how fast to learn (`pace`, `light`), the
+//! fast form's inner loop (`kernel`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
 //!
 //! `[SG99]` Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
 //! `[Z04]` Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
 //! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 1 to 3.
 
 mod checkpoint;
+mod kernel;
 mod light;
 mod mixture;
+mod pace;
 mod pixel;
+mod reference;
+mod rows;
+mod tile;
 
-pub use mixture::{GaussianMixture, Update};
+pub use mixture::{GaussianMixture, simd_levels};
+pub use reference::ReferenceMixture;
 
 use crate::error::ErrorKind;
 use crate::frame::{ColorMatrix, ColorRange};
@@ -46,6 +54,20 @@ impl fmt::Display for Format {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "{} x {} {:?} {:?}", self.width, self.height, self.matrix, self.range)
     }
+}
+
+/// What one frame did to a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// Share of the new frame in its pixels' weights, 0 to 1.
+    pub learning_rate: f64,
+    /// Share of the pixels that matched no background mode, 0 to 1.
+    pub foreground_share: f64,
+    /// Share of the picture whose modes all had to be looked at, 0 to 1: what the frame cost.
+    pub visited_share: f64,
+    /// Most of the picture has been foreground for more than a few frames: from now on the model learns as fast as
+    /// at its start. True once a change.
+    pub light_changed: bool,
 }
 
 /// Why a model could not be used.

@@ -32,14 +32,14 @@ pub(super) const WEIGHT_FLOOR: f32 = 1e-9;
 /// The settings in the form that the inner loop uses.
 #[derive(Clone, Debug)]
 pub(super) struct Parameters {
-    match_threshold: f32,
-    background_ratio: f32,
-    variance_init: f32,
-    variance_min: f32,
-    variance_max: f32,
-    chroma_scale_squared: f32,
+    pub(super) match_threshold: f32,
+    pub(super) background_ratio: f32,
+    pub(super) variance_init: f32,
+    pub(super) variance_min: f32,
+    pub(super) variance_max: f32,
+    pub(super) chroma_scale_squared: f32,
     /// 1 / (3 kappa), the factor that makes d^2 of a match an unbiased estimate of the variance.
-    variance_from_distance: f32,
+    pub(super) variance_from_distance: f32,
 }
 
 impl Parameters {

@@ -4,6 +4,7 @@ use anyhow::{Context, Result};
 use std::io::Write as _;
 
 pub(crate) mod accuracy;
+pub(crate) mod bench;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
