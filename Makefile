@@ -36,8 +36,13 @@ test: setup
 check: setup
 	$(CARGO) clippy --locked --all-targets
 
+# PYTHON=... names an interpreter that can import cv2, INPUT=... a video: then the mixture is timed beside OpenCV's.
 bench: setup
 	$(CARGO) bench --locked
+ifdef INPUT
+	$(CARGO) build --release --locked
+	target/release/videofields bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
+endif
 
 pictures: setup
 	$(CARGO) build --release --locked

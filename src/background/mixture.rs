@@ -795,4 +795,111 @@ mod tests {
             assert_eq!(n_live, modes - 1);
         }
     }
+
+    /// The most that a pixel's modes but the first weigh.
+    fn greatest_rest(model: &GaussianMixture) -> f32 {
+        let n_others = model.n_modes - 1;
+        let sum = |modes: &[TileMode], i: usize| modes.iter().map(|mode| mode.weights[i]).sum::<f32>();
+        let of_tile = |modes: &[TileMode]| (0..TILE).map(|i| sum(modes, i)).fold(0.0, f32::max);
+        model.others.chunks_exact(n_others).map(of_tile).fold(0.0, f32::max) * model.decay as f32
+    }
+
+    #[test]
+    fn constant_pixel_stays_itself_over_ten_million_frames() {
+        let mut model = model(1, 1);
+        for luma in [16, 16, 200] {
+            model.update(&filled(1, 1, [luma, 128, 128]), 0.1).unwrap();
+        }
+        let image = filled(1, 1, [16, 128, 128]);
+        for frame in 0..10_000_000 {
+            assert_eq!(model.update(&image, 2.0).unwrap().foreground_share, 0.0, "{frame}");
+        }
+        assert_eq!(model.first[0].means[0][0], 16 << 7);
+        let variance = f32::from(model.first[0].variances[0]) * 75.0 / 32_000.0;
+        assert!((variance - 4.0).abs() < 0.01, "at its floor: {variance}");
+        assert_eq!(greatest_rest(&model), 0.0, "what passed by is forgotten, not denormal");
+        assert!(model.decay >= LEAST_DECAY * 0.9, "{}", model.decay);
+    }
+
+    #[test]
+    fn two_values_in_turn_are_both_background_and_their_weights_do_not_drift() {
+        let settings = BackgroundSettings { tau_secs: 300.0, ..BackgroundSettings::default() };
+        let mut model = GaussianMixture::new(&settings, format(2, 2));
+        let images = [60, 180].map(|luma| filled(2, 2, [luma, 128, 128]));
+        for frame in 0..1_000_000 {
+            let update = model.update(&images[frame % 2], 0.04).unwrap();
+            assert!(frame < 2 || update.foreground_share == 0.0, "{frame}");
+        }
+        let rest = greatest_rest(&model);
+        assert!((rest - 0.5).abs() < 1e-3, "one of two equal modes: {rest}");
+    }
+
+    #[test]
+    fn saturated_pictures_are_background_and_a_shade_below_is_too() {
+        for (luma, shade, other) in [(255, 250, 240), (0, 5, 15)] {
+            let mut model = model(40, 2);
+            for _ in 0..2000 {
+                model.update(&filled(40, 2, [luma, 0, 255]), 0.1).unwrap();
+            }
+            assert_eq!(model.background_planes().map(|plane| plane.data[0]), [luma, 0, 255]);
+            model.classify(&filled(40, 2, [shade, 0, 255])).unwrap();
+            assert_eq!(share(model.foreground()), 0.0, "within 3.36 sigma of the floor");
+            model.classify(&filled(40, 2, [other, 0, 255])).unwrap();
+            assert_eq!(share(model.foreground()), 1.0);
+        }
+    }
+
+    #[test]
+    fn the_slowest_rate_still_arrives() {
+        // a = 1.2e-7: one frame moves a mean by 3e-5 of its smallest step.
+        let settings = BackgroundSettings { tau_secs: 1e7, ..BackgroundSettings::default() };
+        let mut model = GaussianMixture::new(&settings, format(32, 1));
+        model.update(&filled(32, 1, [100, 128, 128]), 0.1).unwrap();
+        model.pace.n_frames = u64::MAX / 2; // long since warmed up
+        for _ in 0..2_000_000 {
+            model.update(&filled(32, 1, [102, 128, 128]), 0.1).unwrap();
+        }
+        let expected = 100.0 + 2.0 * (1.0 - (-2e6 * 1.2e-7_f64).exp());
+        let mean = f64::from(model.first[0].means[0][0]) / 128.0;
+        assert!((mean - expected).abs() < 0.02, "{mean}, not {expected}");
+    }
+
+    #[test]
+    fn the_fastest_rate_keeps_the_newest_and_stays_sound() {
+        let settings =
+            BackgroundSettings { tau_secs: 0.1, max_step_secs: 3600.0, ..BackgroundSettings::default() };
+        let mut model = GaussianMixture::new(&settings, format(33, 3));
+        for frame in 0..500_u32 {
+            let luma = (frame * 37 % 256) as u8;
+            model.update(&filled(33, 3, [luma, 128, 128]), [0.01, 0.1, 3600.0][frame as usize % 3]).unwrap();
+            let rest = greatest_rest(&model);
+            assert!((0.0..=1.0 + 1e-3).contains(&rest), "{frame}: {rest}");
+            assert!(model.decay > 0.0 && model.decay <= 1.0);
+        }
+        for _ in 0..3 {
+            model.update(&filled(33, 3, [77, 128, 128]), 3600.0).unwrap();
+        }
+        assert_eq!(model.background_planes()[0].row(0)[0], 77);
+    }
+
+    #[test]
+    fn held_pixels_keep_their_modes_and_the_others_learn() {
+        let mut model = model(40, 2);
+        for _ in 0..100 {
+            model.update(&filled(40, 2, [60, 128, 128]), 0.1).unwrap();
+        }
+        let before = model.clone();
+        let held = vec![0b10; model.first.len()];
+        for _ in 0..50 {
+            let mut pass = model.pass(0.01);
+            model.decay *= 0.99;
+            pass.step.decay = model.decay as f32;
+            let held_pass = Pass { held: Some(&held), ..pass };
+            model.run::<true>(&filled(40, 2, [90, 128, 128]), &held_pass);
+        }
+        let weight = |model: &GaussianMixture, i: usize| model.others[0].weights[i] * model.decay as f32;
+        assert_eq!(model.first[0].means[0][1], before.first[0].means[0][1]);
+        assert!((weight(&model, 1) - weight(&before, 1)).abs() < 1e-6, "held");
+        assert!(weight(&model, 0) > 0.3, "the newcomer is learned elsewhere: {}", weight(&model, 0));
+    }
 }

@@ -5,6 +5,7 @@
 
 mod guard;
 mod report;
+mod scene;
 
 use glam::DVec3;
 use std::path::Path;
