@@ -54,7 +54,7 @@ fn benchmark(criterion: &mut Criterion) {
     group.bench_function("segment", |bencher| {
         bencher.iter(|| {
             let frame = next.next().unwrap();
-            black_box(segmenter.segment(frame, mixture.background_planes(), mixture.foreground()))
+            black_box(segmenter.segment(frame, mixture.background_planes(), mixture.unmatched(), 0.1))
         });
     });
     group.sample_size(10);

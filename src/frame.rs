@@ -1,13 +1,15 @@
 //! Pictures as cameras deliver them: identified, timed, in the decoder's own YUV planes.
 //!
-//! Owns `Frame`, `YuvImage`, `Mask`, `RgbImage` and the one conversion between YUV and sRGB. Knows nothing of
+//! Owns `Frame`, `YuvImage`, `Mask`, `BitMask`, `RgbImage` and the one conversion between YUV and sRGB. Knows nothing of
 //! where frames come from or what is done with them.
 
+mod bits;
 mod color;
 mod mask;
 mod reduce;
 mod yuv;
 
+pub use bits::{BitMask, WORD_PIXELS, inside};
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};
 pub use mask::Mask;
 pub use yuv::{Plane, YuvError, YuvImage, YuvLayout};

@@ -195,7 +195,7 @@ impl Learner {
     fn hold_back(&mut self, image: &Arc<YuvImage>, before: Arc<YuvImage>) {
         self.mixture.classify(image).expect("the model is of the picture's format");
         let background = self.mixture.background_planes();
-        let found = self.segmenter.segment(image, background, self.mixture.foreground());
+        let found = self.segmenter.segment(image, background, self.mixture.unmatched(), 0.0);
         let luma = image.plane(0);
         for y in 0..luma.height {
             let rows = luma.row(y).iter().zip(background[0].row(y)).zip(found.labels.row(y));

@@ -7,7 +7,7 @@ use crate::plan::EntityStyle;
 /// Steps of the map's grid, metres, from coarse to fine.
 const GRID_STEPS_M: [f64; 7] = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
 
-/// A blur that real footage with its noise is given, pixels: the default of `segment.blur_sigma_px`.
+/// A blur that real footage with its noise is given, pixels: the default of `segment.blur_sigma_px` in large pictures.
 const WIDE_BLUR_PX: f64 = 1.5;
 
 /// How foreground is found.
@@ -22,13 +22,13 @@ pub struct SegmentationForm {
 }
 
 impl SegmentationForm {
-    /// As a camera's own settings have it.
+    /// As a camera's own settings have it for pictures of `size_px`.
     #[must_use]
-    pub fn of(camera: &CameraSettings) -> Self {
+    pub fn of(camera: &CameraSettings, size_px: (u32, u32)) -> Self {
         Self {
             resolution: camera.segment.resolution,
             modes: camera.background.modes,
-            blur_sigma_px: camera.segment.blur_sigma_px,
+            blur_sigma_px: camera.segment.blur_sigma_px_in(size_px),
         }
     }
 
@@ -37,7 +37,7 @@ impl SegmentationForm {
     pub fn applied(&self, camera: &CameraSettings) -> CameraSettings {
         let mut camera = camera.clone();
         camera.segment.resolution = self.resolution;
-        camera.segment.blur_sigma_px = self.blur_sigma_px;
+        camera.segment.blur_sigma_px = Some(self.blur_sigma_px);
         camera.background.modes = self.modes;
         camera
     }

@@ -126,6 +126,14 @@ pub struct SubjectCamera {
     pub instances: Vec<Mask>,
 }
 
+impl SubjectCamera {
+    /// Columns and rows of its pictures; 0 where it has none.
+    #[must_use]
+    pub fn size_px(&self) -> (u32, u32) {
+        self.frames.first().map_or((0, 0), |frame| (frame.width(), frame.height()))
+    }
+}
+
 /// A view where no camera stands, at some frames.
 #[derive(Debug)]
 pub struct SubjectView {

@@ -248,7 +248,7 @@ impl Sweeper<'_> {
 
     fn default_form(&self) -> Result<SegmentationForm, SweepError> {
         let first = self.subject.cameras.first().ok_or(SweepError::NoCamera)?;
-        Ok(SegmentationForm::of(&first.settings))
+        Ok(SegmentationForm::of(&first.settings, first.size_px()))
     }
 
     fn push(&mut self, stage: Stage, knob: &str, value: &str, place: Place, cost: Cost) {

@@ -13,7 +13,7 @@ use super::tile::{
 };
 use super::{BackgroundError, Format, Update};
 use crate::config::BackgroundSettings;
-use crate::frame::{Mask, Plane, YuvImage, YuvLayout};
+use crate::frame::{BitMask, Mask, Plane, YuvImage, YuvLayout};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
@@ -34,7 +34,7 @@ const GREATEST_RATE: f64 = 1.0 - 1.0 / 1_048_576.0;
 
 /// Every pixel's background as a mixture of Gaussians, with the picture of its means.
 ///
-/// **Cost** 10 bytes a pixel for the first mode, 12 for each other, 2.7 for the masks and the background picture. Most
+/// **Cost** 10 bytes a pixel for the first mode, 12 for each other, 1.7 for verdicts and the background picture. Most
 /// tiles of 32 pixels match their first modes and touch only those.
 ///
 /// The result depends on the frames alone: not on the number of threads, nor on which instructions the processor has.
@@ -55,13 +55,12 @@ pub struct GaussianMixture {
     pub(super) others: Vec<TileMode>,
     /// What `others` add up to in each tile.
     rests: Vec<TileRest>,
-    /// One bit a pixel.
-    unmatched: Vec<TileBits>,
+    /// Which pixels matched no background mode; a word is a tile.
+    unmatched: BitMask,
     /// Product of 1 - a since the stored weights were last rewritten.
     pub(super) decay: f64,
     /// Steps learned ever, which dithering and turns go by.
     pub(super) n_steps: u64,
-    foreground: Mask,
     /// The first modes' means, packed I420.
     background: Vec<u8>,
 }
@@ -72,7 +71,6 @@ struct Band<'a> {
     others: &'a mut [TileMode],
     rests: &'a mut [TileRest],
     unmatched: &'a mut [TileBits],
-    foreground: &'a mut [u8],
     luma: &'a mut [u8],
     u: &'a mut [u8],
     v: &'a mut [u8],
@@ -105,8 +103,8 @@ struct Pass<'a> {
     /// Every so many tiles have their turn in a frame.
     n_turns: u64,
     n_steps: u64,
-    /// One bit a pixel that must not learn, laid out as `unmatched`.
-    held: Option<&'a [TileBits]>,
+    /// Pixels that must not learn; a word is a tile.
+    held: Option<&'a BitMask>,
 }
 
 impl GaussianMixture {
@@ -146,10 +144,9 @@ impl GaussianMixture {
             first: vec![TileGaussians::EMPTY; n_tiles],
             others: vec![TileMode::EMPTY; n_pairs * others_per_pair],
             rests: vec![TileRest::NONE; n_tiles],
-            unmatched: vec![0; n_tiles],
+            unmatched: BitMask::new(format.width, format.height),
             decay: 1.0,
             n_steps: 0,
-            foreground: Mask::filled(format.width, format.height, 0),
             background,
         }
     }
@@ -168,19 +165,25 @@ impl GaussianMixture {
 
     /// Bytes that the model and its pictures take.
     #[must_use]
-    pub const fn len_bytes(&self) -> usize {
+    pub fn len_bytes(&self) -> usize {
         size_of::<TileGaussians>() * self.first.len()
             + size_of::<TileMode>() * self.others.len()
-            + (size_of::<TileRest>() + size_of::<TileBits>()) * self.rests.len()
-            + self.foreground.data.len()
+            + size_of::<TileRest>() * self.rests.len()
+            + size_of::<TileBits>() * self.unmatched.words().len()
             + self.background.len()
     }
 
     /// Which pixels of the frame last given to [`update`](Self::update) or [`classify`](Self::classify) matched no
-    /// background mode: 255 there, 0 elsewhere. The second detector.
+    /// background mode. The second detector.
     #[must_use]
-    pub const fn foreground(&self) -> &Mask {
-        &self.foreground
+    pub const fn unmatched(&self) -> &BitMask {
+        &self.unmatched
+    }
+
+    /// As [`unmatched`](Self::unmatched), a byte a pixel: 255 where no mode matched, 0 elsewhere.
+    #[must_use]
+    pub fn foreground(&self) -> Mask {
+        self.unmatched.to_mask()
     }
 
     /// Y, U and V of the background picture: the mean of every pixel's first mode, rounded. It follows means that
@@ -216,7 +219,26 @@ impl GaussianMixture {
     /// # Errors
     /// [`BackgroundError::Mismatch`] when `image` is of another size or colour; the model is then unchanged.
     pub fn update(&mut self, image: &YuvImage, dt_secs: f64) -> Result<Update, BackgroundError> {
+        self.update_but(image, dt_secs, None)
+    }
+
+    /// As [`update`](Self::update); the pixels of `held` do not learn, whatever they show. They are judged all the same.
+    /// A model's very first frame is its background everywhere.
+    ///
+    /// # Errors
+    /// As [`update`](Self::update).
+    ///
+    /// # Panics
+    /// When `held` is not of the model's size.
+    pub fn update_but(
+        &mut self,
+        image: &YuvImage,
+        dt_secs: f64,
+        held: Option<&BitMask>,
+    ) -> Result<Update, BackgroundError> {
         self.check_format(image)?;
+        let size = (self.unmatched.width(), self.unmatched.height());
+        assert!(held.is_none_or(|held| (held.width(), held.height()) == size), "held pixels are the model's");
         let step_secs = self.pace.step_secs(dt_secs);
         let is_first = self.pace.n_frames == 0;
         let learning_rate = self.pace.begin(step_secs);
@@ -224,11 +246,12 @@ impl GaussianMixture {
             self.begin(image);
             Tally::default()
         } else if learning_rate > 0.0 {
-            self.learn(image, learning_rate)
+            self.learn(image, learning_rate, held)
         } else {
             self.run::<false>(image, &self.pass(0.0))
         };
-        let foreground_share = tally.n_foreground as f64 / self.foreground.data.len() as f64;
+        let foreground_share =
+            tally.n_foreground as f64 / (f64::from(self.format.width) * f64::from(self.format.height));
         let n_tiles = self.tiles_per_row * self.format.height as usize;
         let visited_share = tally.n_visited as f64 / n_tiles as f64;
         let light_changed = self.pace.end(foreground_share, step_secs);
@@ -243,8 +266,7 @@ impl GaussianMixture {
         self.check_format(image)?;
         if self.pace.n_frames == 0 {
             // What nothing is known of cannot differ from it.
-            self.foreground.data.fill(0);
-            self.unmatched.fill(0);
+            self.unmatched.words_mut().fill(0);
         } else {
             self.run::<false>(image, &self.pass(0.0));
         }
@@ -262,8 +284,7 @@ impl GaussianMixture {
     /// Takes the first frame: it is the background.
     fn begin(&mut self, image: &YuvImage) {
         self.decay = 1.0;
-        self.unmatched.fill(0);
-        self.foreground.data.fill(0);
+        self.unmatched.words_mut().fill(0);
         self.others.fill(TileMode::EMPTY);
         self.rests.fill(TileRest::NONE);
         let (variance, level) = (initial_variance(&self.parameters), self.level);
@@ -273,12 +294,12 @@ impl GaussianMixture {
         });
     }
 
-    fn learn(&mut self, image: &YuvImage, learning_rate: f64) -> Tally {
+    fn learn(&mut self, image: &YuvImage, learning_rate: f64, held: Option<&BitMask>) -> Tally {
         if self.decay < LEAST_DECAY {
             self.rewrite_weights();
         }
         let rate = learning_rate.min(GREATEST_RATE);
-        let mut pass = self.pass(rate as f32);
+        let mut pass = Pass { held, ..self.pass(rate as f32) };
         pass.step.decay_before = self.decay as f32;
         self.decay *= 1.0 - rate;
         pass.step.decay = self.decay as f32;
@@ -374,17 +395,15 @@ impl GaussianMixture {
             .par_chunks_mut(tiles)
             .zip(self.others.par_chunks_mut(others_per_pair(self.tiles_per_row, self.n_modes)))
             .zip(self.rests.par_chunks_mut(tiles))
-            .zip(self.unmatched.par_chunks_mut(tiles))
-            .zip(self.foreground.data.par_chunks_mut(pair))
+            .zip(self.unmatched.words_mut().par_chunks_mut(tiles))
             .zip(luma.par_chunks_mut(pair))
             .zip(u.par_chunks_mut(chroma_width))
             .zip(v.par_chunks_mut(chroma_width))
-            .map(|(((((((first, others), rests), unmatched), foreground), luma), u), v)| Band {
+            .map(|((((((first, others), rests), unmatched), luma), u), v)| Band {
                 first,
                 others,
                 rests,
                 unmatched,
-                foreground,
                 luma,
                 u,
                 v,
@@ -445,7 +464,7 @@ fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
         for (row, luma) in rows.luma().enumerate() {
             stage_luma(simd, luma, tile_idx, &mut samples);
             let idx = row * tiles_per_row + tile_idx;
-            let held = pass.held.map_or(0, |held| held[2 * pair_idx * tiles_per_row + idx]);
+            let held = pass.held.map_or(0, |held| held.words()[2 * pair_idx * tiles_per_row + idx]);
             let first = &mut band.first[idx];
             let others = &mut band.others[(K - 1) * idx..(K - 1) * (idx + 1)];
             let mut unmatched = 0;
@@ -466,13 +485,7 @@ fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
                 tally.n_visited += 1;
             }
             tally.n_foreground += u64::from(unmatched.count_ones());
-            if band.unmatched[idx] != unmatched {
-                band.unmatched[idx] = unmatched;
-                let start = row * width + tile_idx * TILE;
-                for (x, foreground) in band.foreground[start..start + n_pixels].iter_mut().enumerate() {
-                    *foreground = 255 * ((unmatched >> x) & 1) as u8;
-                }
-            }
+            band.unmatched[idx] = unmatched;
         }
         if LEARN && (is_visited || has_turn) {
             paint(simd, band, tile_idx, tiles_per_row, rows.n_luma());
@@ -587,7 +600,7 @@ mod tests {
             for _ in 0..3 {
                 model.update(&image, 0.04).unwrap();
             }
-            assert_eq!(share(model.foreground()), 0.0, "{width} x {height}");
+            assert_eq!(share(&model.foreground()), 0.0, "{width} x {height}");
             let picture = model.background_picture();
             for index in 0..3 {
                 let (got, want) = (picture.plane(index), image.plane(index));
@@ -607,7 +620,7 @@ mod tests {
                 let mut masks = Vec::new();
                 for number in 0..200 {
                     model.update(&scene(83, 22, number), 0.1).unwrap();
-                    masks.push(model.foreground().clone());
+                    masks.push(model.foreground());
                 }
                 (model.encode(crate::clock::Timestamp::default()).unwrap(), model.background, masks)
             };
@@ -636,7 +649,7 @@ mod tests {
                 let [a, b] = [fast.update(&image, dt_secs).unwrap(), twin.update(&image, dt_secs).unwrap()];
                 assert_eq!(a.learning_rate, b.learning_rate);
                 assert_eq!(a.light_changed, b.light_changed);
-                let (n_both, n_either) = agreement(fast.foreground(), twin.foreground());
+                let (n_both, n_either) = agreement(&fast.foreground(), twin.foreground());
                 if number >= N_WARM_UP {
                     both += n_both;
                     either += n_either;
@@ -688,7 +701,7 @@ mod tests {
             assert_eq!(model.background_planes()[0].row(0), [80; 4]);
         }
         model.update(&filled(4, 4, [80, 120, 130]), 0.1).unwrap();
-        assert_eq!(share(model.foreground()), 0.0);
+        assert_eq!(share(&model.foreground()), 0.0);
     }
 
     #[test]
@@ -744,9 +757,9 @@ mod tests {
             }
         }
         assert_eq!(changed_at, [5]);
-        assert!(share(model.foreground()) < 0.1, "{}", share(model.foreground()));
+        assert!(share(&model.foreground()) < 0.1, "{}", share(&model.foreground()));
         // The old light is remembered for a while: going back is no surprise.
-        let before = share(model.foreground());
+        let before = share(&model.foreground());
         model.update(&lit(1, 0), 0.1).unwrap();
         assert!(model.others.iter().any(|mode| mode.weights.iter().any(|weight| *weight > 0.01)), "{before}");
     }
@@ -760,7 +773,7 @@ mod tests {
                 for number in 0..20 {
                     model.update(&scene(67, 131, number), 0.1).unwrap();
                 }
-                (model.first, model.others, model.background, model.foreground)
+                (model.first, model.others, model.background, model.unmatched)
             })
         };
         assert!(run(1) == run(4));
@@ -775,10 +788,10 @@ mod tests {
         let image = scene(33, 17, 99);
         let before = (model.first.clone(), model.others.clone());
         model.classify(&image).unwrap();
-        let classified = model.foreground().clone();
+        let classified = model.foreground();
         assert!((model.first.clone(), model.others.clone()) == before);
         model.update(&image, 0.1).unwrap();
-        assert_eq!(*model.foreground(), classified);
+        assert_eq!(model.foreground(), classified);
         assert!((0.001..0.999).contains(&share(&classified)), "the test picture has both");
     }
 
@@ -843,9 +856,9 @@ mod tests {
             }
             assert_eq!(model.background_planes().map(|plane| plane.data[0]), [luma, 0, 255]);
             model.classify(&filled(40, 2, [shade, 0, 255])).unwrap();
-            assert_eq!(share(model.foreground()), 0.0, "within 3.36 sigma of the floor");
+            assert_eq!(share(&model.foreground()), 0.0, "within 3.36 sigma of the floor");
             model.classify(&filled(40, 2, [other, 0, 255])).unwrap();
-            assert_eq!(share(model.foreground()), 1.0);
+            assert_eq!(share(&model.foreground()), 1.0);
         }
     }
 
@@ -889,7 +902,8 @@ mod tests {
             model.update(&filled(40, 2, [60, 128, 128]), 0.1).unwrap();
         }
         let before = model.clone();
-        let held = vec![0b10; model.first.len()];
+        let mut held = BitMask::new(40, 2);
+        held.words_mut().fill(0b10);
         for _ in 0..50 {
             let mut pass = model.pass(0.01);
             model.decay *= 0.99;

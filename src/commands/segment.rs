@@ -1,14 +1,17 @@
 //! `segment`: what moves in a video, as masks and blobs, without a scene or a daemon.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
+use serde::Deserialize;
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{
-    BackgroundSettings, CameraSettings, Config, ConfigFault, End, Learning, SegmentSettings, Settings,
-    SourceSettings, Timing,
+    BackgroundSettings, CameraSettings, Config, ConfigFault, End, SegmentSettings, Settings, SourceSettings,
+    Timing,
 };
 use videofields::encode;
 use videofields::frame::{CameraId, Frame};
@@ -47,7 +50,11 @@ pub(crate) struct Segment {
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.08 if absent.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     delta: Option<f64>,
-    /// Least area of a blob, pixels; 300 if absent.
+    /// Any other setting of a camera's background or segmentation, as in a configuration file, such as
+    /// --set segment.split_valley=0 or --set background.modes=5. Repeatable; wins over the flags above.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Least area of a blob, pixels; a 1500th of the picture's if absent.
     #[arg(long, value_name = "PIXELS")]
     min_area_px: Option<u32>,
 }
@@ -90,6 +97,27 @@ impl Segment {
         Ok(())
     }
 
+    /// What `--set` asks for.
+    fn given(&self) -> Result<Tables> {
+        let mut tables = Tables::new();
+        for set in &self.set {
+            let (key, value) =
+                set.split_once('=').with_context(|| format!("--set {set}: expected KEY=VALUE"))?;
+            let (section, key) = key
+                .trim()
+                .split_once('.')
+                .with_context(|| format!("--set {set}: expected a table and a key, such as segment.delta"))?;
+            // What is no number, truth value or list in TOML is text.
+            let value = match format!("value = {value}").parse::<toml::Table>() {
+                Ok(mut parsed) => parsed.remove("value"),
+                Err(_) => Some(Value::String(value.trim().to_owned())),
+            };
+            let table = tables.entry(section.to_owned()).or_default();
+            table.extend(value.map(|value| (key.to_owned(), value)));
+        }
+        Ok(tables)
+    }
+
     /// The flags as a camera's settings, held to the same ranges.
     fn settings(&self) -> Result<CameraSettings> {
         let source = SourceSettings {
@@ -99,14 +127,18 @@ impl Segment {
             end: End::Stop,
             start: None,
         };
-        let background = BackgroundSettings {
-            clip: self.background.clone(),
-            learning: if self.hold { Learning::Hold } else { Learning::Adapt },
-            ..BackgroundSettings::default()
-        };
-        let mut segment = SegmentSettings::default();
-        segment.delta = self.delta.unwrap_or(segment.delta);
-        segment.min_area_px = self.min_area_px.unwrap_or(segment.min_area_px);
+        let mut given = self.given()?;
+        for (section, key, value) in [
+            ("background", "clip", self.background.as_ref().map(|clip| clip.display().to_string().into())),
+            ("background", "learning", self.hold.then(|| "hold".into())),
+            ("segment", "delta", self.delta.map(Value::from)),
+            ("segment", "min_area_px", self.min_area_px.map(|px| i64::from(px).into())),
+        ] {
+            if let Some(value) = value {
+                given.entry(section.to_owned()).or_default().entry(key.to_owned()).or_insert(value);
+            }
+        }
+        let Given { background, segment } = Given::from(given)?;
         let camera =
             CameraSettings { id: CameraId::new("input")?, name: String::new(), source, background, segment };
         let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
@@ -118,6 +150,27 @@ impl Segment {
                 bail!("{}", flags.join("; "))
             }
         }
+    }
+}
+
+/// A camera's tables by name, as in a configuration file.
+type Tables = BTreeMap<String, BTreeMap<String, Value>>;
+
+/// What flags can set of a camera.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Given {
+    background: BackgroundSettings,
+    segment: SegmentSettings,
+}
+
+impl Given {
+    fn from(tables: Tables) -> Result<Self> {
+        let tables: toml::Table = tables
+            .into_iter()
+            .map(|(name, table)| (name, Value::Table(table.into_iter().collect())))
+            .collect();
+        tables.try_into().map_err(|error: toml::de::Error| anyhow!("--set: {}", error.message()))
     }
 }
 

@@ -308,8 +308,11 @@ pub struct SegmentSettings {
     pub resolution: Resolution,
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.08.
     pub delta: f64,
-    /// Standard deviation of the blur, pixels, 0 (none) to 16. Default 1.5.
-    pub blur_sigma_px: f64,
+    /// Hysteresis: a quarter of a blob's least area must differ by more than this, share of full scale, 0 to 1; what
+    /// differs less everywhere is background. Not above `delta`, it asks for nothing. Default 0 (off).
+    pub delta_high: f64,
+    /// Standard deviation of the blur, pixels, 0 (none) to 16. Default: a 384th of the picture's rows, 0.6 to 1.5.
+    pub blur_sigma_px: Option<f64>,
     /// How the mixture's own match test counts. Default `require`.
     pub mixture: MixtureRule,
     /// A pixel that kept its chromaticity and at least this share of its background's luma, 0.05 to 1, is in
@@ -318,13 +321,23 @@ pub struct SegmentSettings {
     /// Chroma that a shadow may change, share of full scale, 0 to 0.5: outdoors the sky tints shadows. Default
     /// 0.05.
     pub shadow_chroma: f64,
+    /// A pixel that kept its chromaticity and has at most this many times its background's luma, 1 to 4, is lit by a
+    /// highlight, not foreground. 1 (default) looks for none.
+    pub highlight_brightest: f64,
+    /// Whether pieces that mostly flutter (turn from background to foreground and back again and again) are background:
+    /// leaves, flags, water, tape. Default false.
+    pub suppress_blinking: bool,
     /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
     /// stands close together. Default 0.
     pub close_radius_px: u32,
     /// Greatest hole in a blob that is filled, pixels, 0 (none) to 1e9. Default 64.
     pub max_hole_px: u32,
-    /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. Default 300.
+    /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. 0 (default) is a 1500th of the picture's
+    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720.
     pub min_area_px: u32,
+    /// A piece is parted into upright things where it has fewer pixels in a column than this share of what it has on
+    /// either side, 0 (never) to 0.9: people who touch. Masks are the same. Default 0.5.
+    pub split_valley: f64,
 }
 
 impl Default for SegmentSettings {
@@ -332,13 +345,37 @@ impl Default for SegmentSettings {
         Self {
             resolution: Resolution::Full,
             delta: 0.08,
-            blur_sigma_px: 1.5,
+            delta_high: 0.0,
+            blur_sigma_px: None,
             mixture: MixtureRule::Require,
             shadow_darkest: 0.5,
             shadow_chroma: 0.05,
+            highlight_brightest: 1.0,
+            suppress_blinking: false,
             close_radius_px: 0,
             max_hole_px: 64,
-            min_area_px: 300,
+            min_area_px: 0,
+            split_valley: 0.5,
+        }
+    }
+}
+
+impl SegmentSettings {
+    /// The blur in a picture of `size_px`, pixels. What a codec and a lens blur is a share of the picture; below 0.6 a
+    /// blur no longer calms the noise, above 1.5 it costs more than it brings.
+    #[must_use]
+    pub fn blur_sigma_px_in(&self, size_px: (u32, u32)) -> f64 {
+        self.blur_sigma_px.unwrap_or_else(|| (f64::from(size_px.1) / 384.0).clamp(0.6, 1.5))
+    }
+
+    /// The least area of a blob in a picture of `size_px`, pixels.
+    #[must_use]
+    pub fn min_area_px_in(&self, size_px: (u32, u32)) -> u32 {
+        /// Of a picture's pixels, the share that the smallest blob has: what a person of a 14th of its height has.
+        const LEAST_SHARE: u64 = 1500;
+        match self.min_area_px {
+            0 => (u64::from(size_px.0) * u64::from(size_px.1) / LEAST_SHARE).max(16) as u32,
+            px => px,
         }
     }
 }

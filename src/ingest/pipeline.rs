@@ -125,7 +125,8 @@ impl Pipeline {
         let found = self.segmenter.segment_reduced(
             image,
             mixture.background_planes(),
-            mixture.foreground(),
+            mixture.unmatched(),
+            dt_secs,
             (frame.image.width(), frame.image.height()),
         );
         done(Stage::Segment);

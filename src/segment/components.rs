@@ -1,7 +1,9 @@
-//! Connected pieces of a mask, by runs and union-find: one pass over the pixels, the rest over the runs.
+//! Connected pieces of a mask of bits, by runs and union-find: one pass over the words, the rest over the runs.
 //!
-//! A predicate over the mask's bytes flows in; pieces and the runs that they consist of flow out. Knows nothing of
+//! Bits flow in; pieces and the runs that they consist of flow out. Knows nothing of
 //! what a piece means.
+
+use crate::frame::{BitMask, WORD_PIXELS};
 
 /// Which neighbours belong together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,23 +49,36 @@ pub(super) struct Components {
 }
 
 impl Components {
-    /// Finds the pieces of the pixels whose byte satisfies `belongs`, in the order of their first pixels.
-    pub(super) fn find(
-        &mut self,
-        mask: &[u8],
-        width: usize,
-        connectivity: Connectivity,
-        belongs: impl Fn(u8) -> bool,
-    ) {
+    /// Finds the pieces of the pixels whose bit is `value`, in the order of their first pixels.
+    pub(super) fn find(&mut self, mask: &BitMask, value: bool, connectivity: Connectivity) {
         self.runs.clear();
         self.parents.clear();
         let mut above = 0..0;
-        for (y, row) in mask.chunks_exact(width).enumerate() {
+        for y in 0..mask.height() {
             let begin = self.runs.len();
-            self.append_runs(row, y as u32, &belongs);
+            self.append_runs(mask, y, value);
             self.join(above, begin, connectivity);
             above = begin..self.runs.len();
         }
+        self.collect();
+    }
+
+    /// Finds the 8-connected pieces of these runs, which come in order of rows and columns.
+    pub(super) fn find_in_runs(&mut self, runs: impl Iterator<Item = Run>) {
+        self.runs.clear();
+        self.parents.clear();
+        let (mut above, mut begin, mut row) = (0..0, 0, None);
+        for run in runs {
+            if row != Some(run.y) {
+                self.join(above, begin, Connectivity::Eight);
+                let is_next = row.is_some_and(|row| row + 1 == run.y);
+                above = if is_next { begin..self.runs.len() } else { 0..0 };
+                begin = self.runs.len();
+                row = Some(run.y);
+            }
+            self.push(run.y, run.start, run.end);
+        }
+        self.join(above, begin, Connectivity::Eight);
         self.collect();
     }
 
@@ -75,15 +90,39 @@ impl Components {
         &self.runs
     }
 
-    fn append_runs(&mut self, row: &[u8], y: u32, belongs: &impl Fn(u8) -> bool) {
-        let mut x = 0;
-        while let Some(skip) = row[x..].iter().position(|value| belongs(*value)) {
-            let start = x + skip;
-            let len = row[start..].iter().position(|value| !belongs(*value)).unwrap_or(row.len() - start);
-            x = start + len;
-            let run_idx = self.runs.len() as u32;
-            self.runs.push(Run { y, start: start as u32, end: x as u32, piece_idx: run_idx });
-            self.parents.push(run_idx);
+    fn push(&mut self, y: u32, start: u32, end: u32) {
+        let run_idx = self.runs.len() as u32;
+        self.runs.push(Run { y, start, end, piece_idx: run_idx });
+        self.parents.push(run_idx);
+    }
+
+    fn append_runs(&mut self, mask: &BitMask, y: usize, value: bool) {
+        let mut begun: Option<usize> = None;
+        for (word, bits) in mask.row(y).iter().enumerate() {
+            let first = word * WORD_PIXELS;
+            let mut bits = if value { *bits } else { !*bits & mask.inside(word) };
+            if let Some(start) = begun {
+                let n_more = bits.trailing_ones() as usize;
+                if n_more == WORD_PIXELS {
+                    continue;
+                }
+                self.push(y as u32, start as u32, (first + n_more) as u32);
+                begun = None;
+                bits &= u32::MAX << n_more;
+            }
+            while bits != 0 {
+                let start = bits.trailing_zeros();
+                let end = start + (bits >> start).trailing_ones();
+                if end as usize == WORD_PIXELS {
+                    begun = Some(first + start as usize);
+                    break;
+                }
+                self.push(y as u32, first as u32 + start, first as u32 + end);
+                bits &= u32::MAX << end;
+            }
+        }
+        if let Some(start) = begun {
+            self.push(y as u32, start as u32, mask.width() as u32);
         }
     }
 
@@ -140,7 +179,7 @@ impl Components {
 }
 
 impl Piece {
-    fn of(run: Run) -> Self {
+    pub(super) fn of(run: Run) -> Self {
         let len = run.end - run.start;
         let columns = u64::from(len) * u64::from(run.start + run.end - 1) / 2;
         Self {
@@ -171,13 +210,32 @@ impl Piece {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::Mask;
     use proptest::prelude::*;
+
+    fn mask_of(bytes: &[u8], width: usize) -> BitMask {
+        let (width, height) = (width as u32, (bytes.len() / width) as u32);
+        let mut bits = BitMask::default();
+        bits.take(&Mask { width, height, data: bytes.to_vec() }, 1);
+        bits
+    }
 
     fn find(picture: &str, connectivity: Connectivity) -> Vec<Piece> {
         let rows: Vec<&str> = picture.split_whitespace().collect();
+        let bytes: Vec<u8> = rows.concat().bytes().map(|byte| u8::from(byte == b'#')).collect();
         let mut components = Components::default();
-        components.find(rows.concat().as_bytes(), rows[0].len(), connectivity, |byte| byte == b'#');
-        components.pieces().to_vec()
+        components.find(&mask_of(&bytes, rows[0].len()), true, connectivity);
+        let pieces = components.pieces().to_vec();
+        if connectivity == Connectivity::Eight {
+            let runs = components.runs().to_vec();
+            components.find_in_runs(runs.into_iter());
+            assert_eq!(components.pieces(), pieces, "runs alone say the same");
+        }
+        // What is not asked for in a picture of its opposite is the same.
+        let opposite: Vec<u8> = bytes.iter().map(|byte| 1 - byte).collect();
+        components.find(&mask_of(&opposite, rows[0].len()), false, connectivity);
+        assert_eq!(components.pieces(), pieces);
+        pieces
     }
 
     #[test]
@@ -237,14 +295,14 @@ mod tests {
     proptest! {
         #[test]
         fn pieces_equal_flooding(
-            width in 1..24_usize,
-            bits in prop::collection::vec(prop::bool::weighted(0.55), 24..400),
+            width in 1..80_usize,
+            bits in prop::collection::vec(prop::bool::weighted(0.55), 80..600),
         ) {
             let height = bits.len() / width;
             let mask: Vec<u8> = bits[..width * height].iter().map(|bit| u8::from(*bit)).collect();
             for connectivity in [Connectivity::Four, Connectivity::Eight] {
                 let mut components = Components::default();
-                components.find(&mask, width, connectivity, |byte| byte == 1);
+                components.find(&mask_of(&mask, width), true, connectivity);
                 let areas: Vec<u32> = components.pieces().iter().map(|piece| piece.area_px).collect();
                 prop_assert_eq!(areas, flooded(&mask, width, connectivity));
                 let n_run_pixels: u32 = components.runs().iter().map(|run| run.end - run.start).sum();

@@ -3,10 +3,9 @@
 //! A segmentation at half or quarter size flows in, one at full size flows out: the soft mask is interpolated
 //! between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found anew.
 
-use super::components::{Components, Connectivity};
-use super::segmenter::{Segmentation, blob};
+use super::segmenter::{Limits, Pieces, Segmentation};
 use super::{BACKGROUND, MOVING, SHADOW};
-use crate::frame::Mask;
+use crate::frame::{BitMask, Mask};
 use rayon::prelude::*;
 
 /// Rows that one thread takes at least.
@@ -36,14 +35,14 @@ fn places(full: u32, reduced: u32, factor: u32) -> Vec<Between> {
     (0..full).map(place).collect()
 }
 
-/// `found` in a picture reduced by `factor` (at least 1), as of a picture of `size_px`; pieces smaller than
-/// `min_area_px` full-size pixels are background.
+/// `found` in a picture reduced by `factor` (at least 1), as of a picture of `size_px`; pieces that fall
+/// short of the full picture's `limits` are background.
 pub(super) fn enlarge(
     found: &Segmentation,
     size_px: (u32, u32),
     factor: u32,
-    min_area_px: u32,
-    components: &mut Components,
+    limits: &Limits,
+    pieces: &mut Pieces,
 ) -> Segmentation {
     let (width, height) = size_px;
     let reduced = &found.soft_mask;
@@ -78,26 +77,28 @@ pub(super) fn enlarge(
                 }
             }
         });
-    components.find(&labels.data, width as usize, Connectivity::Eight, |label| label == MOVING);
-    let pieces = components.pieces();
-    for run in components.runs().iter().filter(|run| pieces[run.piece_idx as usize].area_px < min_area_px) {
+    let mut moving = BitMask::default();
+    moving.take(&labels, MOVING);
+    pieces.find(&moving);
+    pieces.drop_small(limits.min_area_px, |run| {
         let row = run.y as usize * width as usize;
         let span = row + run.start as usize..row + run.end as usize;
         labels.data[span.clone()].fill(BACKGROUND);
         soft_mask.data[span].fill(0);
-    }
-    let blobs = pieces
-        .iter()
-        .filter(|piece| piece.area_px >= min_area_px)
-        .map(|piece| blob(piece, width, height))
-        .collect();
+    });
+    let blobs = pieces.blobs(&moving, limits);
     Segmentation { soft_mask, labels, blobs }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::SegmentSettings;
     use crate::segment::{Blob, PixelRect};
+
+    fn limits(min_area_px: u32) -> Limits {
+        Limits::full(&SegmentSettings { min_area_px, ..SegmentSettings::default() }, (1, 1))
+    }
 
     fn reduced(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8)]) -> Segmentation {
         let mut soft_mask = Mask::filled(width, height, 0);
@@ -115,10 +116,11 @@ mod tests {
     fn a_rectangle_comes_back_where_it_stands_in_the_full_picture() {
         for factor in [2_u32, 4] {
             let found = reduced(20, 16, &[(5, 4, 6, 8, 255, MOVING), (14, 10, 3, 2, 0, SHADOW)]);
-            let full = enlarge(&found, (20 * factor, 16 * factor - 1), factor, 1, &mut Components::default());
+            let full =
+                enlarge(&found, (20 * factor, 16 * factor - 1), factor, &limits(1), &mut Pieces::default());
             assert_eq!((full.labels.width, full.labels.height), (20 * factor, 16 * factor - 1));
             let rect = PixelRect { x: 5 * factor, y: 4 * factor, width: 6 * factor, height: 8 * factor };
-            let [Blob { rect: seen, area_px, foot_in_image, is_truncated }] = &full.blobs[..] else {
+            let [Blob { rect: seen, area_px, foot_in_image, is_truncated, .. }] = &full.blobs[..] else {
                 panic!("one blob: {:?}", full.blobs)
             };
             assert_eq!((*seen, *is_truncated), (rect, false));
@@ -136,7 +138,7 @@ mod tests {
     #[test]
     fn small_pieces_are_background_and_edges_are_smooth() {
         let found = reduced(20, 16, &[(2, 2, 2, 2, 255, MOVING), (8, 2, 8, 8, 255, MOVING)]);
-        let full = enlarge(&found, (40, 32), 2, 30, &mut Components::default());
+        let full = enlarge(&found, (40, 32), 2, &limits(30), &mut Pieces::default());
         assert_eq!(full.blobs.len(), 1);
         assert_eq!((full.labels.get(5, 5), full.soft_mask.get(5, 5)), (BACKGROUND, 0));
         let edge: Vec<u8> = (13..19).map(|x| full.soft_mask.get(x, 10)).collect();

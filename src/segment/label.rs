@@ -1,121 +1,464 @@
-//! One label a pixel: background, moving or shadow.
+//! One verdict a pixel: background, moving or shadow; and how sure of it the difference is.
 //!
-//! The blurred difference, the background and the mixture's verdict flow in; labels flow out. Every pixel is judged
-//! by itself; what its neighbours make of it comes later.
+//! The blurred difference, the background and the mixture's verdict flow in; bits and a ramp flow out. Every pixel is
+//! judged by itself; what its neighbours make of it comes later. Tiles in which nothing can be foreground are never
+//! looked at.
 //!
 //! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
 //! `[C03]` Cucchiara, Grana, Piccardi and Prati 2003, Detecting moving objects, ghosts, and shadows in video streams:
-//! a shadow darkens a pixel and leaves its chromaticity.
+//! a shadow darkens a pixel and leaves its chromaticity; a highlight lightens it so.
 
-use super::difference::Difference;
-use super::{BACKGROUND, MOVING, SHADOW};
+use super::difference::{CHROMA_TILE, ChannelGains, Difference, Pair, TILE, TileDifference};
+use super::dilate::dilate;
 use crate::config::{MixtureRule, SegmentSettings};
-use crate::frame::{Mask, Plane, YuvImage};
+use crate::frame::{BitMask, ColorMatrix, ColorRange, inside};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
-/// Rows that one thread takes at least.
-const MIN_ROWS: usize = 16;
+/// With fewer tiles than this to look at, handing them to other threads costs more than it saves.
+const LEAST_SHARED_TILES: usize = 4096;
 
-/// Pixels to either side whose verdicts are counted with a pixel's own: a 5 x 5 majority, as a median filter takes.
-const REACH: usize = 2;
+/// One byte for every pixel of a tile.
+pub(super) type TileRamp = [u8; TILE];
 
-/// The mixture's verdict after the majority; keeps its memory from frame to frame.
-#[derive(Debug, Default)]
-pub(super) struct Majority {
-    /// Verdicts against the background within `REACH` columns.
-    sums: Vec<u8>,
+/// Judges pixels; keeps its memory from frame to frame.
+#[derive(Debug)]
+pub(super) struct Judge {
+    level: Level,
+    blur_sigma_px: f64,
+    /// One for each band of rows that a thread takes.
+    differences: Vec<Difference>,
+    /// Pixels that may be foreground.
+    candidates: BitMask,
+    /// Those and their neighbours: the tiles of these are computed.
+    near: BitMask,
+    pub(super) moving: BitMask,
+    pub(super) shadow: BitMask,
+    /// Moving pixels that differ by more than the high threshold.
+    pub(super) strong: BitMask,
+    /// The blurred difference as a ramp from half to one and a half of delta, in the tiles of `near`.
+    ramps: Vec<TileRamp>,
 }
 
-impl Majority {
-    pub(super) fn compute(&mut self, unmatched: &Mask) {
-        let width = unmatched.width as usize;
-        self.sums.resize(unmatched.data.len(), 0);
-        let rows = self.sums.par_chunks_mut(width).zip(unmatched.data.par_chunks(width));
-        rows.with_min_len(MIN_ROWS).for_each(|(sums, verdicts)| {
-            for (x, sum) in sums.iter_mut().enumerate() {
-                let window = &verdicts[x.saturating_sub(REACH)..(x + REACH + 1).min(width)];
-                *sum = window.iter().map(|verdict| verdict & 1).sum();
-            }
-        });
-    }
-
-    /// Whether most verdicts around column `x` of row `y` are against the background; beyond the border there are
-    /// none.
-    fn is_unmatched(&self, x: usize, y: usize, width: usize) -> bool {
-        let height = self.sums.len() / width;
-        let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(height);
-        let n_columns = (x + REACH + 1).min(width) - x.saturating_sub(REACH);
-        let n_verdicts = rows.len() * n_columns;
-        let n_against: usize = rows.map(|row| usize::from(self.sums[row * width + x])).sum();
-        2 * n_against > n_verdicts
-    }
-}
-
-/// Labels every pixel; `labels` has the frame's size.
-pub(super) fn label(
-    labels: &mut [u8],
-    difference: &Difference,
-    majority: &Majority,
-    frame: &YuvImage,
-    background: [Plane<'_>; 3],
-    settings: &SegmentSettings,
-) {
-    let width = frame.width() as usize;
-    let delta = settings.delta as f32;
-    let shadows = ShadowTest::new(frame, settings);
-    labels.par_chunks_mut(width).enumerate().with_min_len(MIN_ROWS).for_each(|(y, labels)| {
-        let norms = &difference.norm()[y * width..(y + 1) * width];
-        for (x, (label, norm)) in labels.iter_mut().zip(norms).enumerate() {
-            let differs = *norm > delta;
-            let is_foreground = match settings.mixture {
-                MixtureRule::Ignore => differs,
-                MixtureRule::Require => differs && majority.is_unmatched(x, y, width),
-                MixtureRule::Add => differs || majority.is_unmatched(x, y, width),
-            };
-            *label = match (is_foreground, &shadows) {
-                (false, _) => BACKGROUND,
-                (true, Some(test)) if test.is_shadow(difference, background, x, y) => SHADOW,
-                (true, _) => MOVING,
-            };
-        }
-    });
-}
-
-/// Whether a pixel is its background in shadow (the test of `[C03]`, on YUV).
-///
-/// A shadow scales linear light, and so, up to the transfer curve's toe, the coded channels too, all by one factor;
-/// luma and chroma, being linear in the coded channels, are scaled by it as well. The factor is taken from luma, and
-/// chroma must follow it.
-struct ShadowTest {
+/// The settings and the colours' meaning as numbers to compare with.
+#[derive(Clone, Copy, Debug)]
+struct Rules {
+    rule: MixtureRule,
+    gains: ChannelGains,
+    delta: f32,
+    delta_high: f32,
     black_code: f32,
+    has_shadows: bool,
     darkest: f32,
+    brightest: f32,
     /// Chroma codes.
     tolerance: f32,
 }
 
-impl ShadowTest {
-    /// `None` when the settings look for no shadows.
-    fn new(frame: &YuvImage, settings: &SegmentSettings) -> Option<Self> {
-        if settings.shadow_darkest >= 1.0 {
-            return None;
+impl Rules {
+    fn new(matrix: ColorMatrix, range: ColorRange, settings: &SegmentSettings) -> Self {
+        let (black_code, _luma_codes, chroma_codes) = range.luma_offset_luma_scale_chroma_scale();
+        Self {
+            rule: settings.mixture,
+            gains: ChannelGains::new(matrix, range),
+            delta: settings.delta as f32,
+            delta_high: settings.delta_high.max(settings.delta) as f32,
+            black_code,
+            has_shadows: settings.shadow_darkest < 1.0 || settings.highlight_brightest > 1.0,
+            darkest: settings.shadow_darkest as f32,
+            brightest: settings.highlight_brightest as f32,
+            tolerance: settings.shadow_chroma as f32 * chroma_codes,
         }
-        let (black_code, _luma_codes, chroma_codes) = frame.range().luma_offset_luma_scale_chroma_scale();
-        let tolerance = settings.shadow_chroma as f32 * chroma_codes;
-        Some(Self { black_code, darkest: settings.shadow_darkest as f32, tolerance })
+    }
+}
+
+/// The rows that one thread judges.
+struct Band<'a> {
+    difference: &'a mut Difference,
+    moving: &'a mut [u32],
+    shadow: &'a mut [u32],
+    strong: &'a mut [u32],
+    ramps: &'a mut [TileRamp],
+}
+
+impl Judge {
+    pub(super) fn new() -> Self {
+        Self {
+            level: Level::new(),
+            blur_sigma_px: 0.0,
+            differences: vec![Difference::new(0.0)],
+            candidates: BitMask::default(),
+            near: BitMask::default(),
+            moving: BitMask::default(),
+            shadow: BitMask::default(),
+            strong: BitMask::default(),
+            ramps: Vec::new(),
+        }
     }
 
-    fn is_shadow(&self, difference: &Difference, background: [Plane<'_>; 3], x: usize, y: usize) -> bool {
-        let code = |plane: usize, x: usize, y: usize| f32::from(background[plane].row(y as u32)[x]);
-        let luma = code(0, x, y) - self.black_code;
-        let change = difference.row(0, y)[x];
-        // Compared without dividing, so a black background needs no case of its own: nothing is its shadow.
-        if change >= 0.0 || luma + change < self.darkest * luma || luma <= 0.0 {
-            return false;
+    /// Blurs differences with a Gaussian of `sigma_px` from now on; 0 does not blur.
+    pub(super) fn set_blur(&mut self, sigma_px: f64) {
+        if sigma_px != self.blur_sigma_px {
+            self.blur_sigma_px = sigma_px;
+            self.differences = vec![Difference::new(sigma_px)];
         }
-        let (x, y) = (x / 2, y / 2);
-        [1, 2].into_iter().all(|plane| {
-            let expected = change / luma * (code(plane, x, y) - 128.0);
-            (difference.row(plane, y)[x] - expected).abs() <= self.tolerance
-        })
+    }
+
+    /// Judges every pixel of a frame; `unmatched` is the mixture's verdict after the majority.
+    pub(super) fn judge(
+        &mut self,
+        pair: &Pair<'_>,
+        (matrix, range): (ColorMatrix, ColorRange),
+        unmatched: &BitMask,
+        settings: &SegmentSettings,
+    ) {
+        let rules = Rules::new(matrix, range, settings);
+        let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
+        for mask in [&mut self.candidates, &mut self.moving, &mut self.shadow, &mut self.strong] {
+            mask.reset(width, height);
+        }
+        if rules.rule == MixtureRule::Require {
+            self.candidates.words_mut().copy_from_slice(unmatched.words());
+        } else {
+            self.find_candidates(pair, &rules);
+            for (candidates, unmatched) in self.candidates.words_mut().iter_mut().zip(unmatched.words()) {
+                *candidates |= if rules.rule == MixtureRule::Add { *unmatched } else { 0 };
+            }
+        }
+        dilate(&self.candidates, &mut self.near);
+        self.judge_near(pair, unmatched, &rules);
+    }
+
+    /// The tiles in which, or within the blur's reach of which, some difference is large enough to pass the threshold.
+    fn find_candidates(&mut self, pair: &Pair<'_>, rules: &Rules) {
+        let height = pair.frame[0].height as usize;
+        let words_per_row = self.candidates.words_per_row();
+        let radius = self.differences[0].radius();
+        // Beyond the radius by one tile to either side at least; by more where the blur is that wide.
+        let side = radius.div_ceil(TILE).max(1);
+        let greatest = |plane: usize, y: usize, first: usize, n: usize| {
+            let (frame, background) = (pair.frame[plane].row(y as u32), pair.background[plane].row(y as u32));
+            let place = first.min(frame.len())..(first + n).min(frame.len());
+            let codes = frame[place.clone()].iter().zip(&background[place]);
+            f32::from(codes.fold(0, |most, (a, b)| a.abs_diff(*b).max(most)))
+        };
+        let mut bounds = vec![0.0_f32; words_per_row * height];
+        bounds.par_chunks_mut(words_per_row).enumerate().for_each(|(y, bounds)| {
+            for (tile, bound) in bounds.iter_mut().enumerate() {
+                let chroma = [1, 2].map(|plane| greatest(plane, y / 2, tile * CHROMA_TILE, CHROMA_TILE));
+                *bound = rules.gains.luma * greatest(0, y, tile * TILE, TILE)
+                    + rules.gains.greatest_chroma() * (chroma[0] + chroma[1]);
+            }
+        });
+        // What luma brings and what chroma brings may come from different pixels of the neighbourhood, each of which
+        // has its bound in a tile there; twice the greatest bound holds their sum.
+        let half = 0.5 * rules.delta;
+        let is_hot = |y: usize, word: usize| {
+            let columns = word.saturating_sub(side)..(word + side + 1).min(words_per_row);
+            bounds[y * words_per_row..][columns].iter().any(|bound| *bound > half)
+        };
+        // Of every column of tiles, how many rows within the radius are hot.
+        let mut n_hot = vec![0_usize; words_per_row];
+        for y in 0..height + radius {
+            for (word, n_hot) in n_hot.iter_mut().enumerate() {
+                *n_hot += usize::from(y < height && is_hot(y, word));
+                if let Some(gone) = y.checked_sub(2 * radius + 1) {
+                    *n_hot -= usize::from(is_hot(gone, word));
+                }
+            }
+            let Some(middle) = y.checked_sub(radius) else { continue };
+            let width = self.candidates.width();
+            for (word, (candidates, n_hot)) in
+                self.candidates.row_mut(middle).iter_mut().zip(&n_hot).enumerate()
+            {
+                *candidates = if *n_hot > 0 { inside(width, word) } else { 0 };
+            }
+        }
+    }
+
+    /// Judges the tiles of `near`.
+    fn judge_near(&mut self, pair: &Pair<'_>, unmatched: &BitMask, rules: &Rules) {
+        let (near, level) = (&self.near, self.level);
+        let words_per_row = near.words_per_row();
+        if self.ramps.len() != near.words().len() {
+            self.ramps.clear();
+            self.ramps.resize(near.words().len(), [0; TILE]);
+        }
+        let n_tiles = near.words().iter().filter(|word| **word != 0).count();
+        let n_bands = if n_tiles < LEAST_SHARED_TILES { 1 } else { rayon::current_num_threads() };
+        if self.differences.len() < n_bands {
+            let another = self.differences[0].clone();
+            self.differences.resize(n_bands, another);
+        }
+        let rows_per_band = near.height().div_ceil(n_bands);
+        let words_per_band = rows_per_band * words_per_row;
+        let width = pair.frame[0].width;
+        let judge = |band_idx: usize, band: Band<'_>| {
+            band.difference.begin(width);
+            let first_row = band_idx * rows_per_band;
+            dispatch!(level, simd => judge_band(simd, band, first_row, pair, near, unmatched, rules));
+        };
+        let bands = self
+            .differences
+            .par_iter_mut()
+            .zip(self.moving.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.shadow.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.ramps.par_chunks_mut(words_per_band))
+            .map(|((((difference, moving), shadow), strong), ramps)| Band {
+                difference,
+                moving,
+                shadow,
+                strong,
+                ramps,
+            })
+            .enumerate();
+        if n_bands == 1 {
+            // On this thread: others have cameras of their own.
+            let band = Band {
+                difference: &mut self.differences[0],
+                moving: self.moving.words_mut(),
+                shadow: self.shadow.words_mut(),
+                strong: self.strong.words_mut(),
+                ramps: &mut self.ramps,
+            };
+            judge(0, band);
+        } else {
+            bands.for_each(|(band_idx, band)| judge(band_idx, band));
+        }
+    }
+
+    /// The ramp of a tile: 0 below half of delta, one half at delta, 255 from one and a half of it; 0 too where nothing
+    /// near could be foreground.
+    pub(super) fn ramp(&self, y: usize, word: usize) -> TileRamp {
+        let near = self.near.row(y)[word];
+        if near == 0 {
+            return [0; TILE];
+        }
+        let mut ramp = self.ramps[y * self.near.words_per_row() + word];
+        for (i, value) in ramp.iter_mut().enumerate() {
+            *value *= ((near >> i) & 1) as u8;
+        }
+        ramp
+    }
+}
+
+#[inline(always)]
+fn judge_band<S: Simd>(
+    _simd: S,
+    band: Band<'_>,
+    first_row: usize,
+    pair: &Pair<'_>,
+    near: &BitMask,
+    unmatched: &BitMask,
+    rules: &Rules,
+) {
+    let words_per_row = near.words_per_row();
+    let n_rows = band.moving.len() / words_per_row;
+    for row in 0..n_rows {
+        let y = first_row + row;
+        let unmatched = unmatched.row(y);
+        for (word, near_bits) in near.row(y).iter().enumerate() {
+            if *near_bits == 0 {
+                continue;
+            }
+            let difference = band.difference.tile(pair, word, y);
+            let norm = rules.gains.norm(&difference);
+            let place = row * words_per_row + word;
+            band.ramps[place] = ramp(&norm, rules.delta);
+            let differs = bits_above(&norm, rules.delta) & near.inside(word);
+            let foreground = match rules.rule {
+                MixtureRule::Ignore => differs,
+                MixtureRule::Require => differs & unmatched[word],
+                MixtureRule::Add => differs | unmatched[word],
+            };
+            if foreground == 0 {
+                continue;
+            }
+            let shadow =
+                if rules.has_shadows { foreground & shadows(&difference, pair, word, y, rules) } else { 0 };
+            band.shadow[place] = shadow;
+            band.moving[place] = foreground & !shadow;
+            band.strong[place] = foreground & !shadow & bits_above(&norm, rules.delta_high);
+        }
+    }
+}
+
+#[inline(always)]
+fn ramp(norm: &[f32; TILE], delta: f32) -> TileRamp {
+    let mut out = [0; TILE];
+    for i in 0..TILE {
+        out[i] = ((norm[i] / delta - 0.5) * 255.0).clamp(0.0, 255.0) as u8;
+    }
+    out
+}
+
+#[inline(always)]
+fn bits_above(values: &[f32; TILE], threshold: f32) -> u32 {
+    let mut flags = [0_u8; TILE];
+    for i in 0..TILE {
+        flags[i] = u8::from(values[i] > threshold);
+    }
+    packed(&flags)
+}
+
+/// Bytes of 0 and 1 as bits.
+#[inline(always)]
+fn packed(flags: &[u8; TILE]) -> u32 {
+    let mut bits = 0;
+    for (at, eight) in flags.chunks_exact(8).enumerate() {
+        let bytes = u64::from_le_bytes([
+            eight[0], eight[1], eight[2], eight[3], eight[4], eight[5], eight[6], eight[7],
+        ]);
+        // The product gathers the lowest bits of eight bytes in its highest byte.
+        let gathered = bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56;
+        bits |= (gathered as u32) << (8 * at);
+    }
+    bits
+}
+
+/// Which pixels of a tile are their background in shadow or in a highlight (the test of `[C03]`, on YUV).
+///
+/// A shadow scales linear light, and so, up to the transfer curve's toe, the coded channels too, all by one factor;
+/// luma and chroma, being linear in the coded channels, are scaled by it as well. The factor is taken from luma, and
+/// chroma must follow it.
+#[inline(always)]
+fn shadows(difference: &TileDifference, pair: &Pair<'_>, tile: usize, y: usize, rules: &Rules) -> u32 {
+    let luma = codes::<TILE>(pair.background[0].row(y as u32), tile);
+    let chroma = [1, 2].map(|plane| {
+        let codes = codes::<CHROMA_TILE>(pair.background[plane].row(y as u32 / 2), tile);
+        doubled(&codes)
+    });
+    let changes = [doubled(&difference.u), doubled(&difference.v)];
+    let mut flags = [0_u8; TILE];
+    for i in 0..TILE {
+        let black_luma = luma[i] - rules.black_code;
+        let change = difference.luma[i];
+        let seen = black_luma + change;
+        let is_darker = (change < 0.0) & (seen >= rules.darkest * black_luma);
+        let is_lighter = (change > 0.0) & (seen <= rules.brightest * black_luma);
+        // A black background has no shadow; dividing by it gives what compares as false.
+        let scale = change / black_luma;
+        let follows = ((changes[0][i] - scale * (chroma[0][i] - 128.0)).abs() <= rules.tolerance)
+            & ((changes[1][i] - scale * (chroma[1][i] - 128.0)).abs() <= rules.tolerance);
+        flags[i] = u8::from((is_darker | is_lighter) & (black_luma > 0.0) & follows);
+    }
+    packed(&flags)
+}
+
+/// Each value for two pixels.
+#[inline(always)]
+fn doubled(values: &[f32; CHROMA_TILE]) -> [f32; TILE] {
+    let mut out = [0.0; TILE];
+    for i in 0..CHROMA_TILE {
+        out[2 * i] = values[i];
+        out[2 * i + 1] = values[i];
+    }
+    out
+}
+
+/// `N` codes of a row from `N tile` on; 0 beyond the border.
+#[inline(always)]
+fn codes<const N: usize>(row: &[u8], tile: usize) -> [f32; N] {
+    let mut out = [0.0; N];
+    let row = &row[tile * N..];
+    for i in 0..N.min(row.len()) {
+        out[i] = f32::from(row[i]);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{Plane, YuvImage, YuvLayout};
+
+    const COLORS: (ColorMatrix, ColorRange) = (ColorMatrix::Bt601, ColorRange::Limited);
+
+    fn hash(i: usize, seed: u32) -> u32 {
+        (i as u32)
+            .wrapping_mul(0x9e37_79b9)
+            .wrapping_add(seed.wrapping_mul(0x85eb_ca6b))
+            .wrapping_mul(0xc2b2_ae35)
+    }
+
+    /// A floor, and on it noise in some places and not in others.
+    fn picture(width: u32, height: u32, seed: u32) -> YuvImage {
+        let layout = YuvLayout::packed(width, height);
+        let data: Vec<u8> = (0..YuvLayout::packed_len(width, height))
+            .map(|i| {
+                let is_noisy = hash(i / 40, seed) >> 30 == 0;
+                120 + if is_noisy { (hash(i, seed + 1) >> 26) as u8 } else { 0 }
+            })
+            .collect();
+        YuvImage::new(layout, COLORS.0, COLORS.1, data).unwrap()
+    }
+
+    fn verdicts(width: u32, height: u32, seed: u32) -> BitMask {
+        let mut bits = BitMask::new(width, height);
+        for y in 0..height as usize {
+            for x in (0..width as usize).filter(|x| hash(y * 1000 + x / 3, seed) >> 29 == 0) {
+                bits.fill_run(y, x, x + 1, true);
+            }
+        }
+        bits
+    }
+
+    fn planes(image: &YuvImage) -> [Plane<'_>; 3] {
+        [image.plane(0), image.plane(1), image.plane(2)]
+    }
+
+    #[test]
+    fn tiles_left_out_hold_no_foreground() {
+        for (width, height) in [(1, 1), (31, 7), (33, 40), (130, 61), (257, 19)] {
+            let (frame, background) = (picture(width, height, 1), picture(width, height, 2));
+            let pair = Pair { frame: planes(&frame), background: planes(&background) };
+            let unmatched = verdicts(width, height, 3);
+            for rule in [MixtureRule::Ignore, MixtureRule::Require, MixtureRule::Add] {
+                for sigma_px in [0.0, 1.5, 12.0] {
+                    let settings =
+                        SegmentSettings { mixture: rule, shadow_darkest: 1.0, ..SegmentSettings::default() };
+                    let mut judge = Judge::new();
+                    judge.set_blur(sigma_px);
+                    // What another frame left must not show.
+                    judge.judge(&Pair { frame: pair.background, ..pair }, COLORS, &unmatched, &settings);
+                    judge.judge(&pair, COLORS, &unmatched, &settings);
+                    let mut everywhere = Difference::new(sigma_px);
+                    everywhere.begin(width);
+                    let gains = ChannelGains::new(COLORS.0, COLORS.1);
+                    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x as usize, y as usize)))
+                    {
+                        let norm = gains.norm(&everywhere.tile(&pair, x / TILE, y))[x % TILE];
+                        let (differs, is_unmatched) = (norm > settings.delta as f32, unmatched.get(x, y));
+                        let expected = match rule {
+                            MixtureRule::Ignore => differs,
+                            MixtureRule::Require => differs && is_unmatched,
+                            MixtureRule::Add => differs || is_unmatched,
+                        };
+                        let place = format!("{rule:?} {sigma_px} px, {width} x {height}: {x} {y}");
+                        assert_eq!(judge.moving.get(x, y), expected, "{place}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bands_of_threads_find_what_one_finds() {
+        // Enough tiles for several bands.
+        let (width, height) = (640, 460);
+        let (frame, background) = (picture(width, height, 1), picture(width, height, 2));
+        let pair = Pair { frame: planes(&frame), background: planes(&background) };
+        let settings = SegmentSettings { mixture: MixtureRule::Ignore, ..SegmentSettings::default() };
+        let found = |n_threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+            let mut judge = Judge::new();
+            judge.set_blur(1.5);
+            pool.install(|| judge.judge(&pair, COLORS, &BitMask::new(width, height), &settings));
+            (judge.moving, judge.shadow, judge.strong, judge.ramps)
+        };
+        let one = found(1);
+        assert!(one.0.count_ones() > 1000);
+        assert!(one == found(2) && one == found(3));
     }
 }

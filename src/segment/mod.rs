@@ -3,18 +3,27 @@
 //! A frame, its background picture and the mixture's own verdict flow in; a soft mask, a hard one and its connected
 //! pieces flow out. Knows nothing of how backgrounds are learned, of cameras in the world, or of time.
 //!
-//! The stages, one file each: signed difference and norm (`difference`), one label a pixel (`label`), repair of the
-//! labels (`repair`), pieces (`components`), their order (`segmenter`), and the way back from a reduced picture
-//! (`enlarge`).
+//! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
+//! (`difference`), one verdict a pixel (`label`), repair (`repair`), pieces (`components`), which of them blink (`blink`)
+//! or are several (`split`), outlines (`contour`), what is handed out (`soft`), their order (`segmenter`), and the way
+//! back from a reduced picture (`enlarge`).
 
+mod blink;
 mod components;
+mod contour;
 mod difference;
+mod dilate;
 mod enlarge;
 mod label;
+mod majority;
 mod repair;
 mod segmenter;
+mod soft;
+mod split;
 
 pub use segmenter::{Segmentation, Segmenter};
+
+use std::sync::Arc;
 
 /// Label of a background pixel.
 pub const BACKGROUND: u8 = 0;
@@ -50,4 +59,8 @@ pub struct Blob {
     pub foot_in_image: [f64; 2],
     /// Whether it touches the picture's lower, left or right border, so that its foot may lie outside.
     pub is_truncated: bool,
+    /// Its outline: corners of pixels, (0, 0) being the picture's upper left, clockwise from the upper left corner of its
+    /// first pixel; neighbours in the list share a column or a row, and so do the last and the first. Holes have none.
+    /// Of a blob that was parted from another and has come apart, the largest piece's.
+    pub contour: Arc<[[u16; 2]]>,
 }

@@ -1,9 +1,10 @@
-//! Repair of labels by what stands around them: shadow that must be body, gaps, holes.
+//! Repair of the verdicts by what stands around them: shadow that must be body, gaps, holes.
 //!
-//! Labels flow in and out. Every stage is linear in the pixels.
+//! Bits flow in and out. Every stage is linear in the pixels that are not background, but for closing, which looks at
+//! the whole picture.
 
-use super::components::{Components, Connectivity};
-use super::{MOVING, SHADOW};
+use super::components::{Components, Connectivity, Piece};
+use crate::frame::{BitMask, WORD_PIXELS};
 
 /// A body's pixels misread as shadow are at most this share of the body's run above and below them; a shadow between
 /// two people is long compared with the feet and the head that it joins.
@@ -20,36 +21,92 @@ struct Column {
     n_below: u32,
 }
 
-/// Makes shadow that lies within a body part of it again; keeps its memory from frame to frame.
+/// Makes shadow that lies within a body part of it again.
 ///
 /// Dark clothes can look like the shadow of what is behind them. A cast shadow lies beneath or beside its owner, so
 /// shadow with moving pixels above and below it in its column, close to each other, is body.
-#[derive(Debug, Default)]
-pub(super) struct EnclosedShadow {
-    columns: Vec<Column>,
-}
-
-impl EnclosedShadow {
-    pub(super) fn restore(&mut self, labels: &mut [u8], width: usize) {
-        self.columns.clear();
-        self.columns.resize(width, Column::default());
-        for y in 0..labels.len() / width {
-            for (x, column) in self.columns.iter_mut().enumerate() {
-                let n_rows = column.advance(labels[y * width + x]);
-                for above in y - n_rows as usize..y {
-                    labels[above * width + x] = MOVING;
+pub(super) fn restore_enclosed_shadow(moving: &mut BitMask, shadow: &mut BitMask) {
+    for word in 0..moving.words_per_row() {
+        let mut columns = [Column::default(); WORD_PIXELS];
+        let mut is_begun = false;
+        for y in 0..moving.height() {
+            let (moving_bits, shadow_bits) = (moving.row(y)[word], shadow.row(y)[word]);
+            if moving_bits | shadow_bits == 0 {
+                if is_begun {
+                    columns = [Column::default(); WORD_PIXELS];
+                    is_begun = false;
+                }
+                continue;
+            }
+            is_begun = true;
+            for (x, column) in columns.iter_mut().enumerate() {
+                let bit = 1 << x;
+                let seen = if moving_bits & bit != 0 {
+                    Seen::Moving
+                } else if shadow_bits & bit != 0 {
+                    Seen::Shadow
+                } else {
+                    Seen::Background
+                };
+                for above in y - column.advance(seen) as usize..y {
+                    moving.row_mut(above)[word] |= bit;
+                    shadow.row_mut(above)[word] &= !bit;
                 }
             }
         }
     }
 }
 
+/// Shadow beneath a piece is its legs if it is at least this share of the piece's height ...
+const LEAST_LEGS: f32 = 0.25;
+
+/// ... and at most this: who is seen down to the waist has legs as long as that, and rarely longer.
+const MOST_LEGS: f32 = 2.5;
+
+/// Share of a piece's columns that are shadow in a row of its legs.
+const LEAST_LEG_COLUMNS: f32 = 0.3;
+
+/// Makes shadow that stands in the place of legs part of its piece.
+///
+/// Dark trousers before a light ground can look like the ground in shadow, all of them: then a body ends at the waist,
+/// and shadow follows right beneath, within its columns, about as long as the body. What a body casts beneath its feet
+/// is short in comparison, or lies to the side.
+pub(super) fn restore_legs(moving: &mut BitMask, shadow: &mut BitMask, pieces: &[Piece]) {
+    let n_rows = moving.height() as u32;
+    for piece in pieces {
+        let (left, right) = (piece.left as usize, piece.right as usize);
+        let least_px = LEAST_LEG_COLUMNS * (right - left) as f32;
+        let is_leg_row = |y: u32| {
+            moving.count_run(y as usize, left, right) == 0
+                && shadow.count_run(y as usize, left, right) as f32 >= least_px
+        };
+        let (mut end, height) = (piece.bottom, (piece.bottom - piece.top) as f32);
+        let length = |end: u32| (end - piece.bottom) as f32;
+        while end < n_rows && length(end) <= MOST_LEGS * height && is_leg_row(end) {
+            end += 1;
+        }
+        if (LEAST_LEGS * height..=MOST_LEGS * height).contains(&length(end)) {
+            for y in piece.bottom as usize..end as usize {
+                shadow.move_run(moving, y, left, right);
+            }
+        }
+    }
+}
+
+/// What a pixel was judged to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Seen {
+    Background,
+    Moving,
+    Shadow,
+}
+
 impl Column {
-    /// Takes the next label downwards; the number of rows above it that become moving, mostly none.
-    fn advance(&mut self, label: u8) -> u32 {
-        match label {
-            MOVING if self.n_gap == 0 => self.n_above += 1,
-            MOVING => {
+    /// Takes the next pixel downwards; the number of rows above it that become moving, mostly none.
+    fn advance(&mut self, seen: Seen) -> u32 {
+        match seen {
+            Seen::Moving if self.n_gap == 0 => self.n_above += 1,
+            Seen::Moving => {
                 self.n_below += 1;
                 if self.n_gap as f32 <= GREATEST_GAP * (self.n_above + self.n_below) as f32 {
                     let n_rows = self.n_gap + self.n_below - 1;
@@ -57,24 +114,23 @@ impl Column {
                     return n_rows;
                 }
             }
-            SHADOW if self.n_below > 0 => *self = Self { n_above: self.n_below, n_gap: 1, n_below: 0 },
-            SHADOW if self.n_above > 0 => self.n_gap += 1,
+            Seen::Shadow if self.n_below > 0 => *self = Self { n_above: self.n_below, n_gap: 1, n_below: 0 },
+            Seen::Shadow if self.n_above > 0 => self.n_gap += 1,
             _ => *self = Self::default(),
         }
         0
     }
 }
 
-/// Fills every hole of at most `max_hole_px` pixels that does not touch the picture's border.
-pub(super) fn fill_holes(labels: &mut [u8], width: usize, max_hole_px: u32, components: &mut Components) {
-    let height = (labels.len() / width) as u32;
-    components.find(labels, width, Connectivity::Four, |label| label != MOVING);
+/// Makes every hole of at most `max_hole_px` pixels that does not touch the picture's border moving.
+pub(super) fn fill_holes(moving: &mut BitMask, max_hole_px: u32, components: &mut Components) {
+    let (width, height) = (moving.width() as u32, moving.height() as u32);
+    components.find(moving, false, Connectivity::Four);
     for run in components.runs() {
         let hole = &components.pieces()[run.piece_idx as usize];
-        let is_enclosed = hole.left > 0 && hole.top > 0 && hole.right < width as u32 && hole.bottom < height;
+        let is_enclosed = hole.left > 0 && hole.top > 0 && hole.right < width && hole.bottom < height;
         if is_enclosed && hole.area_px <= max_hole_px {
-            let row = run.y as usize * width;
-            labels[row + run.start as usize..row + run.end as usize].fill(MOVING);
+            moving.fill_run(run.y as usize, run.start as usize, run.end as usize, true);
         }
     }
 }
@@ -89,17 +145,20 @@ pub(super) struct Closing {
 
 impl Closing {
     /// Makes moving what the closing of the moving pixels covers.
-    pub(super) fn close(&mut self, labels: &mut [u8], width: usize, radius: u32) {
+    pub(super) fn close(&mut self, moving: &mut BitMask, radius: u32) {
         let reach = radius.min(254) as u8;
         let margin = usize::from(reach);
-        let (padded_width, height) = (width + 2 * margin, labels.len() / width);
+        let (width, height) = (moving.width(), moving.height());
+        let padded_width = width + 2 * margin;
         // With a margin as wide as the dilation reaches, the border needs no case of its own.
         self.near.clear();
         self.near.resize(padded_width * (height + 2 * margin), 0);
         let first = margin * padded_width + margin;
-        for (near, row) in self.near[first..].chunks_mut(padded_width).zip(labels.chunks_exact(width)) {
-            for (near, label) in near.iter_mut().zip(row) {
-                *near = u8::from(*label == MOVING);
+        for (y, near) in self.near[first..].chunks_mut(padded_width).take(height).enumerate() {
+            for (near, word) in near[..width].chunks_mut(WORD_PIXELS).zip(moving.row(y)) {
+                for (x, near) in near.iter_mut().enumerate() {
+                    *near = ((word >> x) & 1) as u8;
+                }
             }
         }
         for value in [1, 0] {
@@ -107,11 +166,9 @@ impl Closing {
             self.spread_along_rows(padded_width, reach, value);
             self.spread_along_columns(padded_width, reach, value);
         }
-        for (near, row) in self.near[first..].chunks(padded_width).zip(labels.chunks_exact_mut(width)) {
-            for (near, label) in near.iter().zip(row) {
-                if *near == 1 {
-                    *label = MOVING;
-                }
+        for (y, near) in self.near[first..].chunks(padded_width).take(height).enumerate() {
+            for (near, word) in near[..width].chunks(WORD_PIXELS).zip(moving.row_mut(y)) {
+                *word |= near.iter().rev().fold(0, |bits, near| bits << 1 | u32::from(*near));
             }
         }
     }
@@ -164,32 +221,38 @@ impl Closing {
 mod tests {
     use super::*;
 
-    /// Labels drawn with `#` moving, `s` shadow, `.` background, one row a word.
-    fn drawn(picture: &str) -> (Vec<u8>, usize) {
+    /// Moving and shadow pixels drawn with `#` moving, `s` shadow, `.` background, one row a word.
+    fn drawn(picture: &str) -> (BitMask, BitMask) {
         let rows: Vec<&str> = picture.split_whitespace().collect();
-        let label = |c| match c {
-            '#' => MOVING,
-            's' => SHADOW,
-            _ => 0,
+        let bits = |letter| {
+            let mut mask = BitMask::new(rows[0].len() as u32, rows.len() as u32);
+            for (y, row) in rows.iter().enumerate() {
+                for (x, _) in row.chars().enumerate().filter(|(_, drawn)| *drawn == letter) {
+                    mask.fill_run(y, x, x + 1, true);
+                }
+            }
+            mask
         };
-        (rows.concat().chars().map(label).collect(), rows[0].len())
+        (bits('#'), bits('s'))
     }
 
-    fn shown(labels: &[u8], width: usize) -> String {
-        let letter = |label: &u8| match *label {
-            MOVING => '#',
-            SHADOW => 's',
-            _ => '.',
+    fn shown(moving: &BitMask, shadow: &BitMask) -> String {
+        let letter = |x: usize, y: usize| match (moving.get(x, y), shadow.get(x, y)) {
+            (true, _) => '#',
+            (false, true) => 's',
+            (false, false) => '.',
         };
-        labels.chunks(width).map(|row| row.iter().map(letter).collect()).collect::<Vec<String>>().join(" ")
+        let row = |y: usize| (0..moving.width()).map(|x| letter(x, y)).collect::<String>();
+        (0..moving.height()).map(row).collect::<Vec<String>>().join(" ")
     }
 
     #[test]
     fn shadow_within_a_column_of_body_is_body() {
         let check = |column: &str, expected: &str| {
-            let (mut labels, _) = drawn(column);
-            EnclosedShadow::default().restore(&mut labels, 1);
-            assert_eq!(shown(&labels, labels.len()), expected, "{column}");
+            let upright: Vec<String> = column.chars().map(String::from).collect();
+            let (mut moving, mut shadow) = drawn(&upright.join(" "));
+            restore_enclosed_shadow(&mut moving, &mut shadow);
+            assert_eq!(shown(&moving, &shadow).replace(' ', ""), expected, "{column}");
         };
         check("####ss####", "##########");
         check("##s..", "##s..");
@@ -205,17 +268,39 @@ mod tests {
 
     #[test]
     fn columns_are_judged_by_themselves() {
-        let (mut labels, width) = drawn("#.# #s# s## ###");
-        EnclosedShadow::default().restore(&mut labels, width);
-        assert_eq!(shown(&labels, width), "#.# #s# ### ###");
+        let (mut moving, mut shadow) = drawn("#.# #s# s## ###");
+        restore_enclosed_shadow(&mut moving, &mut shadow);
+        assert_eq!(shown(&moving, &shadow), "#.# #s# ### ###");
+    }
+
+    #[test]
+    fn shadow_in_the_place_of_legs_is_legs() {
+        let check = |picture: &str, expected: &str| {
+            let (mut moving, mut shadow) = drawn(picture);
+            let mut components = Components::default();
+            components.find(&moving, true, Connectivity::Eight);
+            restore_legs(&mut moving, &mut shadow, components.pieces());
+            assert_eq!(shown(&moving, &shadow), expected, "{picture}");
+        };
+        // Down to the waist, with legs.
+        check(".##. .##. .ss. .ss. ....", ".##. .##. .##. .##. ....");
+        // What lies to the side stays shadow.
+        check(".##. .##. .sss .sss ....", ".##. .##. .##s .##s ....");
+        // A short shadow at the feet.
+        check(".#. .#. .#. .#. .#. .s. ...", ".#. .#. .#. .#. .#. .s. ...");
+        // A shadow longer than any legs.
+        check("# s s s .", "# s s s .");
+        // Legs are seen: what is between them is no leg.
+        check("### #s# #s# ...", "### #s# #s# ...");
+        check("#", "#");
     }
 
     #[test]
     fn small_enclosed_holes_are_filled() {
         let check = |picture: &str, max_hole_px: u32, expected: &str| {
-            let (mut labels, width) = drawn(picture);
-            fill_holes(&mut labels, width, max_hole_px, &mut Components::default());
-            assert_eq!(shown(&labels, width), expected);
+            let (mut moving, shadow) = drawn(picture);
+            fill_holes(&mut moving, max_hole_px, &mut Components::default());
+            assert_eq!(shown(&moving, &shadow), expected);
         };
         check("##### #.s## ##### #...# #####", 2, "##### ##### ##### #...# #####");
         check("##### #.s## ##### #...# #####", 1, "##### #.s## ##### #...# #####");
@@ -229,9 +314,9 @@ mod tests {
     #[test]
     fn closing_joins_what_is_near_and_grows_nothing() {
         let check = |picture: &str, radius: u32, expected: &str| {
-            let (mut labels, width) = drawn(picture);
-            Closing::default().close(&mut labels, width, radius);
-            assert_eq!(shown(&labels, width), expected, "{picture} by {radius}");
+            let (mut moving, shadow) = drawn(picture);
+            Closing::default().close(&mut moving, radius);
+            assert_eq!(shown(&moving, &shadow), expected, "{picture} by {radius}");
         };
         check("#..#...#", 1, "####...#");
         check("#..#...#", 2, "########");

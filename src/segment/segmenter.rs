@@ -1,13 +1,19 @@
 //! The order of the stages, and what they make: soft mask, labels, blobs.
 
+use super::blink::Blinking;
 use super::components::{Components, Connectivity, Piece, Run};
-use super::difference::Difference;
+use super::contour::contour;
+use super::difference::Pair;
 use super::enlarge::enlarge;
-use super::label::{Majority, label};
-use super::repair::{Closing, EnclosedShadow, fill_holes};
-use super::{BACKGROUND, Blob, MOVING, PixelRect};
+use super::label::Judge;
+use super::majority::Majority;
+use super::repair::{Closing, fill_holes, restore_enclosed_shadow, restore_legs};
+use super::soft::soften;
+use super::split::Splitter;
+use super::{Blob, PixelRect};
 use crate::config::{MixtureRule, SegmentSettings};
-use crate::frame::{Mask, Plane, YuvImage};
+use crate::frame::{BitMask, Mask, Plane, YuvImage};
+use std::sync::Arc;
 
 /// What moves in one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,44 +21,58 @@ pub struct Segmentation {
     /// Foreground share of every pixel, 0 to 255, to cut moving things out with smooth edges: at least one half
     /// within a blob, less than that in the pixels around it, and 0 beyond.
     pub soft_mask: Mask,
-    /// [`MOVING`], [`SHADOW`](super::SHADOW) or [`BACKGROUND`]; every moving pixel belongs to a blob.
+    /// [`MOVING`](super::MOVING), [`SHADOW`](super::SHADOW) or [`BACKGROUND`](super::BACKGROUND); every moving pixel
+    /// belongs to a blob.
     pub labels: Mask,
-    /// The 8-connected pieces of the moving pixels, in the order of their first pixels.
+    /// The 8-connected pieces of the moving pixels, those of several upright things parted, in the order of their first
+    /// pixels.
     pub blobs: Vec<Blob>,
 }
 
-/// Finds what moves; keeps its memory from frame to frame, and no state that a later frame could depend on.
+/// Finds what moves; keeps its memory from frame to frame.
+///
+/// Nothing that a later frame finds depends on an earlier one, but where blinking pixels are suppressed.
 #[derive(Debug)]
 pub struct Segmenter {
-    /// As they count in the picture that is looked at: reduced, if the resolution is.
+    /// As they were given.
     settings: SegmentSettings,
-    /// As it counts in the full picture.
-    min_area_px: u32,
-    difference: Difference,
     majority: Majority,
-    enclosed_shadow: EnclosedShadow,
+    judge: Judge,
     closing: Closing,
-    components: Components,
-    /// Of every pixel, sixteenths of its 3 x 3 neighbourhood that are moving.
-    coverage: Vec<u8>,
+    blinking: Blinking,
+    moving: BitMask,
+    shadow: BitMask,
+    pieces: Pieces,
 }
 
 impl Segmenter {
     /// A segmenter with these settings.
     #[must_use]
     pub fn new(settings: &SegmentSettings) -> Self {
-        let min_area_px = settings.min_area_px;
-        let settings = reduced(settings);
         Self {
-            min_area_px,
-            difference: Difference::new(settings.blur_sigma_px),
+            judge: Judge::new(),
+            settings: settings.clone(),
             majority: Majority::default(),
-            enclosed_shadow: EnclosedShadow::default(),
             closing: Closing::default(),
-            components: Components::default(),
-            coverage: Vec::new(),
-            settings,
+            blinking: Blinking::default(),
+            moving: BitMask::default(),
+            shadow: BitMask::default(),
+            pieces: Pieces::default(),
         }
+    }
+
+    /// Goes on with other settings from the next frame on.
+    pub fn set(&mut self, settings: &SegmentSettings) {
+        if !settings.suppress_blinking {
+            self.blinking = Blinking::default();
+        }
+        self.settings = settings.clone();
+    }
+
+    /// The pixels found moving last, in the size of the pictures that were given: reduced, if the resolution is.
+    #[must_use]
+    pub const fn moving(&self) -> &BitMask {
+        &self.moving
     }
 
     /// Finds what moves in a picture of `size_px`, of which `frame`, `background` and `unmatched` are reduced by the
@@ -65,20 +85,26 @@ impl Segmenter {
         &mut self,
         frame: &YuvImage,
         background: [Plane<'_>; 3],
-        unmatched: &Mask,
+        unmatched: &BitMask,
+        dt_secs: f64,
         size_px: (u32, u32),
     ) -> Segmentation {
-        let found = self.segment(frame, background, unmatched);
+        let found = self.segment(frame, background, unmatched, dt_secs);
         match self.settings.resolution.factor() {
             1 => found,
-            factor => enlarge(&found, size_px, factor, self.min_area_px, &mut self.components),
+            factor => {
+                enlarge(&found, size_px, factor, &Limits::full(&self.settings, size_px), &mut self.pieces)
+            }
         }
     }
 
     /// Finds what moves in `frame` before `background` (Y, U and V of the background picture, in the frame's own
-    /// matrix and range); `unmatched` is the mixture's verdict, 255 where no background mode matched.
+    /// matrix and range); `unmatched` is the mixture's verdict, 1 where no background mode matched. `dt_secs` is the
+    /// time since the frame before, which only the suppression of blinking pixels asks for.
     ///
-    /// **Cost** linear in the pixels. Only what is returned is allocated once the first frame has passed.
+    /// **Cost** of little but the pixels that may be foreground, with the rule `require`; linear in all pixels with the
+    /// others, with closing and with the suppression of blinking pixels. Only what is returned is allocated once the
+    /// first frame has passed.
     ///
     /// # Panics
     /// When the background or `unmatched` is not of the frame's size.
@@ -87,120 +113,186 @@ impl Segmenter {
         &mut self,
         frame: &YuvImage,
         background: [Plane<'_>; 3],
-        unmatched: &Mask,
+        unmatched: &BitMask,
+        dt_secs: f64,
     ) -> Segmentation {
         let size = (frame.width(), frame.height());
         assert_eq!((background[0].width, background[0].height), size, "the background has the frame's size");
-        assert_eq!((unmatched.width, unmatched.height), size, "the mixture's verdict has the frame's size");
-        let mut labels = Mask::filled(size.0, size.1, BACKGROUND);
-        self.difference.compute(frame, background);
+        let judged = (unmatched.width() as u32, unmatched.height() as u32);
+        assert_eq!(judged, size, "the mixture's verdict has the frame's size");
+        let pair = Pair { frame: [frame.plane(0), frame.plane(1), frame.plane(2)], background };
         if self.settings.mixture != MixtureRule::Ignore {
             self.majority.compute(unmatched);
         }
-        label(&mut labels.data, &self.difference, &self.majority, frame, background, &self.settings);
-        self.repair(&mut labels);
-        let blobs = self.take_blobs(&mut labels);
-        let soft_mask = self.soften(&labels);
+        let colors = (frame.matrix(), frame.range());
+        let majority =
+            if self.settings.mixture == MixtureRule::Ignore { unmatched } else { self.majority.bits() };
+        let factor = self.settings.resolution.factor();
+        let sigma_px = self.settings.blur_sigma_px_in((size.0 * factor, size.1 * factor));
+        self.judge.set_blur(sigma_px / f64::from(factor));
+        self.judge.judge(&pair, colors, majority, &self.settings);
+        self.moving.clone_from(&self.judge.moving);
+        self.shadow.clone_from(&self.judge.shadow);
+        if self.settings.suppress_blinking {
+            self.blinking.observe(&self.moving, dt_secs);
+        }
+        self.repair();
+        let limits = Limits::reduced(&self.settings, size);
+        self.pieces.find(&self.moving);
+        self.drop_pieces(&limits);
+        let blobs = self.pieces.blobs(&self.moving, &limits);
+        let (soft_mask, labels) = soften(&self.moving, &self.shadow, &self.judge);
         Segmentation { soft_mask, labels, blobs }
     }
 
-    fn repair(&mut self, labels: &mut Mask) {
-        let width = labels.width as usize;
-        if self.settings.shadow_darkest < 1.0 {
-            self.enclosed_shadow.restore(&mut labels.data, width);
+    fn repair(&mut self) {
+        let factor = self.settings.resolution.factor();
+        if self.settings.shadow_darkest < 1.0 || self.settings.highlight_brightest > 1.0 {
+            restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
+            self.pieces.components.find(&self.moving, true, Connectivity::Eight);
+            restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
         }
-        if self.settings.close_radius_px > 0 {
-            self.closing.close(&mut labels.data, width, self.settings.close_radius_px);
+        let close_radius_px = (self.settings.close_radius_px + factor / 2) / factor;
+        if close_radius_px > 0 {
+            self.closing.close(&mut self.moving, close_radius_px);
         }
-        if self.settings.max_hole_px > 0 {
-            fill_holes(&mut labels.data, width, self.settings.max_hole_px, &mut self.components);
+        let max_hole_px = self.settings.max_hole_px / (factor * factor);
+        if max_hole_px > 0 {
+            fill_holes(&mut self.moving, max_hole_px, &mut self.pieces.components);
+        }
+        for (shadow, moving) in self.shadow.words_mut().iter_mut().zip(self.moving.words()) {
+            *shadow &= !moving;
         }
     }
 
-    /// Finds the pieces, makes background of the small ones and blobs of the others.
-    fn take_blobs(&mut self, labels: &mut Mask) -> Vec<Blob> {
-        let width = labels.width as usize;
-        let is_kept = |piece: &Piece| piece.area_px >= self.settings.min_area_px;
-        self.components.find(&labels.data, width, Connectivity::Eight, |label| label == MOVING);
-        let pieces = self.components.pieces();
-        for run in self.components.runs() {
-            if !is_kept(&pieces[run.piece_idx as usize]) {
-                let row = run.y as usize * width;
-                labels.data[row + run.start as usize..row + run.end as usize].fill(BACKGROUND);
+    /// Makes background of the pieces that are too small, hardly differ, or blink.
+    fn drop_pieces(&mut self, limits: &Limits) {
+        let (strong, blinking) = (&self.judge.strong, &self.blinking);
+        let has_hysteresis = self.settings.delta_high > self.settings.delta;
+        for piece_idx in 0..self.pieces.components.pieces().len() {
+            let runs = self.pieces.runs(piece_idx);
+            let n_strong = |run: &Run| strong.count_run(run.y as usize, run.start as usize, run.end as usize);
+            let is_kept = self.pieces.components.pieces()[piece_idx].area_px >= limits.min_area_px
+                && (!has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= limits.min_strong_px)
+                && !(self.settings.suppress_blinking && blinking.is_blinking(runs.iter()));
+            if !is_kept {
+                for run in runs {
+                    self.moving.fill_run(run.y as usize, run.start as usize, run.end as usize, false);
+                }
+                self.pieces.is_kept[piece_idx] = false;
             }
         }
-        let (width, height) = (labels.width, labels.height);
-        pieces.iter().filter(|piece| is_kept(piece)).map(|piece| blob(piece, width, height)).collect()
+    }
+}
+
+/// Pieces of moving pixels with their runs; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Pieces {
+    pub(super) components: Components,
+    /// The runs, those of a piece together, each piece's from the top down.
+    sorted: Vec<Run>,
+    /// Where a piece's runs begin in `sorted`; one more at the end.
+    begins: Vec<u32>,
+    is_kept: Vec<bool>,
+    splitter: Splitter,
+    parts: Vec<(u32, u32)>,
+    /// Of a part that may have come apart.
+    apart: Components,
+}
+
+impl Pieces {
+    /// Finds the pieces of `moving`; all are kept at first.
+    pub(super) fn find(&mut self, moving: &BitMask) {
+        self.components.find(moving, true, Connectivity::Eight);
+        let (n_pieces, runs) = (self.components.pieces().len(), self.components.runs());
+        self.is_kept.clear();
+        self.is_kept.resize(n_pieces, true);
+        self.begins.clear();
+        self.begins.resize(n_pieces + 1, 0);
+        for run in runs {
+            self.begins[run.piece_idx as usize + 1] += 1;
+        }
+        for piece_idx in 0..n_pieces {
+            self.begins[piece_idx + 1] += self.begins[piece_idx];
+        }
+        self.sorted.clear();
+        self.sorted.extend_from_slice(runs);
+        let mut next = std::mem::take(&mut self.begins);
+        for run in runs {
+            let place = &mut next[run.piece_idx as usize];
+            self.sorted[*place as usize] = *run;
+            *place += 1;
+        }
+        // Each has run on to where the next one begins.
+        next.rotate_right(1);
+        if let Some(first) = next.first_mut() {
+            *first = 0;
+        }
+        self.begins = next;
     }
 
-    /// The soft mask: the blurred difference as a ramp from half to one and a half of delta, one half at delta
-    /// itself; never under one half within a blob, and outside of it never more than the share of the blob in the
-    /// pixel's neighbourhood, so that edges are smooth wherever they come from.
-    fn soften(&mut self, labels: &Mask) -> Mask {
-        self.cover(labels);
-        let delta = self.settings.delta as f32;
-        let mut soft_mask = Mask::filled(labels.width, labels.height, 0);
-        let inputs = self.coverage.iter().zip(&labels.data).zip(self.difference.norm());
-        for (soft, ((sixteenths, label), norm)) in soft_mask.data.iter_mut().zip(inputs) {
-            if *sixteenths > 0 {
-                let ramp = ((norm / delta - 0.5) * 255.0).clamp(0.0, 255.0) as u8;
-                let covered = (u32::from(*sixteenths) * 255 / 16).min(127) as u8;
-                *soft = if *label == MOVING { ramp.max(128) } else { ramp.min(covered) };
+    fn runs(&self, piece_idx: usize) -> &[Run] {
+        &self.sorted[self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize]
+    }
+
+    /// Drops the pieces of fewer than `min_area_px` pixels; calls `gone` with each of their runs.
+    pub(super) fn drop_small(&mut self, min_area_px: u32, mut gone: impl FnMut(&Run)) {
+        for (piece_idx, piece) in self.components.pieces().iter().enumerate() {
+            if piece.area_px < min_area_px {
+                self.is_kept[piece_idx] = false;
+                let place = self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize;
+                self.sorted[place].iter().for_each(&mut gone);
             }
         }
-        soft_mask
     }
 
-    /// Spreads every run of moving pixels over its neighbours with the weights 1 2 1 both ways.
-    fn cover(&mut self, labels: &Mask) {
-        let (width, height) = (labels.width as usize, labels.height as usize);
-        self.coverage.clear();
-        self.coverage.resize(width * height, 0);
-        let pieces = self.components.pieces();
-        for run in self.components.runs() {
-            if pieces[run.piece_idx as usize].area_px < self.settings.min_area_px {
+    /// The pieces that are kept as blobs, those of several upright things parted.
+    pub(super) fn blobs(&mut self, moving: &BitMask, limits: &Limits) -> Vec<Blob> {
+        let mut blobs = Vec::new();
+        let size = (moving.width() as u32, moving.height() as u32);
+        for piece_idx in (0..self.is_kept.len()).filter(|piece_idx| self.is_kept[*piece_idx]) {
+            let piece = self.components.pieces()[piece_idx];
+            let runs = &self.sorted[self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize];
+            self.parts.clear();
+            if limits.split_valley > 0.0 && piece.area_px >= 2 * limits.min_part_px {
+                let (valley, least_px) = (limits.split_valley, limits.min_part_px);
+                self.parts.extend(self.splitter.parts(runs, piece.left, piece.right, valley, least_px));
+            }
+            if self.parts.len() < 2 {
+                let corners = contour(moving, 0..size.0, (runs[0].start, runs[0].y));
+                blobs.push(blob(&piece, size, corners));
                 continue;
             }
-            let rows = (run.y as usize).saturating_sub(1)..(run.y as usize + 2).min(height);
-            for y in rows {
-                let weight = if y == run.y as usize { 2 } else { 1 };
-                spread(&mut self.coverage[y * width..(y + 1) * width], run, weight);
+            for (first, end) in self.parts.iter().copied() {
+                let clipped = runs.iter().filter(|run| run.start < end && run.end > first);
+                self.apart.find_in_runs(clipped.map(|run| Run {
+                    start: run.start.max(first),
+                    end: run.end.min(end),
+                    ..*run
+                }));
+                blobs.extend(part(&self.apart, moving, (first, end)));
             }
         }
+        blobs
     }
 }
 
-/// The settings as they count in a picture reduced by their own resolution: lengths by its factor, areas by its
-/// square. What just passes for large enough at full size must not be lost before.
-fn reduced(settings: &SegmentSettings) -> SegmentSettings {
-    let factor = settings.resolution.factor();
-    let area = factor * factor;
-    SegmentSettings {
-        blur_sigma_px: settings.blur_sigma_px / f64::from(factor),
-        close_radius_px: (settings.close_radius_px + factor / 2) / factor,
-        max_hole_px: settings.max_hole_px / area,
-        min_area_px: (settings.min_area_px / area).max(1),
-        ..settings.clone()
+/// What is left of a piece in `columns`, as one blob with the outline of its largest piece.
+fn part(apart: &Components, moving: &BitMask, columns: (u32, u32)) -> Option<Blob> {
+    let mut pieces = apart.pieces().iter().enumerate();
+    let (mut largest, mut whole) = pieces.next().map(|(idx, piece)| ((idx, *piece), *piece))?;
+    for (piece_idx, piece) in pieces {
+        whole.absorb(piece);
+        if piece.area_px > largest.1.area_px {
+            largest = (piece_idx, *piece);
+        }
     }
+    let first = apart.runs().iter().find(|run| run.piece_idx as usize == largest.0)?;
+    let corners = contour(moving, columns.0..columns.1, (first.start, first.y));
+    Some(blob(&whole, (moving.width() as u32, moving.height() as u32), corners))
 }
 
-/// Adds a run of moving pixels to a row of the coverage, `weight` times 1 2 1.
-fn spread(row: &mut [u8], run: &Run, weight: u8) {
-    let (start, end) = (run.start as usize, run.end as usize);
-    for value in &mut row[start..end] {
-        *value += 2 * weight;
-    }
-    // One column to the left, and one to the right.
-    for value in &mut row[start.saturating_sub(1)..end - 1] {
-        *value += weight;
-    }
-    let last = (end + 1).min(row.len());
-    for value in &mut row[start + 1..last] {
-        *value += weight;
-    }
-}
-
-pub(super) fn blob(piece: &Piece, width: u32, height: u32) -> Blob {
+fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> Blob {
     let (columns, n_columns) = piece.foot;
     Blob {
         rect: PixelRect {
@@ -212,14 +304,56 @@ pub(super) fn blob(piece: &Piece, width: u32, height: u32) -> Blob {
         area_px: piece.area_px,
         foot_in_image: [columns as f64 / f64::from(n_columns) + 0.5, f64::from(piece.bottom)],
         is_truncated: piece.left == 0 || piece.right == width || piece.bottom == height,
+        contour: Arc::from(corners),
     }
 }
+
+/// What a piece must have to be a blob, in pixels of the picture that is looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    pub(super) min_area_px: u32,
+    /// Pixels above the high threshold.
+    min_strong_px: u32,
+    split_valley: f64,
+    /// Least area of a part that is split off.
+    min_part_px: u32,
+}
+
+impl Limits {
+    /// For pieces of a picture of `size_px` at full resolution.
+    pub(super) fn full(settings: &SegmentSettings, size_px: (u32, u32)) -> Self {
+        let min_area_px = settings.min_area_px_in(size_px);
+        Self {
+            min_area_px,
+            min_strong_px: (min_area_px / STRONG_DIVISOR).max(1),
+            split_valley: settings.split_valley,
+            min_part_px: min_area_px,
+        }
+    }
+
+    /// For pieces of a picture of `size_px` that is reduced by the settings' resolution: what just passes for large
+    /// enough at full size must not be lost before.
+    fn reduced(settings: &SegmentSettings, size_px: (u32, u32)) -> Self {
+        let factor = settings.resolution.factor();
+        let full = Self::full(settings, (size_px.0 * factor, size_px.1 * factor));
+        let area = factor * factor;
+        Self {
+            min_area_px: (full.min_area_px / area).max(1),
+            min_strong_px: (full.min_strong_px / area).max(1),
+            min_part_px: (full.min_part_px / area).max(1),
+            ..full
+        }
+    }
+}
+
+/// A blob needs its least area's share of one in so many that differ by more than the high threshold.
+const STRONG_DIVISOR: u32 = 4;
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
-    use crate::segment::SHADOW;
+    use crate::segment::{MOVING, SHADOW};
 
     /// A grey-green floor with rectangles `(left, top, width, height, luma, u, v)` on it.
     fn picture(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8, u8)]) -> YuvImage {
@@ -244,11 +378,17 @@ mod tests {
         [image.plane(0), image.plane(1), image.plane(2)]
     }
 
+    fn all(width: u32, height: u32) -> BitMask {
+        let mut bits = BitMask::new(width, height);
+        (0..height as usize).for_each(|y| bits.fill_run(y, 0, width as usize, true));
+        bits
+    }
+
     /// Everything may be foreground for the mixture's part.
     fn segment(settings: &SegmentSettings, frame: &YuvImage) -> Segmentation {
         let background = picture(frame.width(), frame.height(), &[]);
-        let unmatched = Mask::filled(frame.width(), frame.height(), 255);
-        let found = Segmenter::new(settings).segment(frame, planes(&background), &unmatched);
+        let unmatched = all(frame.width(), frame.height());
+        let found = Segmenter::new(settings).segment(frame, planes(&background), &unmatched, 0.1);
         check_consistency(&found);
         found
     }
@@ -270,7 +410,7 @@ mod tests {
     }
 
     fn sharp() -> SegmentSettings {
-        SegmentSettings { blur_sigma_px: 0.0, min_area_px: 1, ..SegmentSettings::default() }
+        SegmentSettings { blur_sigma_px: Some(0.0), min_area_px: 1, ..SegmentSettings::default() }
     }
 
     #[test]
@@ -278,7 +418,8 @@ mod tests {
         let found = segment(&sharp(), &picture(65, 49, &[(20, 10, 8, 20, 60, 140, 140)]));
         let rect = PixelRect { x: 20, y: 10, width: 8, height: 20 };
         let foot_in_image = [24.0, 30.0];
-        assert_eq!(found.blobs, [Blob { rect, area_px: 160, foot_in_image, is_truncated: false }]);
+        let contour = [[20, 10], [28, 10], [28, 30], [20, 30]].into();
+        assert_eq!(found.blobs, [Blob { rect, area_px: 160, foot_in_image, is_truncated: false, contour }]);
         assert_eq!(found.soft_mask.get(24, 20), 255);
         assert_eq!(found.soft_mask.get(10, 20), 0);
     }
@@ -364,7 +505,7 @@ mod tests {
         let black = YuvImage::filled(8, 8, [10, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
         let frame = YuvImage::filled(8, 8, [80, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
         for (frame, background) in [(&frame, &black), (&black, &frame)] {
-            let found = Segmenter::new(&sharp()).segment(frame, planes(background), &Mask::filled(8, 8, 255));
+            let found = Segmenter::new(&sharp()).segment(frame, planes(background), &all(8, 8), 0.1);
             assert!(found.labels.data.iter().all(|label| *label == MOVING));
         }
     }
@@ -373,15 +514,15 @@ mod tests {
     fn mixture_counts_as_its_rule_says() {
         let frame = picture(60, 40, &[(10, 10, 10, 20, 30, 150, 150)]);
         let background = picture(60, 40, &[]);
-        let mut unmatched = Mask::filled(60, 40, 0);
+        let mut unmatched = BitMask::new(60, 40);
         for y in 10..30 {
-            unmatched.data[y * 60 + 15..y * 60 + 40].fill(255);
+            unmatched.fill_run(y, 15, 40, true);
         }
         // A lone verdict has no majority around it.
-        unmatched.data[5 * 60 + 50] = 255;
+        unmatched.fill_run(5, 50, 51, true);
         let columns = |mixture| {
             let settings = SegmentSettings { mixture, ..sharp() };
-            let found = Segmenter::new(&settings).segment(&frame, planes(&background), &unmatched);
+            let found = Segmenter::new(&settings).segment(&frame, planes(&background), &unmatched, 0.1);
             check_consistency(&found);
             assert_eq!(found.blobs.len(), 1, "{mixture:?}");
             (found.blobs[0].rect.x, found.blobs[0].rect.x + found.blobs[0].rect.width)
@@ -399,9 +540,9 @@ mod tests {
         for (width, height) in sizes {
             let frame = picture(width, height, &[(4, 3, 20, 22, 50, 150, 150)]);
             let background = picture(width, height, &[]);
-            let unmatched = Mask::filled(width, height, 255);
-            let fresh = Segmenter::new(&settings).segment(&frame, planes(&background), &unmatched);
-            assert_eq!(used.segment(&frame, planes(&background), &unmatched), fresh);
+            let unmatched = all(width, height);
+            let fresh = Segmenter::new(&settings).segment(&frame, planes(&background), &unmatched, 0.1);
+            assert_eq!(used.segment(&frame, planes(&background), &unmatched, 0.1), fresh);
             assert_eq!(fresh.blobs.len(), 1);
         }
     }

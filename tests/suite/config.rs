@@ -57,9 +57,10 @@ fn the_example_s_camera_has_the_defaults_too() {
     let [camera] = config.settings().camera.as_slice() else { panic!("one camera") };
     let minimal = parse("[[camera]]\nid = \"north\"\nsource.path = \"north.webm\"").expect("enough");
     let mut expected = minimal.settings().camera[0].clone();
-    // The three that have no value to show as their default.
+    // The four that have no value to show as their default.
     expected.source.timing = Some(Timing::Pts);
     expected.source.start = "2026-03-01T12:00:00Z".parse().ok();
+    expected.segment.blur_sigma_px = Some(1.5);
     expected.background.clip = Some("/etc/videofields/north-empty.webm".into());
     assert_eq!(camera, &expected);
     assert_eq!(camera.name, "north");
@@ -200,7 +201,7 @@ fn numbers_outside_their_range_are_refused() {
     check("camera.background", "variance_init = []", "expected a number");
     check("camera.segment", "delta = 0", "0.001 to 1");
     check("camera.segment", "blur_sigma_px = 17", "0 to 16 pixels");
-    check("camera.segment", "min_area_px = 0", "1 to 1000000000 pixels");
+    check("camera.segment", "min_area_px = 2000000000", "0 to 1000000000 pixels");
 }
 
 #[test]

@@ -102,6 +102,7 @@ fn blob(drawn: &[(u32, u32)]) -> Option<Blob> {
         area_px: drawn.len() as u32,
         foot_in_image: [middle, f64::from(y1 + 1)],
         is_truncated: y1 + 1 == SIZE.1 || x0 == 0 || x1 + 1 == SIZE.0,
+        contour: Arc::default(),
     })
 }
 
@@ -207,6 +208,7 @@ fn feet_that_meet_nothing_or_a_wall_stay_finite() {
         area_px: 2000,
         foot_in_image: [310.0, 120.0],
         is_truncated: false,
+        contour: Arc::default(),
     };
     let wall = OrientedBox::new(DVec3::new(0.0, 10.0, 3.0), DVec3::new(8.0, 1.0, 6.0), 0.0).expect("a box");
     let check = |boxes: Vec<OrientedBox>, expected: usize| {

@@ -34,7 +34,8 @@ fn the_plaza_is_as_accurate_as_it_was() {
     let subject = Subject::prepare(&World::named("plaza").unwrap(), &SCOPE, &watch, &|_step| {}).unwrap();
     assert_eq!((subject.cameras.len(), subject.views.len()), (3, 2));
 
-    let default = SegmentationForm::of(&subject.cameras[0].settings);
+    let first = &subject.cameras[0];
+    let default = SegmentationForm::of(&first.settings, first.size_px());
     let form = |resolution, modes| SegmentationForm { resolution, modes, ..default };
     let f_measure =
         |form: SegmentationForm| SegmentationRun::of(&subject, &form, &watch).unwrap().score.f_measure();
