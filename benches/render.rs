@@ -53,6 +53,7 @@ fn state(n_cameras: u32) -> SceneState {
                 labels: Arc::new(Mask::filled(WIDTH, HEIGHT, 0)),
                 background: picture(),
                 blobs: Arc::from([]),
+                tracks: Arc::from([]),
             };
             CameraState { id, camera: Arc::new(camera.expect("a camera")), observation }
         })

@@ -4,10 +4,10 @@
 //! (`tests/tidy.rs` holds it to that).
 //!
 //! ```text
-//! cameras, files ──ingest──▶ Frame ──background, segment──▶ Observation ──▶ timeline
-//!                                                                             │ at time t
-//!                                                                             ▼
-//! request (view, time) ──▶ plan ◀── fuse ──▶ SceneState (immutable, one instant)
+//! cameras, files ──ingest──▶ Frame ──background, segment, track──▶ Observation ──▶ timeline
+//!                                                                                    │ at time t
+//!                                                                                    ▼
+//! request (view, time) ──▶ plan ◀────── fuse ──────▶ SceneState (immutable, one instant)
 //!                            │
 //!                            ▼
 //!              render: only the planned passes ──▶ encode ──▶ api: view, camera picture
@@ -37,6 +37,8 @@ pub mod calibrate;
 pub mod background;
 
 pub mod segment;
+
+pub mod track;
 
 pub mod timeline;
 

@@ -252,6 +252,7 @@ fn leave_out(
             labels: nothing,
             background: Arc::clone(&other.background),
             blobs: Arc::new([]),
+            tracks: Arc::new([]),
         })
     };
     let state = fuse::assemble(scene, own.frame.timestamp, observe, None);

@@ -1,4 +1,4 @@
-//! `segment`: what moves in a video, as masks and blobs, without a scene or a daemon.
+//! `segment`: what moves in a video, as masks, blobs and tracks, without a scene or a daemon.
 
 use anyhow::{Context, Result, anyhow, bail};
 use serde::Deserialize;
@@ -11,17 +11,18 @@ use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{
     BackgroundSettings, CameraSettings, Config, ConfigFault, End, SegmentSettings, Settings, SourceSettings,
-    Timing,
+    Timing, TrackSettings,
 };
 use videofields::encode;
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline};
+use videofields::segment::PixelRect;
 use videofields::timeline::Observation;
 
-/// Finds what moves in a video: masks and blobs.
+/// Finds what moves in a video: masks, blobs and tracks.
 ///
-/// Without --masks and --blobs it only runs, for timing. A line on standard error says how many frames a second
-/// were decoded, learned and segmented.
+/// Without --masks, --blobs and --tracks it only runs, for timing. A line on standard error says how many frames a second
+/// were decoded, learned, segmented and tracked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Segment {
     /// A video file, or a pattern of numbered pictures such as in%06d.jpg.
@@ -34,6 +35,10 @@ pub(crate) struct Segment {
     /// Writes blobs as JSON lines: {"frame": number, "rect": [x, y, width, height], "area": pixels}.
     #[arg(long, value_name = "FILE")]
     blobs: Option<PathBuf>,
+    /// Writes tracks as JSON lines: {"frame": number, "id": number, "rect": [x, y, width, height], "blob": index of
+    /// the frame's blob that shows it, or null}.
+    #[arg(long, value_name = "FILE")]
+    tracks: Option<PathBuf>,
     /// A clip (or pattern) of the empty place that is learned first.
     #[arg(long, value_name = "FILE|PATTERN")]
     background: Option<PathBuf>,
@@ -63,7 +68,7 @@ impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
         let settings = self.settings()?;
         let mut pipeline = Pipeline::new(&settings.background, &settings.segment);
-        let mut output = Output::open(self.masks.as_deref(), self.blobs.as_deref())?;
+        let mut output = Output::open(self.masks.as_deref(), self.blobs.as_deref(), self.tracks.as_deref())?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
             ingest::learn_clip(&mut pipeline, clip, self.rate_hz, &roots)?;
@@ -138,9 +143,15 @@ impl Segment {
                 given.entry(section.to_owned()).or_default().entry(key.to_owned()).or_insert(value);
             }
         }
-        let Given { background, segment } = Given::from(given)?;
-        let camera =
-            CameraSettings { id: CameraId::new("input")?, name: String::new(), source, background, segment };
+        let Given { background, segment, track } = Given::from(given)?;
+        let camera = CameraSettings {
+            id: CameraId::new("input")?,
+            name: String::new(),
+            source,
+            background,
+            segment,
+            track,
+        };
         let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
         match Config::from_settings(all, Path::new(".")) {
             Ok(_) => Ok(camera),
@@ -162,6 +173,7 @@ type Tables = BTreeMap<String, BTreeMap<String, Value>>;
 struct Given {
     background: BackgroundSettings,
     segment: SegmentSettings,
+    track: TrackSettings,
 }
 
 impl Given {
@@ -185,14 +197,20 @@ fn told(fault: &ConfigFault) -> String {
     format!("--{flag}: {}", fault.message)
 }
 
+/// A rectangle as it is written: x, y, width, height.
+const fn sides(rect: PixelRect) -> [u32; 4] {
+    [rect.x, rect.y, rect.width, rect.height]
+}
+
 /// Where results go.
 struct Output {
     masks: Option<PathBuf>,
     blobs: Option<BufWriter<File>>,
+    tracks: Option<BufWriter<File>>,
 }
 
 impl Output {
-    fn open(masks: Option<&Path>, blobs: Option<&Path>) -> Result<Self> {
+    fn open(masks: Option<&Path>, blobs: Option<&Path>, tracks: Option<&Path>) -> Result<Self> {
         if let Some(folder) = masks {
             std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
@@ -200,7 +218,11 @@ impl Output {
             let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
             anyhow::Ok(BufWriter::new(file))
         };
-        Ok(Self { masks: masks.map(Path::to_owned), blobs: blobs.map(open).transpose()? })
+        Ok(Self {
+            masks: masks.map(Path::to_owned),
+            blobs: blobs.map(open).transpose()?,
+            tracks: tracks.map(open).transpose()?,
+        })
     }
 
     fn write(&mut self, observation: &Observation) -> Result<()> {
@@ -212,9 +234,17 @@ impl Output {
         }
         if let Some(blobs) = &mut self.blobs {
             for blob in observation.blobs.iter() {
-                let rect = [blob.rect.x, blob.rect.y, blob.rect.width, blob.rect.height];
-                let line = serde_json::json!({ "frame": number, "rect": rect, "area": blob.area_px });
+                let line =
+                    serde_json::json!({ "frame": number, "rect": sides(blob.rect), "area": blob.area_px });
                 writeln!(blobs, "{line}")?;
+            }
+        }
+        if let Some(tracks) = &mut self.tracks {
+            for track in observation.tracks.iter() {
+                let line = serde_json::json!({
+                    "frame": number, "id": track.id, "rect": sides(track.rect), "blob": track.blob_idx,
+                });
+                writeln!(tracks, "{line}")?;
             }
         }
         Ok(())
@@ -223,6 +253,9 @@ impl Output {
     fn finish(self) -> Result<()> {
         if let Some(mut blobs) = self.blobs {
             blobs.flush().context("cannot write the blobs")?;
+        }
+        if let Some(mut tracks) = self.tracks {
+            tracks.flush().context("cannot write the tracks")?;
         }
         Ok(())
     }

@@ -155,6 +155,9 @@ pub struct CameraSettings {
     /// How its foreground is found.
     #[serde(default)]
     pub segment: SegmentSettings,
+    /// How what moves is followed.
+    #[serde(default)]
+    pub track: TrackSettings,
 }
 
 /// Where frames come from: a file, or numbered pictures.
@@ -377,6 +380,24 @@ impl SegmentSettings {
             0 => (u64::from(size_px.0) * u64::from(size_px.1) / LEAST_SHARE).max(16) as u32,
             px => px,
         }
+    }
+}
+
+/// How what moves is followed from frame to frame.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrackSettings {
+    /// Seconds that a track lives on by prediction while nothing shows it, 0.05 to 60. All tracks end where the
+    /// frames themselves pause for longer. Default 1.
+    pub max_miss_secs: f64,
+    /// Seconds that a thing must have been followed before it is a track, 0 to 10: what flickers for less is none.
+    /// Default 0.2.
+    pub confirm_secs: f64,
+}
+
+impl Default for TrackSettings {
+    fn default() -> Self {
+        Self { max_miss_secs: 1.0, confirm_secs: 0.2 }
     }
 }
 

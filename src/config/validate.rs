@@ -144,6 +144,11 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     for (key, value, least, most, unit) in numbers {
         range(gatherer, &at(key), value, least, most, unit);
     }
+
+    let track = &camera.track;
+    let at = |key: &str| format!("{place}/track/{key}");
+    range(gatherer, &at("max_miss_secs"), track.max_miss_secs, 0.05, 60.0, "seconds");
+    range(gatherer, &at("confirm_secs"), track.confirm_secs, 0.0, 10.0, "seconds");
 }
 
 /// Checks the scene at `place`.

@@ -9,7 +9,7 @@ use crate::telemetry::{DropReason, Metrics};
 use crate::timeline::Timeline;
 use std::sync::Arc;
 
-/// Takes a camera's frames: learns, segments, remembers.
+/// Takes a camera's frames: learns, segments, tracks, remembers.
 pub(super) struct CameraConsumer {
     settings: CameraSettings,
     roots: MediaRoots,
@@ -35,7 +35,7 @@ impl CameraConsumer {
         clock: Arc<dyn Clock>,
         stop: StopFlag,
     ) -> Self {
-        let pipeline = Pipeline::new(&settings.background, &settings.segment);
+        let pipeline = Pipeline::new(&settings.background, &settings.segment).with_track(&settings.track);
         Self {
             settings,
             roots,

@@ -1,15 +1,16 @@
-//! One camera's way from frames to observations: background, then segmentation.
+//! One camera's way from frames to observations: background, segmentation, tracks.
 //!
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
 use crate::background::{BackgroundError, Format, GaussianMixture};
 use crate::clock::Timestamp;
-use crate::config::{BackgroundSettings, Learning, SegmentSettings};
+use crate::config::{BackgroundSettings, Learning, SegmentSettings, TrackSettings};
 use crate::frame::{CameraId, Frame, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
 use crate::timeline::Observation;
+use crate::track::Tracker;
 use std::sync::Arc;
 
 /// Models of other picture sizes or colours that are kept; the one left longest ago goes first.
@@ -34,6 +35,7 @@ pub struct Pipeline {
     /// By how much frames are reduced before anything is done with them.
     factor: u32,
     segmenter: Segmenter,
+    tracker: Tracker,
     current: Option<Model>,
     /// Models of formats that the camera left, the one left last at the end: a picture of one size is never read by
     /// the model of another, and a size that comes back finds what was learned.
@@ -60,10 +62,18 @@ impl Pipeline {
             settings: background.clone(),
             factor: segment.resolution.factor(),
             segmenter: Segmenter::new(segment),
+            tracker: Tracker::new(&TrackSettings::default()),
             current: None,
             aside: Vec::new(),
             picture: None,
         }
+    }
+
+    /// The same pipeline, which follows what moves by these settings instead of the default ones.
+    #[must_use]
+    pub fn with_track(mut self, track: &TrackSettings) -> Self {
+        self.tracker = Tracker::new(track);
+        self
     }
 
     /// Whether the model in use learned a background clip, be it before the checkpoint that it came from: then the
@@ -130,6 +140,9 @@ impl Pipeline {
             (frame.image.width(), frame.image.height()),
         );
         done(Stage::Segment);
+        let size_px = (frame.image.width(), frame.image.height());
+        let tracks = self.tracker.update(frame.timestamp, size_px, &found.blobs);
+        done(Stage::Track);
         // A held background never ages.
         let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
         let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);
@@ -139,6 +152,7 @@ impl Pipeline {
             labels: Arc::new(found.labels),
             background,
             blobs: found.blobs.into(),
+            tracks: tracks.into(),
         }
     }
 

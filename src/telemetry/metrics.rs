@@ -17,11 +17,13 @@ pub enum Stage {
     Background,
     /// Soft mask, labels and blobs.
     Segment,
+    /// Blobs linked over time.
+    Track,
 }
 
 impl Stage {
     /// All of them, in the order in which a frame meets them.
-    pub const ALL: [Self; 2] = [Self::Background, Self::Segment];
+    pub const ALL: [Self; 3] = [Self::Background, Self::Segment, Self::Track];
 
     /// The label's value.
     #[must_use]
@@ -29,6 +31,7 @@ impl Stage {
         match self {
             Self::Background => "background",
             Self::Segment => "segment",
+            Self::Track => "track",
         }
     }
 }
@@ -124,7 +127,7 @@ impl Metrics {
             ingest_stage: histograms(
                 r,
                 "ingest_stage_seconds",
-                "Time of one frame in a stage: background, segment.",
+                "Time of one frame in a stage: background, segment, track.",
                 &["camera", "stage"],
                 &FRAME_SECONDS,
             ),

@@ -6,6 +6,7 @@ pub use ring::{Timeline, TimelineError};
 
 use crate::frame::{Frame, Mask, YuvImage};
 use crate::segment::Blob;
+use crate::track::Track;
 use std::sync::Arc;
 
 /// One frame with all that was learned from it. Cheap to clone: everything large is shared.
@@ -22,4 +23,6 @@ pub struct Observation {
     pub background: Arc<YuvImage>,
     /// Connected pieces of the hard mask.
     pub blobs: Arc<[Blob]>,
+    /// What is followed, in growing order of ids.
+    pub tracks: Arc<[Track]>,
 }

@@ -190,14 +190,15 @@ impl Ring {
 }
 
 /// Everything large that an observation holds: its address, which nothing else has while it is held, and its bytes.
-fn holdings(observation: &Observation) -> [(usize, usize); 5] {
-    let Observation { frame, soft_mask, labels, background, blobs } = observation;
+fn holdings(observation: &Observation) -> [(usize, usize); 6] {
+    let Observation { frame, soft_mask, labels, background, blobs, tracks } = observation;
     [
         (Arc::as_ptr(&frame.image).addr(), frame.image.len_bytes()),
         (Arc::as_ptr(soft_mask).addr(), soft_mask.data.len()),
         (Arc::as_ptr(labels).addr(), labels.data.len()),
         (Arc::as_ptr(background).addr(), background.len_bytes()),
         (blobs.as_ptr().addr(), size_of_val::<[_]>(blobs)),
+        (tracks.as_ptr().addr(), size_of_val::<[_]>(tracks)),
     ]
 }
 
@@ -224,8 +225,14 @@ mod tests {
             image: picture(),
         };
         let mask = || Arc::new(Mask::filled(SIDE, SIDE, 0));
-        let blobs = Arc::from([]);
-        Observation { frame, soft_mask: mask(), labels: mask(), background: Arc::clone(background), blobs }
+        Observation {
+            frame,
+            soft_mask: mask(),
+            labels: mask(),
+            background: Arc::clone(background),
+            blobs: Arc::from([]),
+            tracks: Arc::from([]),
+        }
     }
 
     #[test]

@@ -87,7 +87,7 @@ fn the_example_names_every_key() {
     }
     let camera = example["camera"][0].as_table().expect("a table");
     check(camera, "camera", "[[camera]]\nid = \"a\"\nsource.path = \"a\"\nzzz = 1");
-    for part in ["source", "background", "segment"] {
+    for part in ["source", "background", "segment", "track"] {
         let document = format!("[[camera]]\nid = \"a\"\nsource.path = \"a\"\n{part}.zzz = 1");
         check(camera[part].as_table().expect("a table"), part, &document);
     }
@@ -202,6 +202,8 @@ fn numbers_outside_their_range_are_refused() {
     check("camera.segment", "delta = 0", "0.001 to 1");
     check("camera.segment", "blur_sigma_px = 17", "0 to 16 pixels");
     check("camera.segment", "min_area_px = 2000000000", "0 to 1000000000 pixels");
+    check("camera.track", "max_miss_secs = 0", "0.05 to 60 seconds");
+    check("camera.track", "confirm_secs = -1", "0 to 10 seconds");
 }
 
 #[test]

@@ -14,7 +14,9 @@ use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{CameraSettings, Config, End, SegmentSettings, Settings, SourceSettings};
+use videofields::config::{
+    CameraSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
+};
 use videofields::engine::{
     At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewRequest,
 };
@@ -85,6 +87,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         },
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
+        track: TrackSettings::default(),
     }
 }
 

@@ -89,6 +89,7 @@ fn observe(id: &CameraId, camera: &Camera, figures: &[Figure]) -> Observation {
         labels,
         background: image,
         blobs: blobs.into(),
+        tracks: Arc::from([]),
     }
 }
 

@@ -16,6 +16,7 @@ fn observation(camera: &CameraId, number: u64, background: &Arc<YuvImage>) -> Ob
         labels: Arc::new(Mask::filled(32, 24, 0)),
         background: Arc::clone(background),
         blobs: Arc::from([]),
+        tracks: Arc::from([]),
     }
 }
 

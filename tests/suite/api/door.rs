@@ -109,6 +109,7 @@ impl Door for FakeDoor {
             labels: Arc::new(labels),
             background: gray(16),
             blobs: Arc::new([]),
+            tracks: Arc::new([]),
         })
     }
 

@@ -88,7 +88,8 @@ fn masks_and_blobs_are_written(folder: &Path) {
     // Frames are numbered from 0, whatever the pictures' names begin with.
     pictures(folder, "walk", 7..22);
     let input = ["segment", "--input", "walk/in%04d.png", "--masks", "masks", "--blobs", "blobs.jsonl"];
-    let output = succeed(folder, &[&input[..], &["--min-area-px", "40"]].concat());
+    let output =
+        succeed(folder, &[&input[..], &["--min-area-px", "40", "--tracks", "tracks.jsonl"]].concat());
     assert!(output.stderr.contains("15 frames in "), "{}", output.stderr);
     let mut n_moving = 0;
     for number in 0..15 {
@@ -111,6 +112,15 @@ fn masks_and_blobs_are_written(folder: &Path) {
     }
     assert!(n_moving > 0, "the box walks");
     assert_eq!(area, n_moving, "every moving pixel belongs to a blob");
+
+    let tracks = std::fs::read_to_string(folder.join("tracks.jsonl")).unwrap();
+    assert!(tracks.lines().count() > 2, "the box is followed: {tracks}");
+    for line in tracks.lines() {
+        let track: Value = serde_json::from_str(line).unwrap();
+        let rect: Vec<u64> = serde_json::from_value(track["rect"].clone()).unwrap();
+        assert!(rect.len() == 4 && track["frame"].as_u64().unwrap() < 15, "{line}");
+        assert!(track["id"].as_u64().unwrap() > 0 && (track["blob"].is_null() || track["blob"].is_u64()));
+    }
 
     // A video, with a background that is learned first.
     let clip = "world/clips/west.webm";
@@ -135,6 +145,7 @@ fn masks_and_blobs_are_written(folder: &Path) {
     refused(&["--hold"], 2, "--background");
     refused(&["--masks", clip], 1, clip);
     refused(&["--blobs", "nowhere/blobs.jsonl"], 1, "nowhere/blobs.jsonl");
+    refused(&["--tracks", "nowhere/tracks.jsonl"], 1, "nowhere/tracks.jsonl");
     refused(&["--background", "nowhere.avi"], 1, "nowhere.avi");
     check_refused(folder, &["segment", "--input", "nowhere.webm"], 1, "nowhere.webm");
     check_refused(folder, &["segment", "--input", "world/plaza.toml"], 1, "world/plaza.toml");

@@ -170,6 +170,7 @@ impl Stage {
             labels: Arc::new(Mask::filled(width, height, 0)),
             background: Arc::new(yuv_from_rgb(&background, width, height, matrix, range)),
             blobs: Arc::from([]),
+            tracks: Arc::from([]),
         };
         CameraState { id, camera: Arc::clone(camera), observation }
     }
