@@ -11,6 +11,9 @@ use super::target::Target;
 /// How far an outermost member's edge may lie from the blob's to be the same edge, share of its length.
 const EDGE_REACH: f64 = 0.5;
 
+/// How many times a member's length a blob must have for its two edges not to be that member's.
+const LONGER: f64 = 1.15;
+
 /// How much less a shared blob's edge says than a blob of one's own: times the variance.
 const EDGE_VARIANCE: f64 = 2.0;
 
@@ -20,25 +23,51 @@ const FILL: f64 = 1.5;
 /// Share of a member that another must cover to hide it.
 const HIDDEN: f64 = 0.85;
 
-/// Moves the `members` (indices into `targets`, at least two) of a group whose blob is `seen`.
-pub(super) fn see(targets: &mut [Target], members: &[usize], seen: &Extent, cut: &Cut, motion: &mut Motion) {
+/// Moves the `members` (indices into `targets`, at least two) of a group whose blob is `seen`, `dt_secs` after the
+/// frame before.
+pub(super) fn see(
+    targets: &mut [Target],
+    members: &[usize],
+    seen: &Extent,
+    cut: &Cut,
+    motion: &mut Motion,
+    dt_secs: f64,
+) {
     for axis in [0, 1] {
-        let extents = |index: usize| targets[index].extent();
-        let lowest = members
-            .iter()
-            .copied()
-            .min_by(|a, b| extents(*a).low[axis].total_cmp(&extents(*b).low[axis]).then(a.cmp(b)));
-        let highest = members
-            .iter()
-            .copied()
-            .max_by(|a, b| extents(*a).high[axis].total_cmp(&extents(*b).high[axis]).then(b.cmp(a)));
+        let (lowest, highest) = outermost(targets, members, seen, axis);
         for &member in members {
-            let role = Role { is_lowest: lowest == Some(member), is_highest: highest == Some(member) };
+            let role = Role { is_lowest: lowest == member, is_highest: highest == member };
             if let Some(place) = place(&targets[member], role, seen, cut, axis) {
-                targets[member].correct(motion, axis, place.position_px, place.variance_px2);
+                targets[member].correct(motion, axis, place, dt_secs);
             }
         }
     }
+}
+
+/// The members that make up the lower and the upper edge of `seen` along `axis`.
+///
+/// One member cannot make up both where the blob is clearly longer than it: then another has the edge that lies
+/// farther from its own.
+fn outermost(targets: &[Target], members: &[usize], seen: &Extent, axis: usize) -> (usize, usize) {
+    let low = |index: usize| targets[index].extent().low[axis];
+    let high = |index: usize| targets[index].extent().high[axis];
+    let lowest_but = |but: Option<usize>| {
+        let rest = members.iter().copied().filter(|index| Some(*index) != but);
+        rest.min_by(|a, b| low(*a).total_cmp(&low(*b))).unwrap_or(members[0])
+    };
+    let highest_but = |but: Option<usize>| {
+        let rest = members.iter().copied().filter(|index| Some(*index) != but);
+        rest.max_by(|a, b| high(*a).total_cmp(&high(*b))).unwrap_or(members[0])
+    };
+    let (lowest, highest) = (lowest_but(None), highest_but(None));
+    if lowest != highest || seen.size()[axis] <= LONGER * targets[lowest].size()[axis] {
+        return (lowest, highest);
+    }
+    let off = |(lowest, highest): (usize, usize)| {
+        (low(lowest) - seen.low[axis]).abs() + (high(highest) - seen.high[axis]).abs()
+    };
+    let choices = [(lowest, highest_but(Some(lowest))), (lowest_but(Some(highest)), highest)];
+    if off(choices[0]) <= off(choices[1]) { choices[0] } else { choices[1] }
 }
 
 /// Which edges of its group a member makes up.

@@ -98,3 +98,42 @@ impl Motion {
         axis.covariance.copy_from_slice(self.filter.estimate_covariance().as_slice());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Follows 40 pixels a second for two seconds of frames.
+    fn followed(rate_hz: f64) -> Axis {
+        let mut motion = Motion::new();
+        let mut axis = Axis::new(0.0, 9.0, 1e4);
+        for number in 1..=(2.0 * rate_hz) as u32 {
+            motion.predict(&mut axis, 1.0 / rate_hz, 100.0);
+            motion.correct(&mut axis, 40.0 * f64::from(number) / rate_hz, 9.0);
+        }
+        axis
+    }
+
+    #[test]
+    fn a_steady_motion_is_found_at_any_rate() {
+        for rate_hz in [5.0, 10.0, 30.0] {
+            let axis = followed(rate_hz);
+            assert!((axis.position_px() - 80.0).abs() < 0.5, "{rate_hz}: {axis:?}");
+            assert!((axis.velocity_px_per_sec() - 40.0).abs() < 1.0, "{rate_hz}: {axis:?}");
+        }
+    }
+
+    #[test]
+    fn a_prediction_in_two_steps_is_that_in_one() {
+        let mut motion = Motion::new();
+        let (mut once, mut twice) = (followed(10.0), followed(10.0));
+        motion.predict(&mut once, 1.0, 50.0);
+        motion.predict(&mut twice, 0.3, 50.0);
+        motion.predict(&mut twice, 0.7, 50.0);
+        let pairs = once.state.iter().zip(&twice.state).chain(once.covariance.iter().zip(&twice.covariance));
+        for (a, b) in pairs {
+            assert!((a - b).abs() < 1e-9, "{once:?} {twice:?}");
+        }
+        assert!(once.variance_px2() > followed(10.0).variance_px2());
+    }
+}

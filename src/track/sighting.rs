@@ -83,3 +83,43 @@ pub(super) fn place(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PICTURE: (u32, u32) = (200, 100);
+    const SIZE: [f64; 2] = [20.0, 40.0];
+
+    /// Where a blob over columns `low` to `high` puts a thing expected at `expected`.
+    fn placed(low: f64, high: f64, expected: f64) -> Option<f64> {
+        let seen = Extent { low: [low, 30.0], high: [high, 70.0] };
+        place(&seen, &Cut::of(&seen, PICTURE), 0, SIZE, expected).map(|place| place.position_px)
+    }
+
+    #[test]
+    fn a_blob_of_the_thing_s_size_gives_its_middle() {
+        for expected in [0.0, 60.0, 190.0] {
+            assert_eq!(placed(50.0, 70.0, expected), Some(60.0));
+            assert_eq!(placed(51.0, 73.0, expected), Some(62.0));
+        }
+    }
+
+    #[test]
+    fn larger_and_smaller_blobs_leave_room_for_the_prediction() {
+        // 60 wide: the thing lies within, but for the swing of limbs.
+        assert_eq!(placed(40.0, 100.0, 65.0), Some(65.0));
+        assert_eq!(placed(40.0, 100.0, 0.0), Some(53.0));
+        assert_eq!(placed(40.0, 100.0, 190.0), Some(87.0));
+        // 4 wide: it lies within the thing.
+        assert_eq!(placed(58.0, 62.0, 63.0), Some(63.0));
+        assert_eq!(placed(58.0, 62.0, 100.0), Some(65.0));
+    }
+
+    #[test]
+    fn the_edge_within_the_picture_tells() {
+        assert_eq!(placed(0.0, 8.0, 60.0), Some(-2.0));
+        assert_eq!(placed(195.0, 200.0, 60.0), Some(205.0));
+        assert_eq!(placed(0.0, 200.0, 60.0), None);
+    }
+}

@@ -3,7 +3,7 @@
 use super::Track;
 use super::extent::Extent;
 use super::motion::{Axis, Motion};
-use super::sighting::{self, Cut};
+use super::sighting::{self, Cut, Place};
 use crate::clock::Timestamp;
 
 /// Noise of acceleration, sizes of the thing a second and root second: people start, stop and turn within a step.
@@ -11,6 +11,9 @@ const ACCELERATION: f64 = 1.0;
 
 /// Standard deviation of the velocity of what was seen once, sizes of the thing a second.
 const FIRST_SPEED: f64 = 2.0;
+
+/// Seconds after which a blob's error is another one.
+const SWING_SECS: f64 = 0.1;
 
 /// Seconds in which the size follows what is seen.
 const SIZE_TAU_SECS: f64 = 1.0;
@@ -110,9 +113,11 @@ impl Target {
         }
     }
 
-    /// Takes in that its middle lies at `position_px` along `axis`.
-    pub(super) fn correct(&mut self, motion: &mut Motion, axis: usize, position_px: f64, variance_px2: f64) {
-        motion.correct(&mut self.axes[axis], position_px, variance_px2);
+    /// Takes in where its middle lies along `axis`, `dt_secs` after the frame before.
+    pub(super) fn correct(&mut self, motion: &mut Motion, axis: usize, place: Place, dt_secs: f64) {
+        // Frames that follow one another faster than limbs swing repeat each other's errors.
+        let repeats = (SWING_SECS / dt_secs.max(1e-3)).max(1.0);
+        motion.correct(&mut self.axes[axis], place.position_px, place.variance_px2 * repeats);
     }
 
     /// Notes that `blob` shows it now.
@@ -128,7 +133,7 @@ impl Target {
             self.resize(axis, seen.size()[axis], cut, dt_secs);
             let expected = self.axes[axis].position_px();
             if let Some(place) = sighting::place(seen, cut, axis, self.size, expected) {
-                self.correct(motion, axis, place.position_px, place.variance_px2);
+                self.correct(motion, axis, place, dt_secs);
             }
         }
     }

@@ -23,6 +23,9 @@ const MAX_BLOBS: usize = 1024;
 /// Greatest squared distance from the prediction over its variance: 99.9 % of chi-squared with 2 degrees of freedom.
 const GATE: f64 = 13.8;
 
+/// Intersection over union at which a blob may be the target whatever its distance.
+const OVERLAP: f64 = 0.3;
+
 /// Cost of a target without a blob: a pair costs its squared distance over [`GATE`] and one less its overlap.
 const ALONE: f64 = 1.9;
 
@@ -48,7 +51,9 @@ pub struct Tracker {
 }
 
 /// The blobs of one frame, and who has them.
-struct Scene {
+struct FrameBlobs {
+    /// Columns and rows of the picture.
+    size_px: (u32, u32),
     /// Their indices in the frame.
     idx: Vec<usize>,
     extents: Vec<Extent>,
@@ -107,10 +112,10 @@ impl Tracker {
         for target in &mut self.targets {
             target.predict(&mut self.motion, dt_secs);
         }
-        let mut scene = Scene::new(blobs, size_px);
-        self.follow(&mut scene, time, dt_secs);
-        self.try_out(&mut scene, time, dt_secs);
-        self.bear(&mut scene, time);
+        let mut frame = FrameBlobs::new(blobs, size_px);
+        self.follow(&mut frame, time, dt_secs);
+        self.try_out(&mut frame, time, dt_secs);
+        self.bear(&mut frame, time);
         self.bury(size_px);
         let mut tracks = Vec::with_capacity(self.targets.len());
         for target in &mut self.targets {
@@ -126,15 +131,15 @@ impl Tracker {
     }
 
     /// Deals blobs out to confirmed targets: one each, then groups, then fragments.
-    fn follow(&mut self, scene: &mut Scene, time: Timestamp, dt_secs: f64) {
+    fn follow(&mut self, frame: &mut FrameBlobs, time: Timestamp, dt_secs: f64) {
         let confirmed: Vec<usize> =
             (0..self.targets.len()).filter(|index| self.targets[*index].id.is_some()).collect();
-        let mut claims = scene.claims(&self.targets, &confirmed);
-        // By blob: who joins the one that has it.
+        let mut claims = frame.claims(&self.targets, &confirmed);
+        // A blob and who joins the one that has it.
         let mut joined: Vec<(usize, usize)> = Vec::new();
         for &index in &confirmed {
             if claims.iter().all(|claim| claim.target != index)
-                && let Some(blob) = scene.covering(&self.targets[index].extent())
+                && let Some(blob) = frame.covering(&self.targets[index].extent())
             {
                 joined.push((blob, index));
             }
@@ -142,54 +147,57 @@ impl Tracker {
         joined.sort_unstable();
         for claim in &mut claims {
             if joined.iter().any(|(blob, _)| *blob == claim.blob) {
-                scene.hush(&self.targets[claim.target]);
+                frame.hush(&self.targets[claim.target]);
             } else {
-                scene.gather(claim, &self.targets[claim.target]);
+                frame.gather(claim, &self.targets[claim.target]);
             }
+        }
+        for (_, index) in &joined {
+            frame.hush(&self.targets[*index]);
         }
         let mut members = Vec::new();
         for claim in &claims {
-            let cut = scene.cuts[claim.blob];
+            let cut = Cut::of(&claim.seen, frame.size_px);
             members.clear();
             members.push(claim.target);
             members.extend(joined.iter().filter(|(blob, _)| *blob == claim.blob).map(|(_, index)| index));
-            self.targets[claim.target].note_seen(scene.idx[claim.blob], time);
+            self.targets[claim.target].note_seen(frame.idx[claim.blob], time);
             if members.len() == 1 {
                 self.targets[claim.target].see(&mut self.motion, &claim.seen, &cut, dt_secs);
                 continue;
             }
-            group::see(&mut self.targets, &members, &claim.seen, &cut, &mut self.motion);
+            group::see(&mut self.targets, &members, &claim.seen, &cut, &mut self.motion, dt_secs);
             for &member in &members {
                 let is_visible = group::is_visible(&self.targets, &members, member, &claim.seen);
                 let target = &mut self.targets[member];
-                (target.is_in_group, target.blob) = (true, Some(scene.idx[claim.blob]));
+                (target.is_in_group, target.blob) = (true, Some(frame.idx[claim.blob]));
                 if is_visible {
-                    target.note_seen(scene.idx[claim.blob], time);
+                    target.note_seen(frame.idx[claim.blob], time);
                 }
             }
         }
     }
 
     /// Deals what is left out to tentative targets.
-    fn try_out(&mut self, scene: &mut Scene, time: Timestamp, dt_secs: f64) {
+    fn try_out(&mut self, frame: &mut FrameBlobs, time: Timestamp, dt_secs: f64) {
         let tentative: Vec<usize> =
             (0..self.targets.len()).filter(|index| self.targets[*index].id.is_none()).collect();
-        for mut claim in scene.claims(&self.targets, &tentative) {
+        for mut claim in frame.claims(&self.targets, &tentative) {
             let target = &mut self.targets[claim.target];
-            scene.gather(&mut claim, target);
-            target.note_seen(scene.idx[claim.blob], time);
-            target.see(&mut self.motion, &claim.seen, &scene.cuts[claim.blob], dt_secs);
+            frame.gather(&mut claim, target);
+            target.note_seen(frame.idx[claim.blob], time);
+            target.see(&mut self.motion, &claim.seen, &Cut::of(&claim.seen, frame.size_px), dt_secs);
         }
     }
 
     /// Begins a target for every blob that nobody has.
-    fn bear(&mut self, scene: &mut Scene, time: Timestamp) {
-        for blob in 0..scene.idx.len() {
-            if scene.is_taken[blob] {
+    fn bear(&mut self, frame: &mut FrameBlobs, time: Timestamp) {
+        for blob in 0..frame.idx.len() {
+            if frame.is_taken[blob] {
                 continue;
             }
             if self.targets.len() < MAX_TRACKS {
-                self.targets.push(Target::new(&scene.extents[blob], scene.idx[blob], time));
+                self.targets.push(Target::new(&frame.extents[blob], frame.idx[blob], time));
             } else {
                 self.n_dropped += 1;
             }
@@ -209,7 +217,7 @@ impl Tracker {
     }
 }
 
-impl Scene {
+impl FrameBlobs {
     fn new(blobs: &[Blob], size_px: (u32, u32)) -> Self {
         let mut idx: Vec<usize> =
             (0..blobs.len()).filter(|i| blobs[*i].rect.width > 0 && blobs[*i].rect.height > 0).collect();
@@ -220,7 +228,7 @@ impl Scene {
         }
         let extents: Vec<Extent> = idx.iter().map(|i| Extent::of(blobs[*i].rect)).collect();
         let cuts = extents.iter().map(|extent| Cut::of(extent, size_px)).collect();
-        Self { is_taken: vec![false; idx.len()], idx, extents, cuts }
+        Self { size_px, is_taken: vec![false; idx.len()], idx, extents, cuts }
     }
 
     /// One free blob for each of the `chosen` targets that finds one.
@@ -293,5 +301,7 @@ fn cost(target: &Target, seen: &Extent, cut: &Cut) -> Option<f64> {
             distance += (place.position_px - center[axis]).powi(2) / variance;
         }
     }
-    (distance <= GATE).then(|| distance / GATE + 1.0 - target.extent().iou(seen))
+    let iou = target.extent().iou(seen);
+    // Who stops dead or turns on the spot leaves the gate, but hardly its own box.
+    (distance <= GATE || iou >= OVERLAP).then(|| (distance / GATE).min(1.0) + 1.0 - iou)
 }

@@ -1,5 +1,7 @@
 //! What becomes of ids, places and sizes when made-up people walk, touch, hide and vanish.
 
+mod pairs;
+
 use super::{MAX_TRACKS, Track, Tracker};
 use crate::clock::Timestamp;
 use crate::config::TrackSettings;
@@ -63,13 +65,13 @@ fn hull(a: &PixelRect, b: &PixelRect) -> PixelRect {
     PixelRect { x, y, width: right - x, height: bottom - y }
 }
 
-/// Follows the blobs of `scene(seconds)` for `secs` at `rate_hz`; every frame's tracks with its time in seconds.
-fn follow(rate_hz: f64, secs: f64, scene: impl Fn(f64) -> Vec<Blob>) -> Vec<(f64, Vec<Track>)> {
+/// Follows the blobs of `show(seconds)` for `secs` at `rate_hz`; every frame's tracks with its time in seconds.
+fn follow(rate_hz: f64, secs: f64, show: impl Fn(f64) -> Vec<Blob>) -> Vec<(f64, Vec<Track>)> {
     let mut tracker = Tracker::new(&TrackSettings::default());
     let n_frames = (rate_hz * secs).round() as u64;
     let frame = |number: u64| {
         let at = number as f64 / rate_hz;
-        let found = scene(at);
+        let found = show(at);
         let tracks = tracker.update(Timestamp::from_nanos((at * 1e9) as i64), PICTURE, &found);
         check(&tracks, &found, PICTURE);
         (at, tracks)
