@@ -338,6 +338,7 @@ mod tests {
         assert_eq!(last.blobs.len(), 1, "{:?}", last.blobs);
         let rect = last.blobs[0].rect;
         assert!(rect.x.abs_diff(59 * 3 % 84) <= 2 && rect.width.abs_diff(12) <= 4, "{rect:?}");
+        assert_eq!(last.tracks.iter().map(|track| track.blob_idx).collect::<Vec<_>>(), [Some(0)]);
         assert!(last.background.plane(0).row(20).iter().all(|luma| luma.abs_diff(129) <= 4));
         assert_eq!(last.frame.number, 59);
     }

@@ -21,4 +21,5 @@ mod segment;
 mod simulate;
 mod store;
 mod timeline;
+mod track;
 mod worlds;

@@ -9,7 +9,7 @@ use videofields::clock::Timestamp;
 use videofields::config::{BackgroundSettings, End, Learning, SegmentSettings, SourceSettings, Timing};
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline, Source};
-use videofields::segment::{Blob, MOVING, PixelRect};
+use videofields::segment::{MOVING, PixelRect};
 
 fn open(path: &Path) -> Box<dyn Source> {
     let settings = SourceSettings {
@@ -22,7 +22,7 @@ fn open(path: &Path) -> Box<dyn Source> {
     ingest::open(&settings, &MediaRoots::folder_of(path).unwrap()).unwrap()
 }
 
-fn frames(path: &Path) -> impl Iterator<Item = Frame> + use<> {
+pub(crate) fn frames(path: &Path) -> impl Iterator<Item = Frame> + use<> {
     let mut source = open(path);
     std::iter::from_fn(move || source.next_frame().unwrap()).map(|frame| Frame {
         camera: CameraId::new("real").unwrap(),
@@ -33,7 +33,7 @@ fn frames(path: &Path) -> impl Iterator<Item = Frame> + use<> {
 }
 
 /// Centre x, centre y, width, height of every box of every frame.
-fn truth_boxes(path: &Path) -> BTreeMap<u64, Vec<[f64; 4]>> {
+pub(crate) fn truth_boxes(path: &Path) -> BTreeMap<u64, Vec<[f64; 4]>> {
     let text = std::fs::read_to_string(path).unwrap();
     let document = roxmltree::Document::parse(&text).unwrap();
     let number = |node: roxmltree::Node<'_, '_>, name| node.attribute(name).unwrap().parse::<f64>().unwrap();
@@ -64,9 +64,9 @@ fn centred(rect: PixelRect) -> [f64; 4] {
     [x + width / 2.0, y + height / 2.0, width, height]
 }
 
-/// Boxes that a blob meets at an overlap of 0.3, every blob used once.
-fn n_met(boxes: &[[f64; 4]], blobs: &[Blob]) -> usize {
-    let mut free: Vec<[f64; 4]> = blobs.iter().map(|blob| centred(blob.rect)).collect();
+/// Boxes that one of the rectangles found meets at an overlap of 0.3, every one used once.
+pub(crate) fn n_met(boxes: &[[f64; 4]], found: impl Iterator<Item = PixelRect>) -> usize {
+    let mut free: Vec<[f64; 4]> = found.map(centred).collect();
     let mut n_met = 0;
     for truth in boxes {
         let best =
@@ -91,7 +91,7 @@ fn people_on_a_campus_are_met_by_the_defaults_better_than_by_a_mixture_and_a_med
         let observation = pipeline.process(frame);
         if number >= 100 {
             let boxes = truth.get(&number).map_or(&[][..], Vec::as_slice);
-            n_met_in_all += n_met(boxes, &observation.blobs);
+            n_met_in_all += n_met(boxes, observation.blobs.iter().map(|blob| blob.rect));
             n_boxes += boxes.len();
             n_blobs += observation.blobs.len();
         }
