@@ -258,6 +258,47 @@ impl GaussianMixture {
         Ok(Update { learning_rate, foreground_share, visited_share, light_changed })
     }
 
+    /// Takes what `image` shows at `pixels` as the background there, and forgets what was known: for what is certain to
+    /// have become background, such as the place that a thing was taken from.
+    ///
+    /// # Errors
+    /// [`BackgroundError::Mismatch`] when `image` is of another size or colour; the model is then unchanged.
+    ///
+    /// # Panics
+    /// When `pixels` is not of the model's size.
+    pub fn adopt(&mut self, image: &YuvImage, pixels: &BitMask) -> Result<(), BackgroundError> {
+        self.check_format(image)?;
+        let size = (self.unmatched.width(), self.unmatched.height());
+        assert!((pixels.width(), pixels.height()) == size, "the pixels are the model's");
+        if self.pace.n_frames == 0 {
+            return Ok(());
+        }
+        let variance = initial_variance(&self.parameters);
+        let n_others = self.n_modes - 1;
+        for (idx, bits) in pixels.words().iter().enumerate().filter(|(_, bits)| **bits != 0) {
+            let (y, tile_idx) = (idx / self.tiles_per_row, idx % self.tiles_per_row);
+            let rows = BandRows::of(image, y / 2);
+            let mut samples: TileSamples = [[0; TILE]; 3];
+            let luma = rows.luma().nth(y % 2).expect("the row is in the picture");
+            dispatch!(self.level, simd => stage_tile(simd, &rows, luma, tile_idx, &mut samples));
+            let (first, others) =
+                (&mut self.first[idx], &mut self.others[n_others * idx..n_others * (idx + 1)]);
+            for i in (0..TILE).filter(|i| (bits >> i) & 1 == 1) {
+                for (means, samples) in first.means.iter_mut().zip(&samples) {
+                    means[i] = samples[i];
+                }
+                first.variances[i] = variance;
+                for other in others.iter_mut() {
+                    other.weights[i] = 0.0;
+                }
+            }
+            self.rests[idx] = dispatch!(self.level, simd => TileRest::of(simd, others));
+            self.unmatched.words_mut()[idx] &= !bits;
+        }
+        self.paint_all();
+        Ok(())
+    }
+
     /// Finds the foreground of `image` and learns nothing. Allocates nothing.
     ///
     /// # Errors
@@ -492,6 +533,19 @@ fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
         }
     }
     tally
+}
+
+/// The samples of a tile of one row.
+#[inline(always)]
+fn stage_tile<S: Simd>(
+    simd: S,
+    rows: &BandRows<'_>,
+    luma: &[u8],
+    tile_idx: usize,
+    samples: &mut TileSamples,
+) {
+    stage_chroma(simd, rows, tile_idx, samples);
+    stage_luma(simd, luma, tile_idx, samples);
 }
 
 /// Writes the first modes' means of the tiles at one place in both rows of a band.
@@ -811,7 +865,7 @@ mod tests {
 
     /// The most that a pixel's modes but the first weigh.
     fn greatest_rest(model: &GaussianMixture) -> f32 {
-        let n_others = model.n_modes - 1;
+        let n_others = (model.n_modes - 1).max(1);
         let sum = |modes: &[TileMode], i: usize| modes.iter().map(|mode| mode.weights[i]).sum::<f32>();
         let of_tile = |modes: &[TileMode]| (0..TILE).map(|i| sum(modes, i)).fold(0.0, f32::max);
         model.others.chunks_exact(n_others).map(of_tile).fold(0.0, f32::max) * model.decay as f32
@@ -893,6 +947,34 @@ mod tests {
             model.update(&filled(33, 3, [77, 128, 128]), 3600.0).unwrap();
         }
         assert_eq!(model.background_planes()[0].row(0)[0], 77);
+    }
+
+    #[test]
+    fn adopted_pixels_are_what_is_seen_and_the_others_stay() {
+        for (width, height) in [(1, 1), (40, 3), (70, 8)] {
+            for n_modes in [1, 3] {
+                let settings = BackgroundSettings { modes: n_modes, ..BackgroundSettings::default() };
+                let mut model = GaussianMixture::new(&settings, format(width, height));
+                for number in 0..60_u8 {
+                    model.update(&filled(width, height, [60 + number % 2 * 80, 128, 128]), 0.1).unwrap();
+                }
+                let mut pixels = BitMask::new(width, height);
+                pixels.fill_run(0, 0, 1, true);
+                let seen = filled(width, height, [200, 90, 150]);
+                model.classify(&seen).unwrap();
+                assert!(model.unmatched().get(0, 0), "{width} x {height}");
+                model.adopt(&seen, &pixels).unwrap();
+                model.classify(&seen).unwrap();
+                let n_unmatched = model.unmatched().count_ones();
+                assert_eq!(n_unmatched, u64::from(width * height) - 1, "{width} x {height}, K = {n_modes}");
+                assert_eq!(model.background_planes()[0].row(0)[0], 200);
+                model.update(&seen, 0.1).unwrap();
+                assert!(!model.unmatched().get(0, 0));
+            }
+        }
+        let mut fresh = model(8, 8);
+        fresh.adopt(&filled(8, 8, [9, 9, 9]), &BitMask::new(8, 8)).unwrap();
+        assert_eq!(fresh.n_frames(), 0);
     }
 
     #[test]

@@ -17,11 +17,11 @@ use videofields::encode;
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline};
 use videofields::segment::PixelRect;
-use videofields::timeline::Observation;
+use videofields::timeline::{Event, Observation};
 
-/// Finds what moves in a video: masks, blobs and tracks.
+/// Finds what moves in a video: masks, blobs, tracks and events.
 ///
-/// Without --masks, --blobs and --tracks it only runs, for timing. A line on standard error says how many frames a second
+/// Without --masks, --blobs, --tracks and --events it only runs, for timing. A line on standard error says how many frames a second
 /// were decoded, learned, segmented and tracked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Segment {
@@ -39,6 +39,10 @@ pub(crate) struct Segment {
     /// the frame's blob that shows it, or null}.
     #[arg(long, value_name = "FILE")]
     tracks: Option<PathBuf>,
+    /// Writes events as JSON lines: {"frame": number, "kind": "stopped" | "left_behind" | "taken_away" |
+    /// "light_changed", "rect": [x, y, width, height] or null, "track": id or null}.
+    #[arg(long, value_name = "FILE")]
+    events: Option<PathBuf>,
     /// A clip (or pattern) of the empty place that is learned first.
     #[arg(long, value_name = "FILE|PATTERN")]
     background: Option<PathBuf>,
@@ -55,7 +59,7 @@ pub(crate) struct Segment {
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.08 if absent.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     delta: Option<f64>,
-    /// Any other setting of a camera's background or segmentation, as in a configuration file, such as
+    /// Any other setting of a camera's background, segmentation or tracks, as in a configuration file, such as
     /// --set segment.split_valley=0 or --set background.modes=5. Repeatable; wins over the flags above.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -67,8 +71,8 @@ pub(crate) struct Segment {
 impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
         let settings = self.settings()?;
-        let mut pipeline = Pipeline::new(&settings.background, &settings.segment);
-        let mut output = Output::open(self.masks.as_deref(), self.blobs.as_deref(), self.tracks.as_deref())?;
+        let mut pipeline = Pipeline::new(&settings.background, &settings.segment).with_track(&settings.track);
+        let mut output = Output::open(self)?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
             ingest::learn_clip(&mut pipeline, clip, self.rate_hz, &roots)?;
@@ -88,6 +92,7 @@ impl Segment {
                 image: Arc::clone(&next.image),
             };
             output.write(&pipeline.process(frame))?;
+            output.write_events(next.number, &pipeline.take_events())?;
             n_frames += 1;
         }
         if n_frames == 0 {
@@ -207,22 +212,35 @@ struct Output {
     masks: Option<PathBuf>,
     blobs: Option<BufWriter<File>>,
     tracks: Option<BufWriter<File>>,
+    events: Option<BufWriter<File>>,
 }
 
 impl Output {
-    fn open(masks: Option<&Path>, blobs: Option<&Path>, tracks: Option<&Path>) -> Result<Self> {
-        if let Some(folder) = masks {
+    fn open(flags: &Segment) -> Result<Self> {
+        if let Some(folder) = &flags.masks {
             std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         }
-        let open = |path: &Path| {
+        let open = |path: &PathBuf| {
             let file = File::create(path).with_context(|| format!("cannot write {}", path.display()))?;
             anyhow::Ok(BufWriter::new(file))
         };
         Ok(Self {
-            masks: masks.map(Path::to_owned),
-            blobs: blobs.map(open).transpose()?,
-            tracks: tracks.map(open).transpose()?,
+            masks: flags.masks.clone(),
+            blobs: flags.blobs.as_ref().map(open).transpose()?,
+            tracks: flags.tracks.as_ref().map(open).transpose()?,
+            events: flags.events.as_ref().map(open).transpose()?,
         })
+    }
+
+    fn write_events(&mut self, number: u64, happened: &[Event]) -> Result<()> {
+        let Some(events) = &mut self.events else { return Ok(()) };
+        for event in happened {
+            let line = serde_json::json!({
+                "frame": number, "kind": event.kind, "rect": event.rect.map(sides), "track": event.track,
+            });
+            writeln!(events, "{line}")?;
+        }
+        Ok(())
     }
 
     fn write(&mut self, observation: &Observation) -> Result<()> {
@@ -256,6 +274,9 @@ impl Output {
         }
         if let Some(mut tracks) = self.tracks {
             tracks.flush().context("cannot write the tracks")?;
+        }
+        if let Some(mut events) = self.events {
+            events.flush().context("cannot write the events")?;
         }
         Ok(())
     }

@@ -393,11 +393,17 @@ pub struct TrackSettings {
     /// Seconds that a thing must have been followed before it is a track, 0 to 10: what flickers for less is none.
     /// Default 0.2.
     pub confirm_secs: f64,
+    /// Seconds after which what stands still is told as an event: stopped, or left behind. 0.5 to 86400. Default 10.
+    pub stop_after_secs: f64,
+    /// Seconds for which the background does not learn who stands and what was left behind, 0 to 1e7; after that it
+    /// does, as fast as `background.tau_secs` says. 0 learns them like all else, and tells no events of them. Default
+    /// 600.
+    pub absorb_after_secs: f64,
 }
 
 impl Default for TrackSettings {
     fn default() -> Self {
-        Self { max_miss_secs: 1.0, confirm_secs: 0.2 }
+        Self { max_miss_secs: 1.0, confirm_secs: 0.2, stop_after_secs: 10.0, absorb_after_secs: 600.0 }
     }
 }
 

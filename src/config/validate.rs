@@ -149,6 +149,8 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     let at = |key: &str| format!("{place}/track/{key}");
     range(gatherer, &at("max_miss_secs"), track.max_miss_secs, 0.05, 60.0, "seconds");
     range(gatherer, &at("confirm_secs"), track.confirm_secs, 0.0, 10.0, "seconds");
+    range(gatherer, &at("stop_after_secs"), track.stop_after_secs, 0.5, 86_400.0, "seconds");
+    range(gatherer, &at("absorb_after_secs"), track.absorb_after_secs, 0.0, 1e7, "seconds");
 }
 
 /// Checks the scene at `place`.

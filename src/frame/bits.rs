@@ -108,6 +108,14 @@ impl BitMask {
         }
     }
 
+    /// Adds what is 1 in columns `start .. end` of row `y` to `to`, a mask of the same size.
+    pub fn copy_run(&self, to: &mut Self, y: usize, start: usize, end: usize) {
+        for (word, bits) in run_words(start, end) {
+            let at = y * self.words_per_row + word;
+            to.words[at] |= self.words[at] & bits;
+        }
+    }
+
     /// How many of columns `start .. end` of row `y` are 1.
     #[must_use]
     pub fn count_run(&self, y: usize, start: usize, end: usize) -> u32 {

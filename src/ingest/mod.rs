@@ -15,6 +15,7 @@ mod pattern;
 mod pipeline;
 mod planes;
 mod roots;
+mod standing;
 mod status;
 mod stop;
 mod timed;

@@ -3,18 +3,25 @@
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
+use super::standing::{Seen, Standing};
 use crate::background::{BackgroundError, Format, GaussianMixture};
 use crate::clock::Timestamp;
 use crate::config::{BackgroundSettings, Learning, SegmentSettings, TrackSettings};
 use crate::frame::{CameraId, Frame, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
-use crate::timeline::Observation;
+use crate::timeline::{Event, EventKind, Observation};
 use crate::track::Tracker;
 use std::sync::Arc;
 
 /// Models of other picture sizes or colours that are kept; the one left longest ago goes first.
 const MAX_ASIDE: usize = 2;
+
+/// Events that are kept until they are taken; what happens beyond that is lost.
+const MAX_EVENTS: usize = 64;
+
+/// A background learned for less than this does not know yet what belongs to the place, seconds.
+const SETTLED_SECS: f64 = 60.0;
 
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
@@ -36,6 +43,9 @@ pub struct Pipeline {
     factor: u32,
     segmenter: Segmenter,
     tracker: Tracker,
+    standing: Standing,
+    /// What happened and was not taken yet.
+    events: Vec<Event>,
     current: Option<Model>,
     /// Models of formats that the camera left, the one left last at the end: a picture of one size is never read by
     /// the model of another, and a size that comes back finds what was learned.
@@ -52,6 +62,8 @@ struct Model {
     seen: Option<Timestamp>,
     /// Whether it learned a background clip.
     has_clip: bool,
+    /// Scene time that it has learned for, since this program runs.
+    learned_secs: f64,
 }
 
 impl Pipeline {
@@ -63,6 +75,8 @@ impl Pipeline {
             factor: segment.resolution.factor(),
             segmenter: Segmenter::new(segment),
             tracker: Tracker::new(&TrackSettings::default()),
+            standing: Standing::new(&TrackSettings::default()),
+            events: Vec::new(),
             current: None,
             aside: Vec::new(),
             picture: None,
@@ -73,7 +87,18 @@ impl Pipeline {
     #[must_use]
     pub fn with_track(mut self, track: &TrackSettings) -> Self {
         self.tracker = Tracker::new(track);
+        self.standing = Standing::new(track);
         self
+    }
+
+    /// Finds foreground by other settings from the next frame on. The resolution is kept: it shapes the model.
+    pub fn set_segment(&mut self, segment: &SegmentSettings) {
+        self.segmenter.set(&SegmentSettings { resolution: self.segmenter.resolution(), ..segment.clone() });
+    }
+
+    /// What happened since this was last asked: at most 64, the oldest first.
+    pub fn take_events(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.events)
     }
 
     /// Whether the model in use learned a background clip, be it before the checkpoint that it came from: then the
@@ -101,7 +126,8 @@ impl Pipeline {
         self.choose_model(image, None);
         if let Some(model) = &mut self.current {
             model.has_clip = true;
-            update(&mut model.mixture, image, dt_secs, None);
+            model.learned_secs = SETTLED_SECS;
+            model.mixture.update(image, dt_secs).expect(MODEL_FITS);
         }
         self.picture = None;
     }
@@ -125,24 +151,57 @@ impl Pipeline {
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
         model.seen = Some(frame.timestamp);
         let is_held = is_hold && model.has_clip;
+        model.learned_secs += dt_secs.clamp(0.0, self.settings.max_step_secs);
+        let mut foreground_share = 0.0;
         if is_held {
             model.mixture.classify(image).expect(MODEL_FITS);
         } else {
-            update(&mut model.mixture, image, dt_secs, Some(&frame.camera));
+            let held = self.standing.held();
+            let fits = (held.width(), held.height()) == (image.width() as usize, image.height() as usize);
+            let update = model.mixture.update_but(image, dt_secs, fits.then_some(held)).expect(MODEL_FITS);
+            foreground_share = update.foreground_share;
+            if update.light_changed {
+                let (camera, share) = (&frame.camera, foreground_share);
+                tracing::info!(%camera, share, "light changed, background learned afresh");
+                self.standing.reset();
+                self.events.push(Event {
+                    camera: frame.camera.clone(),
+                    time: frame.timestamp,
+                    since: frame.timestamp,
+                    kind: EventKind::LightChanged,
+                    rect: None,
+                    track: None,
+                });
+            }
         }
         done(Stage::Background);
-        let mixture = &model.mixture;
-        let found = self.segmenter.segment_reduced(
-            image,
-            mixture.background_planes(),
-            mixture.unmatched(),
-            dt_secs,
-            (frame.image.width(), frame.image.height()),
-        );
-        done(Stage::Segment);
         let size_px = (frame.image.width(), frame.image.height());
+        let mixture = &model.mixture;
+        let background = mixture.background_planes();
+        let found = self.segmenter.segment_reduced(image, background, mixture.unmatched(), dt_secs, size_px);
+        done(Stage::Segment);
         let tracks = self.tracker.update(frame.timestamp, size_px, &found.blobs);
+        if !is_held {
+            let seen = Seen {
+                camera: &frame.camera,
+                time: frame.timestamp,
+                size_px,
+                factor: self.factor,
+                luma: [image.plane(0), background[0]],
+                foreground_share,
+                is_settled: model.learned_secs >= SETTLED_SECS,
+                blobs: &found.blobs,
+                tracks: &tracks,
+                moving: self.segmenter.moving(),
+            };
+            let events = &mut self.events;
+            if let Some(pixels) = self.standing.observe(&seen, |event| events.push(event)) {
+                model.mixture.adopt(image, pixels).expect(MODEL_FITS);
+            }
+        }
+        self.events.truncate(MAX_EVENTS);
         done(Stage::Track);
+        let mixture = &model.mixture;
         // A held background never ages.
         let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
         let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);
@@ -163,12 +222,16 @@ impl Pipeline {
             return;
         }
         self.picture = None;
+        self.standing.reset();
         let kept = self.aside.iter().position(|model| model.mixture.format() == format);
         let next = match kept {
             Some(index) => self.aside.remove(index),
-            None => {
-                Model { mixture: GaussianMixture::new(&self.settings, format), seen: None, has_clip: false }
-            }
+            None => Model {
+                mixture: GaussianMixture::new(&self.settings, format),
+                seen: None,
+                has_clip: false,
+                learned_secs: 0.0,
+            },
         };
         if let Some(left) = self.current.replace(next) {
             let camera = camera.map(CameraId::as_str);
@@ -251,20 +314,14 @@ impl Pipeline {
             return Err(refused("a model has flags that no build writes"));
         }
         let (mixture, time) = GaussianMixture::decode(encoded.0, &self.settings)?;
-        Ok(Model { mixture, seen: (flags & 2 != 0).then_some(time), has_clip: flags & 1 != 0 })
+        // A stored background was learned for long before.
+        let (has_clip, seen) = (flags & 1 != 0, (flags & 2 != 0).then_some(time));
+        Ok(Model { mixture, seen, has_clip, learned_secs: SETTLED_SECS })
     }
 }
 
 /// Why a model and its picture cannot mismatch here.
 const MODEL_FITS: &str = "the model was chosen by the picture's format";
-
-fn update(mixture: &mut GaussianMixture, image: &YuvImage, dt_secs: f64, camera: Option<&CameraId>) {
-    let update = mixture.update(image, dt_secs).expect(MODEL_FITS);
-    if update.light_changed {
-        let camera = camera.map(CameraId::as_str);
-        tracing::info!(camera, share = update.foreground_share, "light changed, background learned afresh");
-    }
-}
 
 /// The background picture for a frame seen at `now`: the shared one, or a new one if that is too old.
 fn refresh(

@@ -3,7 +3,7 @@
 use crate::frame::BitMask;
 
 /// Makes `out` the pixels of `of` and their eight neighbours.
-pub(super) fn dilate(of: &BitMask, out: &mut BitMask) {
+pub fn dilate(of: &BitMask, out: &mut BitMask) {
     let height = of.height();
     out.reset(of.width(), height);
     for y in 0..height {

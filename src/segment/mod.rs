@@ -5,7 +5,7 @@
 //!
 //! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
 //! (`difference`), one verdict a pixel (`label`), repair (`repair`), pieces (`components`), which of them blink (`blink`)
-//! or are several (`split`), outlines (`contour`), what is handed out (`soft`), their order (`segmenter`), and the way
+//! or are several (`split`), outlines (`contour`), what they are outlines of (`edges`), what is handed out (`soft`), their order (`segmenter`), and the way
 //! back from a reduced picture (`enlarge`).
 
 mod blink;
@@ -13,6 +13,7 @@ mod components;
 mod contour;
 mod difference;
 mod dilate;
+mod edges;
 mod enlarge;
 mod label;
 mod majority;
@@ -21,6 +22,8 @@ mod segmenter;
 mod soft;
 mod split;
 
+pub use dilate::dilate;
+pub use edges::{OutlineOf, outline_of};
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;

@@ -11,7 +11,7 @@ use super::repair::{Closing, fill_holes, restore_enclosed_shadow, restore_legs};
 use super::soft::soften;
 use super::split::Splitter;
 use super::{Blob, PixelRect};
-use crate::config::{MixtureRule, SegmentSettings};
+use crate::config::{MixtureRule, Resolution, SegmentSettings};
 use crate::frame::{BitMask, Mask, Plane, YuvImage};
 use std::sync::Arc;
 
@@ -67,6 +67,12 @@ impl Segmenter {
             self.blinking = Blinking::default();
         }
         self.settings = settings.clone();
+    }
+
+    /// At which size of the picture it works.
+    #[must_use]
+    pub const fn resolution(&self) -> Resolution {
+        self.settings.resolution
     }
 
     /// The pixels found moving last, in the size of the pictures that were given: reduced, if the resolution is.

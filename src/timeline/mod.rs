@@ -1,7 +1,9 @@
-//! What every camera saw lately: one ring of observations a camera, bounded in bytes.
+//! What every camera saw lately: one ring of observations a camera, bounded in bytes, and one log of events.
 
+mod event;
 mod ring;
 
+pub use event::{Event, EventKind, EventLog, LoggedEvent};
 pub use ring::{Timeline, TimelineError};
 
 use crate::frame::{Frame, Mask, YuvImage};

@@ -207,7 +207,7 @@ impl Tracker {
     /// Ends what was missed for too long or left the picture.
     fn bury(&mut self, size_px: (u32, u32)) {
         let picture = Extent { low: [0.0; 2], high: [f64::from(size_px.0), f64::from(size_px.1)] };
-        let TrackSettings { max_miss_secs, confirm_secs } = self.settings;
+        let TrackSettings { max_miss_secs, confirm_secs, .. } = self.settings;
         self.targets.retain(|target| {
             let max_secs = if target.id.is_some() { max_miss_secs } else { confirm_secs.min(max_miss_secs) };
             let shown = target.extent().share_within(&picture);

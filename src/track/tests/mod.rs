@@ -8,6 +8,7 @@ use crate::config::TrackSettings;
 use crate::segment::{Blob, PixelRect};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 const PICTURE: (u32, u32) = (640, 360);
 const PERSON: [f64; 2] = [30.0, 80.0];
@@ -38,6 +39,7 @@ fn blob(rect: PixelRect) -> Blob {
         area_px: rect.width * rect.height,
         foot_in_image: [f64::from(rect.x) + f64::from(rect.width) / 2.0, f64::from(bottom)],
         is_truncated: rect.x == 0 || right == PICTURE.0 || bottom == PICTURE.1,
+        contour: Arc::default(),
     }
 }
 

@@ -1,0 +1,198 @@
+//! Who stands, what was left behind, what was taken away: what the background must not learn, and what it must.
+//!
+//! Tracks and blobs of one camera's frames flow in, with the frame and its background; events flow out, and two masks in
+//! the model's size: pixels that must not learn, and pixels whose background is certain to be what is seen.
+//!
+//! Told from what moves: a track that once moved by its own size came by itself; one that never did was put there, or it
+//! shows where something was taken from. Which of the two, its outline tells (`segment::outline_of`).
+
+use crate::clock::Timestamp;
+use crate::config::TrackSettings;
+use crate::frame::{BitMask, CameraId, Plane};
+use crate::segment::{Blob, OutlineOf, PixelRect, dilate, outline_of};
+use crate::timeline::{Event, EventKind};
+use crate::track::Track;
+use std::collections::BTreeMap;
+
+/// Time for which what appears is watched before it is decided what it is; meanwhile it is not learned.
+const DECIDE_SECS: f64 = 3.0;
+
+/// A blob larger than this share of the picture is no thing that stands: light, a camera that turned, a curtain.
+const GREATEST_SHARE: f64 = 0.25;
+
+/// More foreground than this share of the picture says nothing of single things.
+const GREATEST_FOREGROUND: f64 = 0.5;
+
+/// What is known of one track beside what the tracker knows.
+#[derive(Clone, Debug)]
+struct Known {
+    /// Its middle when it was first seen.
+    first_center: [f64; 2],
+    /// Whether it ever was farther from there than its own size.
+    has_moved: bool,
+    outline: Option<OutlineOf>,
+    is_told: bool,
+}
+
+/// Watches one camera's tracks.
+#[derive(Debug)]
+pub(super) struct Standing {
+    settings: TrackSettings,
+    known: BTreeMap<u64, Known>,
+    held: BitMask,
+    certain: BitMask,
+    scratch: BitMask,
+}
+
+/// One frame as it is looked at here.
+pub(super) struct Seen<'a> {
+    pub(super) camera: &'a CameraId,
+    pub(super) time: Timestamp,
+    /// The size in which blobs and tracks are given.
+    pub(super) size_px: (u32, u32),
+    /// By how much the model's pictures are smaller.
+    pub(super) factor: u32,
+    /// Luma of the frame and of its background, in the model's size.
+    pub(super) luma: [Plane<'a>; 2],
+    pub(super) foreground_share: f64,
+    /// Whether the background has been learned for long enough to know what belongs there.
+    pub(super) is_settled: bool,
+    pub(super) blobs: &'a [Blob],
+    pub(super) tracks: &'a [Track],
+    /// The moving pixels, in the model's size.
+    pub(super) moving: &'a BitMask,
+}
+
+impl Standing {
+    pub(super) fn new(settings: &TrackSettings) -> Self {
+        Self {
+            settings: settings.clone(),
+            known: BTreeMap::new(),
+            held: BitMask::default(),
+            certain: BitMask::default(),
+            scratch: BitMask::default(),
+        }
+    }
+
+    /// Forgets every track, as where the picture's format changed.
+    pub(super) fn reset(&mut self) {
+        self.known.clear();
+        self.held.reset(0, 0);
+    }
+
+    /// The pixels that the next frame must not teach; none where the mask is empty or of another size.
+    pub(super) const fn held(&self) -> &BitMask {
+        &self.held
+    }
+
+    /// Looks at a frame. Events are given to `tell`; the answer is the pixels whose background is what is seen, if there
+    /// are any.
+    pub(super) fn observe(&mut self, seen: &Seen<'_>, mut tell: impl FnMut(Event)) -> Option<&BitMask> {
+        self.held.reset(seen.moving.width(), seen.moving.height());
+        self.certain.reset(seen.moving.width(), seen.moving.height());
+        self.known.retain(|id, _| seen.tracks.binary_search_by_key(id, |track| track.id).is_ok());
+        if self.settings.absorb_after_secs == 0.0 || seen.foreground_share > GREATEST_FOREGROUND {
+            return None;
+        }
+        let mut has_certain = false;
+        for track in seen.tracks {
+            let Some(blob) = track.blob_idx.and_then(|idx| seen.blobs.get(idx as usize)) else { continue };
+            let known = self.known.entry(track.id).or_insert_with(|| Known::new(track));
+            known.has_moved |= known.is_far(track);
+            let n_pixels = f64::from(seen.size_px.0) * f64::from(seen.size_px.1);
+            if f64::from(blob.area_px) > GREATEST_SHARE * n_pixels {
+                continue;
+            }
+            let age_secs = seen.time.secs_since(track.first_seen);
+            let still_secs = track.still_since.map_or(0.0, |since| seen.time.secs_since(since));
+            if !known.has_moved && known.outline.is_none() && still_secs >= DECIDE_SECS && !track.is_in_group
+            {
+                known.outline = Some(outline(seen, blob));
+            }
+            let is_fresh = still_secs < self.settings.absorb_after_secs;
+            let is_thing = known.has_moved || known.outline == Some(OutlineOf::Thing);
+            if (is_thing || age_secs < DECIDE_SECS) && is_fresh {
+                mark(&mut self.held, seen, &blob.rect);
+            }
+            if known.outline == Some(OutlineOf::Gap) && !known.has_moved {
+                mark(&mut self.certain, seen, &blob.rect);
+                has_certain = true;
+            }
+            let news = known.news(still_secs, self.settings.stop_after_secs);
+            // What was in the first pictures and went away was never part of the place.
+            if let Some(kind) = news.filter(|kind| *kind != EventKind::TakenAway || seen.is_settled) {
+                known.is_told = true;
+                tell(Event {
+                    camera: seen.camera.clone(),
+                    time: seen.time,
+                    since: track.still_since.unwrap_or(track.first_seen),
+                    kind,
+                    rect: Some(track.rect),
+                    track: Some(track.id),
+                });
+            }
+        }
+        grow(&mut self.held, &mut self.scratch);
+        grow(&mut self.certain, &mut self.scratch);
+        has_certain.then_some(&self.certain)
+    }
+}
+
+impl Known {
+    fn new(track: &Track) -> Self {
+        Self { first_center: center(&track.rect), has_moved: false, outline: None, is_told: false }
+    }
+
+    fn is_far(&self, track: &Track) -> bool {
+        let [x, y] = center(&track.rect);
+        let [from_x, from_y] = self.first_center;
+        let size = f64::from(track.rect.width.max(track.rect.height));
+        (x - from_x).hypot(y - from_y) > size
+    }
+
+    /// What there is to tell of it, once.
+    fn news(&self, still_secs: f64, stop_after_secs: f64) -> Option<EventKind> {
+        if self.is_told {
+            return None;
+        }
+        match (self.has_moved, self.outline) {
+            (true, _) => (still_secs >= stop_after_secs).then_some(EventKind::Stopped),
+            (false, Some(OutlineOf::Thing)) => {
+                (still_secs >= stop_after_secs).then_some(EventKind::LeftBehind)
+            }
+            (false, Some(OutlineOf::Gap)) => Some(EventKind::TakenAway),
+            (false, _) => None,
+        }
+    }
+}
+
+fn center(rect: &PixelRect) -> [f64; 2] {
+    [f64::from(rect.x) + 0.5 * f64::from(rect.width), f64::from(rect.y) + 0.5 * f64::from(rect.height)]
+}
+
+/// What a blob is the outline of, in the model's pictures.
+fn outline(seen: &Seen<'_>, blob: &Blob) -> OutlineOf {
+    let factor = seen.factor as u16;
+    if factor == 1 {
+        return outline_of(seen.luma[0], seen.luma[1], &blob.contour);
+    }
+    let reduced: Vec<[u16; 2]> =
+        blob.contour.iter().map(|corner| corner.map(|value| value / factor)).collect();
+    outline_of(seen.luma[0], seen.luma[1], &reduced)
+}
+
+/// Marks the moving pixels of a rectangle.
+fn mark(mask: &mut BitMask, seen: &Seen<'_>, rect: &PixelRect) {
+    let reduced = |value: u32| (value / seen.factor) as usize;
+    let right = ((rect.x + rect.width).div_ceil(seen.factor) as usize).min(mask.width());
+    let bottom = ((rect.y + rect.height).div_ceil(seen.factor) as usize).min(mask.height());
+    for y in reduced(rect.y)..bottom {
+        seen.moving.copy_run(mask, y, reduced(rect.x), right);
+    }
+}
+
+/// Grows a mask by two pixels: outlines are no more exact than that.
+fn grow(mask: &mut BitMask, scratch: &mut BitMask) {
+    dilate(mask, scratch);
+    dilate(scratch, mask);
+}

@@ -1,0 +1,156 @@
+//! What happened before the cameras: a bounded log of events.
+
+use crate::clock::Timestamp;
+use crate::frame::CameraId;
+use crate::segment::PixelRect;
+use serde::Serialize;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EventKind {
+    /// What had come by itself stands still.
+    Stopped,
+    /// Something that did not come by itself stands there: left behind.
+    LeftBehind,
+    /// Something that was part of the background is gone.
+    TakenAway,
+    /// The light of most of the picture changed at once; the background is learned afresh.
+    LightChanged,
+}
+
+impl EventKind {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Stopped, Self::LeftBehind, Self::TakenAway, Self::LightChanged];
+
+    /// Its name, as in JSON.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Stopped => "stopped",
+            Self::LeftBehind => "left_behind",
+            Self::TakenAway => "taken_away",
+            Self::LightChanged => "light_changed",
+        }
+    }
+}
+
+/// What happened before one camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// Which camera.
+    pub camera: CameraId,
+    /// Scene time of the frame at which it was certain.
+    pub time: Timestamp,
+    /// Since when it has been so, as far as that is known.
+    pub since: Timestamp,
+    /// What happened.
+    pub kind: EventKind,
+    /// Where in the picture; none for what happened to the whole of it.
+    pub rect: Option<PixelRect>,
+    /// The track that it happened to.
+    pub track: Option<u64>,
+}
+
+/// An event with its number in the log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoggedEvent {
+    /// 1 for the first since the start, and so on.
+    pub id: u64,
+    /// The event.
+    pub event: Event,
+}
+
+/// The newest events of all cameras, as many as it holds; the oldest go first, and are counted.
+#[derive(Debug)]
+pub struct EventLog {
+    log: Mutex<Log>,
+    capacity: usize,
+}
+
+#[derive(Debug, Default)]
+struct Log {
+    events: VecDeque<LoggedEvent>,
+    n_ever: u64,
+}
+
+impl EventLog {
+    /// A log that holds `capacity` events.
+    #[must_use]
+    pub fn new(capacity: usize) -> Self {
+        Self { log: Mutex::default(), capacity: capacity.max(1) }
+    }
+
+    /// Adds an event; its number.
+    pub fn push(&self, event: Event) -> u64 {
+        let mut log = self.lock();
+        log.n_ever += 1;
+        let id = log.n_ever;
+        if log.events.len() == self.capacity {
+            log.events.pop_front();
+        }
+        log.events.push_back(LoggedEvent { id, event });
+        id
+    }
+
+    /// The newest `limit` events of those after number `after` that `wanted` accepts, in the order in which they came.
+    #[must_use]
+    pub fn after(&self, after: u64, limit: usize, wanted: impl Fn(&Event) -> bool) -> Vec<LoggedEvent> {
+        let log = self.lock();
+        let newer = log.events.iter().rev().take_while(|logged| logged.id > after);
+        let mut found: Vec<LoggedEvent> =
+            newer.filter(|logged| wanted(&logged.event)).take(limit).cloned().collect();
+        found.reverse();
+        found
+    }
+
+    /// Events that were let go to make room.
+    #[must_use]
+    pub fn n_gone(&self) -> u64 {
+        let log = self.lock();
+        log.n_ever - log.events.len() as u64
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Log> {
+        // A panic between two writes leaves a log that is whole.
+        self.log.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(nanos: i64, kind: EventKind) -> Event {
+        let time = Timestamp::from_nanos(nanos);
+        Event { camera: CameraId::new("a").unwrap(), time, since: time, kind, rect: None, track: None }
+    }
+
+    #[test]
+    fn the_newest_are_kept_and_the_others_counted() {
+        let log = EventLog::new(3);
+        for nanos in 1..=5 {
+            let kind = if nanos % 2 == 0 { EventKind::Stopped } else { EventKind::LightChanged };
+            assert_eq!(log.push(event(nanos, kind)), nanos as u64);
+        }
+        let ids = |after, limit, kind: Option<EventKind>| {
+            let found = log.after(after, limit, |event| kind.is_none_or(|kind| event.kind == kind));
+            found.iter().map(|logged| logged.id).collect::<Vec<_>>()
+        };
+        assert_eq!(ids(0, 10, None), [3, 4, 5]);
+        assert_eq!(ids(0, 2, None), [4, 5]);
+        assert_eq!(ids(3, 10, None), [4, 5]);
+        assert_eq!(ids(0, 10, Some(EventKind::Stopped)), [4]);
+        assert_eq!(ids(9, 10, None), [0; 0]);
+        assert_eq!(log.n_gone(), 2);
+    }
+
+    #[test]
+    fn names_are_those_of_json() {
+        for kind in EventKind::ALL {
+            assert_eq!(serde_json::to_value(kind).unwrap(), kind.as_str());
+        }
+    }
+}
