@@ -5,14 +5,16 @@
 //!
 //! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
 //! (`difference`), one verdict a pixel (`label`), repair (`repair`), pieces (`components`), which of them blink (`blink`)
-//! or are several (`split`), outlines (`contour`), what they are outlines of (`edges`), what is handed out (`soft`), their order (`segmenter`), and the way
-//! back from a reduced picture (`enlarge`).
+//! or are several (`split`), outlines (`contour`), what they are outlines of (`edges`), what is handed out (`soft`), their
+//! order (`segmenter`), and the way back from a reduced picture (`enlarge`). Beside them: how far pixels lie inside
+//! (`distance`).
 
 mod blink;
 mod components;
 mod contour;
 mod difference;
 mod dilate;
+mod distance;
 mod edges;
 mod enlarge;
 mod label;
@@ -24,6 +26,7 @@ mod split;
 
 pub use dilate::dilate;
 pub use edges::{OutlineOf, outline_of};
+pub use distance::{DistanceTransform, NO_OUTSIDE};
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;
