@@ -40,6 +40,8 @@ pub mod segment;
 
 pub mod track;
 
+pub mod condition;
+
 pub mod timeline;
 
 pub mod ingest;

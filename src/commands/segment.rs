@@ -10,8 +10,8 @@ use std::sync::Arc;
 use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{
-    BackgroundSettings, CameraSettings, Config, ConfigFault, End, SegmentSettings, Settings, SourceSettings,
-    Timing, TrackSettings,
+    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, End, SegmentSettings, Settings,
+    SourceSettings, Timing, TrackSettings,
 };
 use videofields::encode;
 use videofields::frame::{CameraId, Frame};
@@ -148,7 +148,7 @@ impl Segment {
                 given.entry(section.to_owned()).or_default().entry(key.to_owned()).or_insert(value);
             }
         }
-        let Given { background, segment, track } = Given::from(given)?;
+        let Given { background, segment, track, condition } = Given::from(given)?;
         let camera = CameraSettings {
             id: CameraId::new("input")?,
             name: String::new(),
@@ -156,6 +156,7 @@ impl Segment {
             background,
             segment,
             track,
+            condition,
         };
         let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
         match Config::from_settings(all, Path::new(".")) {
@@ -179,6 +180,7 @@ struct Given {
     background: BackgroundSettings,
     segment: SegmentSettings,
     track: TrackSettings,
+    condition: ConditionSettings,
 }
 
 impl Given {

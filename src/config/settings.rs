@@ -158,6 +158,9 @@ pub struct CameraSettings {
     /// How what moves is followed.
     #[serde(default)]
     pub track: TrackSettings,
+    /// How its picture is watched for what makes it useless.
+    #[serde(default)]
+    pub condition: ConditionSettings,
 }
 
 /// Where frames come from: a file, or numbered pictures.
@@ -445,6 +448,28 @@ pub enum MixtureRule {
     Require,
     /// Either suffices, which finds what hardly differs from its background, and more noise.
     Add,
+}
+
+/// How a camera's picture is watched: frozen, covered, turned away, or in another light.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConditionSettings {
+    /// Whether it is watched at all. Default true.
+    pub watch: bool,
+    /// Seconds of equal pictures after which the camera is frozen, 1 to 3600. Default 5.
+    pub frozen_after_secs: f64,
+    /// Seconds for which a picture must be covered or displaced before that is told, and sound again before it ends,
+    /// 0.5 to 60. Default 2.
+    pub begin_after_secs: f64,
+    /// Seconds after which what a displaced camera sees is the place from now on, 10 to 1e7: it is still told that
+    /// the camera was moved, but it is no longer told should it come back by itself. Default 600.
+    pub accept_after_secs: f64,
+}
+
+impl Default for ConditionSettings {
+    fn default() -> Self {
+        Self { watch: true, frozen_after_secs: 5.0, begin_after_secs: 2.0, accept_after_secs: 600.0 }
+    }
 }
 
 /// One scene.

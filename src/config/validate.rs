@@ -151,6 +151,17 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     range(gatherer, &at("confirm_secs"), track.confirm_secs, 0.0, 10.0, "seconds");
     range(gatherer, &at("stop_after_secs"), track.stop_after_secs, 0.5, 86_400.0, "seconds");
     range(gatherer, &at("absorb_after_secs"), track.absorb_after_secs, 0.0, 1e7, "seconds");
+
+    let condition = &camera.condition;
+    let at = |key: &str| format!("{place}/condition/{key}");
+    let numbers = [
+        ("frozen_after_secs", condition.frozen_after_secs, 1.0, 3600.0),
+        ("begin_after_secs", condition.begin_after_secs, 0.5, 60.0),
+        ("accept_after_secs", condition.accept_after_secs, 10.0, 1e7),
+    ];
+    for (key, value, least, most) in numbers {
+        range(gatherer, &at(key), value, least, most, "seconds");
+    }
 }
 
 /// Checks the scene at `place`.

@@ -154,7 +154,7 @@ impl DistanceTransform {
             for (y, out) in (top..top + height).zip(block.chunks_exact_mut(BLOCK_COLUMNS)) {
                 let row = &mask.row(y)[left as usize + first..][..n_columns];
                 for ((nearest, value), out) in nearest.iter_mut().zip(row).zip(out) {
-                    *nearest = if is_inside(*value) { (*nearest + 1).min(FAR) } else { 0 };
+                    *nearest = u32::from(is_inside(*value)) * (*nearest + 1).min(FAR);
                     *out = *nearest;
                 }
             }

@@ -87,7 +87,7 @@ fn the_example_names_every_key() {
     }
     let camera = example["camera"][0].as_table().expect("a table");
     check(camera, "camera", "[[camera]]\nid = \"a\"\nsource.path = \"a\"\nzzz = 1");
-    for part in ["source", "background", "segment", "track"] {
+    for part in ["source", "background", "segment", "track", "condition"] {
         let document = format!("[[camera]]\nid = \"a\"\nsource.path = \"a\"\n{part}.zzz = 1");
         check(camera[part].as_table().expect("a table"), part, &document);
     }
@@ -204,6 +204,9 @@ fn numbers_outside_their_range_are_refused() {
     check("camera.segment", "min_area_px = 2000000000", "0 to 1000000000 pixels");
     check("camera.track", "max_miss_secs = 0", "0.05 to 60 seconds");
     check("camera.track", "confirm_secs = -1", "0 to 10 seconds");
+    check("camera.condition", "frozen_after_secs = 0.5", "1 to 3600 seconds");
+    check("camera.condition", "begin_after_secs = 0", "0.5 to 60 seconds");
+    check("camera.condition", "accept_after_secs = 1", "10 to 10000000 seconds");
 }
 
 #[test]

@@ -88,6 +88,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
         track: TrackSettings::default(),
+        condition: Default::default(),
     }
 }
 
