@@ -104,8 +104,8 @@ impl Conditions {
     /// still or runs back counts as none; a frame or background of another size begins anew, and ends every condition
     /// but [`ConditionKind::Moved`], which only [`Self::accept`] ends then.
     ///
-    /// **Cost** a few microseconds; twice a second of scene time about 0.2 ms, and a millisecond more while the place
-    /// is not where it belongs. Allocates for the first frame of a size only.
+    /// **Cost** a few microseconds; twice a second of scene time about half a millisecond, and a millisecond or two
+    /// more while the place is lost. Allocates for the first frame of a size only.
     pub fn observe(
         &mut self,
         time: Timestamp,
@@ -142,11 +142,11 @@ impl Conditions {
         &self.current
     }
 
-    /// Whether it can be told that the camera is covered, moved or in another light: not in its first ten seconds,
+    /// Whether it can be told that the camera is covered, moved or in another light: not in its first twenty seconds,
     /// nor where the place has too few edges (a blank wall, a black night) or the picture too few pixels.
     #[must_use]
     pub fn is_judged(&self) -> bool {
-        self.watch.as_ref().is_some_and(|watch| watch.looks.is_full() && watch.reference.is_judge())
+        self.watch.as_ref().is_some_and(|watch| watch.reference.is_judge() && watch.reference.is_confirmed())
     }
 
     /// Takes what the camera sees from now on for its place: somebody has put it right, or calibrated it anew. Ends
@@ -187,6 +187,7 @@ impl Conditions {
     fn look(&mut self, time: Timestamp, luma: Plane<'_>, background: Plane<'_>, secs: f64) {
         let Some(watch) = &mut self.watch else { return };
         watch.looks.take(luma);
+        watch.judge.see(&watch.looks);
         watch.n_looks = watch.n_looks.wrapping_add(1);
         if !watch.reference.is_learned() {
             watch.learn(background, secs, TAU_SECS);
@@ -198,6 +199,14 @@ impl Conditions {
             return;
         }
         self.finding = watch.judge.judge(&watch.reference, &watch.looks);
+        watch.reference.confirm(self.finding.verdict, secs);
+        if !watch.reference.is_confirmed() {
+            if self.finding.verdict == Verdict::Sound {
+                watch.learn_at_times(background, secs, TAU_SECS);
+            }
+            (self.finding, self.candidate) = (SOUND, NO_CANDIDATE);
+            return;
+        }
         self.changed_share = watch.reference.changed_share(watch.judge.luma(), CHANGED_LEVELS);
         self.last(secs);
         let is_sound = self.finding.verdict == Verdict::Sound;
@@ -332,6 +341,6 @@ impl Watch {
 
     fn learn(&mut self, background: Plane<'_>, secs: f64, tau_secs: f64) {
         self.looks.background(background, &mut self.background);
-        self.reference.learn(&self.background, secs, tau_secs);
+        self.reference.learn(&self.background, self.judge.luma(), secs, tau_secs);
     }
 }

@@ -76,6 +76,11 @@ impl Looks {
         let start = (self.n_taken % N_LOOKS) * n_cells;
         let out = &mut self.ring[start..start + n_cells];
         means(luma, self.grid.frame_cell_px, self.grid.width, &mut self.sums, out);
+        if self.n_taken == 0 {
+            // Until there are others, the first stands for all.
+            let (first, others) = self.ring.split_at_mut(n_cells);
+            others.chunks_exact_mut(n_cells).for_each(|other| other.copy_from_slice(first));
+        }
         self.n_taken += 1;
     }
 

@@ -5,6 +5,7 @@
 
 use super::edges::{Cells, Edges, FULL, halve};
 use super::look::{Grid, STEPS};
+use super::verdict::Verdict;
 
 /// Blocks in a row and in a column: enough that who walks by or parks spoils only a few.
 const BLOCKS: (usize, usize) = (8, 6);
@@ -20,6 +21,16 @@ pub(super) const MIN_TEXTURED: usize = 6;
 
 /// Seconds of learning before the place is known.
 const LEARN_SECS: f64 = 10.0;
+
+/// Levels by which the background may differ from what is seen where it teaches anything: who stands there is in the
+/// one, and the ghost of who stood there in the other.
+const TEACHING_LEVELS: f32 = 10.0;
+
+/// Seconds in a row for which a learned place must be seen before its loss is believed ...
+const CONFIRM_SECS: f64 = 10.0;
+
+/// ... and those after which a place that was never seen so is learned again: what it was learned from has gone.
+const REFUTE_SECS: f64 = 5.0;
 
 /// Seconds in which the past fades to 1/e.
 pub(super) const TAU_SECS: f64 = 60.0;
@@ -53,6 +64,9 @@ pub(super) struct Reference {
     pub(super) n_textured: usize,
     half_luma: Vec<f32>,
     learned_secs: f64,
+    /// Seconds in a row of the place seen since it was learned, and of the place not seen.
+    seen_secs: f64,
+    unseen_secs: f64,
     n_learned: u32,
 }
 
@@ -78,13 +92,36 @@ impl Reference {
             n_textured: 0,
             half_luma: vec![0.0; half.0 * half.1],
             learned_secs: 0.0,
+            seen_secs: 0.0,
+            unseen_secs: 0.0,
             n_learned: 0,
         }
     }
 
     /// Forgets the place: another is learned in its stead.
     pub(super) fn forget(&mut self) {
-        (self.learned_secs, self.n_learned, self.n_textured) = (0.0, 0, 0);
+        (self.learned_secs, self.seen_secs, self.unseen_secs) = (0.0, 0.0, 0.0);
+        (self.n_learned, self.n_textured) = (0, 0);
+    }
+
+    /// Whether the place has been seen for long enough, after it was learned, to believe that it is one.
+    pub(super) fn is_confirmed(&self) -> bool {
+        self.seen_secs >= CONFIRM_SECS
+    }
+
+    /// Takes `secs` in which the place was seen or not, until it is confirmed or forgotten.
+    pub(super) fn confirm(&mut self, verdict: Verdict, secs: f64) {
+        if self.is_confirmed() {
+            return;
+        }
+        if verdict == Verdict::Sound {
+            (self.seen_secs, self.unseen_secs) = (self.seen_secs + secs, 0.0);
+        } else {
+            (self.seen_secs, self.unseen_secs) = (0.0, self.unseen_secs + secs);
+        }
+        if self.unseen_secs >= REFUTE_SECS {
+            self.forget();
+        }
     }
 
     /// Whether the place has been seen for long enough.
@@ -97,14 +134,18 @@ impl Reference {
         self.is_learned() && self.n_textured >= MIN_TEXTURED
     }
 
-    /// Takes a look at the background that stands for `step_secs`; the past fades to 1/e in `tau_secs`.
-    pub(super) fn learn(&mut self, background: &[u16], step_secs: f64, tau_secs: f64) {
+    /// Takes a look at the background that stands for `step_secs`, where it is what is `seen` (in levels) too; the past
+    /// fades to 1/e in `tau_secs`.
+    pub(super) fn learn(&mut self, background: &[u16], seen: &[f32], step_secs: f64, tau_secs: f64) {
         self.n_learned = self.n_learned.saturating_add(1);
         self.learned_secs = (self.learned_secs + step_secs).min(LEARN_SECS);
         let rate = -(-step_secs / tau_secs).exp_m1();
         let rate = rate.max(1.0 / f64::from(self.n_learned)) as f32;
-        for (luma, seen) in self.luma.iter_mut().zip(background) {
-            *luma += rate * (f32::from(*seen) / STEPS - *luma);
+        let most_levels = if self.n_learned == 1 { f32::INFINITY } else { TEACHING_LEVELS };
+        for ((luma, background), seen) in self.luma.iter_mut().zip(background).zip(seen) {
+            let background = f32::from(*background) / STEPS;
+            let is_teaching = (background - seen).abs() <= most_levels;
+            *luma += if is_teaching { rate * (background - *luma) } else { 0.0 };
         }
         self.edges.compute(&self.luma);
         self.edges.drop_weak(LEAST_EDGE);

@@ -99,14 +99,18 @@ impl Judge {
         }
     }
 
-    /// The mean of the looks that were judged last, in levels.
+    /// The mean that was taken last, in levels.
     pub(super) fn luma(&self) -> &[f32] {
         &self.luma
     }
 
-    /// Judges the mean of the looks that are held.
-    pub(super) fn judge(&mut self, reference: &Reference, looks: &Looks) -> Finding {
+    /// Takes the mean of the looks that are held.
+    pub(super) fn see(&mut self, looks: &Looks) {
         looks.mean(0, 1, &mut self.luma);
+    }
+
+    /// Judges the looks of which the mean was taken last.
+    pub(super) fn judge(&mut self, reference: &Reference, looks: &Looks) -> Finding {
         self.edges.compute(&self.luma);
         let here = Fit::at(reference, &self.edges, [0, 0]);
         let finding = |verdict| Finding { verdict, edges_left: here.intact_share };
