@@ -10,8 +10,8 @@ use std::sync::Arc;
 use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{
-    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, End, SegmentSettings, Settings,
-    SourceSettings, Timing, TrackSettings,
+    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, End, SegmentSettings,
+    Settings, SourceSettings, Timing, TrackSettings,
 };
 use videofields::encode;
 use videofields::frame::{CameraId, Frame};

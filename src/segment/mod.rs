@@ -25,8 +25,8 @@ mod soft;
 mod split;
 
 pub use dilate::dilate;
-pub use edges::{OutlineOf, outline_of};
 pub use distance::{DistanceTransform, NO_OUTSIDE};
+pub use edges::{OutlineOf, outline_of};
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;
