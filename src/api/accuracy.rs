@@ -3,14 +3,11 @@
 use super::Api;
 use super::error::Problem;
 use super::query::Query;
-use crate::error::ErrorKind;
+use super::tune::refuse_foreign;
 use axum::Json;
 use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-
-/// Where a browser says what kind of page a request comes from.
-const FETCH_SITE: &str = "sec-fetch-site";
 
 /// The table, and where measuring stands.
 pub(super) async fn show(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
@@ -25,12 +22,7 @@ pub(super) async fn refresh(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
-    // There are no users yet: without this, any page open in the operator's browser could keep the machine busy.
-    let is_foreign = headers.get(FETCH_SITE).is_some_and(|site| site != "same-origin" && site != "none");
-    if is_foreign {
-        let detail = "a page of another site asks for this; only the daemon's own may".to_owned();
-        return Err(Problem::new(ErrorKind::Invalid, detail));
-    }
+    refuse_foreign(&headers)?;
     api.door.refresh_accuracy()?;
     Ok(answer(&api, StatusCode::ACCEPTED))
 }

@@ -189,6 +189,7 @@ impl From<EngineError> for Problem {
                 let fault = Fault::new("t", error.to_string());
                 Self { errors: vec![fault], ..Self::new(kind, error.to_string()) }
             }
+            (EngineError::Faults(faults), None) => Self::at(kind, faults.clone()),
             (_, None) => Self::new(kind, error.to_string()),
         }
     }

@@ -7,6 +7,7 @@
 mod accuracy;
 mod cameras;
 mod error;
+mod events;
 mod guard;
 mod health;
 mod locate;
@@ -17,6 +18,7 @@ mod query;
 mod scenes;
 mod segments;
 mod serve;
+mod tune;
 mod view;
 
 pub use serve::serve;
@@ -29,7 +31,7 @@ use axum::Router;
 use axum::http::{HeaderValue, Uri, header};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use error::Problem;
 use std::sync::Arc;
 use std::time::Duration;
@@ -97,10 +99,13 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/cameras", get(cameras::list))
         .route("/api/v1/cameras/{id}", get(cameras::one))
         .route("/api/v1/cameras/{id}/locate", get(locate::locate))
+        .route("/api/v1/cameras/{id}/segment", get(tune::show).patch(tune::change).fallback(tune::no_method))
+        .route("/api/v1/cameras/{id}/accept-place", post(tune::accept_place).fallback(tune::post_only))
         .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
+        .route("/api/v1/events", get(events::list))
         .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()

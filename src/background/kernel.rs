@@ -223,16 +223,16 @@ pub(super) fn matches_first<S: Simd>(
     true
 }
 
-/// Learns a tile of which every pixel matches its first mode, at `rate`.
+/// Learns a tile of which every pixel matches its first mode.
 #[inline(always)]
 pub(super) fn learn_settled<S: Simd>(
     simd: S,
     first: &mut TileGaussians,
     rest: &TileRest,
     tile: &TileSamples,
-    rate: f32,
     step: &Step,
 ) {
+    let rate = step.rate;
     let least = S::f32s::splat(simd, step.variance_min);
     let greatest = S::f32s::splat(simd, step.variance_max);
     let one = S::f32s::splat(simd, 1.0);

@@ -22,7 +22,7 @@ mod reference;
 mod rows;
 mod tile;
 
-pub use mixture::{GaussianMixture, simd_levels};
+pub use mixture::{GaussianMixture, Hints, simd_levels};
 pub use reference::ReferenceMixture;
 
 use crate::error::ErrorKind;

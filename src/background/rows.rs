@@ -1,5 +1,6 @@
 //! The rows of a frame that one band of a model covers: two of luma, one of chroma.
 
+use super::tile::TILE;
 use crate::frame::YuvImage;
 
 /// The rows of a frame that a band covers.
@@ -37,7 +38,30 @@ impl<'a> BandRows<'a> {
         self.luma.into_iter().take(self.n_luma)
     }
 
+    /// Whether a row of luma of `other`, of the same size, has the same codes in a tile.
+    #[inline(always)]
+    pub(super) fn has_same_luma(&self, other: &Self, row: usize, tile_idx: usize) -> bool {
+        is_same::<TILE>(self.luma[row], other.luma[row], tile_idx)
+    }
+
+    /// Whether the row of chroma of `other`, of the same size, has the same codes in a tile.
+    #[inline(always)]
+    pub(super) fn has_same_chroma(&self, other: &Self, tile_idx: usize) -> bool {
+        is_same::<{ TILE / 2 }>(self.u, other.u, tile_idx)
+            && is_same::<{ TILE / 2 }>(self.v, other.v, tile_idx)
+    }
+
     pub(super) fn sample(&self, luma: &[u8], x: usize) -> [f32; 3] {
         [f32::from(luma[x]), f32::from(self.u[x / 2]), f32::from(self.v[x / 2])]
+    }
+}
+
+/// Whether two rows have the same `N` codes from `N tile_idx` on, or those that there are.
+#[inline(always)]
+fn is_same<const N: usize>(a: &[u8], b: &[u8], tile_idx: usize) -> bool {
+    let (a, b) = (&a[tile_idx * N..], &b[tile_idx * N..]);
+    match (a.first_chunk::<N>(), b.first_chunk::<N>()) {
+        (Some(a), Some(b)) => a == b,
+        _ => a == b,
     }
 }

@@ -127,7 +127,10 @@ pub(super) fn paint_luma<S: Simd>(simd: S, gaussians: &TileGaussians, out: &mut 
         let codes_here: u8x16<S> = low.narrow(high).bitcast();
         codes_here.store_slice(&mut codes[at..at + 16]);
     }
-    out.copy_from_slice(&codes[..out.len()]);
+    match out.first_chunk_mut() {
+        Some(out) => *out = codes,
+        None => out.copy_from_slice(&codes[..out.len()]),
+    }
 }
 
 /// Means as codes, rounded: a chroma channel of the tiles at one place in one or two rows, each value the mean of its
@@ -159,5 +162,8 @@ pub(super) fn paint_chroma<S: Simd>(
         both.store_slice(&mut bytes);
         codes[at / 2..at / 2 + 8].copy_from_slice(&bytes[..8]);
     }
-    out.copy_from_slice(&codes[..out.len()]);
+    match out.first_chunk_mut() {
+        Some(out) => *out = codes,
+        None => out.copy_from_slice(&codes[..out.len()]),
+    }
 }

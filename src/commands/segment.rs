@@ -40,7 +40,8 @@ pub(crate) struct Segment {
     #[arg(long, value_name = "FILE")]
     tracks: Option<PathBuf>,
     /// Writes events as JSON lines: {"frame": number, "kind": "stopped" | "left_behind" | "taken_away" |
-    /// "light_changed", "rect": [x, y, width, height] or null, "track": id or null}.
+    /// "light_changed" | "frozen" | "covered" | "moved", "rect": [x, y, width, height] or null, "track": id or null,
+    /// "is_end": whether it is over}.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
     /// A clip (or pattern) of the empty place that is learned first.
@@ -56,7 +57,7 @@ pub(crate) struct Segment {
     /// Stops after this many frames.
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
-    /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.08 if absent.
+    /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.12 if absent.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     delta: Option<f64>,
     /// Any other setting of a camera's background, segmentation or tracks, as in a configuration file, such as
@@ -71,7 +72,9 @@ pub(crate) struct Segment {
 impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
         let settings = self.settings()?;
-        let mut pipeline = Pipeline::new(&settings.background, &settings.segment).with_track(&settings.track);
+        let mut pipeline = Pipeline::new(&settings.background, &settings.segment)
+            .with_track(&settings.track)
+            .with_condition(&settings.condition);
         let mut output = Output::open(self)?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
@@ -239,6 +242,7 @@ impl Output {
         for event in happened {
             let line = serde_json::json!({
                 "frame": number, "kind": event.kind, "rect": event.rect.map(sides), "track": event.track,
+                "is_end": event.is_end,
             });
             writeln!(events, "{line}")?;
         }

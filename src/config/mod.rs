@@ -13,7 +13,7 @@ mod validate;
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use settings::*;
 
-use crate::error::Gatherer;
+use crate::error::{Fault, Gatherer};
 use document::Document;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -105,6 +105,30 @@ impl Config {
         settings.server.listen = listen;
         Self::from_settings(settings, &self.folder)
     }
+}
+
+/// `current` with the members of the JSON object `change` in place of its own.
+///
+/// # Errors
+/// With every fault of the change, each at the JSON pointer of its member.
+pub fn changed_segment(
+    current: &SegmentSettings,
+    change: serde_json::Value,
+) -> Result<SegmentSettings, Vec<Fault>> {
+    let mut gatherer = Gatherer::default();
+    let serde_json::Value::Object(members) = change else {
+        return Err(vec![Fault::new("", "expected an object of settings")]);
+    };
+    let mut whole = serde_json::to_value(current).unwrap_or_default();
+    if let serde_json::Value::Object(whole) = &mut whole {
+        whole.extend(members);
+    }
+    let changed = gatherer.read::<SegmentSettings>(whole, "");
+    if let Some(changed) = &changed {
+        validate::check_segment(changed, "", &mut gatherer);
+    }
+    let faults = gatherer.into_faults();
+    changed.filter(|_| faults.is_empty()).ok_or(faults)
 }
 
 /// Reads the tree section by section, so that a fault in one hides none in another, and checks what was read.

@@ -255,7 +255,7 @@ pub struct BackgroundSettings {
     /// Match threshold c^2: squared distance over variance, 9 to 16. Default 11.3, the 99 % point of chi-squared
     /// with 3 degrees of freedom.
     pub match_threshold: f64,
-    /// Share of the weights that is background, 0.1 to 0.99. Default 0.7.
+    /// Share of the weights that is background, 0.1 to 0.99. Default 0.8.
     pub background_ratio: f64,
     /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000 and within `variance_min` and `variance_max`.
     /// Default 15.
@@ -282,7 +282,7 @@ impl Default for BackgroundSettings {
             modes: 3,
             tau_secs: 300.0,
             match_threshold: 11.3,
-            background_ratio: 0.7,
+            background_ratio: 0.8,
             variance_init: 15.0,
             variance_min: 4.0,
             variance_max: 75.0,
@@ -306,18 +306,18 @@ pub enum Learning {
 }
 
 /// How foreground is found.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SegmentSettings {
     /// At which size of the picture background and foreground are computed; lengths and areas below are the full
     /// picture's whichever it is. Default `full`.
     pub resolution: Resolution,
-    /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.08.
+    /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.12.
     pub delta: f64,
     /// Hysteresis: a quarter of a blob's least area must differ by more than this, share of full scale, 0 to 1; what
     /// differs less everywhere is background. Not above `delta`, it asks for nothing. Default 0 (off).
     pub delta_high: f64,
-    /// Standard deviation of the blur, pixels, 0 (none) to 16. Default: a 384th of the picture's rows, 0.6 to 1.5.
+    /// Standard deviation of the blur, pixels, 0 (none) to 16. Default: a 240th of the picture's rows less 0.4, 0.6 to 2.
     pub blur_sigma_px: Option<f64>,
     /// How the mixture's own match test counts. Default `require`.
     pub mixture: MixtureRule,
@@ -350,7 +350,7 @@ impl Default for SegmentSettings {
     fn default() -> Self {
         Self {
             resolution: Resolution::Full,
-            delta: 0.08,
+            delta: 0.12,
             delta_high: 0.0,
             blur_sigma_px: None,
             mixture: MixtureRule::Require,
@@ -368,10 +368,10 @@ impl Default for SegmentSettings {
 
 impl SegmentSettings {
     /// The blur in a picture of `size_px`, pixels. What a codec and a lens blur is a share of the picture; below 0.6 a
-    /// blur no longer calms the noise, above 1.5 it costs more than it brings.
+    /// blur no longer calms the noise, above 2 it costs more than it brings.
     #[must_use]
     pub fn blur_sigma_px_in(&self, size_px: (u32, u32)) -> f64 {
-        self.blur_sigma_px.unwrap_or_else(|| (f64::from(size_px.1) / 384.0).clamp(0.6, 1.5))
+        self.blur_sigma_px.unwrap_or_else(|| (f64::from(size_px.1) / 240.0 - 0.4).clamp(0.6, 2.0))
     }
 
     /// The least area of a blob in a picture of `size_px`, pixels.
@@ -438,7 +438,7 @@ impl Resolution {
 
 /// How the mixture's own match test counts when foreground is found. Its verdict at a pixel is that of most pixels
 /// of the 5 x 5 around it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MixtureRule {
     /// Not at all: the blurred difference decides.

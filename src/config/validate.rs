@@ -1,6 +1,6 @@
 //! What the types of the settings cannot say: ranges, ids, and keys that need one another.
 
-use super::settings::{CameraSettings, Learning, SceneSettings, Settings};
+use super::settings::{CameraSettings, Learning, SceneSettings, SegmentSettings, Settings};
 use crate::error::Gatherer;
 use crate::frame::is_id;
 use std::collections::HashSet;
@@ -127,24 +127,7 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
         None => {}
     }
 
-    let segment = &camera.segment;
-    let at = |key: &str| format!("{place}/segment/{key}");
-    let numbers = [
-        ("delta", segment.delta, 0.001, 1.0, "(share of full scale)"),
-        ("delta_high", segment.delta_high, 0.0, 1.0, "(share of full scale)"),
-        ("blur_sigma_px", segment.blur_sigma_px.unwrap_or(1.5), 0.0, 16.0, "pixels"),
-        ("shadow_darkest", segment.shadow_darkest, 0.05, 1.0, "(share of the background's luma)"),
-        ("shadow_chroma", segment.shadow_chroma, 0.0, 0.5, "(share of full scale)"),
-        ("highlight_brightest", segment.highlight_brightest, 1.0, 4.0, "(times the background's luma)"),
-        ("close_radius_px", f64::from(segment.close_radius_px), 0.0, 16.0, "pixels"),
-        ("max_hole_px", f64::from(segment.max_hole_px), 0.0, 1e9, "pixels"),
-        ("min_area_px", f64::from(segment.min_area_px), 0.0, 1e9, "pixels"),
-        ("split_valley", segment.split_valley, 0.0, 0.9, "(share of the pixels beside it)"),
-    ];
-    for (key, value, least, most, unit) in numbers {
-        range(gatherer, &at(key), value, least, most, unit);
-    }
-
+    check_segment(&camera.segment, &format!("{place}/segment"), gatherer);
     let track = &camera.track;
     let at = |key: &str| format!("{place}/track/{key}");
     range(gatherer, &at("max_miss_secs"), track.max_miss_secs, 0.05, 60.0, "seconds");
@@ -161,6 +144,26 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     ];
     for (key, value, least, most) in numbers {
         range(gatherer, &at(key), value, least, most, "seconds");
+    }
+}
+
+/// Checks how foreground is found, at `place`.
+pub(super) fn check_segment(segment: &SegmentSettings, place: &str, gatherer: &mut Gatherer) {
+    let at = |key: &str| format!("{place}/{key}");
+    let numbers = [
+        ("delta", segment.delta, 0.001, 1.0, "(share of full scale)"),
+        ("delta_high", segment.delta_high, 0.0, 1.0, "(share of full scale)"),
+        ("blur_sigma_px", segment.blur_sigma_px.unwrap_or(1.5), 0.0, 16.0, "pixels"),
+        ("shadow_darkest", segment.shadow_darkest, 0.05, 1.0, "(share of the background's luma)"),
+        ("shadow_chroma", segment.shadow_chroma, 0.0, 0.5, "(share of full scale)"),
+        ("highlight_brightest", segment.highlight_brightest, 1.0, 4.0, "(times the background's luma)"),
+        ("close_radius_px", f64::from(segment.close_radius_px), 0.0, 16.0, "pixels"),
+        ("max_hole_px", f64::from(segment.max_hole_px), 0.0, 1e9, "pixels"),
+        ("min_area_px", f64::from(segment.min_area_px), 0.0, 1e9, "pixels"),
+        ("split_valley", segment.split_valley, 0.0, 0.9, "(share of the pixels beside it)"),
+    ];
+    for (key, value, least, most, unit) in numbers {
+        range(gatherer, &at(key), value, least, most, unit);
     }
 }
 

@@ -1,12 +1,14 @@
 //! What a camera's thread feeds: its pipeline, its timeline, its checkpoints.
 
 use super::checkpoint::Checkpoints;
+use super::tuning::Tuning;
 use crate::clock::Clock;
+use crate::condition::{Condition, ConditionKind};
 use crate::config::{CameraSettings, Learning};
 use crate::frame::Frame;
 use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag};
 use crate::telemetry::{DropReason, Metrics};
-use crate::timeline::Timeline;
+use crate::timeline::{EventLog, Timeline};
 use std::sync::Arc;
 
 /// Takes a camera's frames: learns, segments, tracks, remembers.
@@ -15,12 +17,16 @@ pub(super) struct CameraConsumer {
     roots: MediaRoots,
     pipeline: Pipeline,
     timeline: Arc<Timeline>,
+    events: Arc<EventLog>,
+    tuning: Arc<Tuning>,
     checkpoints: Checkpoints,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
     stop: StopFlag,
     is_prepared: bool,
-    /// What is wrong although frames come.
+    /// What is wrong with the background although frames come.
+    background_concern: Option<String>,
+    /// What is wrong although frames come, the picture's condition first.
     concern: Option<String>,
 }
 
@@ -29,23 +35,28 @@ impl CameraConsumer {
     pub(super) fn new(
         settings: CameraSettings,
         roots: MediaRoots,
-        timeline: Arc<Timeline>,
+        (timeline, events, tuning): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>),
         checkpoints: Checkpoints,
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
         stop: StopFlag,
     ) -> Self {
-        let pipeline = Pipeline::new(&settings.background, &settings.segment).with_track(&settings.track);
+        let pipeline = Pipeline::new(&settings.background, &settings.segment)
+            .with_track(&settings.track)
+            .with_condition(&settings.condition);
         Self {
             settings,
             roots,
             pipeline,
             timeline,
+            events,
+            tuning,
             checkpoints,
             metrics,
             clock,
             stop,
             is_prepared: false,
+            background_concern: None,
             concern: None,
         }
     }
@@ -67,10 +78,48 @@ impl CameraConsumer {
             Err(IngestError::Stopped) => return false,
             Err(error) => {
                 tracing::error!(camera = %id, %error, "background clip not learned");
-                self.concern = Some(format!("background clip not learned, the background adapts: {error}"));
+                let concern = format!("background clip not learned, the background adapts: {error}");
+                self.background_concern = Some(concern.clone());
+                self.concern = Some(concern);
             }
         }
         true
+    }
+
+    /// Passes on what happened.
+    fn tell(&mut self) {
+        let happened = self.pipeline.take_events();
+        if happened.is_empty() {
+            return;
+        }
+        for event in happened {
+            let (camera, kind) = (event.camera.as_str(), event.kind.as_str());
+            tracing::info!(
+                camera, kind, is_end = event.is_end, time = %event.time, track = event.track, rect = ?event.rect,
+                "event"
+            );
+            self.metrics.ingest_events.with_label_values(&[camera, kind]).inc();
+            self.events.push(event);
+        }
+        let worst = self.pipeline.conditions().iter().find_map(condition_concern);
+        self.concern = worst.or_else(|| self.background_concern.clone());
+    }
+}
+
+/// What people are told of a picture's condition; nothing of a light that changed.
+fn condition_concern(condition: &Condition) -> Option<String> {
+    let since = condition.since;
+    match (condition.kind, condition.evidence.displacement_px) {
+        (ConditionKind::Frozen, _) => Some(format!("the picture is frozen since {since}")),
+        (ConditionKind::Covered, _) => Some(format!("the camera is covered or blind since {since}")),
+        (ConditionKind::Moved, Some([x, y])) => Some(format!(
+            "the camera has moved since {since}: its calibration is suspect, the place shows {x:.0} px to the right \
+             and {y:.0} px down of where it was"
+        )),
+        (ConditionKind::Moved, None) => {
+            Some(format!("the camera looks elsewhere since {since}: its calibration is suspect"))
+        }
+        (ConditionKind::LightChanged, _) => None,
     }
 }
 
@@ -82,6 +131,7 @@ impl FrameConsumer for CameraConsumer {
             }
             self.is_prepared = true;
         }
+        self.tuning.apply(&mut self.pipeline);
         let id = self.settings.id.as_str();
         let mut started = self.clock.monotonic();
         let observation = self.pipeline.process_staged(frame, |stage| {
@@ -96,6 +146,7 @@ impl FrameConsumer for CameraConsumer {
                 self.metrics.count_dropped(id, DropReason::OutOfOrder);
             }
         }
+        self.tell();
     }
 
     fn concern(&self) -> Option<&str> {

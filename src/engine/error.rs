@@ -20,6 +20,9 @@ pub enum EngineError {
     /// A parameter is wrong.
     #[error("{0}")]
     Request(Fault),
+    /// Members of a request's body are wrong.
+    #[error("{}", crate::error::join_faults(.0))]
+    Faults(Vec<Fault>),
     /// Nothing was seen at that time.
     #[error("camera {camera} has no frame at or before {asked}: it keeps {first} to {last}")]
     BeforeFirst {
@@ -68,7 +71,7 @@ impl EngineError {
             Self::NoCamera { .. } | Self::NoScene { .. } | Self::BeforeFirst { .. } | Self::NoSurface(_) => {
                 ErrorKind::NotFound
             }
-            Self::Request(_) => ErrorKind::Invalid,
+            Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,
             Self::TooLarge(_) => ErrorKind::TooLarge,
             Self::NoFrame { .. } | Self::Busy { .. } | Self::Unavailable(_) => ErrorKind::Unavailable,
             Self::Internal(_) => ErrorKind::Internal,

@@ -2,10 +2,11 @@
 
 use super::{AccuracyStatus, EngineError};
 use crate::clock::Timestamp;
+use crate::config::SegmentSettings;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{EntityStyle, Plan};
 use crate::scene::{Scene, SceneView};
-use crate::timeline::Observation;
+use crate::timeline::{LoggedEvent, Observation};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::sync::Arc;
@@ -157,6 +158,33 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::BeforeFirst`].
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError>;
+
+    /// The newest `limit` events after number `after`, of one camera or of all, in the order in which they came.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn events(&self, camera: Option<&str>, after: u64, limit: usize)
+    -> Result<Vec<LoggedEvent>, EngineError>;
+
+    /// How a camera's foreground is found from its next frame on.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError>;
+
+    /// Changes that by the members of a JSON object, until the daemon ends; the settings then.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Faults`].
+    fn change_segment(&self, camera: &str, change: serde_json::Value)
+    -> Result<SegmentSettings, EngineError>;
+
+    /// Takes the place that a camera now shows for its place, though it has moved: its calibration was made anew, or is
+    /// still good.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError>;
 
     /// Where a texture coordinate of a camera lies in a scene (`None`: the first scene that holds the camera).
     ///

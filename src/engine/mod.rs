@@ -11,6 +11,7 @@ mod offline;
 mod picture;
 mod renderer;
 mod shared;
+mod tuning;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use error::EngineError;
@@ -26,7 +27,7 @@ use crate::ingest::{CameraWorker, IngestError, MediaRoots, StopFlag};
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::telemetry::Metrics;
-use crate::timeline::Timeline;
+use crate::timeline::{EventLog, Timeline};
 use camera::CameraConsumer;
 use checkpoint::{Checkpoints, StoreHealth};
 use shared::{CameraEntry, Shared};
@@ -35,6 +36,10 @@ use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
+use tuning::Tuning;
+
+/// Events that are kept, of all cameras together: about a megabyte.
+const MAX_EVENTS: usize = 8192;
 
 /// Time that a picture or map in hand is given when the engine stops.
 const FINISH_TIME: Duration = Duration::from_millis(300);
@@ -94,12 +99,14 @@ impl Engine {
             .unwrap_or(Duration::from_secs(60));
         let stop = StopFlag::default();
         let store_health = Arc::new(StoreHealth::default());
+        let events = Arc::new(EventLog::new(MAX_EVENTS));
         let mut workers = Vec::new();
         let mut cameras = Vec::new();
         let n_cameras = settings.camera.len() as u32;
         for (camera, place) in settings.camera.iter().zip(0..) {
             metrics.announce_camera(camera.id.as_str());
             let timeline = Arc::new(Timeline::new(capacity_bytes));
+            let tuning = Arc::new(Tuning::new(&camera.segment));
             let checkpoints = Checkpoints::new(
                 camera,
                 // One after the other over the interval, not all at once: they share one database.
@@ -113,7 +120,7 @@ impl Engine {
             let consumer = CameraConsumer::new(
                 camera.clone(),
                 roots.clone(),
-                Arc::clone(&timeline),
+                (Arc::clone(&timeline), Arc::clone(&events), Arc::clone(&tuning)),
                 checkpoints,
                 Arc::clone(&metrics),
                 Arc::clone(&clock),
@@ -127,14 +134,14 @@ impl Engine {
                 start,
                 Box::new(consumer),
             )?;
-            cameras.push(entry(camera, timeline, &worker));
+            cameras.push(entry(camera, timeline, tuning, &worker));
             workers.push(worker);
         }
         let (queue, jobs) = sync_channel(settings.render.queue_length);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
-            cameras,
+            (cameras, events),
             scenes,
             settings.render.clone(),
             store_health,
@@ -208,11 +215,17 @@ impl Engine {
     }
 }
 
-fn entry(camera: &CameraSettings, timeline: Arc<Timeline>, worker: &CameraWorker) -> CameraEntry {
+fn entry(
+    camera: &CameraSettings,
+    timeline: Arc<Timeline>,
+    tuning: Arc<Tuning>,
+    worker: &CameraWorker,
+) -> CameraEntry {
     CameraEntry {
         id: camera.id.clone(),
         name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
         timeline,
+        tuning,
         status: worker.status_reader(),
     }
 }

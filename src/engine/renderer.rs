@@ -192,6 +192,7 @@ mod tests {
     use crate::clock::SystemClock;
     use crate::config::RenderSettings;
     use crate::telemetry::Metrics;
+    use crate::timeline::EventLog;
     use std::sync::mpsc::sync_channel;
 
     #[test]
@@ -201,7 +202,7 @@ mod tests {
         let shared = Shared::new(
             clock,
             metrics,
-            Vec::new(),
+            (Vec::new(), Arc::new(EventLog::new(1))),
             Vec::new(),
             RenderSettings::default(),
             Arc::default(),

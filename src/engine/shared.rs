@@ -7,15 +7,17 @@ use super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
 };
 use super::renderer::Job;
+use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
-use crate::config::RenderSettings;
+use crate::config::{self, RenderSettings, SegmentSettings};
+use crate::error::Fault;
 use crate::frame::CameraId;
 use crate::geometry::SurfaceId;
 use crate::ingest::{CameraState, StatusReader};
 use crate::mapping::{self, Location, WorldMap};
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
-use crate::timeline::{Observation, Timeline, TimelineError};
+use crate::timeline::{EventLog, LoggedEvent, Observation, Timeline, TimelineError};
 use glam::DVec2;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -32,6 +34,7 @@ pub(super) struct CameraEntry {
     pub(super) id: CameraId,
     pub(super) name: String,
     pub(super) timeline: Arc<Timeline>,
+    pub(super) tuning: Arc<Tuning>,
     pub(super) status: StatusReader,
 }
 
@@ -48,6 +51,7 @@ pub(super) struct Shared {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) cameras: Vec<CameraEntry>,
+    events: Arc<EventLog>,
     pub(super) scenes: Vec<Arc<Scene>>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
@@ -70,7 +74,7 @@ impl Shared {
     pub(super) fn new(
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
-        cameras: Vec<CameraEntry>,
+        (cameras, events): (Vec<CameraEntry>, Arc<EventLog>),
         scenes: Vec<Arc<Scene>>,
         render_settings: RenderSettings,
         store_health: Arc<StoreHealth>,
@@ -86,6 +90,7 @@ impl Shared {
             clock,
             metrics,
             cameras,
+            events,
             scenes,
             render_settings,
             store_health,
@@ -240,6 +245,45 @@ impl Door for Shared {
         })
     }
 
+    fn events(
+        &self,
+        camera: Option<&str>,
+        after: u64,
+        limit: usize,
+    ) -> Result<Vec<LoggedEvent>, EngineError> {
+        if let Some(camera) = camera {
+            self.camera(camera)?;
+        }
+        let is_wanted = |of: &CameraId| camera.is_none_or(|camera| of.as_str() == camera);
+        Ok(self.events.after(after, limit, |event| is_wanted(&event.camera)))
+    }
+
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError> {
+        Ok(self.camera(camera)?.tuning.segment())
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        let tuning = &self.camera(camera)?.tuning;
+        let current = tuning.segment();
+        let changed = config::changed_segment(&current, change).map_err(EngineError::Faults)?;
+        if changed.resolution != current.resolution {
+            let message = "cannot be changed while the camera runs: the background is learned at this size";
+            return Err(EngineError::Faults(vec![Fault::new("/resolution", message)]));
+        }
+        tracing::info!(camera, segment = ?changed, "segmentation settings changed");
+        tuning.set_segment(changed.clone());
+        Ok(changed)
+    }
+
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
+        self.camera(camera)?.tuning.accept_place();
+        Ok(())
+    }
+
     fn locate(
         &self,
         camera: &str,
@@ -250,7 +294,7 @@ impl Door for Shared {
         let is_inside = |value: f64| (0.0..=1.0).contains(&value);
         for (name, value) in [("u", texture.x), ("v", texture.y)] {
             if !is_inside(value) {
-                let fault = crate::error::Fault::new(name, "expected a number from 0 to 1");
+                let fault = Fault::new(name, "expected a number from 0 to 1");
                 return Err(EngineError::Request(fault));
             }
         }

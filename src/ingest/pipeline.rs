@@ -4,9 +4,10 @@
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
 use super::standing::{Seen, Standing};
-use crate::background::{BackgroundError, Format, GaussianMixture};
+use crate::background::{BackgroundError, Format, GaussianMixture, Hints};
 use crate::clock::Timestamp;
-use crate::config::{BackgroundSettings, Learning, SegmentSettings, TrackSettings};
+use crate::condition::{Condition, ConditionKind, Conditions, Phase};
+use crate::config::{BackgroundSettings, ConditionSettings, Learning, SegmentSettings, TrackSettings};
 use crate::frame::{CameraId, Frame, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
@@ -44,6 +45,7 @@ pub struct Pipeline {
     segmenter: Segmenter,
     tracker: Tracker,
     standing: Standing,
+    conditions: Conditions,
     /// What happened and was not taken yet.
     events: Vec<Event>,
     current: Option<Model>,
@@ -64,6 +66,8 @@ struct Model {
     has_clip: bool,
     /// Scene time that it has learned for, since this program runs.
     learned_secs: f64,
+    /// The picture that it learned last, which later ones may repeat in part.
+    previous: Option<Arc<YuvImage>>,
 }
 
 impl Pipeline {
@@ -76,6 +80,7 @@ impl Pipeline {
             segmenter: Segmenter::new(segment),
             tracker: Tracker::new(&TrackSettings::default()),
             standing: Standing::new(&TrackSettings::default()),
+            conditions: Conditions::new(&ConditionSettings::default()),
             events: Vec::new(),
             current: None,
             aside: Vec::new(),
@@ -89,6 +94,24 @@ impl Pipeline {
         self.tracker = Tracker::new(track);
         self.standing = Standing::new(track);
         self
+    }
+
+    /// The same pipeline, which watches its pictures by these settings instead of the default ones.
+    #[must_use]
+    pub fn with_condition(mut self, condition: &ConditionSettings) -> Self {
+        self.conditions = Conditions::new(condition);
+        self
+    }
+
+    /// What is wrong with the camera's picture now.
+    #[must_use]
+    pub fn conditions(&self) -> &[Condition] {
+        self.conditions.state()
+    }
+
+    /// Takes the place that a moved camera now shows for its place.
+    pub fn accept_place(&mut self) {
+        self.conditions.accept();
     }
 
     /// Finds foreground by other settings from the next frame on. The resolution is kept: it shapes the model.
@@ -115,18 +138,19 @@ impl Pipeline {
     }
 
     /// The picture that is worked on: reduced, where the resolution is.
-    fn reduced(&self, image: &YuvImage) -> Option<YuvImage> {
-        (self.factor > 1).then(|| image.reduced(self.factor))
+    fn reduced(&self, image: &YuvImage) -> Option<Arc<YuvImage>> {
+        (self.factor > 1).then(|| Arc::new(image.reduced(self.factor)))
     }
 
     /// Learns a picture of the background clip, `dt_secs` after the one before it.
     pub fn learn(&mut self, image: &YuvImage, dt_secs: f64) {
         let reduced = self.reduced(image);
-        let image = reduced.as_ref().unwrap_or(image);
+        let image = reduced.as_deref().unwrap_or(image);
         self.choose_model(image, None);
         if let Some(model) = &mut self.current {
             model.has_clip = true;
             model.learned_secs = SETTLED_SECS;
+            model.previous = None;
             model.mixture.update(image, dt_secs).expect(MODEL_FITS);
         }
         self.picture = None;
@@ -158,20 +182,16 @@ impl Pipeline {
         } else {
             let held = self.standing.held();
             let fits = (held.width(), held.height()) == (image.width() as usize, image.height() as usize);
-            let update = model.mixture.update_but(image, dt_secs, fits.then_some(held)).expect(MODEL_FITS);
+            let hints = Hints { held: fits.then_some(held), previous: model.previous.as_deref() };
+            let update = model.mixture.update_with(image, dt_secs, hints).expect(MODEL_FITS);
+            model.previous = Some(Arc::clone(image));
             foreground_share = update.foreground_share;
             if update.light_changed {
                 let (camera, share) = (&frame.camera, foreground_share);
                 tracing::info!(%camera, share, "light changed, background learned afresh");
                 self.standing.reset();
-                self.events.push(Event {
-                    camera: frame.camera.clone(),
-                    time: frame.timestamp,
-                    since: frame.timestamp,
-                    kind: EventKind::LightChanged,
-                    rect: None,
-                    track: None,
-                });
+                let kind = EventKind::LightChanged;
+                self.events.push(Event::of_picture(frame.camera.clone(), frame.timestamp, kind));
             }
         }
         done(Stage::Background);
@@ -198,6 +218,14 @@ impl Pipeline {
             if let Some(pixels) = self.standing.observe(&seen, |event| events.push(event)) {
                 model.mixture.adopt(image, pixels).expect(MODEL_FITS);
             }
+        }
+        let (image, time) = (&frame.image, frame.timestamp);
+        let learned_luma = model.mixture.background_planes()[0];
+        for change in self.conditions.observe(time, image, learned_luma, foreground_share) {
+            let Some(kind) = event_kind(change.kind) else { continue };
+            let is_end = change.phase == Phase::Ended;
+            let event = Event::of_picture(frame.camera.clone(), change.time, kind);
+            self.events.push(Event { is_end, ..event });
         }
         self.events.truncate(MAX_EVENTS);
         done(Stage::Track);
@@ -231,6 +259,7 @@ impl Pipeline {
                 seen: None,
                 has_clip: false,
                 learned_secs: 0.0,
+                previous: None,
             },
         };
         if let Some(left) = self.current.replace(next) {
@@ -316,7 +345,17 @@ impl Pipeline {
         let (mixture, time) = GaussianMixture::decode(encoded.0, &self.settings)?;
         // A stored background was learned for long before.
         let (has_clip, seen) = (flags & 1 != 0, (flags & 2 != 0).then_some(time));
-        Ok(Model { mixture, seen, has_clip, learned_secs: SETTLED_SECS })
+        Ok(Model { mixture, seen, has_clip, learned_secs: SETTLED_SECS, previous: None })
+    }
+}
+
+/// The event that a condition's change is; none for a change of the light, which the background tells.
+const fn event_kind(kind: ConditionKind) -> Option<EventKind> {
+    match kind {
+        ConditionKind::Frozen => Some(EventKind::Frozen),
+        ConditionKind::Covered => Some(EventKind::Covered),
+        ConditionKind::Moved => Some(EventKind::Moved),
+        ConditionKind::LightChanged => None,
     }
 }
 

@@ -17,6 +17,9 @@ use std::collections::BTreeMap;
 /// Time for which what appears is watched before it is decided what it is; meanwhile it is not learned.
 const DECIDE_SECS: f64 = 3.0;
 
+/// How often the outline of what stands is looked at.
+const LOOK_SECS: f64 = 2.0;
+
 /// A blob larger than this share of the picture is no thing that stands: light, a camera that turned, a curtain.
 const GREATEST_SHARE: f64 = 0.25;
 
@@ -30,7 +33,10 @@ struct Known {
     first_center: [f64; 2],
     /// Whether it ever was farther from there than its own size.
     has_moved: bool,
-    outline: Option<OutlineOf>,
+    /// What its outline was when it was looked at last while it stood, and when that was.
+    outline: Option<(OutlineOf, Timestamp)>,
+    /// How often in a row that was a gap.
+    n_gaps: u32,
     is_told: bool,
 }
 
@@ -61,6 +67,19 @@ pub(super) struct Seen<'a> {
     pub(super) tracks: &'a [Track],
     /// The moving pixels, in the model's size.
     pub(super) moving: &'a BitMask,
+}
+
+impl Seen<'_> {
+    /// For how long a track has stood.
+    fn still_secs(&self, track: &Track) -> f64 {
+        track.still_since.map_or(0.0, |since| self.time.secs_since(since))
+    }
+
+    /// Whether all that share a blob stand: else its outline is partly that of what moves.
+    fn is_still(&self, blob_idx: Option<u32>) -> bool {
+        let mut sharing = self.tracks.iter().filter(|track| track.blob_idx == blob_idx);
+        sharing.all(|track| self.still_secs(track) >= DECIDE_SECS)
+    }
 }
 
 impl Standing {
@@ -103,22 +122,18 @@ impl Standing {
             if f64::from(blob.area_px) > GREATEST_SHARE * n_pixels {
                 continue;
             }
-            let age_secs = seen.time.secs_since(track.first_seen);
-            let still_secs = track.still_since.map_or(0.0, |since| seen.time.secs_since(since));
-            if !known.has_moved && known.outline.is_none() && still_secs >= DECIDE_SECS && !track.is_in_group
-            {
-                known.outline = Some(outline(seen, blob));
-            }
-            let is_fresh = still_secs < self.settings.absorb_after_secs;
-            let is_thing = known.has_moved || known.outline == Some(OutlineOf::Thing);
-            if (is_thing || age_secs < DECIDE_SECS) && is_fresh {
-                mark(&mut self.held, seen, &blob.rect);
-            }
-            if known.outline == Some(OutlineOf::Gap) && !known.has_moved {
+            let still_secs = seen.still_secs(track);
+            let is_gap = known.look(seen, track, blob);
+            let is_undecided = seen.time.secs_since(track.first_seen) < DECIDE_SECS;
+            if is_gap {
                 mark(&mut self.certain, seen, &blob.rect);
                 has_certain = true;
+            } else if (known.is_thing() || known.is_moving() || is_undecided)
+                && still_secs < self.settings.absorb_after_secs
+            {
+                mark(&mut self.held, seen, &blob.rect);
             }
-            let news = known.news(still_secs, self.settings.stop_after_secs);
+            let news = known.news(is_gap, still_secs, self.settings.stop_after_secs);
             // What was in the first pictures and went away was never part of the place.
             if let Some(kind) = news.filter(|kind| *kind != EventKind::TakenAway || seen.is_settled) {
                 known.is_told = true;
@@ -129,6 +144,7 @@ impl Standing {
                     kind,
                     rect: Some(track.rect),
                     track: Some(track.id),
+                    is_end: false,
                 });
             }
         }
@@ -140,7 +156,7 @@ impl Standing {
 
 impl Known {
     fn new(track: &Track) -> Self {
-        Self { first_center: center(&track.rect), has_moved: false, outline: None, is_told: false }
+        Self { first_center: center(&track.rect), has_moved: false, outline: None, n_gaps: 0, is_told: false }
     }
 
     fn is_far(&self, track: &Track) -> bool {
@@ -150,18 +166,48 @@ impl Known {
         (x - from_x).hypot(y - from_y) > size
     }
 
-    /// What there is to tell of it, once.
-    fn news(&self, still_secs: f64, stop_after_secs: f64) -> Option<EventKind> {
-        if self.is_told {
-            return None;
+    /// Looks at the outline of what stands, every now and then. Whether it shows where something was taken from: then that
+    /// is forgotten at once, since its place becomes background and the track may go on with something else. Of a track
+    /// that moved it takes a second look: what it followed has left, and it stays with what that had hidden.
+    fn look(&mut self, seen: &Seen<'_>, track: &Track, blob: &Blob) -> bool {
+        let is_due = self.outline.is_none_or(|(_, looked)| seen.time.secs_since(looked) >= LOOK_SECS);
+        if seen.still_secs(track) < DECIDE_SECS {
+            self.outline = None;
+            self.n_gaps = 0;
+        } else if is_due && seen.is_still(track.blob_idx) {
+            let found = outline(seen, blob);
+            self.outline = Some((found, seen.time));
+            self.n_gaps = if found == OutlineOf::Gap { self.n_gaps + 1 } else { 0 };
         }
-        match (self.has_moved, self.outline) {
-            (true, _) => (still_secs >= stop_after_secs).then_some(EventKind::Stopped),
-            (false, Some(OutlineOf::Thing)) => {
-                (still_secs >= stop_after_secs).then_some(EventKind::LeftBehind)
-            }
-            (false, Some(OutlineOf::Gap)) => Some(EventKind::TakenAway),
-            (false, _) => None,
+        let is_gap = self.n_gaps >= if self.has_moved { 2 } else { 1 };
+        if is_gap {
+            self.outline = None;
+            self.n_gaps = 0;
+        }
+        is_gap
+    }
+
+    /// Whether it came by itself and has not stood for long enough to be looked at. What has, and has no clear outline, is
+    /// learned: it may be what is left of a ghost.
+    const fn is_moving(&self) -> bool {
+        self.has_moved && self.outline.is_none()
+    }
+
+    fn is_thing(&self) -> bool {
+        self.outline.is_some_and(|(outline, _)| outline == OutlineOf::Thing)
+    }
+
+    /// What there is to tell of it, once.
+    fn news(&self, is_gap: bool, still_secs: f64, stop_after_secs: f64) -> Option<EventKind> {
+        let has_stood = still_secs >= stop_after_secs;
+        if self.is_told {
+            None
+        } else if is_gap {
+            (!self.has_moved).then_some(EventKind::TakenAway)
+        } else if self.has_moved {
+            has_stood.then_some(EventKind::Stopped)
+        } else {
+            (has_stood && self.is_thing()).then_some(EventKind::LeftBehind)
         }
     }
 }

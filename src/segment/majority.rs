@@ -47,7 +47,8 @@ impl Majority {
             let rows = around.map(|slot| &self.rows[slot]);
             for (word, out) in self.bits.row_mut(y).iter_mut().enumerate() {
                 let counts = rows.map(|row| row[word]);
-                if counts != [[0; 3]; N_ROWS] {
+                let any = counts.iter().fold(0, |any, [low, middle, high]| any | low | middle | high);
+                if any != 0 {
                     *out = is_most(&counts) & of.inside(word);
                 }
             }

@@ -71,6 +71,8 @@ pub struct Metrics {
     pub ingest_frame_age: GaugeVec,
     /// Seconds that a stage took for one frame. Labels: camera, stage ([`Stage`]).
     pub ingest_stage: HistogramVec,
+    /// Events told. Labels: camera, kind.
+    pub ingest_events: IntCounterVec,
     /// Bytes of observations kept. Labels: camera.
     pub timeline_kept: IntGaugeVec,
     /// Seconds from taking a request off the queue to its finished picture.
@@ -130,6 +132,12 @@ impl Metrics {
                 "Time of one frame in a stage: background, segment, track.",
                 &["camera", "stage"],
                 &FRAME_SECONDS,
+            ),
+            ingest_events: counters(
+                r,
+                "ingest_events_total",
+                "Events told: what stopped, was left behind or taken away, and what happened to the picture.",
+                &["camera", "kind"],
             ),
             timeline_kept: int_gauges(r, "timeline_kept_bytes", "Observations kept in memory.", &["camera"]),
             render_picture: histogram(

@@ -19,11 +19,25 @@ pub enum EventKind {
     TakenAway,
     /// The light of most of the picture changed at once; the background is learned afresh.
     LightChanged,
+    /// The same picture came again and again, to the bit.
+    Frozen,
+    /// The place's edges are gone from the picture: covered, fogged, out of focus.
+    Covered,
+    /// The camera was turned or knocked: its calibration is suspect until it is accepted or the camera is back.
+    Moved,
 }
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Stopped, Self::LeftBehind, Self::TakenAway, Self::LightChanged];
+    pub const ALL: [Self; 7] = [
+        Self::Stopped,
+        Self::LeftBehind,
+        Self::TakenAway,
+        Self::LightChanged,
+        Self::Frozen,
+        Self::Covered,
+        Self::Moved,
+    ];
 
     /// Its name, as in JSON.
     #[must_use]
@@ -33,6 +47,9 @@ impl EventKind {
             Self::LeftBehind => "left_behind",
             Self::TakenAway => "taken_away",
             Self::LightChanged => "light_changed",
+            Self::Frozen => "frozen",
+            Self::Covered => "covered",
+            Self::Moved => "moved",
         }
     }
 }
@@ -52,6 +69,16 @@ pub struct Event {
     pub rect: Option<PixelRect>,
     /// The track that it happened to.
     pub track: Option<u64>,
+    /// Whether this is the end of something that an earlier event told: a picture that thawed, a camera that is back.
+    pub is_end: bool,
+}
+
+impl Event {
+    /// What happened to the whole picture of a camera, at `time`.
+    #[must_use]
+    pub const fn of_picture(camera: CameraId, time: Timestamp, kind: EventKind) -> Self {
+        Self { camera, time, since: time, kind, rect: None, track: None, is_end: false }
+    }
 }
 
 /// An event with its number in the log.
@@ -124,8 +151,7 @@ mod tests {
     use super::*;
 
     fn event(nanos: i64, kind: EventKind) -> Event {
-        let time = Timestamp::from_nanos(nanos);
-        Event { camera: CameraId::new("a").unwrap(), time, since: time, kind, rect: None, track: None }
+        Event::of_picture(CameraId::new("a").unwrap(), Timestamp::from_nanos(nanos), kind)
     }
 
     #[test]

@@ -5,6 +5,7 @@
 mod door;
 mod refusals;
 mod server;
+mod tune;
 
 use axum::Router;
 use axum::body::{Body, to_bytes};

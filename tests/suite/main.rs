@@ -19,6 +19,7 @@ mod render;
 mod scene;
 mod segment;
 mod simulate;
+mod standing;
 mod store;
 mod timeline;
 mod track;

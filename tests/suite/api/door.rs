@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::oneshot;
 use videofields::clock::Timestamp;
+use videofields::config::{SegmentSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraSummary, Door, EngineError, LocateMethod, Located, Readiness,
     SceneSummary, SourceTime, ViewAnswer, ViewRequest,
@@ -13,7 +14,8 @@ use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImag
 use videofields::geometry::Surfaces;
 use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Spread};
 use videofields::scene::{Scene, SceneView};
-use videofields::timeline::Observation;
+use videofields::segment::PixelRect;
+use videofields::timeline::{Event, EventKind, EventLog, LoggedEvent, Observation};
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
@@ -111,6 +113,39 @@ impl Door for FakeDoor {
             blobs: Arc::new([]),
             tracks: Arc::new([]),
         })
+    }
+
+    fn events(
+        &self,
+        camera: Option<&str>,
+        after: u64,
+        limit: usize,
+    ) -> Result<Vec<LoggedEvent>, EngineError> {
+        camera.map_or(Ok(()), Self::has_camera)?;
+        let log = EventLog::new(8);
+        log.push(Event::of_picture(id("north"), FIRST, EventKind::LightChanged));
+        let rect = Some(PixelRect { x: 3, y: 4, width: 5, height: 6 });
+        let stopped = Event::of_picture(id("south"), LAST, EventKind::Stopped);
+        log.push(Event { rect, track: Some(7), since: FIRST, ..stopped });
+        Ok(log.after(after, limit, |event| camera.is_none_or(|camera| event.camera.as_str() == camera)))
+    }
+
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError> {
+        Self::has_camera(camera)?;
+        Ok(SegmentSettings::default())
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        Self::has_camera(camera)?;
+        changed_segment(&SegmentSettings::default(), change).map_err(EngineError::Faults)
+    }
+
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
+        Self::has_camera(camera)
     }
 
     fn locate(

@@ -1,0 +1,46 @@
+//! `/api/v1/events`: what happened before the cameras.
+
+use super::Api;
+use super::cameras::problem_of;
+use super::error::Problem;
+use super::query::Query;
+use crate::timeline::LoggedEvent;
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::json;
+
+/// Most events of one answer.
+const MAX_LIMIT: u32 = 1000;
+
+/// Events of one answer, unless more or fewer are asked for.
+const LIMIT: u32 = 100;
+
+/// The newest events after one, oldest first.
+pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), &["camera", "after", "limit"]);
+    let camera = query.id("camera");
+    let after = query.whole("after", &(0..=u32::MAX)).unwrap_or(0);
+    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    query.finish(Some(()))?;
+    let found = api.door.events(camera.as_deref(), u64::from(after), limit as usize);
+    let found = found.map_err(|error| problem_of(&api, error))?;
+    let events: Vec<_> = found.iter().map(document).collect();
+    let body = Json(json!({ "events": events }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+fn document(logged: &LoggedEvent) -> serde_json::Value {
+    let event = &logged.event;
+    json!({
+        "id": logged.id,
+        "camera": event.camera.as_str(),
+        "kind": event.kind,
+        "is_end": event.is_end,
+        "time": event.time.to_string(),
+        "since": event.since.to_string(),
+        "rect_px": event.rect.map(|rect| [rect.x, rect.y, rect.width, rect.height]),
+        "track": event.track,
+    })
+}

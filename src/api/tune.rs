@@ -1,0 +1,86 @@
+//! `/api/v1/cameras/{id}/segment` and `/api/v1/cameras/{id}/accept-place`: what is changed of a camera while it runs.
+
+use super::Api;
+use super::cameras::problem_of;
+use super::error::Problem;
+use super::query::Query;
+use super::segments::Segments;
+use crate::error::{ErrorKind, Fault};
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+
+/// Where a browser says what kind of page a request comes from.
+const FETCH_SITE: &str = "sec-fetch-site";
+
+/// How a camera's foreground is found.
+pub(super) async fn show(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let settings = api.door.segment_settings(&id).map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
+}
+
+/// Changes that by the members of a JSON object (RFC 7396); in force from the camera's next frame until the daemon ends.
+pub(super) async fn change(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let change = serde_json::from_slice(&body).map_err(|error| {
+        let place = format!("line {}, column {}", error.line(), error.column());
+        Problem::at(
+            ErrorKind::Invalid,
+            vec![Fault::new("", format!("the body is no JSON ({place}): {error}"))],
+        )
+    })?;
+    let settings = api.door.change_segment(&id, change).map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
+}
+
+/// Takes the place that a moved camera now shows for its place.
+pub(super) async fn accept_place(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    api.door.accept_place(&id).map_err(|error| problem_of(&api, error))?;
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}
+
+/// A method that `/segment` does not take.
+pub(super) async fn no_method() -> Response {
+    let mut response = Problem::method("only GET, HEAD and PATCH are answered here").into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, PATCH"));
+    response
+}
+
+/// A method that `/accept-place` does not take.
+pub(super) async fn post_only() -> Response {
+    let mut response = Problem::method("only POST is answered here").into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("POST"));
+    response
+}
+
+/// Refuses what a page of another site asks for. There are no users yet: without this, any page open in the operator's
+/// browser could change what the daemon does.
+pub(super) fn refuse_foreign(headers: &HeaderMap) -> Result<(), Problem> {
+    let is_foreign = headers.get(FETCH_SITE).is_some_and(|site| site != "same-origin" && site != "none");
+    if is_foreign {
+        let detail = "a page of another site asks for this; only the daemon's own may";
+        return Err(Problem::new(ErrorKind::Invalid, detail));
+    }
+    Ok(())
+}

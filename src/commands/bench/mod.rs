@@ -1,0 +1,28 @@
+//! `bench`: what the paths that run at every frame cost on this machine, beside the peer that others would use.
+
+mod background;
+mod vision;
+
+use anyhow::Result;
+
+/// Measures what runs at every frame, beside the peer that others would use.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Bench {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum What {
+    Background(background::Background),
+    Vision(vision::Vision),
+}
+
+impl Bench {
+    pub(crate) fn run(&self) -> Result<()> {
+        match &self.what {
+            What::Background(background) => background.run(),
+            What::Vision(vision) => vision.run(),
+        }
+    }
+}
