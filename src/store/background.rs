@@ -28,7 +28,7 @@ pub struct BackgroundRecord {
 }
 
 /// A row: `saved_at`, `width`, `height`, `matrix`, `version`, `bytes`.
-type Row = (i64, u32, u32, String, u32, Vec<u8>);
+pub(super) type Row = (i64, u32, u32, String, u32, Vec<u8>);
 
 impl Store {
     /// Writes a camera's background in place of the one of the same picture size. Of other sizes the three
@@ -114,7 +114,11 @@ impl Store {
         row.map(|row| self.background_record(camera, row)).transpose()
     }
 
-    fn background_record(&self, camera: &CameraId, row: Row) -> Result<BackgroundRecord, StoreError> {
+    pub(super) fn background_record(
+        &self,
+        camera: &CameraId,
+        row: Row,
+    ) -> Result<BackgroundRecord, StoreError> {
         let (nanos, width, height, matrix, version, bytes) = row;
         let matrix = matrix_of(&matrix).ok_or_else(|| StoreError::UnreadableRow {
             path: self.path.clone(),
@@ -125,7 +129,7 @@ impl Store {
     }
 }
 
-const fn name_of(matrix: ColorMatrix) -> &'static str {
+pub(super) const fn name_of(matrix: ColorMatrix) -> &'static str {
     match matrix {
         ColorMatrix::Bt601 => "bt601",
         ColorMatrix::Bt709 => "bt709",

@@ -1,4 +1,5 @@
-//! The SQLite database: scenes, backgrounds, texture-to-world maps and measured costs, one file a table.
+//! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps and measured costs, one file
+//! a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -7,6 +8,7 @@
 //! alone loses nothing.
 
 mod background;
+mod background_history;
 mod error;
 mod measured_cost;
 mod migrate;
@@ -15,6 +17,7 @@ mod scene;
 mod texture_map;
 
 pub use background::BackgroundRecord;
+pub use background_history::BackgroundHistoryBounds;
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use scene::{SceneEntry, SceneRecord};

@@ -1,5 +1,7 @@
 //! The database as the daemon meets it: opened, reopened, damaged, fought over, and cut off.
 
+mod history;
+
 use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
 use std::os::unix::fs::PermissionsExt;
