@@ -8,10 +8,12 @@ mod document;
 mod environment;
 mod error;
 mod settings;
+mod storage;
 mod validate;
 
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use settings::*;
+pub use storage::StorageSettings;
 
 use crate::error::{Fault, Gatherer};
 use document::Document;

@@ -1,5 +1,6 @@
 //! The settings as they are written: every key with its meaning, unit, range and default.
 
+use super::storage::StorageSettings;
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use serde::de::{self, Deserializer, Visitor};
@@ -45,22 +46,6 @@ pub struct ServerSettings {
 impl Default for ServerSettings {
     fn default() -> Self {
         Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)), hosts: Vec::new() }
-    }
-}
-
-/// The database.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StorageSettings {
-    /// The SQLite file; made with its folder if it is not there. Default `videofields.sqlite`.
-    pub database: PathBuf,
-    /// Seconds between checkpoints of the backgrounds, 1 to 86400. Default 60.
-    pub checkpoint_interval_secs: f64,
-}
-
-impl Default for StorageSettings {
-    fn default() -> Self {
-        Self { database: PathBuf::from("videofields.sqlite"), checkpoint_interval_secs: 60.0 }
     }
 }
 

@@ -46,8 +46,7 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
         }
     }
     check_path(&settings.storage.database, "/storage/database", gatherer);
-    let secs = settings.storage.checkpoint_interval_secs;
-    range(gatherer, "/storage/checkpoint_interval_secs", secs, 1.0, 86_400.0, "seconds");
+    super::storage::check(&settings.storage, gatherer);
     if !(1..=MAX_ROOTS).contains(&settings.media.roots.len()) {
         let message = format!("expected 1 to {MAX_ROOTS} folders, got {}", settings.media.roots.len());
         gatherer.fault("/media/roots", message);
@@ -179,7 +178,8 @@ pub(super) fn check_scene(scene: &SceneSettings, place: &str, ids: &mut Ids, gat
     check_path(&scene.file, &format!("{place}/file"), gatherer);
 }
 
-fn range(gatherer: &mut Gatherer, place: &str, value: f64, least: f64, most: f64, unit: &str) {
+/// Refuses a number that is not within `least` and `most`.
+pub(super) fn range(gatherer: &mut Gatherer, place: &str, value: f64, least: f64, most: f64, unit: &str) {
     // Written so that NaN is outside.
     if !(least..=most).contains(&value) {
         gatherer.fault(place, format!("expected {least} to {most} {unit}, got {value}"));

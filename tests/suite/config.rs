@@ -179,6 +179,12 @@ fn numbers_outside_their_range_are_refused() {
     check("storage", "checkpoint_interval_secs = nan", "expected a finite number");
     check("storage", "checkpoint_interval_secs = -inf", "expected a finite number");
     check("storage", "checkpoint_interval_secs = 86400.5", "1 to 86400 seconds");
+    check("storage", "background_history_interval_mins = -1", "0 to 10080 minutes");
+    check("storage", "background_history_interval_mins = 10081", "0 to 10080 minutes");
+    check("storage", "background_history_count = 0", "1 to 10000 backgrounds");
+    check("storage", "background_history_count = 1.5", "whole number");
+    check("storage", "background_history_mib = 0", "1 to 1048576 MiB");
+    check("storage", "background_history_mib = 1048577", "1 to 1048576 MiB");
     check("timeline", "mib_per_camera = 7", "8 to 65536 MiB");
     check("timeline", "mib_per_camera = -1", "0 or more");
     check("timeline", "mib_per_camera = 1e30", "0 or more");

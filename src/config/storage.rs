@@ -1,0 +1,55 @@
+//! Section `[storage]`: the database and what it keeps of the backgrounds.
+
+use crate::error::Gatherer;
+use serde::Deserialize;
+use std::path::PathBuf;
+
+/// The database.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StorageSettings {
+    /// The SQLite file; made with its folder if it is not there. Default `videofields.sqlite`.
+    pub database: PathBuf,
+    /// Seconds between checkpoints of the backgrounds, 1 to 86400. Default 60.
+    pub checkpoint_interval_secs: f64,
+    /// Minutes of scene time between a camera's backgrounds that are kept for looking back, 0 to 10080; each is a
+    /// checkpoint that is kept, so there is at most one a checkpoint. 0 adds none; those there are stay. Default 60.
+    pub background_history_interval_mins: f64,
+    /// Most backgrounds that are kept of one camera for looking back, 1 to 10000; the oldest go first. Default 48.
+    pub background_history_count: u32,
+    /// Most MiB of the backgrounds that are kept of all cameras for looking back, 1 to 1048576; the oldest go first,
+    /// but never a camera's newest. Default 512.
+    pub background_history_mib: u32,
+}
+
+impl Default for StorageSettings {
+    fn default() -> Self {
+        Self {
+            database: PathBuf::from("videofields.sqlite"),
+            checkpoint_interval_secs: 60.0,
+            background_history_interval_mins: 60.0,
+            background_history_count: 48,
+            background_history_mib: 512,
+        }
+    }
+}
+
+/// Checks everything but the path.
+pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
+    let count = f64::from(storage.background_history_count);
+    let numbers = [
+        ("checkpoint_interval_secs", storage.checkpoint_interval_secs, 1.0, 86_400.0, "seconds"),
+        (
+            "background_history_interval_mins",
+            storage.background_history_interval_mins,
+            0.0,
+            10_080.0,
+            "minutes",
+        ),
+        ("background_history_count", count, 1.0, 10_000.0, "backgrounds"),
+        ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
+    ];
+    for (key, value, least, most, unit) in numbers {
+        super::validate::range(gatherer, &format!("/storage/{key}"), value, least, most, unit);
+    }
+}
