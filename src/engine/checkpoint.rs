@@ -1,5 +1,7 @@
-//! Keeps one camera's background in the store: restored at start, written at intervals and at the end.
+//! Keeps one camera's background in the store: restored at start, written at intervals and at the end; at longer
+//! intervals of scene time the same bytes go to its history.
 
+use super::history::History;
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Learning};
 use crate::frame::{CameraId, YuvImage};
@@ -43,6 +45,9 @@ impl StoreHealth {
 /// Between the attempts of a camera's last write.
 const FINAL_PAUSES: [Duration; 2] = [Duration::from_millis(100), Duration::from_millis(300)];
 
+/// The background was not written; why was logged and counted.
+struct NotWritten;
+
 /// One camera's background in the store. Used on the camera's own thread: writing blocks that camera for the time
 /// that one write takes, and no other.
 pub(super) struct Checkpoints {
@@ -55,6 +60,8 @@ pub(super) struct Checkpoints {
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
     last: Duration,
+    /// None where no history is kept.
+    history: Option<History>,
 }
 
 impl Checkpoints {
@@ -70,7 +77,13 @@ impl Checkpoints {
     ) -> Self {
         let (camera, learning) = (camera.id.clone(), camera.background.learning);
         let last = clock.monotonic().saturating_sub(sooner);
-        Self { camera, learning, interval, store, runtime, health, metrics, clock, last }
+        Self { camera, learning, interval, store, runtime, health, metrics, clock, last, history: None }
+    }
+
+    /// The same, of a camera whose background's past is kept, if any is.
+    pub(super) fn with_history(mut self, history: Option<History>) -> Self {
+        self.history = history;
+        self
     }
 
     /// Puts the stored background for pictures such as `first` into `pipeline`; false where there is none.
@@ -99,51 +112,67 @@ impl Checkpoints {
         }
     }
 
-    /// Writes the background if the interval has passed since it was last written.
+    /// Writes the background if the interval has passed since it was last written, and to its history if that is
+    /// due.
     pub(super) fn write_if_due(&mut self, pipeline: &Pipeline) {
-        if self.clock.monotonic().saturating_sub(self.last) >= self.interval {
-            self.write(pipeline);
+        if self.clock.monotonic().saturating_sub(self.last) < self.interval {
+            return;
+        }
+        if let Ok(Some(record)) = self.write(pipeline) {
+            self.remember(&record);
         }
     }
 
-    /// Writes the background for the last time: nothing tries again later, so this does.
+    /// Writes the background for the last time: nothing tries again later, so this does. Its history gets nothing:
+    /// stopping must not take longer, and many restarts must not crowd out the past.
     pub(super) fn write_finally(&mut self, pipeline: &Pipeline) {
         for pause in FINAL_PAUSES {
-            if self.write(pipeline) {
+            if self.write(pipeline).is_ok() {
                 return;
             }
             self.clock.sleep(pause);
         }
-        self.write(pipeline);
+        // Its failure has been logged and counted.
+        let _last = self.write(pipeline);
     }
 
-    /// Writes the background now; whether that went well. A failure is logged and counted; the next interval tries
-    /// again.
-    fn write(&mut self, pipeline: &Pipeline) -> bool {
+    /// Writes the background now and answers what was written, if there was anything to write and its time is known.
+    /// A failure is logged and counted; the next interval tries again.
+    fn write(&mut self, pipeline: &Pipeline) -> Result<Option<BackgroundRecord>, NotWritten> {
         let started = self.clock.monotonic();
         self.last = started;
         if self.learning == Learning::Hold {
-            return true;
+            return Ok(None);
         }
         match self.try_write(pipeline) {
-            Ok(()) => {
+            Ok(record) => {
                 let took = self.clock.monotonic().saturating_sub(started);
                 self.metrics.store_checkpoint.observe(took.as_secs_f64());
                 self.health.note(&self.camera, Some(started));
-                true
+                Ok(record)
             }
             Err(error) => {
                 tracing::error!(camera = %self.camera, %error, "background not written");
                 self.metrics.store_checkpoints_failed.inc();
                 self.health.note(&self.camera, None);
-                false
+                Err(NotWritten)
             }
         }
     }
 
-    fn try_write(&self, pipeline: &Pipeline) -> Result<(), StoreError> {
+    /// Gives what was just written to the history, if that is due. A failure is logged and counted; that the
+    /// background itself was written stands.
+    fn remember(&mut self, record: &BackgroundRecord) {
+        let Some(history) = &mut self.history else { return };
+        if let Err(error) = self.runtime.block_on(history.offer(&self.store, record)) {
+            tracing::error!(camera = %self.camera, %error, "background not kept in the history");
+            self.metrics.store_checkpoints_failed.inc();
+        }
+    }
+
+    fn try_write(&self, pipeline: &Pipeline) -> Result<Option<BackgroundRecord>, StoreError> {
         let (Some((format, seen)), Some(bytes)) = (pipeline.current(), pipeline.checkpoint()) else {
-            return Ok(());
+            return Ok(None);
         };
         let record = BackgroundRecord {
             camera: self.camera.clone(),
@@ -154,13 +183,150 @@ impl Checkpoints {
             version: CHECKPOINT_VERSION,
             bytes,
         };
-        self.runtime.block_on(self.store.put_background(&record))
+        self.runtime.block_on(self.store.put_background(&record))?;
+        Ok(seen.is_some().then_some(record))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::{SimulatedClock, Timestamp};
+    use crate::config::{BackgroundSettings, SegmentSettings, Settings, StorageSettings};
+    use crate::frame::{ColorMatrix, ColorRange, Frame};
+    use sqlx::{Connection, SqliteConnection};
+    use tempfile::TempDir;
+    use tokio::runtime::Runtime;
+
+    /// A camera whose background is written every minute, on a clock that a test moves.
+    struct Bench {
+        folder: TempDir,
+        runtime: Runtime,
+        store: Store,
+        clock: Arc<SimulatedClock>,
+        health: Arc<StoreHealth>,
+        metrics: Arc<Metrics>,
+        checkpoints: Checkpoints,
+        pipeline: Pipeline,
+    }
+
+    impl Bench {
+        fn new(history_interval_mins: f64) -> Self {
+            let folder = TempDir::new().unwrap();
+            let runtime = Runtime::new().unwrap();
+            let store = runtime.block_on(Store::open(&folder.path().join("a.sqlite"))).unwrap();
+            let clock = Arc::new(SimulatedClock::new(Timestamp::default()));
+            let (health, metrics) = (Arc::default(), Arc::new(Metrics::new()));
+            let checkpoints = start(&store, &runtime, &health, &metrics, &clock, history_interval_mins);
+            let pipeline = Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default());
+            Self { folder, runtime, store, clock, health, metrics, checkpoints, pipeline }
+        }
+
+        /// A minute of machine time, then a frame of scene time `secs`.
+        fn frame(&mut self, secs: i64) {
+            self.clock.advance(Duration::from_secs(60));
+            let floor = YuvImage::filled(32, 16, [90, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+            let camera = self.checkpoints.camera.clone();
+            self.pipeline.process(Frame { camera, timestamp: at(secs), number: 0, image: floor.into() });
+        }
+
+        /// As [`Self::frame`], and then what is due.
+        fn minute(&mut self, secs: i64) {
+            self.frame(secs);
+            self.checkpoints.write_if_due(&self.pipeline);
+        }
+
+        /// Scene times of the history, seconds.
+        fn history(&self) -> Vec<i64> {
+            let kept = self.store.background_history(&self.checkpoints.camera);
+            let kept = self.runtime.block_on(kept).unwrap();
+            kept.into_iter().map(|(saved_at, ..)| saved_at.as_nanos() / 1_000_000_000).collect()
+        }
+
+        fn checkpoint(&self) -> Option<BackgroundRecord> {
+            let kept = self.store.latest_background(&self.checkpoints.camera);
+            self.runtime.block_on(kept).unwrap()
+        }
+    }
+
+    fn at(secs: i64) -> Timestamp {
+        Timestamp::from_nanos(secs * 1_000_000_000)
+    }
+
+    fn start(
+        store: &Store,
+        runtime: &Runtime,
+        health: &Arc<StoreHealth>,
+        metrics: &Arc<Metrics>,
+        clock: &Arc<SimulatedClock>,
+        history_interval_mins: f64,
+    ) -> Checkpoints {
+        let text = "[[camera]]\nid = \"north\"\nsource.path = \"north.webm\"";
+        let settings: Settings = toml::from_str(text).unwrap();
+        let storage = StorageSettings {
+            background_history_interval_mins: history_interval_mins,
+            ..StorageSettings::default()
+        };
+        let clock = Arc::clone(clock) as Arc<dyn Clock>;
+        Checkpoints::new(
+            &settings.camera[0],
+            (Duration::from_secs(60), Duration::ZERO),
+            store.clone(),
+            runtime.handle().clone(),
+            Arc::clone(health),
+            Arc::clone(metrics),
+            clock,
+        )
+        .with_history(History::new(&storage))
+    }
+
+    #[test]
+    fn history_gets_what_was_written_at_intervals_of_scene_time_and_nothing_at_the_end() {
+        let mut bench = Bench::new(2.0);
+        for secs in [0, 60, 119, 121, 180, 241, 200] {
+            bench.minute(secs);
+        }
+        assert_eq!(bench.history(), [0, 121, 200, 241], "two minutes, and at once where time stepped back");
+        let kept = bench.store.background_at(&bench.checkpoints.camera, 32, 16, at(200));
+        let kept = bench.runtime.block_on(kept).unwrap();
+        assert!(kept.is_some() && kept == bench.checkpoint(), "the bytes of the checkpoint itself");
+        bench.minute(319);
+        bench.frame(400);
+        bench.checkpoints.write_finally(&bench.pipeline);
+        assert_eq!(bench.checkpoint().unwrap().saved_at, at(400));
+        assert_eq!(bench.history(), [0, 121, 200, 241]);
+        // The next run goes on from the entry written last, not from the latest: of 200, not of 241.
+        let Bench { store, runtime, health, metrics, clock, .. } = &bench;
+        bench.checkpoints = start(store, runtime, health, metrics, clock, 2.0);
+        bench.minute(319);
+        assert_eq!(bench.history(), [0, 121, 200, 241]);
+        bench.minute(320);
+        assert_eq!(bench.history(), [0, 121, 200, 241, 320]);
+    }
+
+    #[test]
+    fn history_that_is_off_gets_nothing() {
+        let mut bench = Bench::new(0.0);
+        bench.minute(0);
+        bench.minute(86_400);
+        assert!(bench.history().is_empty() && bench.checkpoint().is_some());
+    }
+
+    #[test]
+    fn history_that_fails_is_counted_and_leaves_the_checkpoints_alone() {
+        let mut bench = Bench::new(1.0);
+        bench.runtime.block_on(async {
+            let path = bench.folder.path().join("a.sqlite");
+            let mut other = SqliteConnection::connect(&format!("sqlite://{}", path.display())).await.unwrap();
+            sqlx::raw_sql("drop table background_history").execute(&mut other).await.unwrap();
+        });
+        for secs in [0, 60] {
+            bench.minute(secs);
+            assert_eq!(bench.checkpoint().unwrap().saved_at, at(secs));
+        }
+        assert_eq!(bench.metrics.store_checkpoints_failed.get(), 2, "and tried again");
+        assert_eq!(bench.health.read(), (true, Some(Duration::from_secs(120))));
+    }
 
     #[test]
     fn one_cameras_write_does_not_hide_anothers_failure() {

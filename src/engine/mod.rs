@@ -6,6 +6,7 @@ mod camera;
 mod checkpoint;
 mod error;
 mod handle;
+mod history;
 mod maps;
 mod offline;
 mod picture;
@@ -30,6 +31,7 @@ use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Timeline};
 use camera::CameraConsumer;
 use checkpoint::{Checkpoints, StoreHealth};
+use history::History;
 use shared::{CameraEntry, Shared};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, OnceLock};
@@ -116,7 +118,8 @@ impl Engine {
                 Arc::clone(&store_health),
                 Arc::clone(&metrics),
                 Arc::clone(&clock),
-            );
+            )
+            .with_history(History::new(&settings.storage));
             let consumer = CameraConsumer::new(
                 camera.clone(),
                 roots.clone(),

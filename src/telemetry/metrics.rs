@@ -89,7 +89,7 @@ pub struct Metrics {
     pub store_checkpoint_age: Gauge,
     /// Seconds that a checkpoint of one camera's background took.
     pub store_checkpoint: Histogram,
-    /// Checkpoints that failed.
+    /// Checkpoints that failed, those for the history included.
     pub store_checkpoints_failed: IntCounter,
 }
 
@@ -181,7 +181,7 @@ impl Metrics {
             store_checkpoints_failed: counter(
                 r,
                 "store_checkpoints_failed_total",
-                "Checkpoints that failed.",
+                "Checkpoints that failed, those for the history included.",
             ),
             registry,
         }
