@@ -318,7 +318,7 @@ mod tests {
         while !learn(&mut modes, [180.0, 128.0, 128.0], &parameters, rate) {
             steps += 1;
         }
-        let expected = -(0.7_f64.ln()) / f64::from(rate);
+        let expected = -f64::from(parameters.background_ratio).ln() / f64::from(rate);
         assert!((f64::from(steps) - expected).abs() < 4.0, "{steps}, not {expected}");
     }
 

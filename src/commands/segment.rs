@@ -39,9 +39,8 @@ pub(crate) struct Segment {
     /// the frame's blob that shows it, or null}.
     #[arg(long, value_name = "FILE")]
     tracks: Option<PathBuf>,
-    /// Writes events as JSON lines: {"frame": number, "kind": "stopped" | "left_behind" | "taken_away" |
-    /// "light_changed" | "frozen" | "covered" | "moved", "rect": [x, y, width, height] or null, "track": id or null,
-    /// "is_end": whether it is over}.
+    /// Writes events as JSON lines: {"frame": number, "kind": its name, "rect": [x, y, width, height] or null,
+    /// "track": id or null, "over": whether it is over}.
     #[arg(long, value_name = "FILE")]
     events: Option<PathBuf>,
     /// A clip (or pattern) of the empty place that is learned first.
@@ -60,8 +59,8 @@ pub(crate) struct Segment {
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1; 0.12 if absent.
     #[arg(long, value_name = "SHARE", allow_negative_numbers = true)]
     delta: Option<f64>,
-    /// Any other setting of a camera's background, segmentation or tracks, as in a configuration file, such as
-    /// --set segment.split_valley=0 or --set background.modes=5. Repeatable; wins over the flags above.
+    /// Any other setting of a camera, as in its tables of a configuration file: --set background.modes=5. Repeatable;
+    /// wins over the flags above.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Least area of a blob, pixels; a 1500th of the picture's if absent.
@@ -242,7 +241,7 @@ impl Output {
         for event in happened {
             let line = serde_json::json!({
                 "frame": number, "kind": event.kind, "rect": event.rect.map(sides), "track": event.track,
-                "is_end": event.is_end,
+                "over": event.is_end,
             });
             writeln!(events, "{line}")?;
         }

@@ -240,7 +240,7 @@ pub struct BackgroundSettings {
     /// Match threshold c^2: squared distance over variance, 9 to 16. Default 11.3, the 99 % point of chi-squared
     /// with 3 degrees of freedom.
     pub match_threshold: f64,
-    /// Share of the weights that is background, 0.1 to 0.99. Default 0.8.
+    /// Share of the weights that is background, 0.1 to 0.99. Default 0.7.
     pub background_ratio: f64,
     /// Variance of a new mode, 8-bit levels squared, 0.1 to 10000 and within `variance_min` and `variance_max`.
     /// Default 15.
@@ -267,7 +267,7 @@ impl Default for BackgroundSettings {
             modes: 3,
             tau_secs: 300.0,
             match_threshold: 11.3,
-            background_ratio: 0.8,
+            background_ratio: 0.7,
             variance_init: 15.0,
             variance_min: 4.0,
             variance_max: 75.0,

@@ -42,7 +42,10 @@ impl BitMask {
     /// Rows.
     #[must_use]
     pub const fn height(&self) -> usize {
-        if self.words_per_row == 0 { 0 } else { self.words.len() / self.words_per_row }
+        match self.words.len().checked_div(self.words_per_row) {
+            Some(height) => height,
+            None => 0,
+        }
     }
 
     /// Words of a row: the columns by 32, rounded up.
@@ -91,11 +94,17 @@ impl BitMask {
         self.words.iter().map(|word| u64::from(word.count_ones())).sum()
     }
 
-    /// Makes columns `start .. end` of row `y` `value`.
-    pub fn fill_run(&mut self, y: usize, start: usize, end: usize, value: bool) {
+    /// Makes columns `start .. end` of row `y` 1.
+    pub fn set_run(&mut self, y: usize, start: usize, end: usize) {
         for (word, bits) in run_words(start, end) {
-            let word = &mut self.words[y * self.words_per_row + word];
-            *word = if value { *word | bits } else { *word & !bits };
+            self.words[y * self.words_per_row + word] |= bits;
+        }
+    }
+
+    /// Makes columns `start .. end` of row `y` 0.
+    pub fn clear_run(&mut self, y: usize, start: usize, end: usize) {
+        for (word, bits) in run_words(start, end) {
+            self.words[y * self.words_per_row + word] &= !bits;
         }
     }
 
@@ -179,7 +188,7 @@ mod tests {
         for width in [1, 31, 32, 33, 64, 95, 130] {
             for (start, end) in [(0, 0), (0, 1), (0, width), (width / 3, width), (width / 2, width / 2 + 1)] {
                 let mut mask = BitMask::new(width as u32, 3);
-                mask.fill_run(1, start, end, true);
+                mask.set_run(1, start, end);
                 assert_eq!(mask.count_ones(), (end - start) as u64, "{width}: {start} to {end}");
                 assert!((0..width).all(|x| mask.get(x, 1) == (start..end).contains(&x)));
                 assert_eq!(mask.count_run(1, 0, width), (end - start) as u32);
@@ -188,7 +197,7 @@ mod tests {
                 let mut back = BitMask::default();
                 back.take(&bytes, 255);
                 assert_eq!(back, mask);
-                mask.fill_run(1, 0, width, false);
+                mask.clear_run(1, 0, width);
                 assert_eq!(mask.count_ones(), 0);
             }
         }

@@ -133,7 +133,11 @@ impl Standing {
             {
                 mark(&mut self.held, seen, &blob.rect);
             }
-            let news = known.news(is_gap, still_secs, self.settings.stop_after_secs);
+            let news = if is_gap {
+                (!known.has_moved && !known.is_told).then_some(EventKind::TakenAway)
+            } else {
+                known.news(still_secs, self.settings.stop_after_secs)
+            };
             // What was in the first pictures and went away was never part of the place.
             if let Some(kind) = news.filter(|kind| *kind != EventKind::TakenAway || seen.is_settled) {
                 known.is_told = true;
@@ -197,13 +201,11 @@ impl Known {
         self.outline.is_some_and(|(outline, _)| outline == OutlineOf::Thing)
     }
 
-    /// What there is to tell of it, once.
-    fn news(&self, is_gap: bool, still_secs: f64, stop_after_secs: f64) -> Option<EventKind> {
+    /// What there is to tell of what stands, once.
+    fn news(&self, still_secs: f64, stop_after_secs: f64) -> Option<EventKind> {
         let has_stood = still_secs >= stop_after_secs;
         if self.is_told {
             None
-        } else if is_gap {
-            (!self.has_moved).then_some(EventKind::TakenAway)
         } else if self.has_moved {
             has_stood.then_some(EventKind::Stopped)
         } else {

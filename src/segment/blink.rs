@@ -90,7 +90,7 @@ mod tests {
         let mut blinking = Blinking::default();
         for (start, end) in frames {
             let mut mask = BitMask::new(40, 2);
-            mask.fill_run(1, start, end, true);
+            mask.set_run(1, start, end);
             blinking.observe(&mask, 0.1);
         }
         let run = Run { y: 1, start: columns.0, end: columns.1, piece_idx: 0 };
@@ -116,7 +116,11 @@ mod tests {
         let mut blinking = Blinking::default();
         let mut mask = BitMask::new(40, 2);
         for frame in 0..30 {
-            mask.fill_run(0, 0, 8, frame % 2 == 0);
+            if frame % 2 == 0 {
+                mask.set_run(0, 0, 8);
+            } else {
+                mask.clear_run(0, 0, 8);
+            }
             blinking.observe(&mask, 0.1);
         }
         let run = [Run { y: 0, start: 0, end: 8, piece_idx: 0 }];

@@ -14,6 +14,15 @@ pub(super) enum Connectivity {
     Eight,
 }
 
+/// Which pixels are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Those whose bit is 1.
+    Ones,
+    /// Those whose bit is 0.
+    Zeros,
+}
+
 /// Pixels of one row that follow each other.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Run {
@@ -49,14 +58,14 @@ pub(super) struct Components {
 }
 
 impl Components {
-    /// Finds the pieces of the pixels whose bit is `value`, in the order of their first pixels.
-    pub(super) fn find(&mut self, mask: &BitMask, value: bool, connectivity: Connectivity) {
+    /// Finds the pieces of the wanted pixels, in the order of their first pixels.
+    pub(super) fn find(&mut self, mask: &BitMask, wanted: Wanted, connectivity: Connectivity) {
         self.runs.clear();
         self.parents.clear();
         let mut above = 0..0;
         for y in 0..mask.height() {
             let begin = self.runs.len();
-            self.append_runs(mask, y, value);
+            self.append_runs(mask, y, wanted);
             self.join(above, begin, connectivity);
             above = begin..self.runs.len();
         }
@@ -96,11 +105,14 @@ impl Components {
         self.parents.push(run_idx);
     }
 
-    fn append_runs(&mut self, mask: &BitMask, y: usize, value: bool) {
+    fn append_runs(&mut self, mask: &BitMask, y: usize, wanted: Wanted) {
         let mut begun: Option<usize> = None;
         for (word, bits) in mask.row(y).iter().enumerate() {
             let first = word * WORD_PIXELS;
-            let mut bits = if value { *bits } else { !*bits & mask.inside(word) };
+            let mut bits = match wanted {
+                Wanted::Ones => *bits,
+                Wanted::Zeros => !*bits & mask.inside(word),
+            };
             if let Some(start) = begun {
                 let n_more = bits.trailing_ones() as usize;
                 if n_more == WORD_PIXELS {
@@ -224,7 +236,7 @@ mod tests {
         let rows: Vec<&str> = picture.split_whitespace().collect();
         let bytes: Vec<u8> = rows.concat().bytes().map(|byte| u8::from(byte == b'#')).collect();
         let mut components = Components::default();
-        components.find(&mask_of(&bytes, rows[0].len()), true, connectivity);
+        components.find(&mask_of(&bytes, rows[0].len()), Wanted::Ones, connectivity);
         let pieces = components.pieces().to_vec();
         if connectivity == Connectivity::Eight {
             let runs = components.runs().to_vec();
@@ -233,7 +245,7 @@ mod tests {
         }
         // What is not asked for in a picture of its opposite is the same.
         let opposite: Vec<u8> = bytes.iter().map(|byte| 1 - byte).collect();
-        components.find(&mask_of(&opposite, rows[0].len()), false, connectivity);
+        components.find(&mask_of(&opposite, rows[0].len()), Wanted::Zeros, connectivity);
         assert_eq!(components.pieces(), pieces);
         pieces
     }
@@ -302,7 +314,7 @@ mod tests {
             let mask: Vec<u8> = bits[..width * height].iter().map(|bit| u8::from(*bit)).collect();
             for connectivity in [Connectivity::Four, Connectivity::Eight] {
                 let mut components = Components::default();
-                components.find(&mask_of(&mask, width), true, connectivity);
+                components.find(&mask_of(&mask, width), Wanted::Ones, connectivity);
                 let areas: Vec<u32> = components.pieces().iter().map(|piece| piece.area_px).collect();
                 prop_assert_eq!(areas, flooded(&mask, width, connectivity));
                 let n_run_pixels: u32 = components.runs().iter().map(|run| run.end - run.start).sum();

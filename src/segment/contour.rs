@@ -48,7 +48,7 @@ pub(super) fn contour(mask: &BitMask, columns: std::ops::Range<u32>, first: (u32
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::segment::components::{Components, Connectivity};
+    use crate::segment::components::{Components, Connectivity, Wanted};
     use proptest::prelude::*;
 
     fn drawn(picture: &str) -> BitMask {
@@ -56,7 +56,7 @@ mod tests {
         let mut mask = BitMask::new(rows[0].len() as u32, rows.len() as u32);
         for (y, row) in rows.iter().enumerate() {
             for (x, _) in row.chars().enumerate().filter(|(_, drawn)| *drawn == '#') {
-                mask.fill_run(y, x, x + 1, true);
+                mask.set_run(y, x, x + 1);
             }
         }
         mask
@@ -101,10 +101,10 @@ mod tests {
             let height = bits.len() / width;
             let mut mask = BitMask::new(width as u32, height as u32);
             for (at, _) in bits[..width * height].iter().enumerate().filter(|(_, bit)| **bit) {
-                mask.fill_run(at / width, at % width, at % width + 1, true);
+                mask.set_run(at / width, at % width, at % width + 1);
             }
             let mut pieces = Components::default();
-            pieces.find(&mask, true, Connectivity::Eight);
+            pieces.find(&mask, Wanted::Ones, Connectivity::Eight);
             for (piece_idx, piece) in pieces.pieces().iter().enumerate() {
                 let first = pieces.runs().iter().find(|run| run.piece_idx as usize == piece_idx).unwrap();
                 let corners = contour(&mask, 0..width as u32, (first.start, first.y));

@@ -39,7 +39,7 @@ mod tests {
         for (width, height) in [(1, 1), (1, 7), (7, 1), (33, 5), (64, 3), (70, 9)] {
             for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
                 let mut of = BitMask::new(width as u32, height as u32);
-                of.fill_run(y, x, x + 1, true);
+                of.set_run(y, x, x + 1);
                 let mut out = BitMask::new(1, 1);
                 dilate(&of, &mut out);
                 for (i, j) in (0..height).flat_map(|j| (0..width).map(move |i| (i, j))) {

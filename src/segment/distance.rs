@@ -210,7 +210,7 @@ fn measure_row(distances: &[u32], out: &mut [u32], envelope: &mut [Parabola]) {
     }
 }
 
-/// The lower envelope of a run's parabolas ([FH12] algorithm 1), and its values.
+/// The lower envelope of a run's parabolas (`[FH12]` algorithm 1), and its values.
 fn measure_run(distances: &[u32], out: &mut [u32], envelope: &mut [Parabola]) {
     let mut len = 0;
     for (column, distance) in (0_i64..).zip(distances) {

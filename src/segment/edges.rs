@@ -4,8 +4,8 @@
 //! Where a thing stands, its outline is an edge of the frame; where one was taken away, it is an edge of the background,
 //! which still shows the thing.
 //!
-//! `[CDEC05]` Spengler and Schiele 2003, Automatic detection and tracking of abandoned objects; Connell et al. 2004,
-//! Detection and tracking in the IBM PeopleVision system: edge energy along the contour tells left from removed.
+//! `[C04]` Connell et al. 2004, Detection and tracking in the IBM People Vision system: edge energy along an outline
+//! tells what was left from what was removed.
 
 use crate::frame::Plane;
 

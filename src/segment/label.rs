@@ -398,7 +398,7 @@ mod tests {
         let mut bits = BitMask::new(width, height);
         for y in 0..height as usize {
             for x in (0..width as usize).filter(|x| hash(y * 1000 + x / 3, seed) >> 29 == 0) {
-                bits.fill_run(y, x, x + 1, true);
+                bits.set_run(y, x, x + 1);
             }
         }
         bits
@@ -408,37 +408,42 @@ mod tests {
         [image.plane(0), image.plane(1), image.plane(2)]
     }
 
+    /// What a judge finds and what each pixel's own difference says.
+    fn check_every_pixel(pair: &Pair<'_>, unmatched: &BitMask, settings: &SegmentSettings, sigma_px: f64) {
+        let mut judge = Judge::new();
+        judge.set_blur(sigma_px);
+        // What another frame left must not show.
+        judge.judge(&Pair { frame: pair.background, ..*pair }, COLORS, unmatched, settings);
+        judge.judge(pair, COLORS, unmatched, settings);
+        let mut everywhere = Difference::new(sigma_px);
+        let (width, height) = (pair.frame[0].width, pair.frame[0].height);
+        everywhere.begin(width);
+        let gains = ChannelGains::new(COLORS.0, COLORS.1);
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x as usize, y as usize))) {
+            let norm = gains.norm(&everywhere.tile(pair, x / TILE, y))[x % TILE];
+            let (differs, is_unmatched) = (norm > settings.delta as f32, unmatched.get(x, y));
+            let expected = match settings.mixture {
+                MixtureRule::Ignore => differs,
+                MixtureRule::Require => differs && is_unmatched,
+                MixtureRule::Add => differs || is_unmatched,
+            };
+            let place = format!("{:?} {sigma_px} px, {width} x {height}: {x} {y}", settings.mixture);
+            assert_eq!(judge.moving.get(x, y), expected, "{place}");
+        }
+    }
+
     #[test]
     fn tiles_left_out_hold_no_foreground() {
+        let rules = [MixtureRule::Ignore, MixtureRule::Require, MixtureRule::Add];
         for (width, height) in [(1, 1), (31, 7), (33, 40), (130, 61), (257, 19)] {
             let (frame, background) = (picture(width, height, 1), picture(width, height, 2));
             let pair = Pair { frame: planes(&frame), background: planes(&background) };
             let unmatched = verdicts(width, height, 3);
-            for rule in [MixtureRule::Ignore, MixtureRule::Require, MixtureRule::Add] {
-                for sigma_px in [0.0, 1.5, 12.0] {
-                    let settings =
-                        SegmentSettings { mixture: rule, shadow_darkest: 1.0, ..SegmentSettings::default() };
-                    let mut judge = Judge::new();
-                    judge.set_blur(sigma_px);
-                    // What another frame left must not show.
-                    judge.judge(&Pair { frame: pair.background, ..pair }, COLORS, &unmatched, &settings);
-                    judge.judge(&pair, COLORS, &unmatched, &settings);
-                    let mut everywhere = Difference::new(sigma_px);
-                    everywhere.begin(width);
-                    let gains = ChannelGains::new(COLORS.0, COLORS.1);
-                    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x as usize, y as usize)))
-                    {
-                        let norm = gains.norm(&everywhere.tile(&pair, x / TILE, y))[x % TILE];
-                        let (differs, is_unmatched) = (norm > settings.delta as f32, unmatched.get(x, y));
-                        let expected = match rule {
-                            MixtureRule::Ignore => differs,
-                            MixtureRule::Require => differs && is_unmatched,
-                            MixtureRule::Add => differs || is_unmatched,
-                        };
-                        let place = format!("{rule:?} {sigma_px} px, {width} x {height}: {x} {y}");
-                        assert_eq!(judge.moving.get(x, y), expected, "{place}");
-                    }
-                }
+            for (mixture, sigma_px) in
+                rules.into_iter().flat_map(|rule| [0.0, 1.5, 12.0].map(|px| (rule, px)))
+            {
+                let settings = SegmentSettings { mixture, shadow_darkest: 1.0, ..SegmentSettings::default() };
+                check_every_pixel(&pair, &unmatched, &settings, sigma_px);
             }
         }
     }

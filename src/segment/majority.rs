@@ -134,7 +134,7 @@ mod tests {
             let height = bits.len() / width;
             let mut of = BitMask::new(width as u32, height as u32);
             for (at, _) in bits[..width * height].iter().enumerate().filter(|(_, bit)| **bit) {
-                of.fill_run(at / width, at % width, at % width + 1, true);
+                of.set_run(at / width, at % width, at % width + 1);
             }
             let mut majority = Majority::default();
             // What was there before must not show.

@@ -3,7 +3,7 @@
 //! Bits flow in and out. Every stage is linear in the pixels that are not background, but for closing, which looks at
 //! the whole picture.
 
-use super::components::{Components, Connectivity, Piece};
+use super::components::{Components, Connectivity, Piece, Wanted};
 use crate::frame::{BitMask, WORD_PIXELS};
 
 /// A body's pixels misread as shadow are at most this share of the body's run above and below them; a shadow between
@@ -125,12 +125,12 @@ impl Column {
 /// Makes every hole of at most `max_hole_px` pixels that does not touch the picture's border moving.
 pub(super) fn fill_holes(moving: &mut BitMask, max_hole_px: u32, components: &mut Components) {
     let (width, height) = (moving.width() as u32, moving.height() as u32);
-    components.find(moving, false, Connectivity::Four);
+    components.find(moving, Wanted::Zeros, Connectivity::Four);
     for run in components.runs() {
         let hole = &components.pieces()[run.piece_idx as usize];
         let is_enclosed = hole.left > 0 && hole.top > 0 && hole.right < width && hole.bottom < height;
         if is_enclosed && hole.area_px <= max_hole_px {
-            moving.fill_run(run.y as usize, run.start as usize, run.end as usize, true);
+            moving.set_run(run.y as usize, run.start as usize, run.end as usize);
         }
     }
 }
@@ -228,7 +228,7 @@ mod tests {
             let mut mask = BitMask::new(rows[0].len() as u32, rows.len() as u32);
             for (y, row) in rows.iter().enumerate() {
                 for (x, _) in row.chars().enumerate().filter(|(_, drawn)| *drawn == letter) {
-                    mask.fill_run(y, x, x + 1, true);
+                    mask.set_run(y, x, x + 1);
                 }
             }
             mask
@@ -278,7 +278,7 @@ mod tests {
         let check = |picture: &str, expected: &str| {
             let (mut moving, mut shadow) = drawn(picture);
             let mut components = Components::default();
-            components.find(&moving, true, Connectivity::Eight);
+            components.find(&moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut moving, &mut shadow, components.pieces());
             assert_eq!(shown(&moving, &shadow), expected, "{picture}");
         };

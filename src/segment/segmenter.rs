@@ -1,7 +1,7 @@
 //! The order of the stages, and what they make: soft mask, labels, blobs.
 
 use super::blink::Blinking;
-use super::components::{Components, Connectivity, Piece, Run};
+use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::contour::contour;
 use super::difference::Pair;
 use super::enlarge::enlarge;
@@ -155,7 +155,7 @@ impl Segmenter {
         let factor = self.settings.resolution.factor();
         if self.settings.shadow_darkest < 1.0 || self.settings.highlight_brightest > 1.0 {
             restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
-            self.pieces.components.find(&self.moving, true, Connectivity::Eight);
+            self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
         }
         let close_radius_px = (self.settings.close_radius_px + factor / 2) / factor;
@@ -183,7 +183,7 @@ impl Segmenter {
                 && !(self.settings.suppress_blinking && blinking.is_blinking(runs.iter()));
             if !is_kept {
                 for run in runs {
-                    self.moving.fill_run(run.y as usize, run.start as usize, run.end as usize, false);
+                    self.moving.clear_run(run.y as usize, run.start as usize, run.end as usize);
                 }
                 self.pieces.is_kept[piece_idx] = false;
             }
@@ -209,7 +209,7 @@ pub(super) struct Pieces {
 impl Pieces {
     /// Finds the pieces of `moving`; all are kept at first.
     pub(super) fn find(&mut self, moving: &BitMask) {
-        self.components.find(moving, true, Connectivity::Eight);
+        self.components.find(moving, Wanted::Ones, Connectivity::Eight);
         let (n_pieces, runs) = (self.components.pieces().len(), self.components.runs());
         self.is_kept.clear();
         self.is_kept.resize(n_pieces, true);
@@ -386,7 +386,7 @@ mod tests {
 
     fn all(width: u32, height: u32) -> BitMask {
         let mut bits = BitMask::new(width, height);
-        (0..height as usize).for_each(|y| bits.fill_run(y, 0, width as usize, true));
+        (0..height as usize).for_each(|y| bits.set_run(y, 0, width as usize));
         bits
     }
 
@@ -522,10 +522,10 @@ mod tests {
         let background = picture(60, 40, &[]);
         let mut unmatched = BitMask::new(60, 40);
         for y in 10..30 {
-            unmatched.fill_run(y, 15, 40, true);
+            unmatched.set_run(y, 15, 40);
         }
         // A lone verdict has no majority around it.
-        unmatched.fill_run(5, 50, 51, true);
+        unmatched.set_run(5, 50, 51);
         let columns = |mixture| {
             let settings = SegmentSettings { mixture, ..sharp() };
             let found = Segmenter::new(&settings).segment(&frame, planes(&background), &unmatched, 0.1);

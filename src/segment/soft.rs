@@ -57,6 +57,7 @@ fn soften_all<S: Simd>(_simd: S, moving: &BitMask, shadow: &BitMask, judge: &Jud
 }
 
 /// Sixteenths of every pixel's neighbourhood that are moving.
+#[expect(clippy::needless_range_loop, reason = "a plain loop over lanes is what becomes vectors")]
 #[inline(always)]
 fn covered(rows: [&[u32]; 3], word: usize) -> [u8; TILE] {
     let mut out = [0_u8; TILE];

@@ -1,6 +1,6 @@
 //! How a place moves along one axis: a constant-velocity Kalman filter.
 //!
-//! [BLK01] Bar-Shalom, Li and Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, section
+//! `[BLK01]` Bar-Shalom, Li and Kirubarajan 2001, Estimation with Applications to Tracking and Navigation, section
 //! 6.2.2: the discretised continuous white-noise acceleration model. Both axes move independently, so each has a
 //! filter of two states. The filter is the library's; tracks keep only its numbers, and one filter serves them all.
 

@@ -2,7 +2,7 @@
 
 use crate::support::real_data;
 use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings};
+use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings, TrackSettings};
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline};
 
@@ -18,7 +18,10 @@ fn restart_in_the_middle_of_a_clip_changes_no_mask() {
         number: frame.number,
         image: frame.image,
     });
-    let new = || Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default());
+    // Tracks begin anew after a restart, and with them what is held from learning: without that, nothing differs.
+    let track = TrackSettings { absorb_after_secs: 0.0, ..TrackSettings::default() };
+    let new =
+        || Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default()).with_track(&track);
     let mut unbroken = new();
     for frame in frames.by_ref().take(150) {
         unbroken.process(frame);

@@ -1,5 +1,7 @@
 //! Who stands, what is left behind and what is taken away: through a camera's whole pipeline.
 
+#![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
+
 use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::config::{BackgroundSettings, SegmentSettings, TrackSettings};

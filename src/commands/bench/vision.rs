@@ -26,6 +26,13 @@ pub(super) struct Vision {
     runs: u32,
 }
 
+/// What is done with a clip.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Work {
+    Decoding,
+    DecodingAndVision,
+}
+
 /// CPU time of one run for each frame, milliseconds.
 struct Run {
     n_frames: u64,
@@ -40,8 +47,8 @@ impl Vision {
             (Vec::new(), Vec::new(), vec![Vec::new(); Stage::ALL.len()]);
         let mut n_frames = 0;
         for _ in 0..self.runs {
-            let decoded = self.play(false)?;
-            let seen = self.play(true)?;
+            let decoded = self.play(Work::Decoding)?;
+            let seen = self.play(Work::DecodingAndVision)?;
             decoding.push(decoded.cpu_ms);
             vision.push(seen.cpu_ms - decoded.cpu_ms);
             for (all, one) in stages.iter_mut().zip(seen.stages_ms) {
@@ -66,7 +73,7 @@ impl Vision {
     }
 
     /// Plays the clip once, as fast as it goes.
-    fn play(&self, is_looked_at: bool) -> Result<Run> {
+    fn play(&self, work: Work) -> Result<Run> {
         let source = SourceSettings {
             path: self.input.clone(),
             timing: None,
@@ -81,7 +88,7 @@ impl Vision {
         let mut run = Run { n_frames: 0, cpu_ms: 0.0, stages_ms: [0.0; Stage::ALL.len()] };
         while let Some(next) = frames.next_frame()? {
             run.n_frames += 1;
-            if !is_looked_at {
+            if work == Work::Decoding {
                 continue;
             }
             let timestamp = Timestamp::from_nanos(next.stream_nanos);

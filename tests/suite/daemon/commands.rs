@@ -136,7 +136,10 @@ fn masks_and_blobs_are_written(folder: &Path) {
     refused(&["--delta", "nan"], 1, "--delta");
     refused(&["--delta", "5"], 1, "--delta");
     refused(&["--delta", "-1"], 1, "--delta");
-    refused(&["--min-area-px", "0"], 1, "--min-area-px");
+    refused(&["--min-area-px", "2000000000"], 1, "--min-area-px");
+    refused(&["--set", "segment.dleta=0.1"], 1, "dleta");
+    refused(&["--set", "segment.delta=7"], 1, "--delta");
+    refused(&["--set", "delta"], 1, "KEY=VALUE");
     refused(&["--rate-hz", "0"], 1, "--rate-hz");
     refused(&["--rate-hz", "inf"], 1, "--rate-hz");
     refused(&["--frames", "0"], 2, "--frames");
