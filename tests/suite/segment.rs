@@ -98,8 +98,8 @@ fn people_on_a_campus_are_met_by_the_defaults_better_than_by_a_mixture_and_a_med
     }
     assert_eq!(n_boxes, 1873);
     let (of_boxes, of_blobs) = (n_met_in_all as f64 / n_boxes as f64, n_met_in_all as f64 / n_blobs as f64);
-    assert!(of_boxes >= 0.85, "{of_boxes:.3} of the boxes met");
-    assert!(of_blobs >= 0.91, "{of_blobs:.3} of the blobs meet a box");
+    assert!(of_boxes >= 0.89, "{of_boxes:.3} of the boxes met");
+    assert!(of_blobs >= 0.94, "{of_blobs:.3} of the blobs meet a box");
 }
 
 #[test]
