@@ -1010,6 +1010,33 @@ mod tests {
         assert_eq!(fresh.n_frames(), 0);
     }
 
+    /// A squared distance of c^2 s exactly is no match, one code less is: in the fast form as in its twin.
+    #[test]
+    fn a_value_exactly_at_the_match_distance_does_not_match() {
+        // Steps of 62.5 / 32000 = 2^-9 hold the floor of 4 exactly: c^2 s = 9 * 4 = 6^2, without rounding anywhere.
+        let settings = BackgroundSettings {
+            match_threshold: 9.0,
+            variance_min: 4.0,
+            variance_max: 62.5,
+            ..BackgroundSettings::default()
+        };
+        for (width, height) in [(1, 1), (7680, 3)] {
+            let mut fast = GaussianMixture::new(&settings, format(width, height));
+            let mut twin = ReferenceMixture::new(&settings, format(width, height));
+            for _ in 0..400 {
+                fast.update(&filled(width, height, [100, 128, 128]), 3600.0).unwrap();
+                twin.update(&filled(width, height, [100, 128, 128]), 3600.0).unwrap();
+            }
+            for (luma, expected) in [(100, 0.0), (105, 0.0), (95, 0.0), (106, 1.0), (94, 1.0), (107, 1.0)] {
+                let image = filled(width, height, [luma, 128, 128]);
+                fast.classify(&image).unwrap();
+                twin.classify(&image).unwrap();
+                assert_eq!(share(&fast.foreground()), expected, "{luma}, {width} x {height}");
+                assert_eq!(share(twin.foreground()), expected, "twin: {luma}, {width} x {height}");
+            }
+        }
+    }
+
     /// Pictures of which most tiles repeat those before them, as a codec's do: leaving those out changes next to nothing.
     #[test]
     fn repeated_pixels_are_left_out_and_learned_all_the_same() {
