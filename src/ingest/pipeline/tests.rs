@@ -1,0 +1,213 @@
+//! A camera's way from frames to observations: clips, sizes, restarts.
+
+use super::*;
+use crate::config::Resolution;
+use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
+
+/// Frame `number` of a noisy floor over which a box walks from the fourth frame on, at ten frames a second.
+fn frame(width: u32, height: u32, number: u64) -> Frame {
+    let layout = YuvLayout::packed(width, height);
+    let mut data: Vec<u8> = (0..YuvLayout::packed_len(width, height) as u64)
+        .map(|i| {
+            let hash = (i ^ number.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let is_luma = i < layout.offsets[1] as u64;
+            126 + (hash >> if is_luma { 61 } else { 62 }) as u8
+        })
+        .collect();
+    let left = (number as u32 * 3) % (width - 12);
+    for y in (height / 4..height / 4 + 24).filter(|_| number > 3) {
+        data[(y * width + left) as usize..][..12].fill(30);
+    }
+    let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    Frame {
+        camera: CameraId::new("cam").unwrap(),
+        timestamp: Timestamp::from_nanos(1_700_000_000_000_000_000 + number as i64 * 100_000_000),
+        number,
+        image: Arc::new(image),
+    }
+}
+
+fn settings() -> (BackgroundSettings, SegmentSettings) {
+    let segment = SegmentSettings { min_area_px: 40, ..SegmentSettings::default() };
+    (BackgroundSettings::default(), segment)
+}
+
+fn pipeline() -> Pipeline {
+    let (background, segment) = settings();
+    Pipeline::new(&background, &segment)
+}
+
+fn assert_same(a: &Observation, b: &Observation) {
+    assert!(a.labels == b.labels && a.soft_mask == b.soft_mask && a.blobs == b.blobs);
+}
+
+#[test]
+fn walker_is_found_and_the_floor_is_the_background() {
+    let mut pipeline = pipeline();
+    let last = (0..60).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+    assert_eq!(last.blobs.len(), 1, "{:?}", last.blobs);
+    let rect = last.blobs[0].rect;
+    assert!(rect.x.abs_diff(59 * 3 % 84) <= 2 && rect.width.abs_diff(12) <= 4, "{rect:?}");
+    assert_eq!(last.tracks.iter().map(|track| track.blob_idx).collect::<Vec<_>>(), [Some(0)]);
+    assert!(last.background.plane(0).row(20).iter().all(|luma| luma.abs_diff(129) <= 4));
+    assert_eq!(last.frame.number, 59);
+}
+
+#[test]
+fn a_reduced_resolution_finds_nearly_what_the_full_one_finds() {
+    let (background, segment) = settings();
+    let at = |resolution| {
+        let segment = SegmentSettings { resolution, ..segment.clone() };
+        let mut pipeline = Pipeline::new(&background, &segment);
+        let last = (0..60).map(|number| pipeline.process(frame(98, 66, number))).last().unwrap();
+        assert_eq!((last.labels.width, last.labels.height), (98, 66), "{resolution:?}");
+        assert_eq!((last.soft_mask.width, last.soft_mask.height), (98, 66), "{resolution:?}");
+        assert_eq!(last.blobs.len(), 1, "{resolution:?}: {:?}", last.blobs);
+        let model = pipeline.current().unwrap().0;
+        assert_eq!((model.width, model.height), pipeline.model_size_px(98, 66));
+        last
+    };
+    let full = at(Resolution::Full);
+    for (resolution, least_overlap) in [(Resolution::Half, 0.75), (Resolution::Quarter, 0.5)] {
+        let reduced = at(resolution);
+        let (mut both, mut either) = (0, 0);
+        for (a, b) in full.labels.data.iter().zip(&reduced.labels.data) {
+            both += u32::from(*a == 255 && *b == 255);
+            either += u32::from(*a == 255 || *b == 255);
+        }
+        let overlap = f64::from(both) / f64::from(either);
+        assert!(overlap >= least_overlap && overlap < 1.0, "{resolution:?}: {overlap}");
+        let foot = |of: &Observation| of.blobs[0].foot_in_image;
+        for (a, b) in foot(&full).into_iter().zip(foot(&reduced)) {
+            assert!((a - b).abs() <= f64::from(resolution.factor()) + 1.0, "{resolution:?}");
+        }
+        assert_eq!(reduced.background.width(), 98_u32.div_ceil(resolution.factor()));
+    }
+}
+
+#[test]
+fn restart_in_the_middle_changes_no_bit_of_any_mask() {
+    // Tracks begin anew after a restart, and with them what is held from learning: without that, nothing differs.
+    let track = TrackSettings { absorb_after_secs: 0.0, ..TrackSettings::default() };
+    let pipeline = || pipeline().with_track(&track);
+    let mut unbroken = pipeline();
+    for number in 0..40 {
+        unbroken.process(frame(96, 64, number));
+    }
+    let mut restarted = pipeline();
+    restarted.restore(&unbroken.checkpoint().unwrap()).unwrap();
+    for number in 40..80 {
+        let [a, b] = [&mut unbroken, &mut restarted].map(|one| one.process(frame(96, 64, number)));
+        assert_same(&a, &b);
+        assert!(!a.blobs.is_empty());
+    }
+    assert_eq!(unbroken.checkpoint(), restarted.checkpoint());
+}
+
+#[test]
+fn background_picture_is_shared_for_a_second_of_scene_time() {
+    let mut pipeline = pipeline();
+    let seen: Vec<_> = (0..25).map(|number| pipeline.process(frame(96, 64, number)).background).collect();
+    assert!(Arc::ptr_eq(&seen[0], &seen[9]) && Arc::ptr_eq(&seen[10], &seen[19]));
+    assert!(!Arc::ptr_eq(&seen[9], &seen[10]) && !Arc::ptr_eq(&seen[19], &seen[20]));
+}
+
+#[test]
+fn held_background_stays_as_the_clip_left_it() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let mut held = Pipeline::new(&background, &segment);
+    assert!(!held.has_learned_clip());
+    let empty = YuvImage::filled(96, 64, [127, 127, 127], ColorMatrix::Bt601, ColorRange::Limited);
+    for _ in 0..20 {
+        held.learn(&empty, 0.04);
+    }
+    assert!(held.has_learned_clip());
+    let before = held.current.as_ref().unwrap().mixture.n_frames();
+    let mut pictures = Vec::new();
+    for _ in 0..200 {
+        let observation = held.process(frame(96, 64, 5));
+        assert_eq!(observation.blobs.len(), 1);
+        pictures.push(observation.background);
+    }
+    assert_eq!(held.current.as_ref().unwrap().mixture.n_frames(), before);
+    assert!(pictures.iter().all(|picture| Arc::ptr_eq(picture, &pictures[0])));
+    let mut restored = Pipeline::new(&background, &segment);
+    restored.restore(&held.checkpoint().unwrap()).unwrap();
+    assert!(restored.has_learned_clip());
+    assert_same(&restored.process(frame(96, 64, 6)), &held.process(frame(96, 64, 6)));
+}
+
+#[test]
+fn clip_of_another_size_leaves_the_stream_to_adapt() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let mut pipeline = Pipeline::new(&background, &segment);
+    let other = YuvImage::filled(48, 32, [10, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+    pipeline.learn(&other, 0.04);
+    let last = (0..30).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+    assert_eq!(last.blobs.len(), 1);
+}
+
+#[test]
+fn size_that_comes_back_finds_what_was_learned_even_after_a_restart() {
+    let mut one = pipeline();
+    for number in 0..30 {
+        one.process(frame(96, 64, number));
+    }
+    for number in 30..33 {
+        let observation = one.process(frame(64, 96, number));
+        assert_eq!((observation.labels.width, observation.background.width()), (64, 64));
+    }
+    let mut two = pipeline();
+    two.restore(&one.checkpoint().unwrap()).unwrap();
+    for pipeline in [&mut one, &mut two] {
+        let observation = pipeline.process(frame(96, 64, 33));
+        assert_eq!(observation.blobs.len(), 1, "known at once, not begun anew");
+    }
+    assert_same(&one.process(frame(64, 96, 34)), &two.process(frame(64, 96, 34)));
+    // However often the size changes, memory stays bounded.
+    for size in 40..60 {
+        one.process(frame(size, 64, 100));
+    }
+    assert_eq!(one.aside.len(), MAX_ASIDE);
+}
+
+#[test]
+fn time_that_stands_still_or_runs_back_is_survived() {
+    let mut pipeline = pipeline();
+    for number in [5, 5, 3, 0, 1000, 999] {
+        pipeline.process(frame(96, 64, number));
+    }
+    let mut last = frame(96, 64, 7);
+    for nanos in [i64::MAX, i64::MIN, 0] {
+        last.timestamp = Timestamp::from_nanos(nanos);
+        pipeline.process(last.clone());
+    }
+}
+
+#[test]
+fn bytes_that_are_no_checkpoint_change_nothing() {
+    let mut one = pipeline();
+    assert_eq!(one.checkpoint(), None);
+    for number in 0..10 {
+        one.process(frame(96, 64, number));
+    }
+    let good = one.checkpoint().unwrap();
+    let mut other_version = good.clone();
+    other_version[4] = 2;
+    let mut other_flags = good.clone();
+    other_flags[MAGIC.len()] = 4;
+    let mut endless = good.clone();
+    endless[MAGIC.len() + 1..MAGIC.len() + 9].fill(0xff);
+    let cut = good[..good.len() - 1].to_vec();
+    let longer = [good.clone(), vec![1]].concat();
+    let often = [&good[..], &good[5..], &good[5..], &good[5..]].concat();
+    for bytes in
+        [vec![], b"vfpl".to_vec(), MAGIC.to_vec(), other_version, other_flags, endless, cut, longer, often]
+    {
+        assert!(one.restore(&bytes).is_err());
+    }
+    assert_eq!(one.checkpoint().unwrap(), good);
+    one.restore(&good).unwrap();
+}
