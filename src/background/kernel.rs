@@ -17,7 +17,7 @@
 
 use super::pixel::Parameters;
 use super::tile::{
-    MEAN_STEPS, REST_STEPS, TILE, TileBits, TileGaussians, TileMode, TileRest, TileSamples, VARIANCE_STEPS,
+    MEAN_STEPS, REST_STEPS, TILE, TileGaussians, TileMode, TileRest, TileSamples, VARIANCE_STEPS,
 };
 use fearless_simd::prelude::*;
 
@@ -35,14 +35,14 @@ pub(super) struct Step {
     /// 0 up to but not including 1.
     pub(super) dither: f32,
     /// c^2 s of a stored variance 1, in steps squared.
-    match_limit: f32,
-    chroma_scale_squared: f32,
+    pub(super) match_limit: f32,
+    pub(super) chroma_scale_squared: f32,
     /// Of a squared distance in steps squared, a stored variance.
-    observed_from_distance: f32,
-    variance_init: f32,
-    variance_min: f32,
-    variance_max: f32,
-    background_ratio: f32,
+    pub(super) observed_from_distance: f32,
+    pub(super) variance_init: f32,
+    pub(super) variance_min: f32,
+    pub(super) variance_max: f32,
+    pub(super) background_ratio: f32,
 }
 
 impl Step {
@@ -77,13 +77,13 @@ pub(super) fn initial_variance(parameters: &Parameters) -> i16 {
 
 /// One mode of as many pixels as a vector has lanes.
 #[derive(Clone, Copy)]
-struct Lanes<S: Simd> {
-    means: [S::f32s; 3],
-    variances: S::f32s,
+pub(super) struct Lanes<S: Simd> {
+    pub(super) means: [S::f32s; 3],
+    pub(super) variances: S::f32s,
 }
 
 /// As many pixels as a vector of 16-bit numbers has lanes: two vectors of f32.
-const HALVES: usize = 2;
+pub(super) const HALVES: usize = 2;
 
 #[inline(always)]
 fn load<S: Simd>(simd: S, values: &[i16; TILE], at: usize) -> [S::f32s; HALVES] {
@@ -109,7 +109,7 @@ fn floor<S: Simd>(simd: S, value: S::f32s) -> S::f32s {
 
 impl TileGaussians {
     #[inline(always)]
-    fn load<S: Simd>(&self, simd: S, at: usize) -> [Lanes<S>; HALVES] {
+    pub(super) fn load<S: Simd>(&self, simd: S, at: usize) -> [Lanes<S>; HALVES] {
         let y = load(simd, &self.means[0], at);
         let u = load(simd, &self.means[1], at);
         let v = load(simd, &self.means[2], at);
@@ -121,7 +121,7 @@ impl TileGaussians {
     }
 
     #[inline(always)]
-    fn store<S: Simd>(&mut self, at: usize, [low, high]: [Lanes<S>; HALVES]) {
+    pub(super) fn store<S: Simd>(&mut self, at: usize, [low, high]: [Lanes<S>; HALVES]) {
         for channel in 0..3 {
             store::<S>(&mut self.means[channel], at, [low.means[channel], high.means[channel]]);
         }
@@ -131,7 +131,7 @@ impl TileGaussians {
 
 /// Y, U, V of some pixels: two vectors each.
 #[inline(always)]
-fn load_samples<S: Simd>(simd: S, samples: &TileSamples, at: usize) -> [[S::f32s; 3]; HALVES] {
+pub(super) fn load_samples<S: Simd>(simd: S, samples: &TileSamples, at: usize) -> [[S::f32s; 3]; HALVES] {
     let y = load(simd, &samples[0], at);
     let u = load(simd, &samples[1], at);
     let v = load(simd, &samples[2], at);
@@ -162,7 +162,7 @@ fn squared_distance<S: Simd>(y: S::f32s, u: S::f32s, v: S::f32s, step: &Step) ->
 
 impl<S: Simd> Lanes<S> {
     #[inline(always)]
-    fn squared_distance(&self, sample: [S::f32s; 3], step: &Step) -> S::f32s {
+    pub(super) fn squared_distance(&self, sample: [S::f32s; 3], step: &Step) -> S::f32s {
         let y = sample[0] - self.means[0];
         let u = sample[1] - self.means[1];
         let v = sample[2] - self.means[2];
@@ -172,7 +172,14 @@ impl<S: Simd> Lanes<S> {
     /// Moves towards a sample at this squared distance by a share of the way, rounded down after the dither was
     /// added to the step, not to the sum: steps are far smaller than sums can show.
     #[inline(always)]
-    fn learned(self, simd: S, sample: [S::f32s; 3], distance: S::f32s, share: S::f32s, step: &Step) -> Self {
+    pub(super) fn learned(
+        self,
+        simd: S,
+        sample: [S::f32s; 3],
+        distance: S::f32s,
+        share: S::f32s,
+        step: &Step,
+    ) -> Self {
         let observed = distance * step.observed_from_distance;
         let by = floor(simd, share * (observed - self.variances) + step.dither);
         let least = S::f32s::splat(simd, step.variance_min);
@@ -188,7 +195,7 @@ impl<S: Simd> Lanes<S> {
     }
 
     #[inline(always)]
-    fn select(mask: S::mask32s, yes: Self, no: Self) -> Self {
+    pub(super) fn select(mask: S::mask32s, yes: Self, no: Self) -> Self {
         Self {
             means: [
                 mask.select(yes.means[0], no.means[0]),
@@ -281,44 +288,6 @@ fn move_means<S: Simd>(
     (mean + low.saturating_narrow(high)).store_slice(&mut means[at..end]);
 }
 
-/// Judges every pixel of a tile by all of its modes and, if `LEARN`, learns; if `HOLD`, only those whose bit is not in
-/// `held`. `B` is `K` - 2, or 0 below that: modes beyond the second are not touched where none of some neighbouring
-/// pixels needs them.
-#[inline(always)]
-pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, const HOLD: bool>(
-    simd: S,
-    first: &mut TileGaussians,
-    others: &mut [TileMode],
-    tile: &TileSamples,
-    step: &Step,
-    held: TileBits,
-) -> TileBits {
-    let mut unmatched = 0;
-    for at in (0..TILE).step_by(S::i16s::LEN) {
-        let sample = load_samples(simd, tile, at);
-        if B > 0 && !HOLD {
-            let mut pixels = load_pixels::<S, 2, B>(simd, first, others, at);
-            let found = find_both(simd, &pixels, &sample, step);
-            if found[0].is_matched.all_true() && found[1].is_matched.all_true() {
-                unmatched |= unmatched_bits(&found) << at;
-                if LEARN {
-                    learn_both::<S, 2, B, HOLD>(simd, &mut pixels, &sample, &found, held >> at, step);
-                    store_pixels(first, others, at, &pixels);
-                }
-                continue;
-            }
-        }
-        let mut pixels = load_pixels::<S, K, 0>(simd, first, others, at);
-        let found = find_both(simd, &pixels, &sample, step);
-        unmatched |= unmatched_bits(&found) << at;
-        if LEARN {
-            learn_both::<S, K, 0, HOLD>(simd, &mut pixels, &sample, &found, held >> at, step);
-            store_pixels(first, others, at, &pixels);
-        }
-    }
-    unmatched
-}
-
 impl TileRest {
     /// The weights outside of the first modes.
     #[inline(always)]
@@ -346,261 +315,5 @@ impl TileRest {
             }
         }
         rest
-    }
-}
-
-/// The first `K` modes of some pixels, with the weights of `B` more.
-#[derive(Clone, Copy)]
-struct Pixels<S: Simd, const K: usize, const B: usize> {
-    modes: [Lanes<S>; K],
-    /// Over the decay; the first is not used.
-    stored: [S::f32s; K],
-    beyond: [S::f32s; B],
-}
-
-/// Which mode a sample matched, each lane its own.
-#[derive(Clone, Copy)]
-struct Found<S: Simd, const K: usize> {
-    /// The matched mode; in no lane more than one.
-    matched: [S::mask32s; K],
-    is_matched: S::mask32s,
-    is_background: S::mask32s,
-    /// From the matched mode.
-    distance: S::f32s,
-    /// Of the matched mode, before this frame.
-    weight: S::f32s,
-}
-
-#[inline(always)]
-fn load_pixels<S: Simd, const K: usize, const B: usize>(
-    simd: S,
-    first: &TileGaussians,
-    others: &[TileMode],
-    at: usize,
-) -> [Pixels<S, K, B>; HALVES] {
-    let modes = first.load(simd, at);
-    let zero = S::f32s::splat(simd, 0.0);
-    let mut low = Pixels { modes: [modes[0]; K], stored: [zero; K], beyond: [zero; B] };
-    let mut high = Pixels { modes: [modes[1]; K], ..low };
-    for j in 1..K {
-        let mode = &others[j - 1];
-        let modes = mode.gaussians.load(simd, at);
-        (low.modes[j], high.modes[j]) = (modes[0], modes[1]);
-        (low.stored[j], high.stored[j]) = load_weights(simd, mode, at);
-    }
-    for j in 0..B {
-        (low.beyond[j], high.beyond[j]) = load_weights(simd, &others[K - 1 + j], at);
-    }
-    [low, high]
-}
-
-#[inline(always)]
-fn load_weights<S: Simd>(simd: S, mode: &TileMode, at: usize) -> (S::f32s, S::f32s) {
-    let middle = at + S::f32s::LEN;
-    (
-        S::f32s::from_slice(simd, &mode.weights[at..middle]),
-        S::f32s::from_slice(simd, &mode.weights[middle..middle + S::f32s::LEN]),
-    )
-}
-
-/// Writes back what was loaded.
-#[inline(always)]
-fn store_pixels<S: Simd, const K: usize, const B: usize>(
-    first: &mut TileGaussians,
-    others: &mut [TileMode],
-    at: usize,
-    halves: &[Pixels<S, K, B>; HALVES],
-) {
-    first.store(at, [halves[0].modes[0], halves[1].modes[0]]);
-    for j in 1..K {
-        let mode = &mut others[j - 1];
-        mode.gaussians.store(at, [halves[0].modes[j], halves[1].modes[j]]);
-        let middle = at + S::f32s::LEN;
-        halves[0].stored[j].store_slice(&mut mode.weights[at..middle]);
-        halves[1].stored[j].store_slice(&mut mode.weights[middle..middle + S::f32s::LEN]);
-    }
-}
-
-#[inline(always)]
-fn find_both<S: Simd, const K: usize, const B: usize>(
-    simd: S,
-    halves: &[Pixels<S, K, B>; HALVES],
-    sample: &[[S::f32s; 3]; HALVES],
-    step: &Step,
-) -> [Found<S, K>; HALVES] {
-    [halves[0].find(simd, sample[0], step), halves[1].find(simd, sample[1], step)]
-}
-
-#[inline(always)]
-fn learn_both<S: Simd, const K: usize, const B: usize, const HOLD: bool>(
-    simd: S,
-    halves: &mut [Pixels<S, K, B>; HALVES],
-    sample: &[[S::f32s; 3]; HALVES],
-    found: &[Found<S, K>; HALVES],
-    held: TileBits,
-    step: &Step,
-) {
-    halves[0].learn::<HOLD>(simd, sample[0], &found[0], held, step);
-    // The lanes of an AVX-512 vector fill a tile's bits by halves: none is shifted by all of them.
-    halves[1].learn::<HOLD>(simd, sample[1], &found[1], held >> S::f32s::LEN, step);
-}
-
-/// The bits of pixels that matched no background mode, the first in the lowest place.
-#[inline(always)]
-fn unmatched_bits<S: Simd, const K: usize>(found: &[Found<S, K>; HALVES]) -> TileBits {
-    let low = (!found[0].is_background).to_bitmask() as TileBits;
-    let high = (!found[1].is_background).to_bitmask() as TileBits;
-    low | high << S::f32s::LEN
-}
-
-impl<S: Simd, const K: usize, const B: usize> Pixels<S, K, B> {
-    /// What the other modes leave of 1.
-    #[inline(always)]
-    fn first_weight(&self, simd: S, decay: f32) -> S::f32s {
-        let mut rest = S::f32s::splat(simd, 0.0);
-        for j in 1..K {
-            rest += self.stored[j];
-        }
-        for j in 0..B {
-            rest += self.beyond[j];
-        }
-        S::f32s::splat(simd, 1.0) - rest * decay
-    }
-
-    /// The first mode that the sample matches, and whether it is background: those before it have no more weight
-    /// than the background's share.
-    #[inline(always)]
-    fn find(&self, simd: S, sample: [S::f32s; 3], step: &Step) -> Found<S, K> {
-        let nothing = S::mask32s::splat(simd, false);
-        let zero = S::f32s::splat(simd, 0.0);
-        let ratio = S::f32s::splat(simd, step.background_ratio);
-        let mut found = Found::<S, K> {
-            matched: [nothing; K],
-            is_matched: nothing,
-            is_background: nothing,
-            distance: zero,
-            weight: zero,
-        };
-        let mut weight_before = zero;
-        for j in 0..K {
-            let mode = &self.modes[j];
-            let distance = mode.squared_distance(sample, step);
-            let is_near = distance.simd_lt(mode.variances * step.match_limit);
-            let exists = if j == 0 { !nothing } else { self.stored[j].simd_gt(zero) };
-            let is_first = is_near & exists & !found.is_matched;
-            let weight = if j == 0 {
-                self.first_weight(simd, step.decay_before)
-            } else {
-                self.stored[j] * step.decay_before
-            };
-            found.matched[j] = is_first;
-            found.is_matched |= is_first;
-            found.distance = is_first.select(distance, found.distance);
-            found.weight = is_first.select(weight, found.weight);
-            found.is_background |= is_first & weight_before.simd_le(ratio);
-            weight_before += weight;
-        }
-        found
-    }
-
-    /// Learns the sample; if `HOLD`, in every lane whose bit is not in `held`.
-    #[inline(always)]
-    fn learn<const HOLD: bool>(
-        &mut self,
-        simd: S,
-        sample: [S::f32s; 3],
-        found: &Found<S, K>,
-        held: TileBits,
-        step: &Step,
-    ) {
-        if !HOLD {
-            self.learn_all(simd, sample, found, step);
-            return;
-        }
-        let before = *self;
-        self.learn_all(simd, sample, found, step);
-        let held = S::mask32s::from_bitmask(simd, u64::from(held));
-        let over_keep = 1.0 / (1.0 - step.rate);
-        for j in 0..K {
-            self.modes[j] = Lanes::select(held, before.modes[j], self.modes[j]);
-            // What is held keeps its weights too: they are stored over the decay, which has gone on.
-            self.stored[j] = held.select(before.stored[j] * over_keep, self.stored[j]);
-        }
-    }
-
-    /// Learns the sample. What this does to a lane depends on that lane alone, however many modes were loaded: modes
-    /// that it does not touch keep their bits.
-    #[inline(always)]
-    fn learn_all(&mut self, simd: S, sample: [S::f32s; 3], found: &Found<S, K>, step: &Step) {
-        let zero = S::f32s::splat(simd, 0.0);
-        let one = S::f32s::splat(simd, 1.0);
-        let rate = S::f32s::splat(simd, step.rate);
-        let keep = 1.0 - step.rate;
-        let over_decay = 1.0 / step.decay;
-
-        // One update, of whichever mode matched: the lanes of all modes are gathered first.
-        let mut mode = self.modes[0];
-        for j in 1..K {
-            mode = Lanes::select(found.matched[j], self.modes[j], mode);
-        }
-        let share = rate / (found.weight * keep + rate);
-        let learned = mode.learned(simd, sample, found.distance, share, step);
-
-        let is_new = !found.is_matched;
-        if K == 1 {
-            // The only mode follows slowly what it does not match; its variance stays.
-            let followed = mode.learned(simd, sample, found.distance, rate, step);
-            let followed = Lanes { variances: mode.variances, ..followed };
-            self.modes[0] = Lanes::select(is_new, followed, learned);
-        } else {
-            self.modes[0] = Lanes::select(found.matched[0], learned, self.modes[0]);
-            for j in 1..K {
-                self.modes[j] = Lanes::select(found.matched[j], learned, self.modes[j]);
-                self.stored[j] += found.matched[j].select(rate * over_decay, zero);
-            }
-            if B == 0 {
-                // The weakest gives way to what matched nothing, and the others share what it leaves.
-                let new = Lanes { means: sample, variances: S::f32s::splat(simd, step.variance_init) };
-                self.modes[K - 1] = Lanes::select(is_new, new, self.modes[K - 1]);
-                let sum = is_new.select(one - self.stored[K - 1] * step.decay, one);
-                self.stored[K - 1] = is_new.select(rate * over_decay, self.stored[K - 1]);
-                for j in 1..K {
-                    self.stored[j] /= sum;
-                }
-            }
-            let is_far = if K > 2 { !(found.matched[0] | found.matched[1]) } else { is_new };
-            self.sort(simd, is_far, step);
-        }
-    }
-
-    /// Bubbles every lane's modes into the order of w / sqrt(s), greatest first; beyond the first two only where
-    /// `is_far`.
-    #[inline(always)]
-    fn sort(&mut self, simd: S, is_far: S::mask32s, step: &Step) {
-        let over_decay = 1.0 / step.decay;
-        let mut first_weight = self.first_weight(simd, step.decay);
-        for end in (1..K).rev() {
-            for j in 0..end {
-                let weight = if j == 0 { first_weight } else { self.stored[j] * step.decay };
-                let next_weight = self.stored[j + 1] * step.decay;
-                let mode = self.modes[j];
-                let next = self.modes[j + 1];
-                // Compared without root or division.
-                let mut is_after =
-                    (next_weight * next_weight * mode.variances).simd_gt(weight * weight * next.variances);
-                if j == 0 {
-                    let stored = self.stored[1];
-                    self.stored[1] = is_after.select(first_weight * over_decay, stored);
-                    first_weight = is_after.select(next_weight, first_weight);
-                } else {
-                    is_after &= is_far;
-                    let stored = self.stored[j];
-                    self.stored[j] = is_after.select(self.stored[j + 1], stored);
-                    self.stored[j + 1] = is_after.select(stored, self.stored[j + 1]);
-                }
-                self.modes[j] = Lanes::select(is_after, next, mode);
-                self.modes[j + 1] = Lanes::select(is_after, mode, next);
-            }
-        }
     }
 }

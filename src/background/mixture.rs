@@ -3,7 +3,7 @@
 //! Chroma is read at its own resolution: the three channels of a luma pixel are its Y and the U and V of the 2 x 2
 //! block that it lies in. The background picture's chroma is the mean of the block's four first modes.
 
-use super::kernel::{Step, initial_variance, learn_settled, matches_first, visit};
+use super::kernel::{Step, initial_variance, learn_settled, matches_first};
 use super::pace::Pace;
 use super::pixel::{Parameters, WEIGHT_FLOOR};
 use super::rows::BandRows;
@@ -11,6 +11,7 @@ use super::tile::{
     TILE, TileBits, TileGaussians, TileMode, TileRest, TileSamples, paint_chroma, paint_luma, stage_chroma,
     stage_luma,
 };
+use super::visit::visit;
 use super::{BackgroundError, Format, Update};
 use crate::config::BackgroundSettings;
 use crate::frame::{BitMask, Mask, Plane, YuvImage, YuvLayout};
@@ -202,18 +203,7 @@ impl GaussianMixture {
     /// creep after a few frames.
     #[must_use]
     pub fn background_planes(&self) -> [Plane<'_>; 3] {
-        let plane = |index: usize, width, height| Plane {
-            data: &self.background[self.layout.offsets[index]..],
-            stride: self.layout.strides[index],
-            width,
-            height,
-        };
-        let (chroma_width, chroma_height) = (self.layout.chroma_width(), self.layout.chroma_height());
-        [
-            plane(0, self.layout.width, self.layout.height),
-            plane(1, chroma_width, chroma_height),
-            plane(2, chroma_width, chroma_height),
-        ]
+        [0, 1, 2].map(|index| self.layout.plane(&self.background, index))
     }
 
     /// A copy of the background picture, to be shared.

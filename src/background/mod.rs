@@ -6,7 +6,7 @@
 //!
 //! Two forms of it: [`GaussianMixture`], compact and vectorised, is the one in use; [`ReferenceMixture`], scalar, in f32
 //! and readable, is what it is held to. Inside: one pixel's formulas (`pixel`), how fast to learn (`pace`, `light`), the
-//! fast form's inner loop (`kernel`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
+//! fast form's inner loop (`kernel`, `visit`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
 //!
 //! `[SG99]` Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
 //! `[Z04]` Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
@@ -21,6 +21,7 @@ mod pixel;
 mod reference;
 mod rows;
 mod tile;
+mod visit;
 
 pub use mixture::{GaussianMixture, Hints, simd_levels};
 pub use reference::ReferenceMixture;

@@ -96,18 +96,7 @@ impl ReferenceMixture {
     /// Y, U and V of the background picture: the mean of every pixel's first mode, rounded.
     #[must_use]
     pub fn background_planes(&self) -> [Plane<'_>; 3] {
-        let plane = |index: usize, width, height| Plane {
-            data: &self.background[self.layout.offsets[index]..],
-            stride: self.layout.strides[index],
-            width,
-            height,
-        };
-        let (chroma_width, chroma_height) = (self.layout.chroma_width(), self.layout.chroma_height());
-        [
-            plane(0, self.layout.width, self.layout.height),
-            plane(1, chroma_width, chroma_height),
-            plane(2, chroma_width, chroma_height),
-        ]
+        [0, 1, 2].map(|index| self.layout.plane(&self.background, index))
     }
 
     /// A copy of the background picture, to be shared.

@@ -33,6 +33,16 @@ impl YuvLayout {
         w * h + 2 * w.div_ceil(2) * h.div_ceil(2)
     }
 
+    /// Plane 0 (Y), 1 (U) or 2 (V) of a picture's bytes.
+    ///
+    /// # Panics
+    /// When `data` ends before the plane begins.
+    #[must_use]
+    pub fn plane<'a>(&self, data: &'a [u8], index: usize) -> Plane<'a> {
+        let (width, height) = plane_size(self, index);
+        Plane { data: &data[self.offsets[index]..], stride: self.strides[index], width, height }
+    }
+
     /// Columns of the chroma planes: half the luma plane's, rounded up.
     #[must_use]
     pub const fn chroma_width(&self) -> u32 {
@@ -247,9 +257,7 @@ impl YuvImage {
     /// When `index` is above 2.
     #[must_use]
     pub fn plane(&self, index: usize) -> Plane<'_> {
-        let (width, height) = plane_size(&self.layout, index);
-        let data = &(*self.data).as_ref()[self.layout.offsets[index]..];
-        Plane { data, stride: self.layout.strides[index], width, height }
+        self.layout.plane((*self.data).as_ref(), index)
     }
 
     /// Bytes that the picture keeps alive, padding included.
