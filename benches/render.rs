@@ -65,6 +65,7 @@ fn state(n_cameras: u32) -> SceneState {
         box_materials: vec![Material { color_srgb: [170, 150, 130] }; boxes.len()],
         surfaces: Surfaces { ground: vec![ground], boxes },
         sky_srgb: [120, 160, 210],
+        min_entity_size_m: 0.0,
         cameras: Vec::new(),
         view: None,
         document: Arc::from("{}"),

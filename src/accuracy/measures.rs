@@ -41,9 +41,24 @@ impl MaskScore {
         is_found: impl Fn(u8) -> bool,
         is_true: impl Fn(u8) -> bool,
     ) {
+        self.add_scored(found, truth, is_found, |truth| Some(is_true(truth)));
+    }
+
+    /// As [`Self::add`]; where `is_true` does not tell, nothing is scored.
+    ///
+    /// # Panics
+    /// When the sizes differ.
+    pub fn add_scored(
+        &mut self,
+        found: &Mask,
+        truth: &Mask,
+        is_found: impl Fn(u8) -> bool,
+        is_true: impl Fn(u8) -> Option<bool>,
+    ) {
         assert_eq!((found.width, found.height), (truth.width, truth.height), "masks of one size are scored");
         for (found, truth) in found.data.iter().zip(&truth.data) {
-            match (is_found(*found), is_true(*truth)) {
+            let Some(is_true) = is_true(*truth) else { continue };
+            match (is_found(*found), is_true) {
                 (true, true) => self.true_positives += 1,
                 (true, false) => self.false_positives += 1,
                 (false, true) => self.false_negatives += 1,

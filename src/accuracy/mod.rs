@@ -37,7 +37,9 @@ pub use map::{MAX_MAP_CAMERAS, MapRun};
 pub use measures::{
     MaskScore, Mean, NO_OWNER, Pooled, add_flicker, add_seam_energy, dilated, distance_figures, silhouette,
 };
-pub use report::{REPORT_VERSION, Report, ReportError, StageReport, SubjectReport};
+pub use report::{
+    Figure, Point, REPORT_VERSION, Report, ReportError, Series, StageReport, SubjectReport, figure_page,
+};
 pub use segmentation::SegmentationRun;
 pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
 pub use subject::{Scope, Subject, SubjectCamera, SubjectView, owners};

@@ -17,8 +17,10 @@
 
 use super::pixel::Parameters;
 use super::tile::{
-    MEAN_STEPS, REST_STEPS, TILE, TileGaussians, TileMode, TileRest, TileSamples, VARIANCE_STEPS,
+    BOTH_HALVES, HALF_TILE, Halves, MEAN_STEPS, REST_STEPS, TILE, TileGaussians, TileMode, TileRest,
+    TileSamples, VARIANCE_STEPS,
 };
+use fearless_simd::Level;
 use fearless_simd::prelude::*;
 
 /// Less weight than this outside of a tile's first modes does not count in how fast these learn.
@@ -82,7 +84,7 @@ pub(super) struct Lanes<S: Simd> {
     pub(super) variances: S::f32s,
 }
 
-/// As many pixels as a vector of 16-bit numbers has lanes: two vectors of f32.
+/// A vector of 16-bit numbers becomes so many of f32.
 pub(super) const HALVES: usize = 2;
 
 #[inline(always)]
@@ -98,13 +100,25 @@ fn store<S: Simd>(values: &mut [i16; TILE], at: usize, [low, high]: [S::f32s; HA
     low.saturating_narrow(high).store_slice(&mut values[at..at + S::i16s::LEN]);
 }
 
-/// The greatest whole number that is not above. SSE2 has no instruction for it, so none is used.
+/// The greatest whole number that is not above; exact, so the same on all instruction sets.
 #[inline(always)]
 fn floor<S: Simd>(simd: S, value: S::f32s) -> S::f32s {
+    if has_floor(simd) {
+        return value.floor();
+    }
     let towards_zero: S::i32s = value.to_int();
     let towards_zero: S::f32s = towards_zero.to_float();
     let step = towards_zero.simd_gt(value).select(S::f32s::splat(simd, 1.0), S::f32s::splat(simd, 0.0));
     towards_zero - step
+}
+
+/// Whether there is an instruction to round down. What the compiler knows of `S` answers it, and no code is left of it.
+#[inline(always)]
+fn has_floor<S: Simd>(simd: S) -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return !matches!(simd.level(), Level::Sse2(_));
+    #[cfg(not(target_arch = "x86_64"))]
+    return true;
 }
 
 impl TileGaussians {
@@ -207,14 +221,15 @@ impl<S: Simd> Lanes<S> {
     }
 }
 
-/// Whether every pixel of a tile matches its first mode.
+/// The halves of a tile in which some pixel does not match its first mode.
 #[inline(always)]
-pub(super) fn matches_first<S: Simd>(
+pub(super) fn unsettled_halves<S: Simd>(
     simd: S,
     first: &TileGaussians,
     tile: &TileSamples,
     step: &Step,
-) -> bool {
+) -> Halves {
+    let mut halves = 0;
     for at in (0..TILE).step_by(S::i16s::LEN) {
         let y = differences(simd, first, tile, 0, at);
         let u = differences(simd, first, tile, 1, at);
@@ -222,15 +237,14 @@ pub(super) fn matches_first<S: Simd>(
         let variances = load(simd, &first.variances, at);
         for half in 0..HALVES {
             let distance = squared_distance::<S>(y[half], u[half], v[half], step);
-            if distance.simd_lt(variances[half] * step.match_limit).any_false() {
-                return false;
-            }
+            let is_far = distance.simd_lt(variances[half] * step.match_limit).any_false();
+            halves |= Halves::from(is_far) << ((at + half * S::f32s::LEN) / HALF_TILE);
         }
     }
-    true
+    halves
 }
 
-/// Learns a tile of which every pixel matches its first mode.
+/// Learns the pixels of these halves of a tile, all of which match their first modes.
 #[inline(always)]
 pub(super) fn learn_settled<S: Simd>(
     simd: S,
@@ -238,7 +252,15 @@ pub(super) fn learn_settled<S: Simd>(
     rest: &TileRest,
     tile: &TileSamples,
     step: &Step,
+    halves: Halves,
 ) {
+    if S::i16s::LEN > HALF_TILE && halves != BOTH_HALVES {
+        // One vector holds both: what the other half learned is taken back.
+        let before = first.clone();
+        learn_settled(simd, first, rest, tile, step, BOTH_HALVES);
+        first.take_half(&before, if halves == 1 { 1 } else { 0 });
+        return;
+    }
     let rate = step.rate;
     let least = S::f32s::splat(simd, step.variance_min);
     let greatest = S::f32s::splat(simd, step.variance_max);
@@ -246,6 +268,9 @@ pub(super) fn learn_settled<S: Simd>(
     let rates = S::f32s::splat(simd, rate);
     let is_alone = rest.step * REST_STEPS * step.decay_before <= SETTLED_REST;
     for at in (0..TILE).step_by(S::i16s::LEN) {
+        if halves >> (at / HALF_TILE) & 1 == 0 {
+            continue;
+        }
         let mut shares = [rates; HALVES];
         if !is_alone {
             let steps = load(simd, &rest.steps, at);

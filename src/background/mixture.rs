@@ -3,25 +3,22 @@
 //! Chroma is read at its own resolution: the three channels of a luma pixel are its Y and the U and V of the 2 x 2
 //! block that it lies in. The background picture's chroma is the mean of the block's four first modes.
 
-use super::kernel::{Step, initial_variance, learn_settled, matches_first};
+use super::band::{Band, Pass, Tally, begin_band, paint, run_band};
+use super::kernel::{Step, initial_variance};
 use super::pace::Pace;
 use super::pixel::{Parameters, WEIGHT_FLOOR};
 use super::rows::BandRows;
-use super::tile::{
-    TILE, TileBits, TileGaussians, TileMode, TileRest, TileSamples, paint_chroma, paint_luma, stage_chroma,
-    stage_luma,
-};
-use super::visit::visit;
+use super::tile::{TILE, TileGaussians, TileMode, TileRest, TileSamples, stage_tile};
 use super::{BackgroundError, Format, Update};
 use crate::config::BackgroundSettings;
 use crate::frame::{BitMask, Mask, Plane, YuvImage, YuvLayout};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::{Level, dispatch};
 use rayon::prelude::*;
 
 /// Row pairs that one thread takes at least: fewer would cost more to hand out than to do.
 const MIN_PAIRS: usize = 8;
 
-/// A tile that only ever matches its first mode learns in every so many frames, all of them at once ...
+/// What only ever matches its first mode learns in every so many frames, all of them at once ...
 const TURNS: u64 = 4;
 
 /// ... when a frame teaches no more than this, so that the order of those frames does not matter.
@@ -66,35 +63,6 @@ pub struct GaussianMixture {
     background: Vec<u8>,
 }
 
-/// Two rows of luma (one at the foot of an odd height) and their row of chroma.
-struct Band<'a> {
-    first: &'a mut [TileGaussians],
-    others: &'a mut [TileMode],
-    rests: &'a mut [TileRest],
-    unmatched: &'a mut [TileBits],
-    luma: &'a mut [u8],
-    u: &'a mut [u8],
-    v: &'a mut [u8],
-}
-
-/// What a pass came across.
-#[derive(Clone, Copy, Default)]
-struct Tally {
-    /// Pixels that matched no background mode.
-    n_foreground: u64,
-    /// Tiles that were visited in full.
-    n_visited: u64,
-}
-
-impl Tally {
-    const fn plus(self, other: Self) -> Self {
-        Self {
-            n_foreground: self.n_foreground + other.n_foreground,
-            n_visited: self.n_visited + other.n_visited,
-        }
-    }
-}
-
 /// What else is known of a frame that is learned.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hints<'a> {
@@ -103,21 +71,6 @@ pub struct Hints<'a> {
     /// The picture that was learned or judged last. Where a codec repeated its pixels to the bit, most of the work is
     /// left out: what was said of them still holds.
     pub previous: Option<&'a YuvImage>,
-}
-
-/// What all bands of one frame share.
-#[derive(Clone, Copy)]
-struct Pass<'a> {
-    step: Step,
-    /// What a tile learns whose turn it is and which has not changed.
-    turn_step: Step,
-    /// Every so many tiles have their turn in a frame.
-    n_turns: u64,
-    n_steps: u64,
-    /// Pixels that must not learn; a word is a tile.
-    held: Option<&'a BitMask>,
-    /// The frame before this one.
-    previous: Option<&'a YuvImage>,
 }
 
 impl GaussianMixture {
@@ -257,7 +210,7 @@ impl GaussianMixture {
         let foreground_share =
             tally.n_foreground as f64 / (f64::from(self.format.width) * f64::from(self.format.height));
         let n_tiles = self.tiles_per_row * self.format.height as usize;
-        let visited_share = tally.n_visited as f64 / n_tiles as f64;
+        let visited_share = 0.5 * tally.n_visited as f64 / n_tiles as f64;
         let light_changed = self.pace.end(foreground_share, step_secs);
         Ok(Update { learning_rate, foreground_share, visited_share, light_changed })
     }
@@ -492,117 +445,6 @@ fn dither(n_steps: u64) -> f32 {
     let fraction = (n_steps as u32).wrapping_mul(0x9e37_79b9);
     // 24 bits, so that it never rounds to 1.
     (fraction >> 8) as f32 / 16_777_216.0
-}
-
-#[inline(always)]
-fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
-    simd: S,
-    band: &mut Band<'_>,
-    rows: &BandRows<'_>,
-    before: Option<&BandRows<'_>>,
-    pair_idx: usize,
-    pass: &Pass<'_>,
-) -> Tally {
-    let width = rows.width();
-    let tiles_per_row = width.div_ceil(TILE);
-    let mut samples: TileSamples = [[0; TILE]; 3];
-    let mut tally = Tally::default();
-    for tile_idx in 0..tiles_per_row {
-        let has_turn = LEARN && (pass.n_steps + (pair_idx + tile_idx) as u64).is_multiple_of(pass.n_turns);
-        let n_pixels = (width - tile_idx * TILE).min(TILE);
-        let inside = TileBits::MAX >> (TILE - n_pixels);
-        let before = before.filter(|before| before.has_same_chroma(rows, tile_idx));
-        let mut has_chroma = false;
-        let mut is_visited = false;
-        for (row, luma) in rows.luma().enumerate() {
-            let idx = row * tiles_per_row + tile_idx;
-            // What a codec repeats was judged already, and learns when it has its turn.
-            let is_same = before.is_some_and(|before| before.has_same_luma(rows, row, tile_idx));
-            if is_same && !has_turn {
-                tally.n_foreground += u64::from(band.unmatched[idx].count_ones());
-                continue;
-            }
-            if !has_chroma {
-                stage_chroma(simd, rows, tile_idx, &mut samples);
-                has_chroma = true;
-            }
-            stage_luma(simd, luma, tile_idx, &mut samples);
-            let held = pass.held.map_or(0, |held| held.words()[2 * pair_idx * tiles_per_row + idx]);
-            let first = &mut band.first[idx];
-            let others = &mut band.others[(K - 1) * idx..(K - 1) * (idx + 1)];
-            let mut unmatched = 0;
-            if held == 0 && matches_first(simd, first, &samples, &pass.step) {
-                if has_turn {
-                    learn_settled(simd, first, &band.rests[idx], &samples, &pass.turn_step);
-                }
-            } else {
-                let step = if is_same { &pass.turn_step } else { &pass.step };
-                unmatched = match held {
-                    0 => visit::<S, K, B, LEARN, false>(simd, first, others, &samples, step, 0),
-                    held => visit::<S, K, B, LEARN, true>(simd, first, others, &samples, step, held),
-                };
-                unmatched &= inside;
-                if LEARN {
-                    band.rests[idx] = TileRest::of(simd, others);
-                }
-                is_visited = true;
-                tally.n_visited += 1;
-            }
-            tally.n_foreground += u64::from(unmatched.count_ones());
-            band.unmatched[idx] = unmatched;
-        }
-        if LEARN && (is_visited || has_turn) {
-            paint(simd, band, tile_idx, tiles_per_row, rows.n_luma());
-        }
-    }
-    tally
-}
-
-/// The samples of a tile of one row.
-#[inline(always)]
-fn stage_tile<S: Simd>(
-    simd: S,
-    rows: &BandRows<'_>,
-    luma: &[u8],
-    tile_idx: usize,
-    samples: &mut TileSamples,
-) {
-    stage_chroma(simd, rows, tile_idx, samples);
-    stage_luma(simd, luma, tile_idx, samples);
-}
-
-/// Writes the first modes' means of the tiles at one place in both rows of a band.
-#[inline(always)]
-fn paint<S: Simd>(simd: S, band: &mut Band<'_>, tile_idx: usize, tiles_per_row: usize, n_rows: usize) {
-    let width = band.luma.len() / n_rows;
-    let start = tile_idx * TILE;
-    let n_pixels = (width - start).min(TILE);
-    for row in 0..n_rows {
-        let luma = &mut band.luma[row * width + start..row * width + start + n_pixels];
-        paint_luma(simd, &band.first[row * tiles_per_row + tile_idx], luma);
-    }
-    let first = &band.first[tile_idx];
-    let second = (n_rows > 1).then(|| &band.first[tiles_per_row + tile_idx]);
-    let place = start / 2..start / 2 + n_pixels.div_ceil(2);
-    paint_chroma(simd, first, second, 1, &mut band.u[place.clone()]);
-    paint_chroma(simd, first, second, 2, &mut band.v[place]);
-}
-
-/// Takes the first frame's rows of a band: they are the background.
-#[inline(always)]
-fn begin_band<S: Simd>(simd: S, band: &mut Band<'_>, rows: &BandRows<'_>, variance: i16) {
-    let tiles_per_row = rows.width().div_ceil(TILE);
-    let mut samples: TileSamples = [[0; TILE]; 3];
-    for tile_idx in 0..tiles_per_row {
-        stage_chroma(simd, rows, tile_idx, &mut samples);
-        for (row, luma) in rows.luma().enumerate() {
-            stage_luma(simd, luma, tile_idx, &mut samples);
-            let first = &mut band.first[row * tiles_per_row + tile_idx];
-            first.variances.fill(variance);
-            first.means = samples;
-        }
-        paint(simd, band, tile_idx, tiles_per_row, rows.n_luma());
-    }
 }
 
 #[cfg(test)]

@@ -6,12 +6,13 @@
 //!
 //! Two forms of it: [`GaussianMixture`], compact and vectorised, is the one in use; [`ReferenceMixture`], scalar, in f32
 //! and readable, is what it is held to. Inside: one pixel's formulas (`pixel`), how fast to learn (`pace`, `light`), the
-//! fast form's inner loop (`kernel`, `visit`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
+//! fast form's inner loop (`band`, `kernel`, `visit`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
 //!
 //! `[SG99]` Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
 //! `[Z04]` Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
 //! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 1 to 3.
 
+mod band;
 mod checkpoint;
 mod kernel;
 mod light;
@@ -22,6 +23,9 @@ mod reference;
 mod rows;
 mod tile;
 mod visit;
+
+#[cfg(test)]
+mod pictures;
 
 pub use mixture::{GaussianMixture, Hints, simd_levels};
 pub use reference::ReferenceMixture;

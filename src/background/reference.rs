@@ -246,15 +246,8 @@ fn rounded(mean: f32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::background::pictures::{filled, format, padded_with_a_light_pixel, share};
     use crate::frame::{ColorMatrix, ColorRange};
-
-    fn format(width: u32, height: u32) -> Format {
-        Format { width, height, matrix: ColorMatrix::Bt601, range: ColorRange::Limited }
-    }
-
-    fn filled(width: u32, height: u32, yuv: [u8; 3]) -> YuvImage {
-        YuvImage::filled(width, height, yuv, ColorMatrix::Bt601, ColorRange::Limited)
-    }
 
     /// A picture whose every sample is a hash of its place and `seed`, around `level`.
     fn noisy(width: u32, height: u32, level: u8, seed: u32) -> YuvImage {
@@ -270,10 +263,6 @@ mod tests {
 
     fn model(width: u32, height: u32) -> ReferenceMixture {
         ReferenceMixture::new(&BackgroundSettings::default(), format(width, height))
-    }
-
-    fn share(mask: &Mask) -> f64 {
-        mask.data.iter().filter(|value| **value == 255).count() as f64 / mask.data.len() as f64
     }
 
     #[test]
@@ -301,16 +290,7 @@ mod tests {
         for _ in 0..50 {
             model.update(&filled(16, 8, [100, 128, 128]), 0.1).unwrap();
         }
-        let layout = YuvLayout { strides: [20, 12, 12], offsets: [3, 170, 230], width: 16, height: 8 };
-        let mut data = vec![255; 300];
-        for (plane, (width, height)) in [(16, 8), (8, 4), (8, 4)].into_iter().enumerate() {
-            for y in 0..height {
-                let start = layout.offsets[plane] + y * layout.strides[plane];
-                data[start..start + width].fill(if plane == 0 { 100 } else { 128 });
-            }
-        }
-        data[layout.offsets[0] + 2 * 20 + 5] = 200;
-        let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+        let image = padded_with_a_light_pixel();
         let update = model.update(&image, 0.1).unwrap();
         assert_eq!(model.foreground().get(5, 2), 255);
         assert_eq!(update.foreground_share, 1.0 / 128.0);

@@ -4,10 +4,18 @@
 
 use super::rows::BandRows;
 use fearless_simd::prelude::*;
-use fearless_simd::{i16x8, i32x4, u8x16};
+use fearless_simd::{i16x8, i16x32, i32x4, u8x16, u8x32};
 
 /// Pixels of a tile, in one row.
 pub(super) const TILE: usize = 32;
+
+/// Pixels of which all are visited if one needs it.
+pub(super) const HALF_TILE: usize = TILE / 2;
+
+/// A bit for each half of a tile, the first in the lowest place.
+pub(super) type Halves = u32;
+
+pub(super) const BOTH_HALVES: Halves = 3;
 
 /// Bits of a stored mean after its point.
 pub(super) const MEAN_BITS: u32 = 7;
@@ -33,6 +41,15 @@ pub(super) struct TileGaussians {
 
 impl TileGaussians {
     pub(super) const EMPTY: Self = Self { means: [[0; TILE]; 3], variances: [1; TILE] };
+
+    /// Takes half 0 or half 1 from another.
+    pub(super) fn take_half(&mut self, other: &Self, half: usize) {
+        let place = half * HALF_TILE..(half + 1) * HALF_TILE;
+        for (means, others) in self.means.iter_mut().zip(&other.means) {
+            means[place.clone()].copy_from_slice(&others[place.clone()]);
+        }
+        self.variances[place.clone()].copy_from_slice(&other.variances[place]);
+    }
 }
 
 /// A mode other than the first: 12 bytes a pixel.
@@ -67,14 +84,40 @@ impl TileRest {
 /// Y, U, V of a tile's pixels in steps of a mean.
 pub(super) type TileSamples = [[i16; TILE]; 3];
 
+/// The pixels of the first half.
+const HALF_BITS: TileBits = (1 << HALF_TILE) - 1;
+
+/// The pixels of some halves.
+#[inline(always)]
+pub(super) const fn bits_of(halves: Halves) -> TileBits {
+    ((halves & 1) * HALF_BITS) | ((halves >> 1) * (HALF_BITS << HALF_TILE))
+}
+
+/// The halves that have any of these pixels.
+#[inline(always)]
+pub(super) const fn halves_of(bits: TileBits) -> Halves {
+    (bits & HALF_BITS != 0) as Halves | ((bits >> HALF_TILE != 0) as Halves) << 1
+}
+
+/// The samples of a tile of one row.
+#[inline(always)]
+pub(super) fn stage_tile<S: Simd>(
+    simd: S,
+    rows: &BandRows<'_>,
+    luma: &[u8],
+    tile_idx: usize,
+    samples: &mut TileSamples,
+) {
+    stage_chroma(simd, rows, tile_idx, samples);
+    stage_luma(simd, luma, tile_idx, samples);
+}
+
 /// The luma of a tile, its last pixel repeated beyond the border.
 #[inline(always)]
 pub(super) fn stage_luma<S: Simd>(simd: S, row: &[u8], tile_idx: usize, samples: &mut TileSamples) {
     let row = &row[tile_idx * TILE..];
     if let Some(row) = row.first_chunk::<TILE>() {
-        for at in (0..TILE).step_by(16) {
-            widened(u8x16::from_slice(simd, &row[at..at + 16]), &mut samples[0][at..at + 16]);
-        }
+        stage(u8x32::from_slice(simd, row), &mut samples[0]);
     } else {
         for (x, sample) in samples[0].iter_mut().enumerate() {
             *sample = i16::from(row[x.min(row.len() - 1)]) << MEAN_BITS;
@@ -94,8 +137,7 @@ pub(super) fn stage_chroma<S: Simd>(
         let row = &row[tile_idx * (TILE / 2)..];
         if let Some(row) = row.first_chunk::<{ TILE / 2 }>() {
             let codes = u8x16::from_slice(simd, row);
-            widened(codes.zip_low(codes), &mut samples[channel][..16]);
-            widened(codes.zip_high(codes), &mut samples[channel][16..]);
+            stage(codes.zip_low(codes).combine(codes.zip_high(codes)), &mut samples[channel]);
         } else {
             for (x, sample) in samples[channel].iter_mut().enumerate() {
                 *sample = i16::from(row[(x / 2).min(row.len() - 1)]) << MEAN_BITS;
@@ -104,14 +146,12 @@ pub(super) fn stage_chroma<S: Simd>(
     }
 }
 
-/// Codes in steps of a mean.
+/// Codes in steps of a mean; stored by vectors as wide as they are read, or the processor waits for the store.
 #[inline(always)]
-fn widened<S: Simd>(codes: u8x16<S>, out: &mut [i16]) {
+fn stage<S: Simd>(codes: u8x32<S>, out: &mut [i16; TILE]) {
     let (low, high) = codes.widen();
-    let low: i16x8<S> = (low << MEAN_BITS).bitcast();
-    let high: i16x8<S> = (high << MEAN_BITS).bitcast();
-    low.store_slice(&mut out[..8]);
-    high.store_slice(&mut out[8..16]);
+    let steps: i16x32<S> = (low.combine(high) << MEAN_BITS).bitcast();
+    steps.store_slice(out);
 }
 
 /// Means as codes, rounded: the luma of a tile.

@@ -5,31 +5,35 @@
 //! said there of closures and of equal bits holds here too.
 
 use super::kernel::{HALVES, Lanes, Step, load_samples};
-use super::tile::{TILE, TileBits, TileGaussians, TileMode, TileSamples};
+use super::tile::{HALF_TILE, Halves, TILE, TileBits, TileGaussians, TileMode, TileSamples};
 use fearless_simd::prelude::*;
 
-/// Judges every pixel of a tile by all of its modes and, if `LEARN`, learns; if `HOLD`, only those whose bit is not in
-/// `held`. `B` is `K` - 2, or 0 below that: modes beyond the second are not touched where none of some neighbouring
+/// Judges every pixel of these halves of a tile by all of its modes and, if `LEARN`, learns; if `SOME`, only those whose
+/// bits are not in `still`. Bits of the other half are 0, whose pixels match their first modes. `B` is `K` - 2, or 0 below that: modes beyond the second are not touched where none of some neighbouring
 /// pixels needs them.
 #[inline(always)]
-pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, const HOLD: bool>(
+pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, const SOME: bool>(
     simd: S,
     first: &mut TileGaussians,
     others: &mut [TileMode],
     tile: &TileSamples,
     step: &Step,
-    held: TileBits,
+    halves: Halves,
+    still: Still,
 ) -> TileBits {
     let mut unmatched = 0;
     for at in (0..TILE).step_by(S::i16s::LEN) {
+        if S::i16s::LEN <= HALF_TILE && halves >> (at / HALF_TILE) & 1 == 0 {
+            continue;
+        }
         let sample = load_samples(simd, tile, at);
-        if B > 0 && !HOLD {
+        if B > 0 && !SOME {
             let mut pixels = load_pixels::<S, 2, B>(simd, first, others, at);
             let found = find_both(simd, &pixels, &sample, step);
             if found[0].is_matched.all_true() && found[1].is_matched.all_true() {
                 unmatched |= unmatched_bits(&found) << at;
                 if LEARN {
-                    learn_both::<S, 2, B, HOLD>(simd, &mut pixels, &sample, &found, held >> at, step);
+                    learn_both::<S, 2, B, SOME>(simd, &mut pixels, &sample, &found, still.from(at), step);
                     store_pixels(first, others, at, &pixels);
                 }
                 continue;
@@ -39,11 +43,29 @@ pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, 
         let found = find_both(simd, &pixels, &sample, step);
         unmatched |= unmatched_bits(&found) << at;
         if LEARN {
-            learn_both::<S, K, 0, HOLD>(simd, &mut pixels, &sample, &found, held >> at, step);
+            learn_both::<S, K, 0, SOME>(simd, &mut pixels, &sample, &found, still.from(at), step);
             store_pixels(first, others, at, &pixels);
         }
     }
     unmatched
+}
+
+/// Pixels that are judged and do not learn.
+#[derive(Clone, Copy)]
+pub(super) struct Still {
+    /// They must not.
+    pub(super) held: TileBits,
+    /// They match their first modes and learn when the tile has its turn; only where one vector holds both halves.
+    pub(super) settled: TileBits,
+}
+
+impl Still {
+    pub(super) const NONE: Self = Self { held: 0, settled: 0 };
+
+    #[inline(always)]
+    const fn from(self, lane: usize) -> Self {
+        Self { held: self.held >> lane, settled: self.settled >> lane }
+    }
 }
 
 /// The first `K` modes of some pixels, with the weights of `B` more.
@@ -129,17 +151,17 @@ fn find_both<S: Simd, const K: usize, const B: usize>(
 }
 
 #[inline(always)]
-fn learn_both<S: Simd, const K: usize, const B: usize, const HOLD: bool>(
+fn learn_both<S: Simd, const K: usize, const B: usize, const SOME: bool>(
     simd: S,
     halves: &mut [Pixels<S, K, B>; HALVES],
     sample: &[[S::f32s; 3]; HALVES],
     found: &[Found<S, K>; HALVES],
-    held: TileBits,
+    still: Still,
     step: &Step,
 ) {
-    halves[0].learn::<HOLD>(simd, sample[0], &found[0], held, step);
+    halves[0].learn::<SOME>(simd, sample[0], &found[0], still, step);
     // The lanes of an AVX-512 vector fill a tile's bits by halves: none is shifted by all of them.
-    halves[1].learn::<HOLD>(simd, sample[1], &found[1], held >> S::f32s::LEN, step);
+    halves[1].learn::<SOME>(simd, sample[1], &found[1], still.from(S::f32s::LEN), step);
 }
 
 /// The bits of pixels that matched no background mode, the first in the lowest place.
@@ -200,28 +222,31 @@ impl<S: Simd, const K: usize, const B: usize> Pixels<S, K, B> {
         found
     }
 
-    /// Learns the sample; if `HOLD`, in every lane whose bit is not in `held`.
+    /// Learns the sample; if `SOME`, in every lane whose bit is not in `still`.
     #[inline(always)]
-    fn learn<const HOLD: bool>(
+    fn learn<const SOME: bool>(
         &mut self,
         simd: S,
         sample: [S::f32s; 3],
         found: &Found<S, K>,
-        held: TileBits,
+        still: Still,
         step: &Step,
     ) {
-        if !HOLD {
+        if !SOME {
             self.learn_all(simd, sample, found, step);
             return;
         }
         let before = *self;
         self.learn_all(simd, sample, found, step);
-        let held = S::mask32s::from_bitmask(simd, u64::from(held));
+        let held = S::mask32s::from_bitmask(simd, u64::from(still.held));
+        let settled = S::mask32s::from_bitmask(simd, u64::from(still.settled));
         let over_keep = 1.0 / (1.0 - step.rate);
         for j in 0..K {
-            self.modes[j] = Lanes::select(held, before.modes[j], self.modes[j]);
-            // What is held keeps its weights too: they are stored over the decay, which has gone on.
-            self.stored[j] = held.select(before.stored[j] * over_keep, self.stored[j]);
+            self.modes[j] = Lanes::select(held | settled, before.modes[j], self.modes[j]);
+            // What is held keeps its weights too: they are stored over the decay, which has gone on. What is settled
+            // keeps what is stored.
+            let kept = held.select(before.stored[j] * over_keep, self.stored[j]);
+            self.stored[j] = settled.select(before.stored[j], kept);
         }
     }
 

@@ -8,6 +8,7 @@ pub(crate) mod bench;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
+mod given;
 pub(crate) mod progress;
 pub(crate) mod segment;
 pub(crate) mod serve;

@@ -1,21 +1,17 @@
 //! `segment`: what moves in a video, as masks, blobs and tracks, without a scene or a daemon.
 
-use anyhow::{Context, Result, anyhow, bail};
-use serde::Deserialize;
-use std::collections::BTreeMap;
+use super::given::{Tables, camera, pipeline};
+use anyhow::{Context, Result, bail};
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{
-    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, End, SegmentSettings,
-    Settings, SourceSettings, Timing, TrackSettings,
-};
+use videofields::config::{CameraSettings, End, SourceSettings, Timing};
 use videofields::encode;
-use videofields::frame::{CameraId, Frame};
-use videofields::ingest::{self, MediaRoots, Pipeline};
+use videofields::frame::Frame;
+use videofields::ingest::{self, MediaRoots};
 use videofields::segment::PixelRect;
 use videofields::timeline::{Event, Observation};
 
@@ -71,9 +67,7 @@ pub(crate) struct Segment {
 impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
         let settings = self.settings()?;
-        let mut pipeline = Pipeline::new(&settings.background, &settings.segment)
-            .with_track(&settings.track)
-            .with_condition(&settings.condition);
+        let mut pipeline = pipeline(&settings);
         let mut output = Output::open(self)?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
@@ -109,27 +103,6 @@ impl Segment {
         Ok(())
     }
 
-    /// What `--set` asks for.
-    fn given(&self) -> Result<Tables> {
-        let mut tables = Tables::new();
-        for set in &self.set {
-            let (key, value) =
-                set.split_once('=').with_context(|| format!("--set {set}: expected KEY=VALUE"))?;
-            let (section, key) = key
-                .trim()
-                .split_once('.')
-                .with_context(|| format!("--set {set}: expected a table and a key, such as segment.delta"))?;
-            // What is no number, truth value or list in TOML is text.
-            let value = match format!("value = {value}").parse::<toml::Table>() {
-                Ok(mut parsed) => parsed.remove("value"),
-                Err(_) => Some(Value::String(value.trim().to_owned())),
-            };
-            let table = tables.entry(section.to_owned()).or_default();
-            table.extend(value.map(|value| (key.to_owned(), value)));
-        }
-        Ok(tables)
-    }
-
     /// The flags as a camera's settings, held to the same ranges.
     fn settings(&self) -> Result<CameraSettings> {
         let source = SourceSettings {
@@ -139,7 +112,7 @@ impl Segment {
             end: End::Stop,
             start: None,
         };
-        let mut given = self.given()?;
+        let mut given = Tables::of_flags(self.set.iter().map(String::as_str))?;
         for (section, key, value) in [
             ("background", "clip", self.background.as_ref().map(|clip| clip.display().to_string().into())),
             ("background", "learning", self.hold.then(|| "hold".into())),
@@ -147,63 +120,11 @@ impl Segment {
             ("segment", "min_area_px", self.min_area_px.map(|px| i64::from(px).into())),
         ] {
             if let Some(value) = value {
-                given.entry(section.to_owned()).or_default().entry(key.to_owned()).or_insert(value);
+                given.give(section, key, value);
             }
         }
-        let Given { background, segment, track, condition } = Given::from(given)?;
-        let camera = CameraSettings {
-            id: CameraId::new("input")?,
-            name: String::new(),
-            source,
-            background,
-            segment,
-            track,
-            condition,
-        };
-        let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
-        match Config::from_settings(all, Path::new(".")) {
-            Ok(_) => Ok(camera),
-            Err(error) if error.faults().is_empty() => Err(error.into()),
-            Err(error) => {
-                let flags: Vec<String> = error.faults().iter().map(told).collect();
-                bail!("{}", flags.join("; "))
-            }
-        }
+        camera(given, source)
     }
-}
-
-/// A camera's tables by name, as in a configuration file.
-type Tables = BTreeMap<String, BTreeMap<String, Value>>;
-
-/// What flags can set of a camera.
-#[derive(Default, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-struct Given {
-    background: BackgroundSettings,
-    segment: SegmentSettings,
-    track: TrackSettings,
-    condition: ConditionSettings,
-}
-
-impl Given {
-    fn from(tables: Tables) -> Result<Self> {
-        let tables: toml::Table = tables
-            .into_iter()
-            .map(|(name, table)| (name, Value::Table(table.into_iter().collect())))
-            .collect();
-        tables.try_into().map_err(|error: toml::de::Error| anyhow!("--set: {}", error.message()))
-    }
-}
-
-/// A setting's fault as that of the flag which gave it.
-fn told(fault: &ConfigFault) -> String {
-    let key = fault.path.rsplit('.').next().unwrap_or_default();
-    let flag = match key {
-        "path" => "input".to_owned(),
-        "clip" => "background".to_owned(),
-        key => key.replace('_', "-"),
-    };
-    format!("--{flag}: {}", fault.message)
 }
 
 /// A rectangle as it is written: x, y, width, height.

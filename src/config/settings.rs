@@ -310,7 +310,7 @@ pub struct SegmentSettings {
     /// shadow, not foreground. 1 looks for no shadows. Default 0.5.
     pub shadow_darkest: f64,
     /// Chroma that a shadow may change, share of full scale, 0 to 0.5: outdoors the sky tints shadows. Default
-    /// 0.05.
+    /// 0.045.
     pub shadow_chroma: f64,
     /// A pixel that kept its chromaticity and has at most this many times its background's luma, 1 to 4, is lit by a
     /// highlight, not foreground. 1 (default) looks for none.
@@ -321,7 +321,8 @@ pub struct SegmentSettings {
     /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
     /// stands close together. Default 0.
     pub close_radius_px: u32,
-    /// Greatest hole in a blob that is filled, pixels, 0 (none) to 1e9. Default 64.
+    /// Greatest hole in a blob that is filled whatever is seen in it, pixels, 0 (none) to 1e9. Larger ones are filled where
+    /// most of their pixels differ by half of `delta`, if this is not 0. Default 64.
     pub max_hole_px: u32,
     /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. 0 (default) is a 1500th of the picture's
     /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720.
@@ -340,7 +341,7 @@ impl Default for SegmentSettings {
             blur_sigma_px: None,
             mixture: MixtureRule::Require,
             shadow_darkest: 0.5,
-            shadow_chroma: 0.05,
+            shadow_chroma: 0.045,
             highlight_brightest: 1.0,
             suppress_blinking: false,
             close_radius_px: 0,

@@ -40,6 +40,7 @@ pub fn assemble(
         .iter()
         .enumerate()
         .flat_map(|(camera_idx, camera)| billboard::sightings(camera_idx, camera, &scene.surfaces))
+        .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
         .collect();
     let points = point_stride.map_or_else(Vec::new, |stride| {
         let of = |sighting: &Sighting| {
@@ -116,6 +117,14 @@ pub struct Billboard {
     pub height_m: f64,
     /// Whether the foot may lie outside the picture, so that place and height are estimates.
     pub is_truncated: bool,
+}
+
+impl Billboard {
+    /// Whether it extends so far upwards or across, or is cut by the picture's border, so that there is no telling.
+    fn is_at_least(&self, size_m: f64) -> bool {
+        let [left, right] = self.left_right_m;
+        self.is_truncated || self.height_m.max(right - left) >= size_m
+    }
 }
 
 /// One foreground texel placed in the world.

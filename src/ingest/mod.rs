@@ -19,6 +19,7 @@ mod standing;
 mod status;
 mod stop;
 mod timed;
+mod unchanging;
 mod worker;
 
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};

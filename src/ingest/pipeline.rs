@@ -3,7 +3,7 @@
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
-use super::standing::{Seen, Standing};
+use super::standing::{SETTLED_SECS, Seen, Standing};
 use crate::background::{BackgroundError, Format, GaussianMixture, Hints};
 use crate::clock::Timestamp;
 use crate::condition::{Condition, ConditionKind, Conditions, Phase};
@@ -20,9 +20,6 @@ const MAX_ASIDE: usize = 2;
 
 /// Events that are kept until they are taken; what happens beyond that is lost.
 const MAX_EVENTS: usize = 64;
-
-/// A background learned for less than this does not know yet what belongs to the place, seconds.
-const SETTLED_SECS: f64 = 60.0;
 
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
@@ -209,7 +206,8 @@ impl Pipeline {
                 factor: self.factor,
                 luma: [image.plane(0), background[0]],
                 foreground_share,
-                is_settled: model.learned_secs >= SETTLED_SECS,
+                learned_secs: model.learned_secs,
+                min_area_px: self.segmenter.min_area_px((image.width(), image.height())),
                 blobs: &found.blobs,
                 tracks: &tracks,
                 moving: self.segmenter.moving(),
@@ -227,7 +225,11 @@ impl Pipeline {
             let event = Event::of_picture(frame.camera.clone(), change.time, kind);
             self.events.push(Event { is_end, ..event });
         }
-        self.events.truncate(MAX_EVENTS);
+        if self.events.len() > MAX_EVENTS {
+            let n_lost = self.events.len() - MAX_EVENTS;
+            tracing::warn!(camera = %frame.camera, n_lost, "more events than are kept: the newest are lost");
+            self.events.truncate(MAX_EVENTS);
+        }
         done(Stage::Track);
         let mixture = &model.mixture;
         // A held background never ages.

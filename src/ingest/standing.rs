@@ -6,10 +6,11 @@
 //! Told from what moves: a track that once moved by its own size came by itself; one that never did was put there, or it
 //! shows where something was taken from. Which of the two, its outline tells (`segment::outline_of`).
 
+use super::unchanging::Unchanging;
 use crate::clock::Timestamp;
 use crate::config::TrackSettings;
 use crate::frame::{BitMask, CameraId, Plane};
-use crate::segment::{Blob, OutlineOf, PixelRect, dilate, outline_of};
+use crate::segment::{Blob, GapFinder, OutlineOf, PixelRect, dilate, outline_of};
 use crate::timeline::{Event, EventKind};
 use crate::track::Track;
 use std::collections::BTreeMap;
@@ -19,6 +20,15 @@ const DECIDE_SECS: f64 = 3.0;
 
 /// How often the outline of what stands is looked at.
 const LOOK_SECS: f64 = 2.0;
+
+/// In a background's first minute what goes away was in the first pictures, and never part of the place.
+pub(super) const SETTLED_SECS: f64 = 60.0;
+
+/// A background that has been learned for less than this knows little: what it shows is given up at the first sign.
+const NEW_SECS: f64 = 10.0;
+
+/// As [`DECIDE_SECS`] and [`LOOK_SECS`] while the background is new.
+const NEW_DECIDE_SECS: f64 = 1.0;
 
 /// A blob larger than this share of the picture is no thing that stands: light, a camera that turned, a curtain.
 const GREATEST_SHARE: f64 = 0.25;
@@ -46,6 +56,14 @@ pub(super) struct Standing {
     settings: TrackSettings,
     known: BTreeMap<u64, Known>,
     held: BitMask,
+    /// Under what moves or is not decided, while `held` is gathered.
+    passed: BitMask,
+    /// Was held under a thing that stands, and is foreground since.
+    kept: BitMask,
+    unchanging: Unchanging,
+    gap_finder: GapFinder,
+    /// The gaps among them at the last look.
+    gaps: BitMask,
     certain: BitMask,
     scratch: BitMask,
 }
@@ -61,8 +79,10 @@ pub(super) struct Seen<'a> {
     /// Luma of the frame and of its background, in the model's size.
     pub(super) luma: [Plane<'a>; 2],
     pub(super) foreground_share: f64,
-    /// Whether the background has been learned for long enough to know what belongs there.
-    pub(super) is_settled: bool,
+    /// For how long the background has been learned.
+    pub(super) learned_secs: f64,
+    /// Least area of a blob in the model's size, pixels.
+    pub(super) min_area_px: u32,
     pub(super) blobs: &'a [Blob],
     pub(super) tracks: &'a [Track],
     /// The moving pixels, in the model's size.
@@ -70,6 +90,19 @@ pub(super) struct Seen<'a> {
 }
 
 impl Seen<'_> {
+    const fn is_new(&self) -> bool {
+        self.learned_secs < NEW_SECS
+    }
+
+    /// For how long what appears is watched before it is decided what it is.
+    const fn decide_secs(&self) -> f64 {
+        if self.is_new() { NEW_DECIDE_SECS } else { DECIDE_SECS }
+    }
+
+    const fn look_secs(&self) -> f64 {
+        if self.is_new() { NEW_DECIDE_SECS } else { LOOK_SECS }
+    }
+
     /// For how long a track has stood.
     fn still_secs(&self, track: &Track) -> f64 {
         track.still_since.map_or(0.0, |since| self.time.secs_since(since))
@@ -78,7 +111,7 @@ impl Seen<'_> {
     /// Whether all that share a blob stand: else its outline is partly that of what moves.
     fn is_still(&self, blob_idx: Option<u32>) -> bool {
         let mut sharing = self.tracks.iter().filter(|track| track.blob_idx == blob_idx);
-        sharing.all(|track| self.still_secs(track) >= DECIDE_SECS)
+        sharing.all(|track| self.still_secs(track) >= self.decide_secs())
     }
 }
 
@@ -88,6 +121,11 @@ impl Standing {
             settings: settings.clone(),
             known: BTreeMap::new(),
             held: BitMask::default(),
+            passed: BitMask::default(),
+            kept: BitMask::default(),
+            unchanging: Unchanging::default(),
+            gap_finder: GapFinder::default(),
+            gaps: BitMask::default(),
             certain: BitMask::default(),
             scratch: BitMask::default(),
         }
@@ -97,6 +135,9 @@ impl Standing {
     pub(super) fn reset(&mut self) {
         self.known.clear();
         self.held.reset(0, 0);
+        self.kept.reset(0, 0);
+        self.unchanging = Unchanging::default();
+        self.gaps.reset(0, 0);
     }
 
     /// The pixels that the next frame must not teach; none where the mask is empty or of another size.
@@ -107,8 +148,9 @@ impl Standing {
     /// Looks at a frame. Events are given to `tell`; the answer is the pixels whose background is what is seen, if there
     /// are any.
     pub(super) fn observe(&mut self, seen: &Seen<'_>, mut tell: impl FnMut(Event)) -> Option<&BitMask> {
-        self.held.reset(seen.moving.width(), seen.moving.height());
-        self.certain.reset(seen.moving.width(), seen.moving.height());
+        for mask in [&mut self.held, &mut self.passed, &mut self.certain] {
+            mask.reset(seen.moving.width(), seen.moving.height());
+        }
         self.known.retain(|id, _| seen.tracks.binary_search_by_key(id, |track| track.id).is_ok());
         if self.settings.absorb_after_secs == 0.0 || seen.foreground_share > GREATEST_FOREGROUND {
             return None;
@@ -124,14 +166,16 @@ impl Standing {
             }
             let still_secs = seen.still_secs(track);
             let is_gap = known.look(seen, track, blob);
-            let is_undecided = seen.time.secs_since(track.first_seen) < DECIDE_SECS;
+            let is_undecided = seen.time.secs_since(track.first_seen) < seen.decide_secs();
             if is_gap {
                 mark(&mut self.certain, seen, &blob.rect);
                 has_certain = true;
-            } else if (known.is_thing() || known.is_moving() || is_undecided)
-                && still_secs < self.settings.absorb_after_secs
-            {
-                mark(&mut self.held, seen, &blob.rect);
+            } else if still_secs < self.settings.absorb_after_secs {
+                if known.is_thing() {
+                    mark(&mut self.held, seen, &blob.rect);
+                } else if known.is_moving() || is_undecided {
+                    mark(&mut self.passed, seen, &blob.rect);
+                }
             }
             let news = if is_gap {
                 (!known.has_moved && !known.is_told).then_some(EventKind::TakenAway)
@@ -139,7 +183,9 @@ impl Standing {
                 known.news(still_secs, self.settings.stop_after_secs)
             };
             // What was in the first pictures and went away was never part of the place.
-            if let Some(kind) = news.filter(|kind| *kind != EventKind::TakenAway || seen.is_settled) {
+            if let Some(kind) =
+                news.filter(|kind| *kind != EventKind::TakenAway || seen.learned_secs >= SETTLED_SECS)
+            {
                 known.is_told = true;
                 tell(Event {
                     camera: seen.camera.clone(),
@@ -152,9 +198,47 @@ impl Standing {
                 });
             }
         }
+        let has_looked = self.unchanging.observe(seen.time, seen.moving, seen.luma[0], seen.look_secs());
+        if has_looked {
+            has_certain |= self.look_at_unchanging(seen);
+        }
+        self.hold_passed(seen.moving);
         grow(&mut self.held, &mut self.scratch);
         grow(&mut self.certain, &mut self.scratch);
         has_certain.then_some(&self.certain)
+    }
+
+    /// Adds to what is held under things that stand what is under things that move, but for pixels that have not changed
+    /// for seconds: what moves has left them, and drags on its ghost, or the place that it hid when it was learned.
+    fn hold_passed(&mut self, moving: &BitMask) {
+        if self.kept.words().len() != self.held.words().len() {
+            self.kept.reset(moving.width(), moving.height());
+        }
+        let words = self.held.words_mut().iter_mut().zip(self.kept.words_mut());
+        let masks = self.passed.words().iter().zip(self.unchanging.bits().words()).zip(moving.words());
+        for ((held, kept), ((passed, unchanging), moving)) in words.zip(masks) {
+            *kept = (*kept | *held) & moving;
+            *held |= passed & (!unchanging | *kept);
+        }
+    }
+
+    /// Looks at the pieces that have not changed for seconds, whatever tracks they are under; whether the background of
+    /// some is certain now: those that were gaps at the last look too, or at once while the background is new.
+    fn look_at_unchanging(&mut self, seen: &Seen<'_>) -> bool {
+        let [frame, background] = seen.luma;
+        let gaps = self.gap_finder.find(self.unchanging.bits(), frame, background, seen.min_area_px);
+        if self.gaps.words().len() != gaps.words().len() {
+            self.gaps.reset(gaps.width(), gaps.height());
+        }
+        let mut has_certain = false;
+        let words = self.certain.words_mut().iter_mut().zip(self.gaps.words_mut()).zip(gaps.words());
+        for ((certain, before), now) in words {
+            let sure = if seen.is_new() { *now } else { *now & *before };
+            *certain |= sure;
+            has_certain |= sure != 0;
+            *before = *now & !sure;
+        }
+        has_certain
     }
 }
 
@@ -174,8 +258,8 @@ impl Known {
     /// is forgotten at once, since its place becomes background and the track may go on with something else. Of a track
     /// that moved it takes a second look: what it followed has left, and it stays with what that had hidden.
     fn look(&mut self, seen: &Seen<'_>, track: &Track, blob: &Blob) -> bool {
-        let is_due = self.outline.is_none_or(|(_, looked)| seen.time.secs_since(looked) >= LOOK_SECS);
-        if seen.still_secs(track) < DECIDE_SECS {
+        let is_due = self.outline.is_none_or(|(_, looked)| seen.time.secs_since(looked) >= seen.look_secs());
+        if seen.still_secs(track) < seen.decide_secs() {
             self.outline = None;
             self.n_gaps = 0;
         } else if is_due && seen.is_still(track.blob_idx) {

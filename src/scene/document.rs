@@ -24,6 +24,8 @@ pub struct SceneDocument {
     pub ground: Vec<GroundDocument>,
     /// Upright boxes, at most 4096; ids are unique.
     pub boxes: Vec<BoxDocument>,
+    /// What is taken for something that stands in the scene.
+    pub entities: EntitiesDocument,
     /// The cameras that look at the scene, at most 256; ids are unique.
     pub cameras: Vec<SceneCameraDocument>,
     /// The view shown where a request names none. Default: all of the ground from the south and above.
@@ -37,6 +39,15 @@ impl SceneDocument {
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("every key is text and every number is finite")
     }
+}
+
+/// What is taken for something that stands in a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EntitiesDocument {
+    /// Least extent of an entity, upwards or across, metres at its place, 0 (default) to 10: birds, litter and leaves near
+    /// a camera are many pixels and small. What the picture's border cuts is not measured.
+    pub min_size_m: f64,
 }
 
 /// A place on the earth (WGS 84).

@@ -11,8 +11,8 @@ mod polygon;
 mod read;
 
 pub use document::{
-    BoxDocument, Color, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument,
-    SkyDocument, VERSION, ViewDocument,
+    BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
+    SceneCameraDocument, SceneDocument, SkyDocument, VERSION, ViewDocument,
 };
 pub use import::{load_file, no_imports};
 pub(crate) use json::tree as json_tree;
@@ -115,6 +115,8 @@ pub struct Scene {
     pub box_materials: Vec<Material>,
     /// Colour of the sky, 8-bit sRGB.
     pub sky_srgb: [u8; 3],
+    /// Least extent of an entity, upwards or across, metres.
+    pub min_entity_size_m: f64,
     /// The cameras that look at the scene.
     pub cameras: Vec<SceneCamera>,
     /// The view shown where a request names none.

@@ -1,8 +1,8 @@
 //! A document's tree -> the normalised document and the scene, or all of its faults.
 
 use super::document::{
-    BoxDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument, SceneDocument,
-    VERSION, ViewDocument,
+    BoxDocument, EntitiesDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument,
+    SceneDocument, VERSION, ViewDocument,
 };
 use super::polygon::{first_crossing, first_repeat};
 use super::{Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json};
@@ -67,6 +67,7 @@ fn read(
     let sky = fields.take("sky").and_then(|(value, place)| gatherer.read(value, &place)).unwrap_or_default();
     let ground = gatherer.list(fields.take("ground"), MAX_POLYGONS);
     let boxes = gatherer.list(fields.take("boxes"), MAX_BOXES);
+    let entities = fields.take("entities").and_then(|placed| entities(placed, gatherer)).unwrap_or_default();
     let cameras = gatherer.list(fields.take("cameras"), MAX_CAMERAS);
     let view = fields.take("view").and_then(|placed| view(placed, gatherer));
     fields.finish(gatherer);
@@ -90,6 +91,7 @@ fn read(
         sky,
         ground: ground_documents,
         boxes: box_documents,
+        entities,
         cameras: camera_documents,
         view,
     };
@@ -100,6 +102,7 @@ fn read(
         ground_materials,
         box_materials,
         sky_srgb: document.sky.color_srgb.0,
+        min_entity_size_m: entities.min_size_m,
         cameras,
         view: view.map(|view| SceneView {
             eye: DVec3::from_array(view.eye_m),
@@ -134,6 +137,12 @@ fn name((value, place): Placed, gatherer: &mut Gatherer) -> Option<String> {
         gatherer.fault(place, message);
     }
     Some(name)
+}
+
+fn entities((value, place): Placed, gatherer: &mut Gatherer) -> Option<EntitiesDocument> {
+    let entities: EntitiesDocument = gatherer.read(value, &place)?;
+    range(gatherer, &place, "min_size_m", entities.min_size_m, 0.0, 10.0, "metres");
+    Some(entities)
 }
 
 fn origin((value, place): Placed, gatherer: &mut Gatherer) -> Option<OriginDocument> {

@@ -36,6 +36,9 @@ pub(super) struct Judge {
     pub(super) shadow: BitMask,
     /// Moving pixels that differ by more than the high threshold.
     pub(super) strong: BitMask,
+    /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
+    /// what may be foreground.
+    pub(super) weak: BitMask,
     /// The blurred difference as a ramp from half to one and a half of delta, in the tiles of `near`.
     ramps: Vec<TileRamp>,
 }
@@ -78,6 +81,7 @@ struct Band<'a> {
     moving: &'a mut [u32],
     shadow: &'a mut [u32],
     strong: &'a mut [u32],
+    weak: &'a mut [u32],
     ramps: &'a mut [TileRamp],
 }
 
@@ -92,6 +96,7 @@ impl Judge {
             moving: BitMask::default(),
             shadow: BitMask::default(),
             strong: BitMask::default(),
+            weak: BitMask::default(),
             ramps: Vec::new(),
         }
     }
@@ -114,7 +119,8 @@ impl Judge {
     ) {
         let rules = Rules::new(matrix, range, settings);
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
-        for mask in [&mut self.candidates, &mut self.moving, &mut self.shadow, &mut self.strong] {
+        let Self { candidates, moving, shadow, strong, weak, .. } = self;
+        for mask in [candidates, moving, shadow, strong, weak] {
             mask.reset(width, height);
         }
         if rules.rule == MixtureRule::Require {
@@ -204,12 +210,14 @@ impl Judge {
             .zip(self.moving.words_mut().par_chunks_mut(words_per_band))
             .zip(self.shadow.words_mut().par_chunks_mut(words_per_band))
             .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.weak.words_mut().par_chunks_mut(words_per_band))
             .zip(self.ramps.par_chunks_mut(words_per_band))
-            .map(|((((difference, moving), shadow), strong), ramps)| Band {
+            .map(|(((((difference, moving), shadow), strong), weak), ramps)| Band {
                 difference,
                 moving,
                 shadow,
                 strong,
+                weak,
                 ramps,
             })
             .enumerate();
@@ -220,6 +228,7 @@ impl Judge {
                 moving: self.moving.words_mut(),
                 shadow: self.shadow.words_mut(),
                 strong: self.strong.words_mut(),
+                weak: self.weak.words_mut(),
                 ramps: &mut self.ramps,
             };
             judge(0, band);
@@ -266,6 +275,7 @@ fn judge_band<S: Simd>(
             let norm = rules.gains.norm(&difference);
             let place = row * words_per_row + word;
             band.ramps[place] = ramp(&norm, rules.delta);
+            band.weak[place] = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
             let differs = bits_above(&norm, rules.delta) & near.inside(word);
             let foreground = match rules.rule {
                 MixtureRule::Ignore => differs,

@@ -4,10 +4,10 @@
 //! pieces flow out. Knows nothing of how backgrounds are learned, of cameras in the world, or of time.
 //!
 //! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
-//! (`difference`), one verdict a pixel (`label`), repair (`repair`), pieces (`components`), which of them blink (`blink`)
-//! or are several (`split`), outlines (`contour`), what they are outlines of (`edges`), what is handed out (`soft`), their
-//! order (`segmenter`), and the way back from a reduced picture (`enlarge`). Beside them: how far pixels lie inside
-//! (`distance`).
+//! (`difference`), one verdict a pixel (`label`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
+//! (`components`), which of them blink (`blink`) or are several (`split`), outlines (`contour`), what they are outlines of
+//! (`edges`, `gaps`), what is handed out (`soft`), their order (`segmenter`), and the way back from a reduced picture
+//! (`enlarge`). Beside them: how far pixels lie inside (`distance`).
 
 mod blink;
 mod components;
@@ -15,8 +15,12 @@ mod contour;
 mod difference;
 mod dilate;
 mod distance;
+#[cfg(test)]
+mod drawn;
 mod edges;
 mod enlarge;
+mod fill;
+mod gaps;
 mod label;
 mod majority;
 mod repair;
@@ -27,6 +31,7 @@ mod split;
 pub use dilate::dilate;
 pub use distance::{DistanceTransform, NO_OUTSIDE};
 pub use edges::{OutlineOf, outline_of};
+pub use gaps::GapFinder;
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;

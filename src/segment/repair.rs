@@ -1,9 +1,8 @@
-//! Repair of the verdicts by what stands around them: shadow that must be body, gaps, holes.
+//! Repair of the verdicts by what stands around them: shadow that must be body.
 //!
-//! Bits flow in and out. Every stage is linear in the pixels that are not background, but for closing, which looks at
-//! the whole picture.
+//! Bits flow in and out. Every stage is linear in the pixels that are not background.
 
-use super::components::{Components, Connectivity, Piece, Wanted};
+use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use crate::frame::{BitMask, WORD_PIXELS};
 
 /// A body's pixels misread as shadow are at most this share of the body's run above and below them; a shadow between
@@ -93,6 +92,93 @@ pub(super) fn restore_legs(moving: &mut BitMask, shadow: &mut BitMask, pieces: &
     }
 }
 
+/// Shadow of which at least this share of the outline touches moving pixels is part of what it lies in ...
+const LEAST_SURROUNDED: f32 = 0.55;
+
+/// ... if this share of its underside does: what casts a shadow stands on it, and not under it.
+const LEAST_SURROUNDED_BELOW: f32 = 0.5;
+
+/// Makes shadow that lies mostly within moving pixels, and not beneath them, part of them; keeps its memory.
+///
+/// The dark window of a car looks like the road in shadow. What casts a shadow touches it along a side; the rest of a
+/// shadow's outline is background. Shadow larger than all that moves is part of nothing: a light was switched.
+#[derive(Debug, Default)]
+pub(super) struct Surroundings {
+    outlines: Vec<Outline>,
+}
+
+/// The sides of a piece's pixels that are not the piece's own, and those at the picture's border.
+#[derive(Clone, Copy, Debug, Default)]
+struct Outline {
+    n_sides: u32,
+    n_moving: u32,
+    /// Of these, the undersides.
+    n_below: u32,
+    n_moving_below: u32,
+}
+
+impl Outline {
+    fn is_surrounded(self) -> bool {
+        self.n_moving > 0
+            && self.n_moving as f32 >= LEAST_SURROUNDED * self.n_sides as f32
+            && self.n_moving_below as f32 >= LEAST_SURROUNDED_BELOW * self.n_below as f32
+    }
+}
+
+impl Surroundings {
+    pub(super) fn restore(
+        &mut self,
+        moving: &mut BitMask,
+        shadow: &mut BitMask,
+        components: &mut Components,
+    ) {
+        components.find(shadow, Wanted::Ones, Connectivity::Four);
+        if components.pieces().is_empty() {
+            return;
+        }
+        let most_px = moving.count_ones();
+        self.outlines.clear();
+        self.outlines.resize(components.pieces().len(), Outline::default());
+        for run in components.runs() {
+            self.outlines[run.piece_idx as usize].add(run, moving, shadow);
+        }
+        for run in components.runs() {
+            let piece_idx = run.piece_idx as usize;
+            let area_px = components.pieces()[piece_idx].area_px;
+            if u64::from(area_px) <= most_px && self.outlines[piece_idx].is_surrounded() {
+                shadow.move_run(moving, run.y as usize, run.start as usize, run.end as usize);
+            }
+        }
+    }
+}
+
+impl Outline {
+    fn add(&mut self, run: &Run, moving: &BitMask, shadow: &BitMask) {
+        let (y, start, end) = (run.y as usize, run.start as usize, run.end as usize);
+        for x in [start.checked_sub(1), Some(end)].into_iter().flatten().filter(|x| *x < moving.width()) {
+            // The run ends there, so it is not shadow.
+            self.n_sides += 1;
+            self.n_moving += u32::from(moving.get(x, y));
+        }
+        let beyond = |row: usize| {
+            let n_sides = (end - start) as u32 - shadow.count_run(row, start, end);
+            (n_sides, moving.count_run(row, start, end))
+        };
+        if y > 0 {
+            let (n_sides, n_moving) = beyond(y - 1);
+            self.n_sides += n_sides;
+            self.n_moving += n_moving;
+        }
+        if y + 1 < moving.height() {
+            let (n_sides, n_moving) = beyond(y + 1);
+            self.n_sides += n_sides;
+            self.n_moving += n_moving;
+            self.n_below += n_sides;
+            self.n_moving_below += n_moving;
+        }
+    }
+}
+
 /// What a pixel was judged to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Seen {
@@ -122,129 +208,10 @@ impl Column {
     }
 }
 
-/// Makes every hole of at most `max_hole_px` pixels that does not touch the picture's border moving.
-pub(super) fn fill_holes(moving: &mut BitMask, max_hole_px: u32, components: &mut Components) {
-    let (width, height) = (moving.width() as u32, moving.height() as u32);
-    components.find(moving, Wanted::Zeros, Connectivity::Four);
-    for run in components.runs() {
-        let hole = &components.pieces()[run.piece_idx as usize];
-        let is_enclosed = hole.left > 0 && hole.top > 0 && hole.right < width && hole.bottom < height;
-        if is_enclosed && hole.area_px <= max_hole_px {
-            moving.set_run(run.y as usize, run.start as usize, run.end as usize);
-        }
-    }
-}
-
-/// Closes gaps by a square of `2 radius + 1` pixels: a dilation, then an erosion. Keeps its memory.
-#[derive(Debug, Default)]
-pub(super) struct Closing {
-    near: Vec<u8>,
-    distances: Vec<u8>,
-    below: Vec<u8>,
-}
-
-impl Closing {
-    /// Makes moving what the closing of the moving pixels covers.
-    pub(super) fn close(&mut self, moving: &mut BitMask, radius: u32) {
-        let reach = radius.min(254) as u8;
-        let margin = usize::from(reach);
-        let (width, height) = (moving.width(), moving.height());
-        let padded_width = width + 2 * margin;
-        // With a margin as wide as the dilation reaches, the border needs no case of its own.
-        self.near.clear();
-        self.near.resize(padded_width * (height + 2 * margin), 0);
-        let first = margin * padded_width + margin;
-        for (y, near) in self.near[first..].chunks_mut(padded_width).take(height).enumerate() {
-            for (near, word) in near[..width].chunks_mut(WORD_PIXELS).zip(moving.row(y)) {
-                for (x, near) in near.iter_mut().enumerate() {
-                    *near = ((word >> x) & 1) as u8;
-                }
-            }
-        }
-        for value in [1, 0] {
-            // Eroding is spreading what is not there.
-            self.spread_along_rows(padded_width, reach, value);
-            self.spread_along_columns(padded_width, reach, value);
-        }
-        for (y, near) in self.near[first..].chunks(padded_width).take(height).enumerate() {
-            for (near, word) in near[..width].chunks(WORD_PIXELS).zip(moving.row_mut(y)) {
-                *word |= near.iter().rev().fold(0, |bits, near| bits << 1 | u32::from(*near));
-            }
-        }
-    }
-
-    /// One pass to the right notes how far the last pixel with `value` lies behind; one back to the left takes
-    /// whichever side is nearer.
-    fn spread_along_rows(&mut self, width: usize, reach: u8, value: u8) {
-        self.distances.resize(self.near.len(), 0);
-        for (row, distances) in self.near.chunks_exact_mut(width).zip(self.distances.chunks_exact_mut(width))
-        {
-            let mut left = u8::MAX;
-            for (pixel, distance) in row.iter().zip(distances.iter_mut()) {
-                left = if *pixel == value { 0 } else { left.saturating_add(1) };
-                *distance = left;
-            }
-            let mut right = u8::MAX;
-            for (pixel, distance) in row.iter_mut().zip(distances.iter()).rev() {
-                right = if *pixel == value { 0 } else { right.saturating_add(1) };
-                if right.min(*distance) <= reach {
-                    *pixel = value;
-                }
-            }
-        }
-    }
-
-    /// The same downwards and back up, a row at a time.
-    fn spread_along_columns(&mut self, width: usize, reach: u8, value: u8) {
-        self.below.clear();
-        self.below.resize(width, u8::MAX);
-        for (row, distances) in self.near.chunks_exact(width).zip(self.distances.chunks_exact_mut(width)) {
-            for ((above, distance), pixel) in self.below.iter_mut().zip(distances).zip(row) {
-                *above = if *pixel == value { 0 } else { above.saturating_add(1) };
-                *distance = *above;
-            }
-        }
-        self.below.fill(u8::MAX);
-        let rows = self.near.chunks_exact_mut(width).zip(self.distances.chunks_exact(width));
-        for (row, distances) in rows.rev() {
-            for ((below, distance), pixel) in self.below.iter_mut().zip(distances).zip(row) {
-                *below = if *pixel == value { 0 } else { below.saturating_add(1) };
-                if (*below).min(*distance) <= reach {
-                    *pixel = value;
-                }
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::drawn::{drawn, shown};
     use super::*;
-
-    /// Moving and shadow pixels drawn with `#` moving, `s` shadow, `.` background, one row a word.
-    fn drawn(picture: &str) -> (BitMask, BitMask) {
-        let rows: Vec<&str> = picture.split_whitespace().collect();
-        let bits = |letter| {
-            let mut mask = BitMask::new(rows[0].len() as u32, rows.len() as u32);
-            for (y, row) in rows.iter().enumerate() {
-                for (x, _) in row.chars().enumerate().filter(|(_, drawn)| *drawn == letter) {
-                    mask.set_run(y, x, x + 1);
-                }
-            }
-            mask
-        };
-        (bits('#'), bits('s'))
-    }
-
-    fn shown(moving: &BitMask, shadow: &BitMask) -> String {
-        let letter = |x: usize, y: usize| match (moving.get(x, y), shadow.get(x, y)) {
-            (true, _) => '#',
-            (false, true) => 's',
-            (false, false) => '.',
-        };
-        let row = |y: usize| (0..moving.width()).map(|x| letter(x, y)).collect::<String>();
-        (0..moving.height()).map(row).collect::<Vec<String>>().join(" ")
-    }
 
     #[test]
     fn shadow_within_a_column_of_body_is_body() {
@@ -296,35 +263,25 @@ mod tests {
     }
 
     #[test]
-    fn small_enclosed_holes_are_filled() {
-        let check = |picture: &str, max_hole_px: u32, expected: &str| {
-            let (mut moving, shadow) = drawn(picture);
-            fill_holes(&mut moving, max_hole_px, &mut Components::default());
-            assert_eq!(shown(&moving, &shadow), expected);
+    fn shadow_within_moving_pixels_is_part_of_them() {
+        let check = |picture: &str, expected: &str| {
+            let (mut moving, mut shadow) = drawn(picture);
+            Surroundings::default().restore(&mut moving, &mut shadow, &mut Components::default());
+            assert_eq!(shown(&moving, &shadow), expected, "{picture}");
         };
-        check("##### #.s## ##### #...# #####", 2, "##### ##### ##### #...# #####");
-        check("##### #.s## ##### #...# #####", 1, "##### #.s## ##### #...# #####");
-        check("##### #.s## ##### #...# #####", 3, "##### ##### ##### ##### #####");
-        check("##.## #.### #####", 9, "##.## ##### #####");
-        check("... ... ...", 9, "... ... ...");
-        check("### ### ###", 9, "### ### ###");
-        check(".", 9, ".");
-    }
-
-    #[test]
-    fn closing_joins_what_is_near_and_grows_nothing() {
-        let check = |picture: &str, radius: u32, expected: &str| {
-            let (mut moving, shadow) = drawn(picture);
-            Closing::default().close(&mut moving, radius);
-            assert_eq!(shown(&moving, &shadow), expected, "{picture} by {radius}");
-        };
-        check("#..#...#", 1, "####...#");
-        check("#..#...#", 2, "########");
-        check("# . . # . . . #", 1, "# # # # . . . #");
-        check("..... ..#.. .....", 2, "..... ..#.. .....");
-        check("##.## ##s## #####", 1, "##### ##### #####");
-        check("#...# #...# #####", 1, "#...# #...# #####");
-        check(".", 16, ".");
-        check("#", 16, "#");
+        // A window, and one at the edge of what it belongs to.
+        check("###### #ssss# #ssss# ######", "###### ###### ###### ######");
+        check(".#####. .#ss#.. .####..", ".#####. .####.. .####..");
+        check("#### #### sss# ####", "#### #### #### ####");
+        // Beneath, beside, and larger than what it would be part of.
+        check("####. ####. sssss .....", "####. ####. sssss .....");
+        check("#.... #sss. #sss. .....", "#.... #sss. #sss. .....");
+        let large = "######## #ssssss# #ssssss# #ssssss# #ssssss# #ssssss# #ssssss# ########";
+        check(large, large);
+        // At the border there is nothing to be surrounded by.
+        check("s", "s");
+        check("ss ss", "ss ss");
+        // Under an arch: most of its sides, but not its underside.
+        check("##### #sss# #sss# #sss# .....", "##### #sss# #sss# #sss# .....");
     }
 }

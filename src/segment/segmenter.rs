@@ -5,9 +5,10 @@ use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::contour::contour;
 use super::difference::Pair;
 use super::enlarge::enlarge;
+use super::fill::{Closing, Holes};
 use super::label::Judge;
 use super::majority::Majority;
-use super::repair::{Closing, fill_holes, restore_enclosed_shadow, restore_legs};
+use super::repair::{Surroundings, restore_enclosed_shadow, restore_legs};
 use super::soft::soften;
 use super::split::Splitter;
 use super::{Blob, PixelRect};
@@ -38,6 +39,8 @@ pub struct Segmenter {
     settings: SegmentSettings,
     majority: Majority,
     judge: Judge,
+    surroundings: Surroundings,
+    holes: Holes,
     closing: Closing,
     blinking: Blinking,
     moving: BitMask,
@@ -53,6 +56,8 @@ impl Segmenter {
             judge: Judge::new(),
             settings: settings.clone(),
             majority: Majority::default(),
+            surroundings: Surroundings::default(),
+            holes: Holes::default(),
             closing: Closing::default(),
             blinking: Blinking::default(),
             moving: BitMask::default(),
@@ -73,6 +78,12 @@ impl Segmenter {
     #[must_use]
     pub const fn resolution(&self) -> Resolution {
         self.settings.resolution
+    }
+
+    /// The least area of a blob in pictures of `size_px`, which are reduced by the settings' resolution; pixels of these.
+    #[must_use]
+    pub fn min_area_px(&self, size_px: (u32, u32)) -> u32 {
+        Limits::reduced(&self.settings, size_px).min_area_px
     }
 
     /// The pixels found moving last, in the size of the pictures that were given: reduced, if the resolution is.
@@ -157,6 +168,7 @@ impl Segmenter {
             restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
             self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
+            self.surroundings.restore(&mut self.moving, &mut self.shadow, &mut self.pieces.components);
         }
         let close_radius_px = (self.settings.close_radius_px + factor / 2) / factor;
         if close_radius_px > 0 {
@@ -164,7 +176,7 @@ impl Segmenter {
         }
         let max_hole_px = self.settings.max_hole_px / (factor * factor);
         if max_hole_px > 0 {
-            fill_holes(&mut self.moving, max_hole_px, &mut self.pieces.components);
+            self.holes.fill(&mut self.moving, &self.judge.weak, max_hole_px, &mut self.pieces.components);
         }
         for (shadow, moving) in self.shadow.words_mut().iter_mut().zip(self.moving.words()) {
             *shadow &= !moving;

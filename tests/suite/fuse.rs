@@ -43,6 +43,7 @@ fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
         box_materials: vec![grey; boxes.len()],
         surfaces: Surfaces { ground: vec![GroundPolygon::new(corners, 0.0).expect("a square")], boxes },
         sky_srgb: [0; 3],
+        min_entity_size_m: 0.0,
         cameras: cameras.iter().enumerate().map(member).collect(),
         view: None,
         document: "{}".into(),
@@ -114,6 +115,22 @@ fn fused(cameras: &[Arc<Camera>], figures: &[Figure], point_stride: Option<u32>)
         Some(observe(id, &member.camera, figures))
     };
     assemble(&scene, Timestamp::from_nanos(7), observe, point_stride)
+}
+
+#[test]
+fn what_is_smaller_in_metres_than_the_scene_asks_for_is_no_entity() {
+    // A bird close by, a person far away, a low trailer.
+    let bird = Figure { foot: DVec3::new(-0.6, 5.0, 0.0), width_m: 0.3, height_m: 0.35 };
+    let person = Figure { foot: DVec3::new(1.0, 14.0, 0.0), width_m: 0.5, height_m: 1.75 };
+    let trailer = Figure { foot: DVec3::new(-4.0, 20.0, 0.0), width_m: 3.0, height_m: 0.6 };
+    let camera = camera(DVec3::new(0.0, 0.0, 4.0), DVec3::new(0.0, 9.0, 0.0), 0.0);
+    let n_entities = |min_entity_size_m: f64| {
+        let plain = scene(std::slice::from_ref(&camera), Vec::new());
+        let scene = Arc::new(Scene { min_entity_size_m, ..Scene::clone(&plain) });
+        let observe = |id: &CameraId| Some(observe(id, &camera, &[bird, person, trailer]));
+        assemble(&scene, Timestamp::from_nanos(7), observe, None).entities.len()
+    };
+    assert_eq!([0.0, 0.5, 2.0, 4.0].map(n_entities), [3, 2, 1, 0]);
 }
 
 #[test]

@@ -139,6 +139,14 @@ fn every_fault_has_its_pointer() {
     );
     check(with("/origin/height", json!(1)), "/origin/height: unknown key `height`; did you mean `height_m`?");
     check(
+        with("/entities", json!({"min_size_m": -1})),
+        "/entities/min_size_m: expected 0 to 10 metres, got -1",
+    );
+    check(
+        with("/entities", json!({"min_size": 1})),
+        "/entities/min_size: unknown key `min_size`; did you mean `min_size_m`?",
+    );
+    check(
         with("/sky/color_srgb", json!("blue")),
         "/sky/color_srgb: expected a colour such as \"#87b5dd\", got \"blue\"",
     );

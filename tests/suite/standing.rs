@@ -56,7 +56,11 @@ struct Place {
 impl Place {
     /// A place whose background forgets within seconds, so that whoever is learned is gone soon.
     fn new(track: &TrackSettings) -> Self {
-        let background = BackgroundSettings { tau_secs: 20.0, ..BackgroundSettings::default() };
+        Self::of(track, 20.0)
+    }
+
+    fn of(track: &TrackSettings, tau_secs: f64) -> Self {
+        let background = BackgroundSettings { tau_secs, ..BackgroundSettings::default() };
         let segment = SegmentSettings { shadow_darkest: 1.0, ..SegmentSettings::default() };
         let pipeline = Pipeline::new(&background, &segment).with_track(track);
         Self { pipeline, next: 0, events: Vec::new() }
@@ -172,6 +176,33 @@ fn who_is_in_the_first_pictures_leaves_no_ghost() {
     let later = place.stay(6, &[]);
     assert_eq!(later.labels.data.iter().filter(|label| **label == MOVING).count(), 0);
     assert_eq!(place.told(), []);
+}
+
+/// A lorry stands in the first pictures and drives off at once, its ghost and itself one blob at first: before it is gone
+/// from the picture its place is background, though the place learns slowly.
+#[test]
+fn what_drives_off_in_the_first_seconds_leaves_no_ghost() {
+    let lorry = |x: u32| (x, 50, 60, 36, 60);
+    let mut place = Place::of(&TrackSettings::default(), 300.0);
+    place.stay(1, &[lorry(10)]);
+    let shares: Vec<f64> =
+        (0..62).map(|step| share_found(&place.show(&[lorry(10 + 2 * step)]), (12, 52, 40, 32, 0))).collect();
+    assert!(shares[15] > 0.5, "a ghost at first: {shares:?}");
+    assert!(shares[40..].iter().all(|share| *share < 0.05), "{shares:?}");
+}
+
+/// Someone stands, and others pass by close enough to be one blob with them again and again.
+#[test]
+fn who_stands_is_not_learned_while_others_pass_by() {
+    let mut place = Place::new(&TrackSettings::default());
+    place.stay(70, &[]);
+    place.walk_to(90, &[]);
+    place.stay(10, &[person(90)]);
+    for step in 0..400_u32 {
+        place.show(&[person(90), person((2 * step) % 170)]);
+    }
+    let last = place.stay(1, &[person(90)]);
+    assert!(share_found(&last, person(90)) > 0.95, "{}", share_found(&last, person(90)));
 }
 
 #[test]

@@ -6,6 +6,8 @@ mod csv;
 mod page;
 mod plot;
 
+pub use plot::{Figure, Point, Series, figure_page};
+
 use super::sweep::{Example, Skipped, Stage, Sweep};
 use super::unjudged::Unjudged;
 use crate::encode::EncodeError;

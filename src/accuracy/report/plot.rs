@@ -28,36 +28,43 @@ const LABEL_PX: i32 = 12;
 
 /// A point of a figure.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub struct Point {
     /// Milliseconds, above 0.
-    pub(super) x: f64,
-    pub(super) y: f64,
+    pub x: f64,
+    /// An error, at least 0.
+    pub y: f64,
     /// Written beside it; empty for none.
-    pub(super) label: String,
+    pub label: String,
     /// Drawn with a ring: the default.
-    pub(super) is_marked: bool,
+    pub is_marked: bool,
     /// Drawn larger: the knee.
-    pub(super) is_large: bool,
+    pub is_large: bool,
 }
 
 /// Points of one colour.
 #[derive(Clone, Debug)]
-pub(super) struct Series {
-    pub(super) name: String,
-    pub(super) points: Vec<Point>,
+pub struct Series {
+    /// Stands in the legend where there are several.
+    pub name: String,
+    /// In the order in which a line joins them.
+    pub points: Vec<Point>,
     /// Whether a line joins them, in their order.
-    pub(super) is_joined: bool,
+    pub is_joined: bool,
 }
 
 /// A figure.
 #[derive(Clone, Debug)]
-pub(super) struct Figure {
-    pub(super) title: String,
-    pub(super) x_name: String,
-    pub(super) y_name: String,
+pub struct Figure {
+    /// Above it.
+    pub title: String,
+    /// What the milliseconds are of.
+    pub x_name: String,
+    /// What the error is.
+    pub y_name: String,
     /// Whether the error's axis is logarithmic; milliseconds always are.
-    pub(super) is_log: bool,
-    pub(super) series: Vec<Series>,
+    pub is_log: bool,
+    /// Each in a colour of its own.
+    pub series: Vec<Series>,
 }
 
 const SIZE_PX: (u32, u32) = (760, 430);
@@ -158,6 +165,15 @@ pub(super) fn svg(figure: &Figure) -> Result<Option<String>, ReportError> {
         draw(&root, figure, &x_axis, &y_axis).map_err(ReportError::Plot)?;
     }
     Ok(Some(text.replace(INK_HEX, "currentColor")))
+}
+
+/// The figure as an SVG file of its own, dark ink on white; `None` where it has no points.
+///
+/// # Errors
+/// [`ReportError::Plot`] when it cannot be drawn.
+pub fn figure_page(figure: &Figure) -> Result<Option<String>, ReportError> {
+    let text = svg(figure)?;
+    Ok(text.map(|text| text.replacen("<svg ", "<svg style=\"background:#fff;color:#222\" ", 1)))
 }
 
 fn number(value: f64) -> String {

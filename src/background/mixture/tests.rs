@@ -2,15 +2,8 @@
 
 use super::*;
 use crate::background::ReferenceMixture;
+use crate::background::pictures::{filled, format, padded_with_a_light_pixel, share};
 use crate::frame::{ColorMatrix, ColorRange};
-
-fn format(width: u32, height: u32) -> Format {
-    Format { width, height, matrix: ColorMatrix::Bt601, range: ColorRange::Limited }
-}
-
-fn filled(width: u32, height: u32, yuv: [u8; 3]) -> YuvImage {
-    YuvImage::filled(width, height, yuv, ColorMatrix::Bt601, ColorRange::Limited)
-}
 
 /// Uniform in 0 to 1, from the place alone.
 fn hash(i: u32, seed: u32) -> f32 {
@@ -47,10 +40,6 @@ fn scene(width: u32, height: u32, number: u32) -> YuvImage {
 
 fn model(width: u32, height: u32) -> GaussianMixture {
     GaussianMixture::new(&BackgroundSettings::default(), format(width, height))
-}
-
-fn share(mask: &Mask) -> f64 {
-    mask.data.iter().filter(|value| **value == 255).count() as f64 / mask.data.len() as f64
 }
 
 /// Intersection over union of what two models call foreground.
@@ -142,16 +131,7 @@ fn what_was_not_there_is_foreground_and_padding_of_rows_is_not_read() {
     for _ in 0..50 {
         model.update(&filled(16, 8, [100, 128, 128]), 0.1).unwrap();
     }
-    let layout = YuvLayout { strides: [20, 12, 12], offsets: [3, 170, 230], width: 16, height: 8 };
-    let mut data = vec![255; 300];
-    for (plane, (width, height)) in [(16, 8), (8, 4), (8, 4)].into_iter().enumerate() {
-        for y in 0..height {
-            let start = layout.offsets[plane] + y * layout.strides[plane];
-            data[start..start + width].fill(if plane == 0 { 100 } else { 128 });
-        }
-    }
-    data[layout.offsets[0] + 2 * 20 + 5] = 200;
-    let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    let image = padded_with_a_light_pixel();
     let update = model.update(&image, 0.1).unwrap();
     assert_eq!(model.foreground().get(5, 2), 255);
     assert_eq!(update.foreground_share, 1.0 / 128.0);
@@ -311,6 +291,51 @@ fn two_values_in_turn_are_both_background_and_their_weights_do_not_drift() {
     }
     let rest = greatest_rest(&model);
     assert!((rest - 0.5).abs() < 1e-3, "one of two equal modes: {rest}");
+}
+
+/// All modes are at work in every frame: the weights that are not stored, stored over a decay and rewritten now and then
+/// still sum to 1.
+#[test]
+fn weights_of_a_pixel_of_many_values_sum_to_one_after_ten_million_updates() {
+    let settings = BackgroundSettings { tau_secs: 300.0, ..BackgroundSettings::default() };
+    let mut model = GaussianMixture::new(&settings, format(2, 2));
+    let images = [40, 110, 180, 250].map(|luma| filled(2, 2, [luma, 128, 128]));
+    let mut state = 1_u32;
+    for _ in 0..10_000_000 {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        // Four values for three modes, two of them rare: what is weakest is given up again and again.
+        let value = [0, 0, 0, 0, 1, 1, 2, 3][(state >> 29) as usize];
+        model.update(&images[value], 0.04).unwrap();
+    }
+    let weights: Vec<f32> =
+        model.others[..settings.modes - 1].iter().map(|mode| mode.weights[0] * model.decay as f32).collect();
+    assert!(weights.iter().all(|weight| weight.is_finite() && *weight > 0.0), "{weights:?}");
+    let rest: f32 = weights.iter().sum();
+    // A half and a quarter of the frames; the third place begins anew again and again, and the others share what it had.
+    assert!((rest - 1.0 / 3.0).abs() < 0.05, "{rest}");
+    // What a settled tile goes by agrees with the weights themselves.
+    let rests = &model.rests[0];
+    let known = rests.step * f32::from(rests.steps[0]) * model.decay as f32;
+    assert!((known - rest).abs() < 1e-3, "{known}, not {rest}");
+}
+
+#[test]
+fn a_whole_picture_of_8k_is_learned_and_judged() {
+    let (width, height) = (7680, 4320);
+    let mut model = model(width, height);
+    let floor = filled(width, height, [100, 128, 128]);
+    for _ in 0..3 {
+        assert_eq!(model.update(&floor, 0.1).unwrap().foreground_share, 0.0);
+    }
+    let mut changed = filled(width, height, [100, 128, 128]).plane(0).data.to_vec();
+    changed[4319 * 7680 + 7000..][..680].fill(200);
+    changed.resize(YuvLayout::packed_len(width, height), 128);
+    let image =
+        YuvImage::new(YuvLayout::packed(width, height), floor.matrix(), floor.range(), changed).unwrap();
+    let update = model.update(&image, 0.1).unwrap();
+    assert_eq!(model.unmatched().count_ones(), 680, "the last pixels of the last row");
+    assert!((update.foreground_share * 7680.0 * 4320.0 - 680.0).abs() < 0.5);
+    assert!(model.unmatched().get(7679, 4319) && !model.unmatched().get(6999, 4319));
 }
 
 #[test]
@@ -477,4 +502,33 @@ fn held_pixels_keep_their_modes_and_the_others_learn() {
     assert_eq!(model.first[0].means[0][1], before.first[0].means[0][1]);
     assert!((weight(&model, 1) - weight(&before, 1)).abs() < 1e-6, "held");
     assert!(weight(&model, 0) > 0.3, "the newcomer is learned elsewhere: {}", weight(&model, 0));
+}
+
+#[test]
+fn what_is_held_as_a_whole_keeps_its_weights_through_all_its_turns() {
+    let mut model = model(40, 2);
+    let images = [60, 180].map(|luma| filled(40, 2, [luma, 128, 128]));
+    for frame in 0..3000 {
+        model.update(&images[usize::from(frame % 3 == 0)], 0.1).unwrap();
+    }
+    let before = model.clone();
+    let mut held = BitMask::new(40, 2);
+    for y in 0..2 {
+        held.set_run(y, 0, 32);
+    }
+    let newcomer = filled(40, 2, [120, 128, 128]);
+    for frame in 0..600 {
+        // Who stands there, and now and then the place itself.
+        let image = if frame % 10 == 0 { &images[1] } else { &newcomer };
+        let hints = Hints { held: Some(&held), previous: None };
+        let update = model.update_with(image, 0.1, hints).unwrap();
+        assert_eq!(update.foreground_share > 0.5, frame % 10 != 0, "{frame}");
+    }
+    let weight = |model: &GaussianMixture, mode: usize| model.others[mode].weights[3] * model.decay as f32;
+    for mode in 0..2 {
+        let (was, is) = (weight(&before, mode), weight(&model, mode));
+        assert!((was - is).abs() < 0.01 * was + 1e-3, "{mode}: {was} became {is}");
+    }
+    assert_eq!(model.first[0].means[0][3], before.first[0].means[0][3]);
+    assert!(weight(&before, 0) > 0.3);
 }

@@ -1,6 +1,7 @@
 //! `bench`: what the paths that run at every frame cost on this machine, beside the peer that others would use.
 
 mod background;
+mod quality;
 mod vision;
 
 use anyhow::Result;
@@ -15,6 +16,7 @@ pub(crate) struct Bench {
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Background(background::Background),
+    Quality(quality::Quality),
     Vision(vision::Vision),
 }
 
@@ -22,6 +24,7 @@ impl Bench {
     pub(crate) fn run(&self) -> Result<()> {
         match &self.what {
             What::Background(background) => background.run(),
+            What::Quality(quality) => quality.run(),
             What::Vision(vision) => vision.run(),
         }
     }

@@ -186,6 +186,7 @@ impl Door for FakeDoor {
             ground_materials: Vec::new(),
             box_materials: Vec::new(),
             sky_srgb: [0; 3],
+            min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: Some(own_view()),
             document: DOCUMENT.into(),

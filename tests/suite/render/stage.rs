@@ -112,6 +112,7 @@ impl Stage {
             box_materials: vec![Material { color_srgb: [170, 150, 130] }; surfaces.boxes.len()],
             surfaces,
             sky_srgb: SKY,
+            min_entity_size_m: 0.0,
             cameras: members,
             view: None,
             document: Arc::from("{}"),
