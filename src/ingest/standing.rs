@@ -153,6 +153,7 @@ impl Standing {
         }
         self.known.retain(|id, _| seen.tracks.binary_search_by_key(id, |track| track.id).is_ok());
         if self.settings.absorb_after_secs == 0.0 || seen.foreground_share > GREATEST_FOREGROUND {
+            self.unchanging.forget();
             return None;
         }
         let mut has_certain = false;
@@ -211,9 +212,7 @@ impl Standing {
     /// Adds to what is held under things that stand what is under things that move, but for pixels that have not changed
     /// for seconds: what moves has left them, and drags on its ghost, or the place that it hid when it was learned.
     fn hold_passed(&mut self, moving: &BitMask) {
-        if self.kept.words().len() != self.held.words().len() {
-            self.kept.reset(moving.width(), moving.height());
-        }
+        fit(&mut self.kept, moving);
         let words = self.held.words_mut().iter_mut().zip(self.kept.words_mut());
         let masks = self.passed.words().iter().zip(self.unchanging.bits().words()).zip(moving.words());
         for ((held, kept), ((passed, unchanging), moving)) in words.zip(masks) {
@@ -227,9 +226,7 @@ impl Standing {
     fn look_at_unchanging(&mut self, seen: &Seen<'_>) -> bool {
         let [frame, background] = seen.luma;
         let gaps = self.gap_finder.find(self.unchanging.bits(), frame, background, seen.min_area_px);
-        if self.gaps.words().len() != gaps.words().len() {
-            self.gaps.reset(gaps.width(), gaps.height());
-        }
+        fit(&mut self.gaps, gaps);
         let mut has_certain = false;
         let words = self.certain.words_mut().iter_mut().zip(self.gaps.words_mut()).zip(gaps.words());
         for ((certain, before), now) in words {
@@ -320,6 +317,13 @@ fn mark(mask: &mut BitMask, seen: &Seen<'_>, rect: &PixelRect) {
     let bottom = ((rect.y + rect.height).div_ceil(seen.factor) as usize).min(mask.height());
     for y in reduced(rect.y)..bottom {
         seen.moving.copy_run(mask, y, reduced(rect.x), right);
+    }
+}
+
+/// Empties a mask that is of another size than `other`.
+fn fit(mask: &mut BitMask, other: &BitMask) {
+    if (mask.width(), mask.height()) != (other.width(), other.height()) {
+        mask.reset(other.width(), other.height());
     }
 }
 

@@ -55,6 +55,11 @@ impl Unchanging {
         }
     }
 
+    /// Begins anew with the next frame: what this one shows is not known.
+    pub(super) fn forget(&mut self) {
+        self.looked = None;
+    }
+
     /// Pixels that were foreground throughout, and looked the same at two looks in a row; none before the third frame of
     /// a size.
     pub(super) const fn bits(&self) -> &BitMask {
@@ -127,6 +132,18 @@ mod tests {
         assert_eq!(unchanging.bits().count_ones(), 10);
         unchanging.observe(at(1.2), &foreground(10..60), luma(&values), 1.0);
         assert_eq!(unchanging.bits().count_ones(), 10);
+    }
+
+    #[test]
+    fn a_frame_that_is_not_looked_at_begins_anew() {
+        let mut unchanging = Unchanging::default();
+        let values = [100; 70 * 3];
+        unchanging.observe(at(0.0), &foreground(10..60), luma(&values), 1.0);
+        unchanging.forget();
+        assert!(!unchanging.observe(at(1.0), &foreground(10..60), luma(&values), 1.0));
+        assert_eq!(unchanging.bits().count_ones(), 0);
+        assert!(unchanging.observe(at(2.0), &foreground(10..60), luma(&values), 1.0));
+        assert_eq!(unchanging.bits().count_ones(), 50);
     }
 
     #[test]
