@@ -10,9 +10,9 @@ use super::tile::{
     BOTH_HALVES, HALF_TILE, Halves, TILE, TileBits, TileGaussians, TileMode, TileRest, TileSamples, bits_of,
     halves_of, paint_chroma, paint_luma, stage_chroma, stage_luma,
 };
-use super::visit::{Still, visit};
+use super::visit::visit;
 use crate::frame::{BitMask, YuvImage};
-use fearless_simd::{Simd, SimdBase};
+use fearless_simd::Simd;
 
 /// Two rows of luma (one at the foot of an odd height) and their row of chroma.
 pub(super) struct Band<'a> {
@@ -32,6 +32,8 @@ pub(super) struct Tally {
     pub(super) n_foreground: u64,
     /// Halves of tiles that were visited in full.
     pub(super) n_visited: u64,
+    /// Tiles that were as in the frame before.
+    pub(super) n_repeated: u64,
 }
 
 impl Tally {
@@ -39,6 +41,7 @@ impl Tally {
         Self {
             n_foreground: self.n_foreground + other.n_foreground,
             n_visited: self.n_visited + other.n_visited,
+            n_repeated: self.n_repeated + other.n_repeated,
         }
     }
 }
@@ -72,8 +75,11 @@ pub(super) fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: boo
     let tiles_per_row = width.div_ceil(TILE);
     let mut samples: TileSamples = [[0; TILE]; 3];
     let mut tally = Tally::default();
+    // Counted, since a division for every tile is felt.
+    let mut turn = (pass.n_steps + pair_idx as u64) % pass.n_turns;
     for tile_idx in 0..tiles_per_row {
-        let has_turn = LEARN && (pass.n_steps + (pair_idx + tile_idx) as u64).is_multiple_of(pass.n_turns);
+        let has_turn = LEARN && turn == 0;
+        turn = if turn + 1 == pass.n_turns { 0 } else { turn + 1 };
         let n_pixels = (width - tile_idx * TILE).min(TILE);
         let inside = TileBits::MAX >> (TILE - n_pixels);
         let before = before.filter(|before| before.has_same_chroma(rows, tile_idx));
@@ -83,6 +89,7 @@ pub(super) fn run_band<S: Simd, const K: usize, const B: usize, const LEARN: boo
             let idx = row * tiles_per_row + tile_idx;
             // What a codec repeats was judged already, and learns when it has its turn.
             let is_same = before.is_some_and(|before| before.has_same_luma(rows, row, tile_idx));
+            tally.n_repeated += u64::from(is_same);
             if is_same && !has_turn {
                 tally.n_foreground += u64::from(band.unmatched[idx].count_ones());
                 continue;
@@ -142,8 +149,7 @@ fn run_tile<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
     // What must not learn as a whole is only judged, if it is not what it was learned to be.
     let judged = all_held & unsettled;
     if judged != 0 {
-        unmatched = visit::<S, K, B, false, false>(simd, first, others, samples, step, judged, Still::NONE)
-            & bits_of(judged);
+        unmatched = visit::<S, K, B, false, false>(simd, first, others, samples, step, judged, 0);
     }
     if seen.has_turn && all_held != 0 {
         keep_weights(others, all_held, 1.0 / (1.0 - pass.turn_step.rate));
@@ -152,14 +158,12 @@ fn run_tile<S: Simd, const K: usize, const B: usize, const LEARN: bool>(
     let learned = (unsettled | some_held) & !all_held;
     if learned != 0 {
         let step = if seen.is_same { &pass.turn_step } else { step };
-        // Where one vector holds both halves, the other is left as it is.
-        let left = if S::i16s::LEN > HALF_TILE { bits_of(BOTH_HALVES & !learned) } else { 0 };
-        let still = Still { held: held & bits_of(learned), settled: left };
-        unmatched |= if still.held | left == 0 {
-            visit::<S, K, B, LEARN, false>(simd, first, others, samples, step, learned, still)
+        let held = held & bits_of(learned);
+        unmatched |= if held == 0 {
+            visit::<S, K, B, LEARN, false>(simd, first, others, samples, step, learned, held)
         } else {
-            visit::<S, K, B, LEARN, true>(simd, first, others, samples, step, learned, still)
-        } & bits_of(learned);
+            visit::<S, K, B, LEARN, true>(simd, first, others, samples, step, learned, held)
+        };
         is_changed = true;
     }
     if LEARN && is_changed {

@@ -254,13 +254,10 @@ pub(super) fn learn_settled<S: Simd>(
     step: &Step,
     halves: Halves,
 ) {
-    if S::i16s::LEN > HALF_TILE && halves != BOTH_HALVES {
-        // One vector holds both: what the other half learned is taken back.
-        let before = first.clone();
-        learn_settled(simd, first, rest, tile, step, BOTH_HALVES);
-        first.take_half(&before, if halves == 1 { 1 } else { 0 });
-        return;
-    }
+    // Where one vector holds both halves, what the other one learned is taken back.
+    let is_taken_back = S::i16s::LEN > HALF_TILE && halves != BOTH_HALVES;
+    let before = if is_taken_back { Some(first.clone()) } else { None };
+    let learning = if is_taken_back { BOTH_HALVES } else { halves };
     let rate = step.rate;
     let least = S::f32s::splat(simd, step.variance_min);
     let greatest = S::f32s::splat(simd, step.variance_max);
@@ -268,7 +265,7 @@ pub(super) fn learn_settled<S: Simd>(
     let rates = S::f32s::splat(simd, rate);
     let is_alone = rest.step * REST_STEPS * step.decay_before <= SETTLED_REST;
     for at in (0..TILE).step_by(S::i16s::LEN) {
-        if halves >> (at / HALF_TILE) & 1 == 0 {
+        if learning >> (at / HALF_TILE) & 1 == 0 {
             continue;
         }
         let mut shares = [rates; HALVES];
@@ -293,6 +290,9 @@ pub(super) fn learn_settled<S: Simd>(
         move_means(simd, &mut first.means[0], at, y, shares, step.dither);
         move_means(simd, &mut first.means[1], at, u, shares, step.dither);
         move_means(simd, &mut first.means[2], at, v, shares, step.dither);
+    }
+    if let Some(before) = before {
+        first.take_half(&before, if halves == 1 { 1 } else { 0 });
     }
 }
 

@@ -27,6 +27,12 @@ const GREATEST_TURN_RATE: f64 = 1.0 / 512.0;
 /// Stored weights are rewritten before the decay that they are stored over sinks below this.
 const LEAST_DECAY: f64 = 1.0 / 1024.0;
 
+/// Where a codec repeats less than one tile in so many, looking for repeated ones costs more than it spares ...
+const LEAST_REPEATED: u64 = 8;
+
+/// ... and is done in every so many frames only.
+const REPEAT_LOOKS: u32 = 8;
+
 /// A rate of 1 would leave no weight to rewrite; what is left of the others at this rate is nothing.
 const GREATEST_RATE: f64 = 1.0 - 1.0 / 1_048_576.0;
 
@@ -61,6 +67,8 @@ pub struct GaussianMixture {
     pub(super) n_steps: u64,
     /// The first modes' means, packed I420.
     background: Vec<u8>,
+    /// Frames until tiles that a codec repeats are looked for again.
+    n_unrepeated: u32,
 }
 
 /// What else is known of a frame that is learned.
@@ -114,6 +122,7 @@ impl GaussianMixture {
             decay: 1.0,
             n_steps: 0,
             background,
+            n_unrepeated: 0,
         }
     }
 
@@ -194,7 +203,9 @@ impl GaussianMixture {
         let size = (self.unmatched.width(), self.unmatched.height());
         let is_fitting = |held: &BitMask| (held.width(), held.height()) == size;
         assert!(hints.held.is_none_or(is_fitting), "held pixels are the model's");
-        let previous = hints.previous.filter(|previous| Format::of(previous) == self.format);
+        let looks_back = self.n_unrepeated == 0;
+        self.n_unrepeated = self.n_unrepeated.saturating_sub(1);
+        let previous = hints.previous.filter(|previous| looks_back && Format::of(previous) == self.format);
         let hints = Hints { previous, ..hints };
         let step_secs = self.pace.step_secs(dt_secs);
         let is_first = self.pace.n_frames == 0;
@@ -210,6 +221,9 @@ impl GaussianMixture {
         let foreground_share =
             tally.n_foreground as f64 / (f64::from(self.format.width) * f64::from(self.format.height));
         let n_tiles = self.tiles_per_row * self.format.height as usize;
+        if previous.is_some() && tally.n_repeated * LEAST_REPEATED < n_tiles as u64 {
+            self.n_unrepeated = REPEAT_LOOKS - 1;
+        }
         let visited_share = 0.5 * tally.n_visited as f64 / n_tiles as f64;
         let light_changed = self.pace.end(foreground_share, step_secs);
         Ok(Update { learning_rate, foreground_share, visited_share, light_changed })

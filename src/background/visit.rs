@@ -9,8 +9,8 @@ use super::tile::{HALF_TILE, Halves, TILE, TileBits, TileGaussians, TileMode, Ti
 use fearless_simd::prelude::*;
 
 /// Judges every pixel of these halves of a tile by all of its modes and, if `LEARN`, learns; if `SOME`, only those whose
-/// bits are not in `still`. Bits of the other half are 0, whose pixels match their first modes. `B` is `K` - 2, or 0 below that: modes beyond the second are not touched where none of some neighbouring
-/// pixels needs them.
+/// bits are not in `held`. The other half is left as it is, and its bits are 0. `B` is `K` - 2, or 0 below that: modes
+/// beyond the second are not touched where none of some neighbouring pixels needs them.
 #[inline(always)]
 pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, const SOME: bool>(
     simd: S,
@@ -19,53 +19,39 @@ pub(super) fn visit<S: Simd, const K: usize, const B: usize, const LEARN: bool, 
     tile: &TileSamples,
     step: &Step,
     halves: Halves,
-    still: Still,
+    held: TileBits,
 ) -> TileBits {
     let mut unmatched = 0;
     for at in (0..TILE).step_by(S::i16s::LEN) {
         if S::i16s::LEN <= HALF_TILE && halves >> (at / HALF_TILE) & 1 == 0 {
             continue;
         }
+        // A vector of 16-bit numbers may hold both halves; then each of its two vectors of f32 holds one.
+        let wanted =
+            if S::i16s::LEN > HALF_TILE { [halves & 1 != 0, halves & 2 != 0] } else { [true; HALVES] };
         let sample = load_samples(simd, tile, at);
         if B > 0 && !SOME {
             let mut pixels = load_pixels::<S, 2, B>(simd, first, others, at);
-            let found = find_both(simd, &pixels, &sample, step);
+            let found = find_both(simd, &pixels, &sample, wanted, step);
             if found[0].is_matched.all_true() && found[1].is_matched.all_true() {
                 unmatched |= unmatched_bits(&found) << at;
                 if LEARN {
-                    learn_both::<S, 2, B, SOME>(simd, &mut pixels, &sample, &found, still.from(at), step);
+                    let learning = (wanted, held >> at);
+                    learn_both::<S, 2, B, SOME>(simd, &mut pixels, &sample, &found, learning, step);
                     store_pixels(first, others, at, &pixels);
                 }
                 continue;
             }
         }
         let mut pixels = load_pixels::<S, K, 0>(simd, first, others, at);
-        let found = find_both(simd, &pixels, &sample, step);
+        let found = find_both(simd, &pixels, &sample, wanted, step);
         unmatched |= unmatched_bits(&found) << at;
         if LEARN {
-            learn_both::<S, K, 0, SOME>(simd, &mut pixels, &sample, &found, still.from(at), step);
+            learn_both::<S, K, 0, SOME>(simd, &mut pixels, &sample, &found, (wanted, held >> at), step);
             store_pixels(first, others, at, &pixels);
         }
     }
     unmatched
-}
-
-/// Pixels that are judged and do not learn.
-#[derive(Clone, Copy)]
-pub(super) struct Still {
-    /// They must not.
-    pub(super) held: TileBits,
-    /// They match their first modes and learn when the tile has its turn; only where one vector holds both halves.
-    pub(super) settled: TileBits,
-}
-
-impl Still {
-    pub(super) const NONE: Self = Self { held: 0, settled: 0 };
-
-    #[inline(always)]
-    const fn from(self, lane: usize) -> Self {
-        Self { held: self.held >> lane, settled: self.settled >> lane }
-    }
 }
 
 /// The first `K` modes of some pixels, with the weights of `B` more.
@@ -145,9 +131,16 @@ fn find_both<S: Simd, const K: usize, const B: usize>(
     simd: S,
     halves: &[Pixels<S, K, B>; HALVES],
     sample: &[[S::f32s; 3]; HALVES],
+    wanted: [bool; HALVES],
     step: &Step,
 ) -> [Found<S, K>; HALVES] {
-    [halves[0].find(simd, sample[0], step), halves[1].find(simd, sample[1], step)]
+    let mut found = [Found::at_home(simd); HALVES];
+    for half in 0..HALVES {
+        if wanted[half] {
+            found[half] = halves[half].find(simd, sample[half], step);
+        }
+    }
+    found
 }
 
 #[inline(always)]
@@ -156,12 +149,15 @@ fn learn_both<S: Simd, const K: usize, const B: usize, const SOME: bool>(
     halves: &mut [Pixels<S, K, B>; HALVES],
     sample: &[[S::f32s; 3]; HALVES],
     found: &[Found<S, K>; HALVES],
-    still: Still,
+    (wanted, held): ([bool; HALVES], TileBits),
     step: &Step,
 ) {
-    halves[0].learn::<SOME>(simd, sample[0], &found[0], still, step);
-    // The lanes of an AVX-512 vector fill a tile's bits by halves: none is shifted by all of them.
-    halves[1].learn::<SOME>(simd, sample[1], &found[1], still.from(S::f32s::LEN), step);
+    for half in 0..HALVES {
+        if wanted[half] {
+            let held = held >> (half * S::f32s::LEN);
+            halves[half].learn::<SOME>(simd, sample[half], &found[half], held, step);
+        }
+    }
 }
 
 /// The bits of pixels that matched no background mode, the first in the lowest place.
@@ -170,6 +166,16 @@ fn unmatched_bits<S: Simd, const K: usize>(found: &[Found<S, K>; HALVES]) -> Til
     let low = (!found[0].is_background).to_bitmask() as TileBits;
     let high = (!found[1].is_background).to_bitmask() as TileBits;
     low | high << S::f32s::LEN
+}
+
+impl<S: Simd, const K: usize> Found<S, K> {
+    /// What is said of pixels that are not looked at: they match their first modes.
+    #[inline(always)]
+    fn at_home(simd: S) -> Self {
+        let (all, nothing) = (S::mask32s::splat(simd, true), S::mask32s::splat(simd, false));
+        let zero = S::f32s::splat(simd, 0.0);
+        Self { matched: [nothing; K], is_matched: all, is_background: all, distance: zero, weight: zero }
+    }
 }
 
 impl<S: Simd, const K: usize, const B: usize> Pixels<S, K, B> {
@@ -222,14 +228,14 @@ impl<S: Simd, const K: usize, const B: usize> Pixels<S, K, B> {
         found
     }
 
-    /// Learns the sample; if `SOME`, in every lane whose bit is not in `still`.
+    /// Learns the sample; if `SOME`, in every lane whose bit is not in `held`.
     #[inline(always)]
     fn learn<const SOME: bool>(
         &mut self,
         simd: S,
         sample: [S::f32s; 3],
         found: &Found<S, K>,
-        still: Still,
+        held: TileBits,
         step: &Step,
     ) {
         if !SOME {
@@ -238,15 +244,12 @@ impl<S: Simd, const K: usize, const B: usize> Pixels<S, K, B> {
         }
         let before = *self;
         self.learn_all(simd, sample, found, step);
-        let held = S::mask32s::from_bitmask(simd, u64::from(still.held));
-        let settled = S::mask32s::from_bitmask(simd, u64::from(still.settled));
+        let held = S::mask32s::from_bitmask(simd, u64::from(held));
         let over_keep = 1.0 / (1.0 - step.rate);
         for j in 0..K {
-            self.modes[j] = Lanes::select(held | settled, before.modes[j], self.modes[j]);
-            // What is held keeps its weights too: they are stored over the decay, which has gone on. What is settled
-            // keeps what is stored.
-            let kept = held.select(before.stored[j] * over_keep, self.stored[j]);
-            self.stored[j] = settled.select(before.stored[j], kept);
+            self.modes[j] = Lanes::select(held, before.modes[j], self.modes[j]);
+            // What is held keeps its weights too: they are stored over the decay, which has gone on.
+            self.stored[j] = held.select(before.stored[j] * over_keep, self.stored[j]);
         }
     }
 

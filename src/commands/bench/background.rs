@@ -42,6 +42,9 @@ pub(super) struct Background {
     /// An interpreter that can import cv2.
     #[arg(long, value_name = "PROGRAM")]
     python: Option<PathBuf>,
+    /// A form of the mixture that is timed, such as AVX2 or twin; all if absent. Can be given several times.
+    #[arg(long = "form", value_name = "NAME")]
+    wanted: Vec<String>,
 }
 
 fn size_px(text: &str) -> Result<(u32, u32), String> {
@@ -101,6 +104,7 @@ impl Background {
         let mut forms: Vec<Form> =
             simd_levels().into_iter().map(|(name, level)| Form::Fast(name, level)).collect();
         forms.push(Form::Twin);
+        self.choose(&mut forms)?;
         if let Some(python) = &self.python {
             forms.push(Form::OpenCv(Peer::new(python, &clip)?));
         }
@@ -114,6 +118,19 @@ impl Background {
             }
         }
         self.tell(&clip, &forms, &times_ms)
+    }
+
+    /// Keeps the forms that were asked for.
+    fn choose(&self, forms: &mut Vec<Form>) -> Result<()> {
+        let names: Vec<String> = forms.iter().map(Form::name).collect();
+        for wanted in &self.wanted {
+            let is_known = names.iter().any(|name| name.ends_with(wanted.as_str()));
+            ensure!(is_known, "--form {wanted}: this machine has {}", names.join(", "));
+        }
+        forms.retain(|form| {
+            self.wanted.is_empty() || self.wanted.iter().any(|wanted| form.name().ends_with(wanted.as_str()))
+        });
+        Ok(())
     }
 
     fn tell(&self, clip: &Clip, forms: &[Form], times_ms: &[Vec<Vec<f64>>]) -> Result<()> {
