@@ -26,7 +26,7 @@ impl SegmentationForm {
     #[must_use]
     pub fn of(camera: &CameraSettings, size_px: (u32, u32)) -> Self {
         Self {
-            resolution: camera.segment.resolution,
+            resolution: camera.segment.resolution.chosen_in(size_px),
             modes: camera.background.modes,
             blur_sigma_px: camera.segment.blur_sigma_px_in(size_px),
         }
@@ -47,7 +47,7 @@ impl SegmentationForm {
     pub fn sweep(&self) -> Vec<(&'static str, String, Self)> {
         let resolutions = [Resolution::Quarter, Resolution::Half, Resolution::Full];
         let of_resolution = resolutions
-            .map(|resolution| ("resolution", name_of(resolution).to_owned(), Self { resolution, ..*self }));
+            .map(|resolution| ("resolution", resolution.as_str().to_owned(), Self { resolution, ..*self }));
         let mut modes = vec![1, 3, 5];
         include(&mut modes, self.modes);
         let of_modes = modes.into_iter().map(|modes| ("modes", modes.to_string(), Self { modes, ..*self }));
@@ -62,7 +62,7 @@ impl SegmentationForm {
     /// The whole form in words.
     #[must_use]
     pub fn label(&self) -> String {
-        format!("{} resolution, K {}, blur {} px", name_of(self.resolution), self.modes, self.blur_sigma_px)
+        format!("{} resolution, K {}, blur {} px", self.resolution.as_str(), self.modes, self.blur_sigma_px)
     }
 }
 
@@ -71,14 +71,6 @@ fn include<T: PartialOrd + Copy>(list: &mut Vec<T>, value: T) {
     if !list.contains(&value) {
         let place = list.iter().position(|other| *other > value).unwrap_or(list.len());
         list.insert(place, value);
-    }
-}
-
-const fn name_of(resolution: Resolution) -> &'static str {
-    match resolution {
-        Resolution::Full => "full",
-        Resolution::Half => "half",
-        Resolution::Quarter => "quarter",
     }
 }
 

@@ -6,7 +6,8 @@
 //!
 //! Two forms of it: [`GaussianMixture`], compact and vectorised, is the one in use; [`ReferenceMixture`], scalar, in f32
 //! and readable, is what it is held to. Inside: one pixel's formulas (`pixel`), how fast to learn (`pace`, `light`), the
-//! fast form's inner loop (`band`, `kernel`, `visit`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`).
+//! fast form's inner loop (`band`, `kernel`, `visit`, `tile`), its picture (`mixture`) and its bytes (`checkpoint`). Where
+//! a model is of a reduced picture, [`Detail`] makes a full one of its background.
 //!
 //! `[SG99]` Stauffer and Grimson 1999, Adaptive background mixture models for real-time tracking.
 //! `[Z04]` Zivkovic 2004, Improved adaptive Gaussian mixture model for background subtraction.
@@ -14,6 +15,7 @@
 
 mod band;
 mod checkpoint;
+mod detail;
 mod kernel;
 mod light;
 mod mixture;
@@ -27,6 +29,7 @@ mod visit;
 #[cfg(test)]
 mod pictures;
 
+pub use detail::Detail;
 pub use mixture::{GaussianMixture, Hints, simd_levels};
 pub use reference::ReferenceMixture;
 

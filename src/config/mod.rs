@@ -7,11 +7,13 @@
 mod document;
 mod environment;
 mod error;
+mod resolution;
 mod settings;
 mod storage;
 mod validate;
 
 pub use error::{ConfigError, ConfigFault, Origin};
+pub use resolution::Resolution;
 pub use settings::*;
 pub use storage::StorageSettings;
 

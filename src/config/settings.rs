@@ -1,5 +1,6 @@
 //! The settings as they are written: every key with its meaning, unit, range and default.
 
+use super::resolution::Resolution;
 use super::storage::StorageSettings;
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
@@ -295,7 +296,7 @@ pub enum Learning {
 #[serde(deny_unknown_fields, default)]
 pub struct SegmentSettings {
     /// At which size of the picture background and foreground are computed; lengths and areas below are the full
-    /// picture's whichever it is. Default `full`.
+    /// picture's whichever it is. Default `auto`.
     pub resolution: Resolution,
     /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.12.
     pub delta: f64,
@@ -335,7 +336,7 @@ pub struct SegmentSettings {
 impl Default for SegmentSettings {
     fn default() -> Self {
         Self {
-            resolution: Resolution::Full,
+            resolution: Resolution::Auto,
             delta: 0.12,
             delta_high: 0.0,
             blur_sigma_px: None,
@@ -393,32 +394,6 @@ pub struct TrackSettings {
 impl Default for TrackSettings {
     fn default() -> Self {
         Self { max_miss_secs: 1.0, confirm_secs: 0.2, stop_after_secs: 10.0, absorb_after_secs: 600.0 }
-    }
-}
-
-/// At which size of a camera's picture its background is learned and its foreground found. Masks and blobs are the
-/// full picture's all the same; the background picture has the reduced size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Deserialize, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Resolution {
-    /// Every pixel.
-    #[default]
-    Full,
-    /// Half the columns and half the rows.
-    Half,
-    /// A quarter of the columns and of the rows.
-    Quarter,
-}
-
-impl Resolution {
-    /// By how much the picture's sides are reduced: 1, 2 or 4.
-    #[must_use]
-    pub const fn factor(self) -> u32 {
-        match self {
-            Self::Full => 1,
-            Self::Half => 2,
-            Self::Quarter => 4,
-        }
     }
 }
 

@@ -46,6 +46,8 @@ pub struct CameraSummary {
     pub reason: Option<String>,
     /// Columns and rows of its pictures, once one has come.
     pub size_px: Option<[u32; 2]>,
+    /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
+    pub vision_size_px: Option<[u32; 2]>,
     /// Frames taken since the daemon started.
     pub frames: u64,
     /// Frames dropped because they came too late.

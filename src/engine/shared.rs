@@ -201,6 +201,10 @@ impl Door for Shared {
         let summary = |camera: &CameraEntry| {
             let status = camera.status.read();
             let range = camera.timeline.range();
+            let vision_size_px = status.size.map(|(width, height)| {
+                let factor = camera.tuning.segment().resolution.factor_in((width, height));
+                [width.div_ceil(factor), height.div_ceil(factor)]
+            });
             let holds = |scene: &&Arc<Scene>| scene.cameras.iter().any(|member| member.id == camera.id);
             CameraSummary {
                 id: camera.id.clone(),
@@ -208,6 +212,7 @@ impl Door for Shared {
                 state: status.state.as_str().to_owned(),
                 reason: status.reason,
                 size_px: status.size.map(|(width, height)| [width, height]),
+                vision_size_px,
                 frames: status.frames,
                 dropped: status.dropped,
                 first: range.map(|(first, _)| first.to_string()),

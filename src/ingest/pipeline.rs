@@ -4,11 +4,11 @@
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
 use super::standing::{SETTLED_SECS, Seen, Standing};
-use crate::background::{BackgroundError, Format, GaussianMixture, Hints};
+use crate::background::{BackgroundError, Detail, Format, GaussianMixture, Hints};
 use crate::clock::Timestamp;
 use crate::condition::{Condition, ConditionKind, Conditions, Phase};
 use crate::config::{BackgroundSettings, ConditionSettings, Learning, SegmentSettings, TrackSettings};
-use crate::frame::{CameraId, Frame, YuvImage};
+use crate::frame::{BitMask, CameraId, Frame, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind, Observation};
@@ -24,6 +24,9 @@ const MAX_EVENTS: usize = 64;
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
 
+/// Time of a background clip from one look at its detail to the next, seconds.
+const DETAIL_INTERVAL_SECS: f64 = 1.0;
+
 /// Version of the checkpoints that this build writes, the only one that it reads.
 pub const CHECKPOINT_VERSION: u32 = 1;
 
@@ -37,8 +40,6 @@ const MODEL_HEADER_LEN: usize = 9;
 #[derive(Debug)]
 pub struct Pipeline {
     settings: BackgroundSettings,
-    /// By how much frames are reduced before anything is done with them.
-    factor: u32,
     segmenter: Segmenter,
     tracker: Tracker,
     standing: Standing,
@@ -65,6 +66,10 @@ struct Model {
     learned_secs: f64,
     /// The picture that it learned last, which later ones may repeat in part.
     previous: Option<Arc<YuvImage>>,
+    /// What a reduced picture leaves out of the full one; none at full resolution and before the first look.
+    detail: Option<Detail>,
+    /// Time of the background clip since detail was looked at.
+    since_detail_secs: f64,
 }
 
 impl Pipeline {
@@ -73,7 +78,6 @@ impl Pipeline {
     pub fn new(background: &BackgroundSettings, segment: &SegmentSettings) -> Self {
         Self {
             settings: background.clone(),
-            factor: segment.resolution.factor(),
             segmenter: Segmenter::new(segment),
             tracker: Tracker::new(&TrackSettings::default()),
             standing: Standing::new(&TrackSettings::default()),
@@ -130,25 +134,40 @@ impl Pipeline {
 
     /// Columns and rows of the model for pictures of this size: fewer, where the resolution is reduced.
     #[must_use]
-    pub const fn model_size_px(&self, width: u32, height: u32) -> (u32, u32) {
-        (width.div_ceil(self.factor), height.div_ceil(self.factor))
+    pub fn model_size_px(&self, width: u32, height: u32) -> (u32, u32) {
+        let factor = self.factor((width, height));
+        (width.div_ceil(factor), height.div_ceil(factor))
+    }
+
+    /// By how much the sides of pictures of this size are reduced before anything is done with them.
+    fn factor(&self, size_px: (u32, u32)) -> u32 {
+        self.segmenter.resolution().factor_in(size_px)
     }
 
     /// The picture that is worked on: reduced, where the resolution is.
     fn reduced(&self, image: &YuvImage) -> Option<Arc<YuvImage>> {
-        (self.factor > 1).then(|| Arc::new(image.reduced(self.factor)))
+        let factor = self.factor((image.width(), image.height()));
+        (factor > 1).then(|| Arc::new(image.reduced(factor)))
     }
 
     /// Learns a picture of the background clip, `dt_secs` after the one before it.
     pub fn learn(&mut self, image: &YuvImage, dt_secs: f64) {
-        let reduced = self.reduced(image);
-        let image = reduced.as_deref().unwrap_or(image);
+        let full = image;
+        let factor = self.factor((full.width(), full.height()));
+        let reduced = self.reduced(full);
+        let image = reduced.as_deref().unwrap_or(full);
         self.choose_model(image, None);
         if let Some(model) = &mut self.current {
             model.has_clip = true;
             model.learned_secs = SETTLED_SECS;
             model.previous = None;
             model.mixture.update(image, dt_secs).expect(MODEL_FITS);
+            model.since_detail_secs += dt_secs.max(0.0);
+            let is_due = model.detail.is_none() || model.since_detail_secs >= DETAIL_INTERVAL_SECS;
+            if let Some(reduced) = reduced.as_deref().filter(|_| is_due) {
+                model.since_detail_secs = 0.0;
+                model.look_at_detail(full, reduced, factor, None);
+            }
         }
         self.picture = None;
     }
@@ -164,6 +183,8 @@ impl Pipeline {
 
     /// As [`Self::process`]; `done` is told each stage as it ends, so that a caller with a clock can time them.
     pub fn process_staged(&mut self, frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
+        let size_px = (frame.image.width(), frame.image.height());
+        let factor = self.factor(size_px);
         let reduced = self.reduced(&frame.image);
         let image = reduced.as_ref().unwrap_or(&frame.image);
         self.choose_model(image, Some(&frame.camera));
@@ -192,7 +213,6 @@ impl Pipeline {
             }
         }
         done(Stage::Background);
-        let size_px = (frame.image.width(), frame.image.height());
         let mixture = &model.mixture;
         let background = mixture.background_planes();
         let found = self.segmenter.segment_reduced(image, background, mixture.unmatched(), dt_secs, size_px);
@@ -203,11 +223,11 @@ impl Pipeline {
                 camera: &frame.camera,
                 time: frame.timestamp,
                 size_px,
-                factor: self.factor,
+                factor,
                 luma: [image.plane(0), background[0]],
                 foreground_share,
                 learned_secs: model.learned_secs,
-                min_area_px: self.segmenter.min_area_px((image.width(), image.height())),
+                min_area_px: self.segmenter.min_area_px(size_px),
                 blobs: &found.blobs,
                 tracks: &tracks,
                 moving: self.segmenter.moving(),
@@ -231,10 +251,9 @@ impl Pipeline {
             self.events.truncate(MAX_EVENTS);
         }
         done(Stage::Track);
-        let mixture = &model.mixture;
-        // A held background never ages.
-        let max_age_nanos = if is_held { i64::MAX } else { PICTURE_INTERVAL_NANOS };
-        let background = refresh(&mut self.picture, mixture, frame.timestamp, max_age_nanos);
+        // A held background never ages; the detail that makes a full picture of it is learned on.
+        let max_age_nanos = if is_held && reduced.is_none() { i64::MAX } else { PICTURE_INTERVAL_NANOS };
+        let background = self.shown_background(&frame, reduced.as_deref(), max_age_nanos);
         Observation {
             frame,
             soft_mask: Arc::new(found.soft_mask),
@@ -243,6 +262,30 @@ impl Pipeline {
             blobs: found.blobs.into(),
             tracks: tracks.into(),
         }
+    }
+
+    /// The background picture for `frame`, of its size: the one that frames share, or a new one if that is too old.
+    fn shown_background(
+        &mut self,
+        frame: &Frame,
+        reduced: Option<&YuvImage>,
+        max_age_nanos: i64,
+    ) -> Arc<YuvImage> {
+        let size_px = (frame.image.width(), frame.image.height());
+        if let Some((taken, shared)) = &self.picture {
+            let is_fitting = (shared.width(), shared.height()) == size_px;
+            if is_fitting && (0..max_age_nanos).contains(&frame.timestamp.nanos_since(*taken)) {
+                return Arc::clone(shared);
+            }
+        }
+        let factor = self.factor(size_px);
+        let model = self.current.as_mut().expect("a model was chosen for this frame");
+        if let Some(reduced) = reduced {
+            model.look_at_detail(&frame.image, reduced, factor, Some(self.segmenter.moving()));
+        }
+        let fresh = Arc::new(model.background_picture(Format::of(&frame.image)));
+        self.picture = Some((frame.timestamp, Arc::clone(&fresh)));
+        fresh
     }
 
     /// Makes the model of the picture's format the current one.
@@ -262,6 +305,8 @@ impl Pipeline {
                 has_clip: false,
                 learned_secs: 0.0,
                 previous: None,
+                detail: None,
+                since_detail_secs: 0.0,
             },
         };
         if let Some(left) = self.current.replace(next) {
@@ -283,7 +328,7 @@ impl Pipeline {
     /// Bytes that the current model takes; 0 before the first frame.
     #[must_use]
     pub fn model_bytes(&self) -> usize {
-        self.current.as_ref().map_or(0, |model| model.mixture.len_bytes())
+        self.current.as_ref().map_or(0, Model::len_bytes)
     }
 
     /// Everything that later masks depend on, as bytes; `None` before anything was learned.
@@ -347,7 +392,41 @@ impl Pipeline {
         let (mixture, time) = GaussianMixture::decode(encoded.0, &self.settings)?;
         // A stored background was learned for long before.
         let (has_clip, seen) = (flags & 1 != 0, (flags & 2 != 0).then_some(time));
-        Ok(Model { mixture, seen, has_clip, learned_secs: SETTLED_SECS, previous: None })
+        Ok(Model {
+            mixture,
+            seen,
+            has_clip,
+            learned_secs: SETTLED_SECS,
+            previous: None,
+            detail: None,
+            since_detail_secs: 0.0,
+        })
+    }
+}
+
+impl Model {
+    /// Learns the detail that `reduced` leaves out of `full`, where nothing moves and the background is seen.
+    fn look_at_detail(&mut self, full: &YuvImage, reduced: &YuvImage, factor: u32, moving: Option<&BitMask>) {
+        let format = Format::of(full);
+        if self.detail.as_ref().is_none_or(|detail| detail.format() != format) {
+            self.detail = Some(Detail::new(format, factor));
+        }
+        let unmatched = self.mixture.unmatched();
+        if let Some(detail) = &mut self.detail {
+            detail.learn(full, reduced, [moving.unwrap_or(unmatched), unmatched]);
+        }
+    }
+
+    /// The background picture for frames of `format`, of their size.
+    fn background_picture(&self, format: Format) -> YuvImage {
+        match self.detail.as_ref().filter(|detail| detail.format() == format) {
+            Some(detail) => detail.picture(self.mixture.background_planes()),
+            None => self.mixture.background_picture(),
+        }
+    }
+
+    fn len_bytes(&self) -> usize {
+        self.mixture.len_bytes() + self.detail.as_ref().map_or(0, Detail::len_bytes)
     }
 }
 
@@ -363,24 +442,6 @@ const fn event_kind(kind: ConditionKind) -> Option<EventKind> {
 
 /// Why a model and its picture cannot mismatch here.
 const MODEL_FITS: &str = "the model was chosen by the picture's format";
-
-/// The background picture for a frame seen at `now`: the shared one, or a new one if that is too old.
-fn refresh(
-    picture: &mut Option<(Timestamp, Arc<YuvImage>)>,
-    mixture: &GaussianMixture,
-    now: Timestamp,
-    max_age_nanos: i64,
-) -> Arc<YuvImage> {
-    if let Some((taken, shared)) = picture {
-        let age = now.nanos_since(*taken);
-        if (0..max_age_nanos).contains(&age) {
-            return Arc::clone(shared);
-        }
-    }
-    let fresh = Arc::new(mixture.background_picture());
-    *picture = Some((now, Arc::clone(&fresh)));
-    fresh
-}
 
 fn refused(reason: &str) -> BackgroundError {
     BackgroundError::Checkpoint { reason: reason.to_owned() }

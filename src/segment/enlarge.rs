@@ -1,93 +1,191 @@
 //! What was found in a reduced picture, at the full picture's size.
 //!
-//! A segmentation at half or quarter size flows in, one at full size flows out: the soft mask is interpolated
-//! between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found anew.
+//! A soft mask and labels at half or quarter size flow in, a segmentation at full size flows out: the soft mask is
+//! interpolated between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found
+//! anew. Only what lies near something is worked on.
 
 use super::segmenter::{Limits, Pieces, Segmentation};
 use super::{BACKGROUND, MOVING, SHADOW};
-use crate::frame::{BitMask, Mask};
+use crate::frame::{BitMask, Mask, WORD_PIXELS};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
 /// Rows that one thread takes at least.
 const MIN_ROWS: usize = 16;
 
-/// Where a full-size column (or row) lies between reduced ones.
-#[derive(Clone, Copy)]
-struct Between {
-    low: usize,
-    high: usize,
-    /// Share of the high one, of twice the factor.
-    share: u32,
-    /// The reduced column that it lies in.
-    own: usize,
+/// Reduced columns that are worked on together.
+const STRETCH: usize = WORD_PIXELS / 2;
+
+/// Most full-size columns of a stretch, and the words that their bits take.
+const MAX_COLUMNS: usize = 4 * STRETCH;
+const MAX_WORDS: usize = MAX_COLUMNS / WORD_PIXELS;
+
+/// Enlarges what is found; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Enlarger {
+    /// For each stretch of each reduced row, whether anything shows in it once enlarged.
+    is_near: Vec<bool>,
+    moving: BitMask,
 }
 
-fn places(full: u32, reduced: u32, factor: u32) -> Vec<Between> {
-    let last = i64::from(reduced) - 1;
-    let place = |at: u32| {
-        // (at + 1/2) / factor - 1/2 in units of 1 / (2 factor).
-        let place = 2 * i64::from(at) + 1 - i64::from(factor);
-        let low = place.div_euclid(2 * i64::from(factor));
-        let share = place.rem_euclid(2 * i64::from(factor)) as u32;
-        let within = |index: i64| index.clamp(0, last) as usize;
-        Between { low: within(low), high: within(low + 1), share, own: (at / factor) as usize }
-    };
-    (0..full).map(place).collect()
+/// The reduced rows that a full-size row lies between.
+struct Rows<'a> {
+    above: &'a [u8],
+    below: &'a [u8],
+    /// Share of the row below, of twice the factor.
+    share: u16,
+    /// Labels of the row that it lies in.
+    labels: &'a [u8],
 }
 
-/// `found` in a picture reduced by `factor` (at least 1), as of a picture of `size_px`; pieces that fall
-/// short of the full picture's `limits` are background.
-pub(super) fn enlarge(
-    found: &Segmentation,
-    size_px: (u32, u32),
-    factor: u32,
-    limits: &Limits,
-    pieces: &mut Pieces,
-) -> Segmentation {
-    let (width, height) = size_px;
-    let reduced = &found.soft_mask;
-    let columns = places(width, reduced.width, factor);
-    let rows = places(height, reduced.height, factor);
-    let mut soft_mask = Mask::filled(width, height, 0);
-    let mut labels = Mask::filled(width, height, BACKGROUND);
-    let whole = 2 * factor;
-    soft_mask
-        .data
-        .par_chunks_mut(width as usize)
-        .zip(labels.data.par_chunks_mut(width as usize))
-        .zip(&rows)
-        .with_min_len(MIN_ROWS)
-        .for_each(|((soft, labels), row)| {
-            let [above, below] = [row.low, row.high].map(|y| reduced.row(y as u32));
-            let hard = found.labels.row(row.own as u32);
-            if above.iter().chain(below).chain(hard).all(|value| *value == 0) {
-                return;
-            }
-            for ((soft, label), column) in soft.iter_mut().zip(labels).zip(&columns) {
-                let across = |row: &[u8]| {
-                    (whole - column.share) * u32::from(row[column.low])
-                        + column.share * u32::from(row[column.high])
-                };
-                let sum = (whole - row.share) * across(above) + row.share * across(below);
-                *soft = ((sum + whole * whole / 2) / (whole * whole)) as u8;
-                if *soft >= 128 {
-                    *label = MOVING;
-                } else if hard[column.own] == SHADOW {
-                    *label = SHADOW;
-                }
-            }
+impl Enlarger {
+    /// `soft_mask` and `labels` of a picture whose sides are reduced by 2 or 4, as of a picture of `size_px`; pieces
+    /// that fall short of the full picture's `limits` are background.
+    ///
+    /// # Panics
+    /// When `factor` is neither 2 nor 4.
+    pub(super) fn enlarge(
+        &mut self,
+        (soft_mask, labels): (&Mask, &Mask),
+        size_px: (u32, u32),
+        factor: u32,
+        limits: &Limits,
+        pieces: &mut Pieces,
+    ) -> Segmentation {
+        let mut full_soft = Mask::filled(size_px.0, size_px.1, 0);
+        let mut full_labels = Mask::filled(size_px.0, size_px.1, BACKGROUND);
+        self.find_near(soft_mask, labels);
+        self.moving.reset(size_px.0 as usize, size_px.1 as usize);
+        match factor {
+            2 => self.enlarge_by::<2>((soft_mask, labels), (&mut full_soft, &mut full_labels)),
+            4 => self.enlarge_by::<4>((soft_mask, labels), (&mut full_soft, &mut full_labels)),
+            _ => panic!("pictures are halved or quartered"),
+        }
+        pieces.find(&self.moving);
+        pieces.drop_small(limits.min_area_px, |run| {
+            let row = run.y as usize * size_px.0 as usize;
+            let span = row + run.start as usize..row + run.end as usize;
+            full_labels.data[span.clone()].fill(BACKGROUND);
+            full_soft.data[span].fill(0);
         });
-    let mut moving = BitMask::default();
-    moving.take(&labels, MOVING);
-    pieces.find(&moving);
-    pieces.drop_small(limits.min_area_px, |run| {
-        let row = run.y as usize * width as usize;
-        let span = row + run.start as usize..row + run.end as usize;
-        labels.data[span.clone()].fill(BACKGROUND);
-        soft_mask.data[span].fill(0);
-    });
-    let blobs = pieces.blobs(&moving, limits);
-    Segmentation { soft_mask, labels, blobs }
+        let blobs = pieces.blobs(&self.moving, limits);
+        Segmentation { soft_mask: full_soft, labels: full_labels, blobs }
+    }
+
+    /// Finds the stretches in which, or right beside which, something is.
+    fn find_near(&mut self, soft_mask: &Mask, labels: &Mask) {
+        let n_stretches = (soft_mask.width as usize).div_ceil(STRETCH);
+        self.is_near.clear();
+        self.is_near.resize(n_stretches * soft_mask.height as usize, false);
+        for (y, near) in self.is_near.chunks_exact_mut(n_stretches).enumerate() {
+            let (soft, labels) = (soft_mask.row(y as u32), labels.row(y as u32));
+            for (stretch, near) in near.iter_mut().enumerate() {
+                let start = stretch * STRETCH;
+                let end = (start + STRETCH).min(soft.len());
+                let beside = &soft[start.saturating_sub(1)..(end + 1).min(soft.len())];
+                *near = any(beside) || any(&labels[start..end]);
+            }
+        }
+    }
+
+    fn enlarge_by<const FACTOR: usize>(
+        &mut self,
+        (soft_mask, labels): (&Mask, &Mask),
+        (full_soft, full_labels): (&mut Mask, &mut Mask),
+    ) {
+        let width = full_soft.width as usize;
+        let n_stretches = (soft_mask.width as usize).div_ceil(STRETCH);
+        let words_per_row = self.moving.words_per_row();
+        let (is_near, level) = (&self.is_near, Level::new());
+        let near = |y: usize| &is_near[y * n_stretches..(y + 1) * n_stretches];
+        full_soft
+            .data
+            .par_chunks_mut(width)
+            .zip(full_labels.data.par_chunks_mut(width))
+            .zip(self.moving.words_mut().par_chunks_mut(words_per_row))
+            .enumerate()
+            .with_min_len(MIN_ROWS)
+            .for_each(|(y, ((soft, full_labels), moving))| {
+                let (above, below, share) = between::<FACTOR>(y, soft_mask.height as usize);
+                let rows = Rows {
+                    above: soft_mask.row(above as u32),
+                    below: soft_mask.row(below as u32),
+                    share,
+                    labels: labels.row((y / FACTOR) as u32),
+                };
+                let near = near(above).iter().zip(near(below)).map(|(above, below)| above | below);
+                for (stretch, _) in near.enumerate().filter(|(_, near)| *near) {
+                    let out = (&mut *soft, &mut *full_labels, &mut *moving);
+                    dispatch!(level, simd => enlarge_stretch::<_, FACTOR>(simd, stretch, &rows, out));
+                }
+            });
+    }
+}
+
+/// The reduced rows that full-size row `y` lies between, and the second one's share, of twice the factor.
+const fn between<const FACTOR: usize>(y: usize, n_reduced: usize) -> (usize, usize, u16) {
+    // (y + 1/2) / factor + 1/2 in units of 1 / (2 factor): the second row's place.
+    let place = 2 * y + 1 + FACTOR;
+    let (low, share) = (place / (2 * FACTOR), place % (2 * FACTOR));
+    let last = n_reduced - 1;
+    let high = if low > last { last } else { low };
+    (if low == 0 { 0 } else { low - 1 }, high, share as u16)
+}
+
+/// Whether any value is not 0.
+fn any(values: &[u8]) -> bool {
+    values.iter().fold(0, |any, value| any | value) != 0
+}
+
+/// Enlarges the columns of one stretch of a row into the soft mask, labels and bits of a full-size row.
+#[inline(always)]
+fn enlarge_stretch<S: Simd, const FACTOR: usize>(
+    _simd: S,
+    stretch: usize,
+    rows: &Rows<'_>,
+    (full_soft, full_labels, moving): (&mut [u8], &mut [u8], &mut [u32]),
+) {
+    let (start, n_reduced) = (stretch * STRETCH, rows.above.len());
+    let whole = 2 * FACTOR as u16;
+    // Blended along the column, with one on either side.
+    let mut sums = [0_u16; STRETCH + 2];
+    for (i, sum) in sums.iter_mut().enumerate() {
+        let x = (start + i).saturating_sub(1).min(n_reduced - 1);
+        *sum = (whole - rows.share) * u16::from(rows.above[x]) + rows.share * u16::from(rows.below[x]);
+    }
+    let mut soft = [0_u8; MAX_COLUMNS];
+    for i in 0..STRETCH {
+        for phase in 0..FACTOR {
+            // As `between` has it.
+            let place = 2 * phase + 1 + FACTOR;
+            let (first, share) = (i + place / (2 * FACTOR), (place % (2 * FACTOR)) as u16);
+            let sum = (whole - share) * sums[first] + share * sums[first + 1];
+            soft[FACTOR * i + phase] = ((sum + whole * whole / 2) / (whole * whole)) as u8;
+        }
+    }
+    let mut labels = [BACKGROUND; MAX_COLUMNS];
+    let of_stretch = &rows.labels[start..(start + STRETCH).min(n_reduced)];
+    for (i, label) in of_stretch.iter().enumerate() {
+        for phase in 0..FACTOR {
+            labels[FACTOR * i + phase] = if *label == SHADOW { SHADOW } else { BACKGROUND };
+        }
+    }
+    let first = start * FACTOR;
+    let n_columns = (full_soft.len() - first).min(STRETCH * FACTOR);
+    let mut words = [0_u32; MAX_WORDS];
+    for (word, bits) in words.iter_mut().enumerate() {
+        for x in 0..WORD_PIXELS {
+            let at = word * WORD_PIXELS + x;
+            let is_moving = soft[at] >= 128 && at < n_columns;
+            *bits |= u32::from(is_moving) << x;
+            labels[at] = if soft[at] >= 128 { MOVING } else { labels[at] };
+        }
+    }
+    full_soft[first..first + n_columns].copy_from_slice(&soft[..n_columns]);
+    full_labels[first..first + n_columns].copy_from_slice(&labels[..n_columns]);
+    let first_word = first / WORD_PIXELS;
+    let n_words = n_columns.div_ceil(WORD_PIXELS);
+    moving[first_word..first_word + n_words].copy_from_slice(&words[..n_words]);
 }
 
 #[cfg(test)]
@@ -95,12 +193,17 @@ mod tests {
     use super::*;
     use crate::config::SegmentSettings;
     use crate::segment::{Blob, PixelRect};
+    use proptest::prelude::{Just, prop_assert, prop_assert_eq, prop_oneof, proptest};
 
     fn limits(min_area_px: u32) -> Limits {
         Limits::full(&SegmentSettings { min_area_px, ..SegmentSettings::default() }, (1, 1))
     }
 
-    fn reduced(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8)]) -> Segmentation {
+    fn enlarge(found: &(Mask, Mask), size_px: (u32, u32), factor: u32, limits: &Limits) -> Segmentation {
+        Enlarger::default().enlarge((&found.0, &found.1), size_px, factor, limits, &mut Pieces::default())
+    }
+
+    fn reduced(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8)]) -> (Mask, Mask) {
         let mut soft_mask = Mask::filled(width, height, 0);
         let mut labels = Mask::filled(width, height, BACKGROUND);
         for (left, top, w, h, soft, label) in things.iter().copied() {
@@ -109,15 +212,14 @@ mod tests {
                 labels.data[(y * width + x) as usize] = label;
             }
         }
-        Segmentation { soft_mask, labels, blobs: Vec::new() }
+        (soft_mask, labels)
     }
 
     #[test]
     fn a_rectangle_comes_back_where_it_stands_in_the_full_picture() {
         for factor in [2_u32, 4] {
             let found = reduced(20, 16, &[(5, 4, 6, 8, 255, MOVING), (14, 10, 3, 2, 0, SHADOW)]);
-            let full =
-                enlarge(&found, (20 * factor, 16 * factor - 1), factor, &limits(1), &mut Pieces::default());
+            let full = enlarge(&found, (20 * factor, 16 * factor - 1), factor, &limits(1));
             assert_eq!((full.labels.width, full.labels.height), (20 * factor, 16 * factor - 1));
             let rect = PixelRect { x: 5 * factor, y: 4 * factor, width: 6 * factor, height: 8 * factor };
             let [Blob { rect: seen, area_px, foot_in_image, is_truncated, .. }] = &full.blobs[..] else {
@@ -138,10 +240,53 @@ mod tests {
     #[test]
     fn small_pieces_are_background_and_edges_are_smooth() {
         let found = reduced(20, 16, &[(2, 2, 2, 2, 255, MOVING), (8, 2, 8, 8, 255, MOVING)]);
-        let full = enlarge(&found, (40, 32), 2, &limits(30), &mut Pieces::default());
+        let full = enlarge(&found, (40, 32), 2, &limits(30));
         assert_eq!(full.blobs.len(), 1);
         assert_eq!((full.labels.get(5, 5), full.soft_mask.get(5, 5)), (BACKGROUND, 0));
         let edge: Vec<u8> = (13..19).map(|x| full.soft_mask.get(x, 10)).collect();
         assert_eq!(edge, [0, 0, 64, 191, 255, 255]);
+    }
+
+    /// The soft value of a full-size pixel by the formula.
+    fn interpolated(soft: &Mask, x: u32, y: u32, factor: u32) -> f64 {
+        let along = |at: u32, n: u32| {
+            let place = (f64::from(at) + 0.5) / f64::from(factor) - 0.5;
+            let clamped = |index: f64| index.clamp(0.0, f64::from(n - 1)) as u32;
+            (clamped(place.floor()), clamped(place.floor() + 1.0), place - place.floor())
+        };
+        let ((left, right, u), (top, bottom, v)) = (along(x, soft.width), along(y, soft.height));
+        let across = |y: u32| (1.0 - u) * f64::from(soft.get(left, y)) + u * f64::from(soft.get(right, y));
+        (1.0 - v) * across(top) + v * across(bottom)
+    }
+
+    proptest! {
+        #[test]
+        fn every_pixel_is_what_the_formula_says(
+            size in (1_u32..200, 1_u32..24),
+            factor in prop_oneof![Just(2_u32), Just(4)],
+            things in proptest::collection::vec((0_u32..50, 0_u32..6, 1_u32..20, 1_u32..4, 0_u8..=255, 0_u8..3), 0..4),
+        ) {
+            let (width, height) = (size.0.div_ceil(factor), size.1.div_ceil(factor));
+            let things: Vec<_> = things
+                .into_iter()
+                .filter(|(left, top, ..)| *left < width && *top < height)
+                .map(|(left, top, w, h, soft, label)| {
+                    let label = [BACKGROUND, SHADOW, MOVING][usize::from(label)];
+                    (left, top, w.min(width - left), h.min(height - top), soft, label)
+                })
+                .collect();
+            let found = reduced(width, height, &things);
+            let full = enlarge(&found, size, factor, &limits(1));
+            for (x, y) in (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y))) {
+                let soft = full.soft_mask.get(x, y);
+                let expected = interpolated(&found.0, x, y, factor);
+                prop_assert!((f64::from(soft) - expected).abs() <= 0.5, "({x}, {y}): {soft} for {expected}");
+                let is_shadow = found.1.get(x / factor, y / factor) == SHADOW;
+                let label = if soft >= 128 { MOVING } else if is_shadow { SHADOW } else { BACKGROUND };
+                prop_assert_eq!(full.labels.get(x, y), label);
+            }
+            let n_moving: u32 = full.blobs.iter().map(|blob| blob.area_px).sum();
+            prop_assert_eq!(n_moving as usize, full.labels.data.iter().filter(|label| **label == MOVING).count());
+        }
     }
 }

@@ -4,7 +4,7 @@ use super::blink::Blinking;
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::contour::contour;
 use super::difference::Pair;
-use super::enlarge::enlarge;
+use super::enlarge::Enlarger;
 use super::fill::{Closing, Holes};
 use super::label::Judge;
 use super::majority::Majority;
@@ -46,6 +46,7 @@ pub struct Segmenter {
     moving: BitMask,
     shadow: BitMask,
     pieces: Pieces,
+    enlarger: Enlarger,
 }
 
 impl Segmenter {
@@ -63,6 +64,7 @@ impl Segmenter {
             moving: BitMask::default(),
             shadow: BitMask::default(),
             pieces: Pieces::default(),
+            enlarger: Enlarger::default(),
         }
     }
 
@@ -80,10 +82,15 @@ impl Segmenter {
         self.settings.resolution
     }
 
-    /// The least area of a blob in pictures of `size_px`, which are reduced by the settings' resolution; pixels of these.
+    /// The least area of a blob in pictures of `size_px`, in pixels of what is looked at.
     #[must_use]
     pub fn min_area_px(&self, size_px: (u32, u32)) -> u32 {
-        Limits::reduced(&self.settings, size_px).min_area_px
+        Limits::reduced(&self.settings, size_px, self.factor_in(size_px)).min_area_px
+    }
+
+    /// By how much the sides of pictures of `size_px` are reduced.
+    fn factor_in(&self, size_px: (u32, u32)) -> u32 {
+        self.settings.resolution.factor_in(size_px)
     }
 
     /// The pixels found moving last, in the size of the pictures that were given: reduced, if the resolution is.
@@ -106,13 +113,14 @@ impl Segmenter {
         dt_secs: f64,
         size_px: (u32, u32),
     ) -> Segmentation {
-        let found = self.segment(frame, background, unmatched, dt_secs);
-        match self.settings.resolution.factor() {
-            1 => found,
-            factor => {
-                enlarge(&found, size_px, factor, &Limits::full(&self.settings, size_px), &mut self.pieces)
-            }
+        let factor = self.factor_in(size_px);
+        let (soft_mask, labels) = self.find(frame, background, unmatched, dt_secs, (size_px, factor));
+        let limits = Limits::full(&self.settings, size_px);
+        if factor == 1 {
+            let blobs = self.pieces.blobs(&self.moving, &limits);
+            return Segmentation { soft_mask, labels, blobs };
         }
+        self.enlarger.enlarge((&soft_mask, &labels), size_px, factor, &limits, &mut self.pieces)
     }
 
     /// Finds what moves in `frame` before `background` (Y, U and V of the background picture, in the frame's own
@@ -133,6 +141,21 @@ impl Segmenter {
         unmatched: &BitMask,
         dt_secs: f64,
     ) -> Segmentation {
+        let size_px = (frame.width(), frame.height());
+        let (soft_mask, labels) = self.find(frame, background, unmatched, dt_secs, (size_px, 1));
+        let blobs = self.pieces.blobs(&self.moving, &Limits::full(&self.settings, size_px));
+        Segmentation { soft_mask, labels, blobs }
+    }
+
+    /// The soft mask and the labels, in pictures of `size_px` whose sides are reduced by `factor`; leaves the pieces.
+    fn find(
+        &mut self,
+        frame: &YuvImage,
+        background: [Plane<'_>; 3],
+        unmatched: &BitMask,
+        dt_secs: f64,
+        (size_px, factor): ((u32, u32), u32),
+    ) -> (Mask, Mask) {
         let size = (frame.width(), frame.height());
         assert_eq!((background[0].width, background[0].height), size, "the background has the frame's size");
         let judged = (unmatched.width() as u32, unmatched.height() as u32);
@@ -144,8 +167,7 @@ impl Segmenter {
         let colors = (frame.matrix(), frame.range());
         let majority =
             if self.settings.mixture == MixtureRule::Ignore { unmatched } else { self.majority.bits() };
-        let factor = self.settings.resolution.factor();
-        let sigma_px = self.settings.blur_sigma_px_in((size.0 * factor, size.1 * factor));
+        let sigma_px = self.settings.blur_sigma_px_in(size_px);
         self.judge.set_blur(sigma_px / f64::from(factor));
         self.judge.judge(&pair, colors, majority, &self.settings);
         self.moving.clone_from(&self.judge.moving);
@@ -153,17 +175,14 @@ impl Segmenter {
         if self.settings.suppress_blinking {
             self.blinking.observe(&self.moving, dt_secs);
         }
-        self.repair();
-        let limits = Limits::reduced(&self.settings, size);
+        self.repair(factor);
+        let limits = Limits::reduced(&self.settings, size_px, factor);
         self.pieces.find(&self.moving);
         self.drop_pieces(&limits);
-        let blobs = self.pieces.blobs(&self.moving, &limits);
-        let (soft_mask, labels) = soften(&self.moving, &self.shadow, &self.judge);
-        Segmentation { soft_mask, labels, blobs }
+        soften(&self.moving, &self.shadow, &self.judge)
     }
 
-    fn repair(&mut self) {
-        let factor = self.settings.resolution.factor();
+    fn repair(&mut self, factor: u32) {
         if self.settings.shadow_darkest < 1.0 || self.settings.highlight_brightest > 1.0 {
             restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
             self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
@@ -349,11 +368,10 @@ impl Limits {
         }
     }
 
-    /// For pieces of a picture of `size_px` that is reduced by the settings' resolution: what just passes for large
-    /// enough at full size must not be lost before.
-    fn reduced(settings: &SegmentSettings, size_px: (u32, u32)) -> Self {
-        let factor = settings.resolution.factor();
-        let full = Self::full(settings, (size_px.0 * factor, size_px.1 * factor));
+    /// For pieces of a picture of `size_px` whose sides are reduced by `factor`: what just passes for large enough at full
+    /// size must not be lost before.
+    fn reduced(settings: &SegmentSettings, size_px: (u32, u32), factor: u32) -> Self {
+        let full = Self::full(settings, size_px);
         let area = factor * factor;
         Self {
             min_area_px: (full.min_area_px / area).max(1),

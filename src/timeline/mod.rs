@@ -20,8 +20,8 @@ pub struct Observation {
     pub soft_mask: Arc<Mask>,
     /// Hard mask of the frame's size: 255 moving, 50 shadow, 0 background.
     pub labels: Arc<Mask>,
-    /// Background picture of that time (may be a little older than the frame: it is shared between frames); smaller
-    /// than the frame where the camera's resolution is reduced.
+    /// Background picture of that time, of the frame's size (may be a little older than the frame: it is shared between
+    /// frames).
     pub background: Arc<YuvImage>,
     /// Connected pieces of the hard mask.
     pub blobs: Arc<[Blob]>,

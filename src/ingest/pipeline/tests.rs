@@ -79,9 +79,66 @@ fn a_reduced_resolution_finds_nearly_what_the_full_one_finds() {
         assert!(overlap >= least_overlap && overlap < 1.0, "{resolution:?}: {overlap}");
         let foot = |of: &Observation| of.blobs[0].foot_in_image;
         for (a, b) in foot(&full).into_iter().zip(foot(&reduced)) {
-            assert!((a - b).abs() <= f64::from(resolution.factor()) + 1.0, "{resolution:?}");
+            assert!((a - b).abs() <= f64::from(resolution.factor_in((98, 66))) + 1.0, "{resolution:?}");
         }
-        assert_eq!(reduced.background.width(), 98_u32.div_ceil(resolution.factor()));
+        // The floor's dither comes back in full, though the model has its mean alone.
+        assert_eq!((reduced.background.width(), reduced.background.height()), (98, 66));
+        let rows = |of: &Observation| of.background.plane(0).row(2)[..98].to_vec();
+        let worst = rows(&full).into_iter().zip(rows(&reduced)).map(|(a, b)| a.abs_diff(b)).max();
+        assert!(worst.unwrap() <= 4, "{resolution:?}: {worst:?}");
+    }
+}
+
+#[test]
+fn large_pictures_are_reduced_unless_told_otherwise_and_their_backgrounds_are_not() {
+    let mut pipeline = pipeline();
+    let mut background = None;
+    for number in 0..12 {
+        background = Some(pipeline.process(frame(1002, 600, number)).background);
+    }
+    let (model, _) = pipeline.current().unwrap();
+    assert_eq!((model.width, model.height), (501, 300));
+    let background = background.unwrap();
+    assert_eq!((background.width(), background.height()), (1002, 600));
+    // A smaller stream of the same place goes on with the same model, and is shown at its own size at once.
+    let small = pipeline.process(frame(501, 300, 12)).background;
+    assert_eq!((small.width(), small.height()), (501, 300));
+    let large = pipeline.process(frame(1002, 600, 13)).background;
+    assert_eq!((large.width(), large.height()), (1002, 600));
+    assert!(pipeline.aside.is_empty());
+    let full = pipeline.model_bytes();
+    assert!(full >= 501 * 300 * 36 + 1002 * 600 * 3, "detail counts: {full}");
+}
+
+#[test]
+fn a_reduced_clip_leaves_its_detail() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let segment = SegmentSettings { resolution: Resolution::Half, ..segment };
+    let mut pipeline = Pipeline::new(&background, &segment);
+    let layout = YuvLayout::packed(96, 64);
+    let mut data = vec![128; YuvLayout::packed_len(96, 64)];
+    data[..96 * 64].iter_mut().enumerate().for_each(|(i, value)| *value = if i % 2 == 0 { 90 } else { 150 });
+    let stripes = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    for _ in 0..30 {
+        pipeline.learn(&stripes, 0.1);
+    }
+    // Something covers half of the place from the first frame on.
+    let mut data: Vec<u8> = (0..3)
+        .flat_map(|index| {
+            let plane = stripes.plane(index);
+            (0..plane.height).flat_map(move |y| plane.row(y).to_vec())
+        })
+        .collect();
+    data[..96 * 32].fill(30);
+    let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    let seen = pipeline.process(Frame { image: Arc::new(image), ..frame(96, 64, 1) });
+    assert!(seen.labels.get(40, 10) == 255 && seen.labels.get(40, 50) == 0);
+    for y in [10, 50] {
+        let row = seen.background.plane(0).row(y);
+        assert!(
+            row.iter().enumerate().all(|(x, luma)| luma.abs_diff(if x % 2 == 0 { 90 } else { 150 }) <= 2)
+        );
     }
 }
 

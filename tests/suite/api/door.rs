@@ -71,6 +71,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         state: state.to_owned(),
         reason: reason.map(str::to_owned),
         size_px: Some([6, 4]),
+        vision_size_px: Some([3, 2]),
         frames: 7,
         dropped: 1,
         first: Some(FIRST.to_string()),

@@ -43,7 +43,7 @@ async fn thresholds_are_shown_and_changed() {
     let path = "/api/v1/cameras/north/segment";
     let shown = bench.get(path).await;
     assert_eq!((shown.status.as_u16(), shown.field("cache-control")), (200, "no-store"));
-    assert_eq!(shown.json()["resolution"], "full");
+    assert_eq!(shown.json()["resolution"], "auto");
     let change = |body: &str| bench.send(request(Method::PATCH, path, body));
     let changed = change(r#"{"delta": 0.25, "shadow_darkest": 1}"#).await;
     assert_eq!(changed.status.as_u16(), 200);
