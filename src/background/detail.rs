@@ -5,21 +5,25 @@
 //! means say what is background and in which light, at every moment; detail only sharpens them, and may be slow.
 
 use super::Format;
-use crate::frame::{BitMask, Plane, YuvImage, YuvLayout};
+use crate::frame::{BitMask, Plane, WORD_PIXELS, YuvImage, YuvLayout};
+use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
 
-/// Detail is kept in so many steps a level.
-const STEPS: i32 = 64;
+/// Detail is kept in steps of a level over two to this power.
+const STEP_BITS: u32 = 6;
 
 /// A look counts for one in so many, once as many have been taken: noise is averaged away, and what a frame left that
 /// was no background fades within a few times that.
 const GREATEST_AGE: u32 = 8;
 
-/// Shares are told in parts of this.
-const WHOLE: i32 = 256;
+/// Shares are told in parts of two to this power.
+const SHARE_BITS: u32 = 8;
 
 /// Rows that one thread takes at least.
 const MIN_ROWS: usize = 32;
+
+/// Reduced samples that are worked on together.
+const STRETCH: usize = 16;
 
 /// Detail of a picture of one size over its blocks.
 ///
@@ -29,23 +33,25 @@ const MIN_ROWS: usize = 32;
 pub struct Detail {
     format: Format,
     layout: YuvLayout,
-    factor: usize,
+    factor: u32,
     /// Of each sample of the packed picture, over the mean of its block.
     steps: Vec<i16>,
     n_looks: u32,
+    /// Of each sample of the reduced picture, packed: 255 where it learns at a look, else 0.
+    learning: Vec<u8>,
 }
 
 impl Detail {
     /// No detail, for pictures of `format` whose sides are reduced by `factor`, as [`YuvImage::reduced`] does.
     ///
     /// # Panics
-    /// When `factor` is 0.
+    /// When `factor` is neither 2 nor 4.
     #[must_use]
     pub fn new(format: Format, factor: u32) -> Self {
-        assert!(factor > 0, "a picture is reduced by 1 or more");
+        assert!(factor == 2 || factor == 4, "pictures are halved or quartered");
         let layout = YuvLayout::packed(format.width, format.height);
         let steps = vec![0; YuvLayout::packed_len(format.width, format.height)];
-        Self { format, layout, factor: factor as usize, steps, n_looks: 0 }
+        Self { format, layout, factor, steps, n_looks: 0, learning: Vec::new() }
     }
 
     /// The format of the full picture.
@@ -57,7 +63,7 @@ impl Detail {
     /// Bytes that it takes.
     #[must_use]
     pub fn len_bytes(&self) -> usize {
-        size_of_val(&self.steps[..])
+        size_of_val(&self.steps[..]) + self.learning.len()
     }
 
     /// Learns the detail of `frame`, of which `reduced` is the reduced form, but for the blocks of which a bit of `moving`
@@ -72,24 +78,54 @@ impl Detail {
         for mask in [moving, unmatched] {
             assert!((mask.width(), mask.height()) == reduced_size, "masks have the reduced size");
         }
-        let factor = self.factor;
-        let takes_all = self.n_looks == 0;
+        self.find_learning(reduced, moving, unmatched);
         self.n_looks = (self.n_looks + 1).min(GREATEST_AGE);
-        let share = WHOLE / self.n_looks as i32;
-        let is_busy = |x: usize, y: usize| !takes_all && (moving.get(x, y) || unmatched.get(x, y));
+        let (factor, share) = (self.factor as usize, (1 << SHARE_BITS) / self.n_looks as i32);
+        let (level, reduced_layout) = (Level::new(), YuvLayout::packed(reduced.width(), reduced.height()));
         for (index, steps) in planes_mut(&self.layout, &mut self.steps).into_iter().enumerate() {
             let (full, means) = (frame.plane(index), reduced.plane(index));
+            let learning = reduced_layout.plane(&self.learning, index);
             let rows = steps.par_chunks_mut(full.width as usize).enumerate().with_min_len(MIN_ROWS);
             rows.for_each(|(y, steps)| {
-                let is_busy =
-                    |x: usize| covers(index, x, y / factor, reduced_size).any(|(x, y)| is_busy(x, y));
-                let blocks = steps.chunks_mut(factor).zip(full.row(y as u32).chunks(factor));
-                let blocks = blocks.zip(means.row((y / factor) as u32)).enumerate();
-                for (_, (block, mean)) in blocks.filter(|(x, _)| !is_busy(*x)) {
-                    learn_block(block, *mean, share);
+                let (own, y) = ((y / factor) as u32, y as u32);
+                let row =
+                    Row { values: full.row(y), means: means.row(own), learning: learning.row(own), share };
+                match factor {
+                    2 => dispatch!(level, simd => learn_row::<_, 2>(simd, steps, &row)),
+                    _ => dispatch!(level, simd => learn_row::<_, 4>(simd, steps, &row)),
                 }
             });
         }
+    }
+
+    /// Finds which samples of the reduced picture learn.
+    fn find_learning(&mut self, reduced: &YuvImage, moving: &BitMask, unmatched: &BitMask) {
+        let (width, height) = (reduced.width() as usize, reduced.height() as usize);
+        let (chroma_width, n_pixels) = (width.div_ceil(2), width * height);
+        self.learning.clear();
+        self.learning.resize(YuvLayout::packed_len(reduced.width(), reduced.height()), 255);
+        if self.n_looks == 0 {
+            return;
+        }
+        let (luma, chroma) = self.learning.split_at_mut(n_pixels);
+        for (y, row) in luma.chunks_exact_mut(width).enumerate() {
+            let words =
+                moving.row(y).iter().zip(unmatched.row(y)).map(|(moving, unmatched)| moving | unmatched);
+            for (word, pixels) in words.zip(row.chunks_mut(WORD_PIXELS)).filter(|(word, _)| *word != 0) {
+                for (x, pixel) in pixels.iter_mut().enumerate() {
+                    *pixel = ((word >> x & 1) as u8).wrapping_sub(1);
+                }
+            }
+        }
+        let (u, v) = chroma.split_at_mut(chroma.len() / 2);
+        for (y, u) in u.chunks_exact_mut(chroma_width).enumerate() {
+            let first = &luma[2 * y * width..][..width];
+            let second = if 2 * y + 1 < height { &luma[(2 * y + 1) * width..][..width] } else { first };
+            for ((u, first), second) in u.iter_mut().zip(first.chunks(2)).zip(second.chunks(2)) {
+                *u = first.iter().chain(second).fold(255, |all, one| all & one);
+            }
+        }
+        v.copy_from_slice(u);
     }
 
     /// The full-size picture of which `means` are the planes of the reduced one.
@@ -98,7 +134,7 @@ impl Detail {
     /// When `means` are of another size than the reduced picture.
     #[must_use]
     pub fn picture(&self, means: [Plane<'_>; 3]) -> YuvImage {
-        let factor = self.factor;
+        let (factor, level) = (self.factor as usize, Level::new());
         let mut data = vec![0; self.steps.len()];
         for (index, out) in planes_mut(&self.layout, &mut data).into_iter().enumerate() {
             let steps = self.plane(index);
@@ -106,9 +142,10 @@ impl Detail {
             let rows =
                 out.par_chunks_mut(width).zip(steps.par_chunks(width)).enumerate().with_min_len(MIN_ROWS);
             rows.for_each(|(y, (out, steps))| {
-                let blocks = out.chunks_mut(factor).zip(steps.chunks(factor));
-                for (block, mean) in blocks.zip(means[index].row((y / factor) as u32)) {
-                    paint_block(block, *mean);
+                let means = means[index].row((y / factor) as u32);
+                match factor {
+                    2 => dispatch!(level, simd => paint_row::<_, 2>(simd, out, steps, means)),
+                    _ => dispatch!(level, simd => paint_row::<_, 4>(simd, out, steps, means)),
                 }
             });
         }
@@ -122,33 +159,68 @@ impl Detail {
     }
 }
 
-/// Moves the detail of a block's samples of one row a share of the way, in parts of [`WHOLE`], to what is seen of them over
-/// the block's mean.
-fn learn_block((steps, values): (&mut [i16], &[u8]), mean: u8, share: i32) {
-    for (step, value) in steps.iter_mut().zip(values) {
-        let seen = (i32::from(*value) - i32::from(mean)) * STEPS;
-        *step += ((seen - i32::from(*step)) * share / WHOLE) as i16;
+/// A row of a full-size plane that is learned.
+struct Row<'a> {
+    values: &'a [u8],
+    /// Of the row's blocks.
+    means: &'a [u8],
+    /// 255 for blocks that learn, else 0.
+    learning: &'a [u8],
+    /// How far to move, in parts of two to the power [`SHARE_BITS`].
+    share: i32,
+}
+
+/// Moves the detail of a row towards what is seen of it over the blocks' means.
+#[inline(always)]
+fn learn_row<S: Simd, const FACTOR: usize>(_simd: S, steps: &mut [i16], row: &Row<'_>) {
+    let mut start = 0;
+    while (start + STRETCH) * FACTOR <= steps.len() {
+        let full = start * FACTOR..(start + STRETCH) * FACTOR;
+        let (steps, values) = (&mut steps[full.clone()], &row.values[full]);
+        let blocks = start..start + STRETCH;
+        learn_blocks::<FACTOR>(steps, values, &row.means[blocks.clone()], &row.learning[blocks], row.share);
+        start += STRETCH;
+    }
+    let full = start * FACTOR..;
+    let (means, learning) = (&row.means[start..], &row.learning[start..]);
+    learn_blocks::<FACTOR>(&mut steps[full.clone()], &row.values[full], means, learning, row.share);
+}
+
+/// Of blocks of one row, of which the last may be cut off.
+#[inline(always)]
+fn learn_blocks<const FACTOR: usize>(
+    steps: &mut [i16],
+    values: &[u8],
+    means: &[u8],
+    learning: &[u8],
+    share: i32,
+) {
+    for i in 0..steps.len() {
+        let seen = (i32::from(values[i]) - i32::from(means[i / FACTOR])) << STEP_BITS;
+        let by = ((seen - i32::from(steps[i])) * share) >> SHARE_BITS;
+        let mask = i32::from(learning[i / FACTOR] as i8);
+        steps[i] += (by & mask) as i16;
     }
 }
 
-/// Lays the detail of a block's samples of one row over their mean.
-fn paint_block((out, steps): (&mut [u8], &[i16]), mean: u8) {
-    for (out, step) in out.iter_mut().zip(steps) {
-        let level = (i32::from(*step) + STEPS / 2).div_euclid(STEPS);
-        *out = (i32::from(mean) + level).clamp(0, 255) as u8;
+/// Lays the detail of a row over its blocks' means.
+#[inline(always)]
+fn paint_row<S: Simd, const FACTOR: usize>(_simd: S, out: &mut [u8], steps: &[i16], means: &[u8]) {
+    let mut start = 0;
+    while (start + STRETCH) * FACTOR <= out.len() {
+        let full = start * FACTOR..(start + STRETCH) * FACTOR;
+        paint_blocks::<FACTOR>(&mut out[full.clone()], &steps[full], &means[start..start + STRETCH]);
+        start += STRETCH;
     }
+    paint_blocks::<FACTOR>(&mut out[start * FACTOR..], &steps[start * FACTOR..], &means[start..]);
 }
 
-/// The pixels of the reduced picture that its sample at `(x, y)` of plane `index` stands for.
-fn covers(
-    index: usize,
-    x: usize,
-    y: usize,
-    (width, height): (usize, usize),
-) -> impl Iterator<Item = (usize, usize)> {
-    let side = if index == 0 { 1 } else { 2 };
-    let rows = y * side..((y + 1) * side).min(height);
-    rows.flat_map(move |y| (x * side..((x + 1) * side).min(width)).map(move |x| (x, y)))
+#[inline(always)]
+fn paint_blocks<const FACTOR: usize>(out: &mut [u8], steps: &[i16], means: &[u8]) {
+    for i in 0..out.len() {
+        let level = (i32::from(steps[i]) + (1 << (STEP_BITS - 1))) >> STEP_BITS;
+        out[i] = (i32::from(means[i / FACTOR]) + level).clamp(0, 255) as u8;
+    }
 }
 
 fn plane_width(layout: &YuvLayout, index: usize) -> usize {
@@ -198,7 +270,7 @@ mod tests {
     #[test]
     fn means_and_detail_are_the_picture_at_any_size_and_in_another_light() {
         for (width, height) in [(8, 8), (9, 7), (1, 1), (2, 5), (67, 33)] {
-            for factor in [1, 2, 4] {
+            for factor in [2, 4] {
                 let frame = picture(width, height, 20);
                 let reduced = frame.reduced(factor);
                 let mut detail = Detail::new(Format::of(&frame), factor);
@@ -209,7 +281,11 @@ mod tests {
                 let lighter = picture(width, height, 60);
                 let seen = detail.picture(planes(&lighter.reduced(factor)));
                 assert!(greatest_difference(&seen, &lighter) <= 1, "{width} x {height} / {factor}");
-                assert_eq!(detail.len_bytes(), 2 * YuvLayout::packed_len(width, height));
+                let full = 2 * YuvLayout::packed_len(width, height);
+                assert_eq!(
+                    detail.len_bytes(),
+                    full + YuvLayout::packed_len(reduced.width(), reduced.height())
+                );
             }
         }
     }

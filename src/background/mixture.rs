@@ -18,6 +18,10 @@ use rayon::prelude::*;
 /// Row pairs that one thread takes at least: fewer would cost more to hand out than to do.
 const MIN_PAIRS: usize = 8;
 
+/// Row pairs that one thread takes at most: what moves is often in one part of the picture, and who has finished with the
+/// other takes over.
+const MAX_PAIRS: usize = 16;
+
 /// What only ever matches its first mode learns in every so many frames, all of them at once ...
 const TURNS: u64 = 4;
 
@@ -428,6 +432,7 @@ impl GaussianMixture {
             })
             .enumerate()
             .with_min_len(MIN_PAIRS)
+            .with_max_len(MAX_PAIRS)
     }
 }
 

@@ -79,11 +79,13 @@ impl Enlarger {
         self.is_near.resize(n_stretches * soft_mask.height as usize, false);
         for (y, near) in self.is_near.chunks_exact_mut(n_stretches).enumerate() {
             let (soft, labels) = (soft_mask.row(y as u32), labels.row(y as u32));
-            for (stretch, near) in near.iter_mut().enumerate() {
+            let stretches = soft.chunks(STRETCH).zip(labels.chunks(STRETCH));
+            for (stretch, (near, (own, labels))) in near.iter_mut().zip(stretches).enumerate() {
                 let start = stretch * STRETCH;
-                let end = (start + STRETCH).min(soft.len());
-                let beside = &soft[start.saturating_sub(1)..(end + 1).min(soft.len())];
-                *near = any(beside) || any(&labels[start..end]);
+                let beside = [start.wrapping_sub(1), start + STRETCH];
+                *near = any(own)
+                    || any(labels)
+                    || beside.iter().any(|x| soft.get(*x).is_some_and(|soft| *soft != 0));
             }
         }
     }
@@ -132,9 +134,12 @@ const fn between<const FACTOR: usize>(y: usize, n_reduced: usize) -> (usize, usi
     (if low == 0 { 0 } else { low - 1 }, high, share as u16)
 }
 
-/// Whether any value is not 0.
+/// Whether any value of a stretch, or of the rest of one, is not 0.
 fn any(values: &[u8]) -> bool {
-    values.iter().fold(0, |any, value| any | value) != 0
+    match values.first_chunk::<STRETCH>() {
+        Some(values) => u128::from_ne_bytes(*values) != 0,
+        None => values.iter().any(|value| *value != 0),
+    }
 }
 
 /// Enlarges the columns of one stretch of a row into the soft mask, labels and bits of a full-size row.
