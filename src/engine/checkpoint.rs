@@ -59,7 +59,8 @@ pub(super) struct Checkpoints {
     health: Arc<StoreHealth>,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
-    last: Duration,
+    /// Monotonic time from which on it is to be written again.
+    due: Duration,
     /// None where no history is kept.
     history: Option<History>,
 }
@@ -76,8 +77,14 @@ impl Checkpoints {
         clock: Arc<dyn Clock>,
     ) -> Self {
         let (camera, learning) = (camera.id.clone(), camera.background.learning);
-        let last = clock.monotonic().saturating_sub(sooner);
-        Self { camera, learning, interval, store, runtime, health, metrics, clock, last, history: None }
+        let due = Self::first_due(clock.monotonic(), interval, sooner);
+        Self { camera, learning, interval, store, runtime, health, metrics, clock, due, history: None }
+    }
+
+    /// When a background is written for the first time. The clock may have begun with this program, so nothing is taken
+    /// from `now` itself.
+    const fn first_due(now: Duration, interval: Duration, sooner: Duration) -> Duration {
+        now.saturating_add(interval.saturating_sub(sooner))
     }
 
     /// The same, of a camera whose background's past is kept, if any is.
@@ -115,7 +122,7 @@ impl Checkpoints {
     /// Writes the background if the interval has passed since it was last written, and to its history if that is
     /// due.
     pub(super) fn write_if_due(&mut self, pipeline: &Pipeline) {
-        if self.clock.monotonic().saturating_sub(self.last) < self.interval {
+        if self.clock.monotonic() < self.due {
             return;
         }
         if let Ok(Some(record)) = self.write(pipeline) {
@@ -140,7 +147,7 @@ impl Checkpoints {
     /// A failure is logged and counted; the next interval tries again.
     fn write(&mut self, pipeline: &Pipeline) -> Result<Option<BackgroundRecord>, NotWritten> {
         let started = self.clock.monotonic();
-        self.last = started;
+        self.due = started.saturating_add(self.interval);
         if self.learning == Learning::Hold {
             return Ok(None);
         }
@@ -198,6 +205,8 @@ mod tests {
     use tempfile::TempDir;
     use tokio::runtime::Runtime;
 
+    const MINUTE: Duration = Duration::from_secs(60);
+
     /// A camera whose background is written every minute, on a clock that a test moves.
     struct Bench {
         folder: TempDir,
@@ -224,7 +233,11 @@ mod tests {
 
         /// A minute of machine time, then a frame of scene time `secs`.
         fn frame(&mut self, secs: i64) {
-            self.clock.advance(Duration::from_secs(60));
+            self.clock.advance(MINUTE);
+            self.show(secs);
+        }
+
+        fn show(&mut self, secs: i64) {
             let floor = YuvImage::filled(32, 16, [90, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
             let camera = self.checkpoints.camera.clone();
             self.pipeline.process(Frame { camera, timestamp: at(secs), number: 0, image: floor.into() });
@@ -270,7 +283,7 @@ mod tests {
         let clock = Arc::clone(clock) as Arc<dyn Clock>;
         Checkpoints::new(
             &settings.camera[0],
-            (Duration::from_secs(60), Duration::ZERO),
+            (MINUTE, Duration::ZERO),
             store.clone(),
             runtime.handle().clone(),
             Arc::clone(health),
@@ -302,6 +315,20 @@ mod tests {
         assert_eq!(bench.history(), [0, 121, 200, 241]);
         bench.minute(320);
         assert_eq!(bench.history(), [0, 121, 200, 241, 320]);
+    }
+
+    #[test]
+    fn first_writes_are_apart_also_where_the_clock_has_just_begun() {
+        let mut bench = Bench::new(0.0);
+        assert_eq!(bench.clock.monotonic(), Duration::ZERO);
+        bench.checkpoints.due = Checkpoints::first_due(Duration::ZERO, MINUTE, Duration::from_secs(45));
+        for (wait_secs, expected) in [(10, None), (5, Some(at(15))), (59, Some(at(15))), (1, Some(at(75)))] {
+            bench.clock.advance(Duration::from_secs(wait_secs));
+            let secs = bench.clock.monotonic().as_secs() as i64;
+            bench.show(secs);
+            bench.checkpoints.write_if_due(&bench.pipeline);
+            assert_eq!(bench.checkpoint().map(|kept| kept.saved_at), expected, "{secs}");
+        }
     }
 
     #[test]
