@@ -19,8 +19,11 @@ pub(super) struct Splitter {
     /// Pixels in each column of the piece, summed from the left: one more value than columns.
     sums: Vec<u32>,
     smoothed: Vec<f32>,
+    /// Of the columns that are looked at, the greatest smoothed value from each one on.
+    peaks: Vec<f32>,
     /// Highest and lowest row of each column.
-    spans: Vec<(u32, u32)>,
+    tops: Vec<u32>,
+    bottoms: Vec<u32>,
     cuts: Vec<u32>,
 }
 
@@ -50,17 +53,23 @@ impl Splitter {
         let width = (right - left) as usize;
         self.sums.clear();
         self.sums.resize(width + 1, 0);
-        self.spans.clear();
-        self.spans.resize(width, (u32::MAX, 0));
+        self.tops.clear();
+        self.tops.resize(width, u32::MAX);
+        self.bottoms.clear();
+        self.bottoms.resize(width, 0);
         for run in runs {
-            for x in (run.start - left) as usize..(run.end - left) as usize {
-                self.sums[x + 1] += 1;
-                let (top, bottom) = &mut self.spans[x];
-                (*top, *bottom) = ((*top).min(run.y), (*bottom).max(run.y));
-            }
+            let columns = (run.start - left) as usize..(run.end - left) as usize;
+            // Where a run begins its pixels are added to every column from there on, where it ends no more are.
+            self.sums[columns.start] = self.sums[columns.start].wrapping_add(1);
+            self.sums[columns.end] = self.sums[columns.end].wrapping_sub(1);
+            self.tops[columns.clone()].iter_mut().for_each(|top| *top = (*top).min(run.y));
+            self.bottoms[columns].iter_mut().for_each(|bottom| *bottom = (*bottom).max(run.y));
         }
-        for x in 0..width {
-            self.sums[x + 1] += self.sums[x];
+        let (mut in_column, mut sum) = (0_u32, 0);
+        for value in &mut self.sums {
+            in_column = in_column.wrapping_add(*value);
+            *value = sum;
+            sum += in_column;
         }
         let reach = ((SMOOTHED_SHARE * width as f64) as usize).max(2) / 2;
         self.smoothed.clear();
@@ -80,13 +89,17 @@ impl Splitter {
     }
 
     /// The column before which to cut: the one that is lowest in proportion to the lower of the peaks beside it.
-    fn deepest(&self, first: u32, end: u32, valley: f32, min_area_px: u32) -> Option<u32> {
+    fn deepest(&mut self, first: u32, end: u32, valley: f32, min_area_px: u32) -> Option<u32> {
         let columns = &self.smoothed[first as usize..end as usize];
+        self.peaks.clear();
+        self.peaks.extend_from_slice(columns);
+        for at in (1..columns.len()).rev() {
+            self.peaks[at - 1] = self.peaks[at - 1].max(self.peaks[at]);
+        }
         let mut best: Option<(f32, u32)> = None;
         let mut peak_left = 0.0_f32;
-        for (at, value) in columns.iter().enumerate() {
-            let peak_right = columns[at..].iter().fold(0.0_f32, |most, value| most.max(*value));
-            let depth = value / peak_left.min(peak_right).max(f32::MIN_POSITIVE);
+        for (at, (value, peak_right)) in columns.iter().zip(&self.peaks).enumerate() {
+            let depth = value / peak_left.min(*peak_right).max(f32::MIN_POSITIVE);
             let at = first + at as u32;
             if depth < valley
                 && best.is_none_or(|(least, _)| depth < least)
@@ -105,9 +118,8 @@ impl Splitter {
         if first >= end || self.sums[end] - self.sums[first] < min_area_px {
             return false;
         }
-        let spans = &self.spans[first..end];
-        let top = spans.iter().map(|(top, _)| *top).min().unwrap_or_default();
-        let bottom = spans.iter().map(|(_, bottom)| *bottom).max().unwrap_or_default();
+        let top = self.tops[first..end].iter().min().copied().unwrap_or_default();
+        let bottom = self.bottoms[first..end].iter().max().copied().unwrap_or_default();
         bottom + 1 - top >= LEAST_ASPECT * (end - first) as u32
     }
 }
