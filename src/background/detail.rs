@@ -82,7 +82,7 @@ impl Detail {
         self.n_looks = (self.n_looks + 1).min(GREATEST_AGE);
         let (factor, share) = (self.factor as usize, (1 << SHARE_BITS) / self.n_looks as i32);
         let (level, reduced_layout) = (Level::new(), YuvLayout::packed(reduced.width(), reduced.height()));
-        for (index, steps) in planes_mut(&self.layout, &mut self.steps).into_iter().enumerate() {
+        for (index, steps) in self.layout.split_mut(&mut self.steps).into_iter().enumerate() {
             let (full, means) = (frame.plane(index), reduced.plane(index));
             let learning = reduced_layout.plane(&self.learning, index);
             let rows = steps.par_chunks_mut(full.width as usize).enumerate().with_min_len(MIN_ROWS);
@@ -136,9 +136,8 @@ impl Detail {
     pub fn picture(&self, means: [Plane<'_>; 3]) -> YuvImage {
         let (factor, level) = (self.factor as usize, Level::new());
         let mut data = vec![0; self.steps.len()];
-        for (index, out) in planes_mut(&self.layout, &mut data).into_iter().enumerate() {
-            let steps = self.plane(index);
-            let width = plane_width(&self.layout, index);
+        for (index, out) in self.layout.split_mut(&mut data).into_iter().enumerate() {
+            let (steps, width) = (&self.steps[self.layout.offsets[index]..], self.layout.strides[index]);
             let rows =
                 out.par_chunks_mut(width).zip(steps.par_chunks(width)).enumerate().with_min_len(MIN_ROWS);
             rows.for_each(|(y, (out, steps))| {
@@ -151,11 +150,6 @@ impl Detail {
         }
         YuvImage::new(self.layout, self.format.matrix, self.format.range, data)
             .expect("the planes were laid out for this size")
-    }
-
-    fn plane(&self, index: usize) -> &[i16] {
-        let [start, end] = plane_bounds(&self.layout, index, self.steps.len());
-        &self.steps[start..end]
     }
 }
 
@@ -221,21 +215,6 @@ fn paint_blocks<const FACTOR: usize>(out: &mut [u8], steps: &[i16], means: &[u8]
         let level = (i32::from(steps[i]) + (1 << (STEP_BITS - 1))) >> STEP_BITS;
         out[i] = (i32::from(means[i / FACTOR]) + level).clamp(0, 255) as u8;
     }
-}
-
-fn plane_width(layout: &YuvLayout, index: usize) -> usize {
-    if index == 0 { layout.width as usize } else { layout.chroma_width() as usize }
-}
-
-fn plane_bounds(layout: &YuvLayout, index: usize, len: usize) -> [usize; 2] {
-    [layout.offsets[index], layout.offsets.get(index + 1).copied().unwrap_or(len)]
-}
-
-/// The three planes of packed data.
-fn planes_mut<'a, T>(layout: &YuvLayout, data: &'a mut [T]) -> [&'a mut [T]; 3] {
-    let (luma, chroma) = data.split_at_mut(layout.offsets[1]);
-    let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
-    [luma, u, v]
 }
 
 #[cfg(test)]

@@ -410,8 +410,7 @@ impl GaussianMixture {
     fn bands(&mut self) -> impl IndexedParallelIterator<Item = (usize, Band<'_>)> {
         let pair = 2 * self.layout.width as usize;
         let chroma_width = self.layout.chroma_width() as usize;
-        let (luma, chroma) = self.background.split_at_mut(self.layout.offsets[1]);
-        let (u, v) = chroma.split_at_mut(self.layout.offsets[2] - self.layout.offsets[1]);
+        let [luma, u, v] = self.layout.split_mut(&mut self.background);
         let tiles = 2 * self.tiles_per_row;
         self.first
             .par_chunks_mut(tiles)

@@ -206,8 +206,7 @@ fn bands<'a>(
 ) -> impl IndexedParallelIterator<Item = (usize, Band<'a>)> {
     let pair = 2 * layout.width as usize;
     let chroma_width = layout.chroma_width() as usize;
-    let (luma, chroma) = background.split_at_mut(layout.offsets[1]);
-    let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
+    let [luma, u, v] = layout.split_mut(background);
     modes
         .par_chunks_mut(pair * n_modes)
         .zip(foreground.par_chunks_mut(pair))

@@ -24,14 +24,9 @@ impl YuvImage {
         let (width, height) = (self.width().div_ceil(factor as u32), self.height().div_ceil(factor as u32));
         let (layout, level) = (YuvLayout::packed(width, height), Level::new());
         let mut data = vec![0; YuvLayout::packed_len(width, height)];
-        let mut rest = data.as_mut_slice();
-        for index in 0..3 {
+        for (index, plane) in layout.split_mut(&mut data).into_iter().enumerate() {
             let source = self.plane(index);
-            let out_width = (source.width as usize).div_ceil(factor);
-            let out_height = (source.height as usize).div_ceil(factor);
-            let (plane, after) = rest.split_at_mut(out_width * out_height);
-            rest = after;
-            let rows = plane.par_chunks_mut(out_width).enumerate().with_min_len(MIN_ROWS);
+            let rows = plane.par_chunks_mut(layout.strides[index]).enumerate().with_min_len(MIN_ROWS);
             rows.for_each(|(y, out)| match factor {
                 2 => dispatch!(level, simd => reduce_row_by::<_, 2>(simd, &source, y, out)),
                 4 => dispatch!(level, simd => reduce_row_by::<_, 4>(simd, &source, y, out)),

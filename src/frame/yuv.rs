@@ -43,6 +43,17 @@ impl YuvLayout {
         Plane { data: &data[self.offsets[index]..], stride: self.strides[index], width, height }
     }
 
+    /// The Y, U and V planes of values laid out so, each up to where the next one begins.
+    ///
+    /// # Panics
+    /// When the planes are not in this order, or `data` ends before the last one begins.
+    #[must_use]
+    pub fn split_mut<'a, T>(&self, data: &'a mut [T]) -> [&'a mut [T]; 3] {
+        let (luma, chroma) = data.split_at_mut(self.offsets[1]);
+        let (u, v) = chroma.split_at_mut(self.offsets[2] - self.offsets[1]);
+        [luma, u, v]
+    }
+
     /// Columns of the chroma planes: half the luma plane's, rounded up.
     #[must_use]
     pub const fn chroma_width(&self) -> u32 {
@@ -192,8 +203,7 @@ impl YuvImage {
         }
         let layout = YuvLayout::packed(rgb.width, rgb.height);
         let mut data = vec![0; YuvLayout::packed_len(rgb.width, rgb.height)];
-        let (luma, chroma) = data.split_at_mut(layout.offsets[1]);
-        let (u, v) = chroma.split_at_mut(layout.offsets[2] - layout.offsets[1]);
+        let [luma, u, v] = layout.split_mut(&mut data);
         let [from_luma, from_u, from_v] = yuv_from_rgb(matrix, range);
         let code = |(factors, offset): ([i32; 3], i32), [r, g, b]: [i32; 3], shift: u32| {
             let value = (factors[0] * r + factors[1] * g + factors[2] * b) >> shift;
