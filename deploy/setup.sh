@@ -7,8 +7,10 @@ set -euo pipefail
 packages=(
   # Building: the C compiler and the headers of GStreamer; SQLite and zstd come with their crates.
   gcc libc6-dev make pkg-config libgstreamer1.0-dev libgstreamer-plugins-base1.0-dev
-  # Decoding: files and containers, VP8 and MJPEG (good), everything FFmpeg knows (libav).
-  gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-libav
+  # Decoding: files and containers, RTSP, VP8 and MJPEG (good), everything FFmpeg knows (libav). Recording: parsers (bad).
+  gstreamer1.0-plugins-base gstreamer1.0-plugins-good gstreamer1.0-libav gstreamer1.0-plugins-bad
+  # Tests alone: an encoder of H.264 (ugly), an RTSP server to play a camera.
+  gstreamer1.0-plugins-ugly libgstrtspserver-1.0-dev
   # Rendering: the Vulkan loader, and Mesa's drivers with the software rasteriser for machines without a GPU.
   libvulkan1 mesa-vulkan-drivers
   # What the README's commands call.

@@ -26,6 +26,8 @@ pub mod config;
 
 pub mod telemetry;
 
+pub mod media;
+
 pub mod store;
 
 pub mod gpu;

@@ -4,11 +4,10 @@
 //! because seeking back depends on an index that many surveillance files lack. What is read is the file that was
 //! opened beneath the media roots, whatever became of its path since.
 
-use super::decoder::{Decoder, Fault};
-use super::media::{Media, Picture};
-use super::planes::{PlaneReader, SampleError};
+use super::medium::Medium;
 use super::roots::descriptor_path;
 use super::{IngestError, MediaRoots, StopFlag};
+use crate::media::{Decoder, Fault, Input, Picture, PlaneReader, SampleError};
 use gstreamer as gst;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -72,14 +71,15 @@ impl VideoFile {
     }
 }
 
-impl Media for VideoFile {
+impl Medium for VideoFile {
     fn path(&self) -> &Path {
         &self.path
     }
 
     fn begin(&mut self) -> Result<(), IngestError> {
         self.pass = None;
-        let decoder = Decoder::start(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
+        let input = Input::file(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
+        let decoder = Decoder::start(&input, None).map_err(|fault| self.error(fault))?;
         self.pass = Some((decoder, PlaneReader::default()));
         Ok(())
     }

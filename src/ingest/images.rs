@@ -4,10 +4,11 @@
 //! an error, found before the first picture is read: frames are numbered from 0 in order, so a silent gap would
 //! shift every later frame against its truth and its time.
 
-use super::media::{Media, Picture};
+use super::medium::Medium;
 use super::pattern::Pattern;
 use super::{IngestError, MediaRoots, StopFlag};
 use crate::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
+use crate::media::Picture;
 use image::{ImageDecoder, ImageReader, Limits};
 use std::fs;
 use std::io::BufReader;
@@ -45,7 +46,7 @@ impl NumberedPictures {
     }
 }
 
-impl Media for NumberedPictures {
+impl Medium for NumberedPictures {
     fn path(&self) -> &Path {
         &self.path
     }

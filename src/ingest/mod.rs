@@ -5,15 +5,13 @@
 //! consumer. Knows nothing of what consumers do with frames, nor of scenes.
 
 mod clip;
-mod decoder;
 mod error;
 mod file;
 mod images;
-mod media;
+mod medium;
 mod pacing;
 mod pattern;
 mod pipeline;
-mod planes;
 mod roots;
 mod standing;
 mod status;

@@ -1,8 +1,9 @@
 //! Numbers and times the pictures of a medium, once or in a loop without a seam.
 
-use super::media::{Media, Picture};
+use super::medium::Medium;
 use super::{IngestError, Source, SourceFrame};
 use crate::config::{End, Timing};
+use crate::media::Picture;
 use std::sync::Arc;
 
 const NANOS_PER_SEC: f64 = 1e9;
@@ -49,7 +50,7 @@ struct Pass {
     n_pictures: i64,
 }
 
-impl<M: Media> TimedSource<M> {
+impl<M: Medium> TimedSource<M> {
     /// Times `media`; `rate_hz` counts with `Timing::Index`, and where nothing else tells the frame interval.
     pub(super) fn new(media: M, timing: Timing, rate_hz: f64, end: End) -> Self {
         Self {
@@ -76,7 +77,7 @@ impl<M: Media> TimedSource<M> {
     }
 }
 
-impl<M: Media> Source for TimedSource<M> {
+impl<M: Medium> Source for TimedSource<M> {
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {
         loop {
             match self.position {
@@ -161,7 +162,7 @@ mod tests {
         next: usize,
     }
 
-    impl Media for Listed {
+    impl Medium for Listed {
         fn path(&self) -> &Path {
             Path::new("listed.avi")
         }

@@ -1,6 +1,6 @@
 //! Takes the planes of decoded samples without copying them.
 
-use super::media::Picture;
+use super::Picture;
 use crate::frame::{ColorMatrix, ColorRange, YuvError, YuvImage, YuvLayout};
 use gstreamer as gst;
 use gstreamer_video as gst_video;
@@ -10,7 +10,7 @@ const HIGH_DEFINITION_ROWS: u32 = 720;
 
 /// A sample that is no I420 picture in memory.
 #[derive(Debug)]
-pub(super) enum SampleError {
+pub enum SampleError {
     /// The sample lacks a part or its caps are not raw I420.
     Unusable(&'static str),
     /// The buffer is smaller than its caps promise.
@@ -19,7 +19,7 @@ pub(super) enum SampleError {
 
 /// Reads samples of one stream; remembers the format between them.
 #[derive(Debug, Default)]
-pub(super) struct PlaneReader {
+pub struct PlaneReader {
     format: Option<Format>,
 }
 
@@ -34,7 +34,10 @@ struct Format {
 
 impl PlaneReader {
     /// The picture of `sample`: the decoder's buffer itself, held mapped for as long as the picture lives.
-    pub(super) fn picture(&mut self, sample: &gst::Sample) -> Result<Picture, SampleError> {
+    ///
+    /// # Errors
+    /// When the sample is no whole I420 picture.
+    pub fn picture(&mut self, sample: &gst::Sample) -> Result<Picture, SampleError> {
         let caps = sample.caps().ok_or(SampleError::Unusable("a sample without caps"))?;
         // The format changes rarely, if ever: caps are compared, which is an address in the usual case.
         let format = match self.format.take() {

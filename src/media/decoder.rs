@@ -1,17 +1,20 @@
-//! One `GStreamer` pipeline from a file to I420 pictures, and what its messages mean.
+//! One `GStreamer` pipeline from an input to I420 pictures, and what its messages mean.
 //!
-//! `filesrc ! decodebin ! [videoconvert !] appsink`: decodebin finds demuxer and decoder, and works without the
+//! `input ! decodebin ! [videoconvert !] appsink`: decodebin finds demuxer and decoder, and works without the
 //! parsers of plugins-bad. Only the first video stream is decoded. The decoder's own buffers arrive: where it
-//! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied.
+//! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied. Where the
+//! encoded frames are wanted too, `tap` splits the stream before decodebin.
 
+use super::fault::{gstreamer_fault, missing_codec};
+use super::input::{Keep, make};
+use super::{EncodedQueue, Fault, Input, tap};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
 use gstreamer_video as gst_video;
-use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 
 /// Most columns and rows of a video: beyond it lies what no camera makes and no memory holds.
@@ -23,74 +26,54 @@ const QUEUE_LENGTH: u32 = 4;
 /// Most threads of one decoder: many cameras decode side by side.
 const MAX_DECODER_THREADS: usize = 2;
 
-/// Why a pipeline gives no further picture.
-#[derive(Debug)]
-pub(super) enum Fault {
-    /// No type, no video stream.
-    NotVideo(String),
-    /// No demuxer or decoder.
-    MissingCodec {
-        /// What is missing.
-        codec: String,
-        /// Debian packages that may have it.
-        package: &'static str,
-    },
-    /// A picture beyond the limit.
-    TooLarge {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Most of either.
-        limit: u32,
-    },
-    /// The stream breaks off.
-    Damaged(String),
-    /// `GStreamer` fails or is incomplete.
-    Gstreamer {
-        /// What was tried.
-        action: &'static str,
-        /// What it said.
-        detail: String,
-    },
-}
-
 /// A running pipeline; it ends when this is dropped.
 #[derive(Debug)]
-pub(super) struct Decoder {
+pub struct Decoder {
     pipeline: gst::Pipeline,
     bus: gst::Bus,
     sink: gst_app::AppSink,
     link_faults: Receiver<Fault>,
     unknown_streams: Receiver<gst::Caps>,
+    n_arrived: Arc<AtomicU64>,
+    n_pulled: AtomicU64,
 }
 
 impl Decoder {
-    /// Starts decoding the file at `location`.
-    pub(super) fn start(location: &Path) -> Result<Self, Fault> {
-        gst::init().map_err(|error| gstreamer_fault("start", &error))?;
-        let make = |name: &str| {
-            gst::ElementFactory::make(name)
-                .build()
-                .map_err(|error| gstreamer_fault("make an element", &error))
-        };
-        let (source, decode) = (make("filesrc")?, make("decodebin")?);
-        source.set_property("location", location);
-        let sink = make_sink();
+    /// Starts decoding `input`. With `encoded`, the frames that the pictures are decoded from are put there as they come,
+    /// each some pictures before its own.
+    ///
+    /// # Errors
+    /// When `GStreamer` lacks an element or cannot start; all else shows with the first picture.
+    pub fn start(input: &Input, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
+        let decode = make("decodebin")?;
+        let sink = make_sink(input.keep());
+        let n_arrived = count_arrivals(&sink);
         let pipeline = gst::Pipeline::new();
-        let add = [&source, &decode, sink.upcast_ref()];
-        pipeline.add_many(add).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        source.link(&decode).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
+        pipeline
+            .add_many([input.element(), sink.upcast_ref()])
+            .map_err(|error| gstreamer_fault("build a pipeline", &error))?;
         pipeline.connect_deep_element_added(|_pipeline, _bin, element| cap_threads(element));
-        let (sender, link_faults) = sync_channel(1);
-        link_first_video(&decode, &pipeline, &sink, sender);
-        decode_video_only(&decode);
-        let unknown_streams = watch_unknown_streams(&decode);
+        let (faults, link_faults) = sync_channel(1);
+        let (streams, unknown_streams) = sync_channel(8);
+        link_first_video(&decode, &pipeline, &sink, faults.clone());
+        watch(&decode, &streams);
+        let reader = match encoded {
+            None => decode,
+            Some(queue) => {
+                let parse = make("parsebin")?;
+                watch(&parse, &streams);
+                tap::split_first_video(&parse, &decode, (&pipeline, queue), faults);
+                parse
+            }
+        };
+        pipeline.add(&reader).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
+        input.link(&reader)?;
         let bus = pipeline.bus().ok_or_else(|| Fault::Gstreamer {
             action: "build a pipeline",
             detail: "the pipeline has no bus".to_owned(),
         })?;
-        let decoder = Self { pipeline, bus, sink, link_faults, unknown_streams };
+        let n_pulled = AtomicU64::new(0);
+        let decoder = Self { pipeline, bus, sink, link_faults, unknown_streams, n_arrived, n_pulled };
         match decoder.pipeline.set_state(gst::State::Playing) {
             Ok(_) => Ok(decoder),
             Err(error) => Err(decoder.fault().unwrap_or_else(|| gstreamer_fault("start a pipeline", &error))),
@@ -98,26 +81,38 @@ impl Decoder {
     }
 
     /// The next picture if one comes within `patience`.
-    pub(super) fn pull(&self, patience: gst::ClockTime) -> Option<gst::Sample> {
-        self.sink.try_pull_sample(patience)
+    pub fn pull(&self, patience: gst::ClockTime) -> Option<gst::Sample> {
+        let sample = self.sink.try_pull_sample(patience)?;
+        self.n_pulled.fetch_add(1, Ordering::Relaxed);
+        Some(sample)
+    }
+
+    /// Pictures of a live input that newer ones replaced before they were pulled; one that waits now may be counted.
+    #[must_use]
+    pub fn n_replaced(&self) -> u64 {
+        let n_pulled = self.n_pulled.load(Ordering::Relaxed);
+        self.n_arrived.load(Ordering::Relaxed).saturating_sub(n_pulled + 1)
     }
 
     /// Whether every picture was pulled.
-    pub(super) fn has_ended(&self) -> bool {
+    #[must_use]
+    pub fn has_ended(&self) -> bool {
         self.sink.is_eos()
     }
 
     /// Whether nothing in the pipeline is at work, so that nothing will come. An error that a demuxer posts while
     /// decodebin still tries it is swallowed there (seen with 1.22 on a file that breaks off in its header): the
     /// demuxer then rests for ever, and this is its only trace.
-    pub(super) fn is_idle(&self) -> bool {
+    #[must_use]
+    pub fn is_idle(&self) -> bool {
         let mut elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
         let is_at_work = |pad: &gst::Pad| pad.task_state() == gst::TaskState::Started;
         !elements.any(|element| element.pads().iter().any(is_at_work))
     }
 
     /// What went wrong since the last call, if anything did.
-    pub(super) fn fault(&self) -> Option<Fault> {
+    #[must_use]
+    pub fn fault(&self) -> Option<Fault> {
         if let Ok(fault) = self.link_faults.try_recv() {
             return Some(if matches!(fault, Fault::NotVideo(_)) {
                 self.unread_video().unwrap_or(fault)
@@ -159,7 +154,8 @@ impl Drop for Decoder {
     }
 }
 
-fn make_sink() -> gst_app::AppSink {
+/// The end of the pipeline.
+fn make_sink(keep: Keep) -> gst_app::AppSink {
     let caps = gst::Caps::builder("video/x-raw")
         .field("format", "I420")
         .field("width", gst::IntRange::new(1, MAX_SIDE as i32))
@@ -167,8 +163,8 @@ fn make_sink() -> gst_app::AppSink {
         .build();
     let sink = gst_app::AppSink::builder()
         .caps(&caps)
-        .max_buffers(QUEUE_LENGTH)
-        .drop(false)
+        .max_buffers(if keep == Keep::All { QUEUE_LENGTH } else { 1 })
+        .drop(keep == Keep::Newest)
         .sync(false)
         .enable_last_sample(false)
         .build();
@@ -185,6 +181,19 @@ fn make_sink() -> gst_app::AppSink {
         });
     }
     sink
+}
+
+/// Counts the pictures that reach the sink.
+fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
+    let n_arrived = Arc::new(AtomicU64::new(0));
+    if let Some(pad) = sink.static_pad("sink") {
+        let counter = Arc::clone(&n_arrived);
+        pad.add_probe(gst::PadProbeType::BUFFER, move |_pad, _info| {
+            counter.fetch_add(1, Ordering::Relaxed);
+            gst::PadProbeReturn::Ok
+        });
+    }
+    n_arrived
 }
 
 /// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads. The property's name and type depend on the decoder.
@@ -233,7 +242,7 @@ fn link_first_video(
 }
 
 /// One fault is enough: when the channel is full, the one in it is told.
-fn tell(faults: &SyncSender<Fault>, fault: Fault) {
+pub(super) fn tell(faults: &SyncSender<Fault>, fault: Fault) {
     if let Err(error) = faults.try_send(fault) {
         tracing::debug!(%error, "a second fault of one stream is not told");
     }
@@ -290,65 +299,26 @@ fn add_converter(
     Ok(converter)
 }
 
-fn gstreamer_fault(action: &'static str, error: &dyn std::error::Error) -> Fault {
-    Fault::Gstreamer { action, detail: error.to_string() }
-}
-
-/// Leaves sound and text as they are: what is not needed is neither decoded nor missed.
-fn decode_video_only(decode: &gst::Element) {
-    decode.connect("autoplug-continue", false, |values| {
+/// Leaves sound and text as they are (what is not needed is neither decoded nor missed), and collects the formats of
+/// streams that nothing installed reads.
+fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>) {
+    reader.connect("autoplug-continue", false, |values| {
         let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
         let is_beside =
             caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
         Some((!is_beside).to_value())
     });
-}
-
-/// Collects the formats of streams for which decodebin finds no decoder.
-fn watch_unknown_streams(decode: &gst::Element) -> Receiver<gst::Caps> {
-    let (sender, receiver) = sync_channel(8);
-    decode.connect("unknown-type", false, move |values| {
+    let unknown = unknown.clone();
+    reader.connect("unknown-type", false, move |values| {
         if let Some(Ok(caps)) = values.get(2).map(glib::Value::get::<gst::Caps>)
-            && sender.try_send(caps).is_err()
+            && unknown.try_send(caps).is_err()
         {
             tracing::debug!("more unknown streams than are told of");
         }
         None
     });
-    receiver
 }
 
 fn is_beside_video(kind: &str) -> bool {
     ["audio/", "text/", "subpicture/", "closedcaption/"].iter().any(|prefix| kind.starts_with(prefix))
-}
-
-fn missing_codec(format: &gst::StructureRef) -> Fault {
-    let kind = format.name().as_str();
-    let fourcc = format.get::<i32>("fourcc").ok().map(i32::to_le_bytes);
-    let codec =
-        fourcc.map_or_else(|| kind.to_owned(), |code| format!("{:?}", String::from_utf8_lossy(&code)));
-    Fault::MissingCodec { codec: format!("decoder for {codec}"), package: package_of(kind) }
-}
-
-const ANY_PACKAGE: &str = "gstreamer1.0-libav, gstreamer1.0-plugins-bad or gstreamer1.0-plugins-ugly";
-
-fn package_of(kind: &str) -> &'static str {
-    match kind {
-        "video/x-vp8" | "video/x-vp9" | "image/jpeg" | "image/png" | "video/x-dv" | "video/quicktime"
-        | "video/x-matroska" | "video/webm" | "video/x-msvideo" => "gstreamer1.0-plugins-good",
-        "video/x-theora" | "application/ogg" => "gstreamer1.0-plugins-base",
-        "video/x-h264"
-        | "video/x-h265"
-        | "video/mpeg"
-        | "video/x-divx"
-        | "video/x-xvid"
-        | "video/x-msmpeg"
-        | "video/x-h263"
-        | "video/x-wmv"
-        | "video/x-flash-video"
-        | "video/x-prores"
-        | "video/x-dnxhd" => "gstreamer1.0-libav",
-        "video/mpegts" | "video/x-av1" => "gstreamer1.0-plugins-bad",
-        _ => ANY_PACKAGE,
-    }
 }

@@ -1,0 +1,36 @@
+//! All that touches `GStreamer`: inputs become pictures and, where asked, the encoded frames that they were decoded from.
+//!
+//! In: an [`Input`]. Out: [`Picture`]s in the decoder's own planes, [`EncodedFrame`]s in decoding order, both with the
+//! stream's own times, and a [`Fault`] where the stream ends other than by its end. Knows no camera, no scene time, no
+//! file's place.
+
+mod decoder;
+mod encoded;
+mod fault;
+mod input;
+mod muxer;
+mod planes;
+mod tap;
+
+pub use decoder::Decoder;
+pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
+pub use fault::Fault;
+pub use input::Input;
+pub use muxer::{Muxer, TICK_NANOS};
+pub use planes::{PlaneReader, SampleError};
+
+use crate::frame::YuvImage;
+
+#[cfg(test)]
+mod tests;
+
+/// One decoded picture with what its container says of its time.
+#[derive(Debug)]
+pub struct Picture {
+    /// The pixels.
+    pub image: YuvImage,
+    /// Stream time in nanoseconds from the container's own zero, if it has one.
+    pub stream_nanos: Option<i64>,
+    /// Nanoseconds to the next picture as the container promises them, if it does.
+    pub interval_nanos: Option<i64>,
+}

@@ -1,0 +1,106 @@
+//! Splits a stream before its decoder, so that its frames can be recorded as they came.
+//!
+//! `parsebin ! [parser ! capsfilter !] tee ! decodebin`, and `tee ! appsink` into an [`EncodedQueue`]. The sink's callback
+//! runs on the stream's own thread and never waits.
+
+use super::decoder::tell;
+use super::fault::gstreamer_fault;
+use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault};
+use gst::glib;
+use gst::prelude::*;
+use gstreamer as gst;
+use gstreamer_app as gst_app;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Links the first video of `parse` to `decode` and to `queue`.
+pub(super) fn split_first_video(
+    parse: &gst::Element,
+    decode: &gst::Element,
+    (pipeline, queue): (&gst::Pipeline, &Arc<EncodedQueue>),
+    faults: SyncSender<Fault>,
+) {
+    let is_linked = Arc::new(AtomicBool::new(false));
+    let (was_linked, no_video) = (Arc::clone(&is_linked), faults.clone());
+    parse.connect_no_more_pads(move |_parse| {
+        if !was_linked.load(Ordering::Acquire) {
+            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
+        }
+    });
+    let (pipeline, decode, queue) = (pipeline.downgrade(), decode.clone(), Arc::clone(queue));
+    parse.connect_pad_added(move |_parse, pad| {
+        let Some(pipeline) = pipeline.upgrade() else { return };
+        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
+        let Some(kind) = caps.structure(0).map(|structure| structure.name().as_str().to_owned()) else {
+            return;
+        };
+        let is_video = kind.starts_with("video/") || kind.starts_with("image/");
+        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        if let Err(error) = split(pad, &kind, &pipeline, (&decode, &queue)) {
+            tell(&faults, gstreamer_fault("split a stream", &*error));
+        }
+    });
+}
+
+/// Builds what stands between a parsed stream and its two readers.
+fn split(
+    pad: &gst::Pad,
+    kind: &str,
+    pipeline: &gst::Pipeline,
+    (decode, queue): (&gst::Element, &Arc<EncodedQueue>),
+) -> Result<(), Box<dyn std::error::Error>> {
+    let tee = gst::ElementFactory::make("tee").build()?;
+    let sink = make_sink(queue);
+    let mut chain = packaging(kind)?;
+    chain.push(tee);
+    pipeline.add_many(&chain)?;
+    pipeline.add_many([decode, sink.upcast_ref()])?;
+    gst::Element::link_many(&chain)?;
+    let tee = &chain[chain.len() - 1];
+    // The decoder comes first: what is recorded should be no reason for it to wait.
+    tee.link(decode)?;
+    tee.link(&sink)?;
+    sink.sync_state_with_parent()?;
+    decode.sync_state_with_parent()?;
+    for element in chain.iter().rev() {
+        element.sync_state_with_parent()?;
+    }
+    let first = chain[0].static_pad("sink").ok_or("an element has no sink pad")?;
+    pad.link(&first)?;
+    Ok(())
+}
+
+/// What brings a codec's frames into the packaging that containers hold: whole pictures, the codec's header beside them.
+fn packaging(kind: &str) -> Result<Vec<gst::Element>, glib::BoolError> {
+    let (parser, packaging) = match kind {
+        "video/x-h264" => ("h264parse", "avc"),
+        "video/x-h265" => ("h265parse", "hvc1"),
+        _ => return Ok(Vec::new()),
+    };
+    let caps = gst::Caps::builder(kind).field("stream-format", packaging).field("alignment", "au").build();
+    let filter = gst::ElementFactory::make("capsfilter").property("caps", caps).build()?;
+    Ok(vec![gst::ElementFactory::make(parser).build()?, filter])
+}
+
+fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
+    let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
+    let queue = Arc::clone(queue);
+    // The format changes rarely, if ever, and all frames of one share it.
+    let format: Mutex<Option<Arc<EncodedFormat>>> = Mutex::default();
+    let take = move |sink: &gst_app::AppSink| {
+        let sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
+        let Some(caps) = sample.caps_owned() else { return Ok(gst::FlowSuccess::Ok) };
+        let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = format.take().filter(|known| *known.caps() == caps);
+        let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));
+        if let Some(frame) = EncodedFrame::of(&sample, Arc::clone(known)) {
+            queue.push(frame);
+        }
+        Ok(gst::FlowSuccess::Ok)
+    };
+    sink.set_callbacks(gst_app::AppSinkCallbacks::builder().new_sample(take).build());
+    sink
+}

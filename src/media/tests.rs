@@ -1,0 +1,83 @@
+//! What goes in comes out again: files through decoder, tap and muxer, and back.
+
+use super::*;
+use gst::prelude::*;
+use gstreamer as gst;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Writes 40 frames of a test picture by `encoder` and `muxer`.
+fn write_video(path: &Path, encoder: &str, muxer: &str) {
+    gst::init().unwrap();
+    let description = format!(
+        "videotestsrc num-buffers=40 pattern=ball ! video/x-raw,format=I420,width=160,height=120,framerate=20/1 ! \
+         {encoder} ! {muxer} ! filesink location={}",
+        path.display()
+    );
+    let pipeline = gst::parse::launch(&description).unwrap();
+    pipeline.set_state(gst::State::Playing).unwrap();
+    let bus = pipeline.bus().unwrap();
+    let end = bus.timed_pop_filtered(
+        gst::ClockTime::from_seconds(60),
+        &[gst::MessageType::Eos, gst::MessageType::Error],
+    );
+    assert!(matches!(end.unwrap().view(), gst::MessageView::Eos(_)), "{description}");
+    pipeline.set_state(gst::State::Null).unwrap();
+}
+
+/// Every picture's time, and the sum of its luma.
+fn pictures(decoder: &Decoder) -> Vec<(Option<i64>, u64)> {
+    let mut reader = PlaneReader::default();
+    let mut seen = Vec::new();
+    while !decoder.has_ended() {
+        if let Some(sample) = decoder.pull(gst::ClockTime::from_mseconds(100)) {
+            let Picture { image, stream_nanos, .. } = reader.picture(&sample).unwrap();
+            let luma = image.plane(0);
+            let sum = (0..luma.height).flat_map(|y| luma.row(y)).map(|luma| u64::from(*luma)).sum();
+            seen.push((stream_nanos, sum));
+        }
+        assert!(decoder.fault().is_none());
+    }
+    seen
+}
+
+/// Codecs that cameras send, with what writes them here and whether frames come in another order than they are seen.
+const CODECS: [(&str, &str, &str); 4] = [
+    ("video/x-h264", "x264enc bframes=2 key-int-max=10 tune=0", "mp4mux"),
+    ("video/x-h264", "x264enc tune=zerolatency key-int-max=10 byte-stream=true", "mpegtsmux"),
+    ("image/jpeg", "jpegenc", "avimux"),
+    ("video/x-vp8", "vp8enc deadline=1 keyframe-max-dist=10", "webmmux"),
+];
+
+#[test]
+fn encoded_frames_in_matroska_show_the_same_pictures_at_the_same_times() {
+    let folder = tempfile::tempdir().unwrap();
+    for (codec, encoder, muxer) in CODECS {
+        let path = folder.path().join("video");
+        write_video(&path, encoder, muxer);
+        let plain = pictures(&Decoder::start(&Input::file(&path).unwrap(), None).unwrap());
+        assert_eq!(plain.len(), 40, "{codec}");
+        let queue = Arc::new(EncodedQueue::new(1 << 20));
+        let tapped = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
+        assert_eq!(pictures(&tapped), plain, "{codec}: the tap changes nothing");
+        let frames: Vec<EncodedFrame> = std::iter::from_fn(|| queue.take()).collect();
+        assert_eq!((frames.len(), queue.n_dropped()), (40, 0), "{codec}");
+        assert_eq!((frames[0].format.codec(), frames[0].format.size_px()), (codec, Some((160, 120))));
+        assert!(frames[0].is_key, "{codec}");
+
+        let first = plain[0].0.unwrap();
+        let mut muxer = Muxer::start(&frames[0].format).unwrap();
+        let mut bytes = Vec::new();
+        for frame in &frames {
+            let n_before = bytes.len();
+            let nanos = u64::try_from(frame.stream_nanos.unwrap() - first).unwrap();
+            muxer.push(frame, nanos, &mut bytes).unwrap();
+            assert!(bytes.len() > n_before, "a frame comes out as it goes in");
+        }
+        let back =
+            pictures(&Decoder::start(&Input::stream(std::io::Cursor::new(bytes)).unwrap(), None).unwrap());
+        let expected: Vec<_> =
+            plain.iter().map(|(nanos, sum)| (nanos.map(|nanos| nanos - first), *sum)).collect();
+        assert_eq!(back, expected, "{codec}");
+    }
+}
