@@ -308,6 +308,13 @@ fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>) {
             caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
         Some((!is_beside).to_value())
     });
+    reader.connect("autoplug-select", false, |values| {
+        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
+        let factory = values.get(3).and_then(|value| value.get::<gst::ElementFactory>().ok());
+        let is_skipped = caps.zip(factory).is_some_and(|(caps, factory)| loses_frames(&factory, &caps));
+        let kind = glib::Type::from_name("GstAutoplugSelectResult")?;
+        glib::EnumClass::with_type(kind)?.to_value_by_nick(if is_skipped { "skip" } else { "try" })
+    });
     let unknown = unknown.clone();
     reader.connect("unknown-type", false, move |values| {
         if let Some(Ok(caps)) = values.get(2).map(glib::Value::get::<gst::Caps>)
@@ -317,6 +324,13 @@ fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>) {
         }
         None
     });
+}
+
+/// Whether an element parses MPEG-4 (part 2) that a container has parted into frames already: it then joins or loses
+/// frames at the stream's ends (seen with 1.22). A bare stream has no size until it was parsed.
+fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
+    let is_framed = caps.structure(0).is_some_and(|structure| structure.has_field("width"));
+    factory.name() == "mpeg4videoparse" && is_framed
 }
 
 fn is_beside_video(kind: &str) -> bool {

@@ -55,6 +55,13 @@ impl EncodedFormat {
         &self.caps
     }
 
+    /// The format of that media type and nothing else, for tests.
+    #[cfg(test)]
+    pub(crate) fn named(codec: &str) -> Self {
+        gst::init().expect("GStreamer starts");
+        Self::new(gst::Caps::new_empty_simple(codec))
+    }
+
     /// The codec's media type, such as `video/x-h264`.
     #[must_use]
     pub fn codec(&self) -> &str {
@@ -87,6 +94,16 @@ impl EncodedFrame {
         let is_key = !buffer.flags().contains(gst::BufferFlags::DELTA_UNIT);
         let (stream_nanos, interval_nanos) = (nanos(stream_time), nanos(buffer.duration()));
         Some(Self { format, stream_nanos, interval_nanos, is_key, buffer })
+    }
+
+    /// A key frame of no bytes, for tests.
+    #[cfg(test)]
+    pub(crate) fn blank(
+        format: Arc<EncodedFormat>,
+        stream_nanos: Option<i64>,
+        interval_nanos: Option<i64>,
+    ) -> Self {
+        Self { format, stream_nanos, interval_nanos, is_key: true, buffer: gst::Buffer::new() }
     }
 
     pub(super) const fn buffer(&self) -> &gst::Buffer {

@@ -42,10 +42,11 @@ fn pictures(decoder: &Decoder) -> Vec<(Option<i64>, u64)> {
 }
 
 /// Codecs that cameras send, with what writes them here and whether frames come in another order than they are seen.
-const CODECS: [(&str, &str, &str); 4] = [
+const CODECS: [(&str, &str, &str); 5] = [
     ("video/x-h264", "x264enc bframes=2 key-int-max=10 tune=0", "mp4mux"),
     ("video/x-h264", "x264enc tune=zerolatency key-int-max=10 byte-stream=true", "mpegtsmux"),
     ("image/jpeg", "jpegenc", "avimux"),
+    ("video/mpeg", "avenc_mpeg4 bitrate=400000 gop-size=10", "mp4mux"),
     ("video/x-vp8", "vp8enc deadline=1 keyframe-max-dist=10", "webmmux"),
 ];
 
