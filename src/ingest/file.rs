@@ -6,14 +6,18 @@
 
 use super::medium::Medium;
 use super::roots::descriptor_path;
-use super::{IngestError, MediaRoots, StopFlag};
-use crate::media::{Decoder, Fault, Input, Picture, PlaneReader, SampleError};
+use super::{IngestError, MediaRoots, StopFlag, Tap};
+use crate::media::{Decoder, EncodedFrame, EncodedQueue, Fault, Input, Picture, PlaneReader, SampleError};
 use gstreamer as gst;
 use std::fs::File;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How long a file may give nothing before it counts as failed, seconds.
 const SILENCE_SECS: u64 = 10;
+
+/// Bytes of encoded frames that wait for being taken.
+const ENCODED_BYTES: usize = 16 << 20;
 
 /// Looks in a row that find nothing at work until the file counts as given up.
 const MAX_IDLE_LOOKS: u32 = 3;
@@ -26,14 +30,22 @@ pub(super) struct VideoFile {
     path: PathBuf,
     file: File,
     stop: StopFlag,
+    /// Takes the encoded frames, where they are wanted.
+    encoded: Option<Arc<EncodedQueue>>,
     pass: Option<(Decoder, PlaneReader)>,
 }
 
 impl VideoFile {
     /// Opens the file at `path`; whether it is a video shows with its first picture.
-    pub(super) fn open(path: &Path, roots: &MediaRoots, stop: &StopFlag) -> Result<Self, IngestError> {
+    pub(super) fn open(
+        path: &Path,
+        roots: &MediaRoots,
+        stop: &StopFlag,
+        tap: Tap,
+    ) -> Result<Self, IngestError> {
         let file = roots.open(path)?;
-        Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), pass: None })
+        let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
+        Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), encoded, pass: None })
     }
 
     fn error(&self, fault: Fault) -> IngestError {
@@ -79,9 +91,17 @@ impl Medium for VideoFile {
     fn begin(&mut self) -> Result<(), IngestError> {
         self.pass = None;
         let input = Input::file(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
-        let decoder = Decoder::start(&input, None).map_err(|fault| self.error(fault))?;
+        let decoder = Decoder::start(&input, self.encoded.as_ref()).map_err(|fault| self.error(fault))?;
         self.pass = Some((decoder, PlaneReader::default()));
         Ok(())
+    }
+
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        self.encoded.as_ref()?.take()
+    }
+
+    fn n_encoded_dropped(&self) -> u64 {
+        self.encoded.as_ref().map_or(0, |encoded| encoded.n_dropped())
     }
 
     fn next_picture(&mut self) -> Result<Option<Picture>, IngestError> {

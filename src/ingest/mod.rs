@@ -10,6 +10,7 @@ mod file;
 mod images;
 mod medium;
 mod pacing;
+mod pairing;
 mod pattern;
 mod pipeline;
 mod roots;
@@ -30,6 +31,7 @@ pub use worker::{CameraWorker, FrameConsumer};
 
 use crate::config::{SourceSettings, Timing};
 use crate::frame::YuvImage;
+use crate::media::EncodedFrame;
 use std::sync::Arc;
 
 /// One picture of a source, before it belongs to a camera.
@@ -43,6 +45,16 @@ pub struct SourceFrame {
     pub number: u64,
 }
 
+/// Whether a source gives the encoded frames beside its pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Tap {
+    /// Pictures alone.
+    #[default]
+    Closed,
+    /// Both.
+    Open,
+}
+
 /// Something that delivers pictures one after the other.
 pub trait Source: Send {
     /// The next picture, or `None` after the last. Blocks until there is one, but never for longer than a few
@@ -51,6 +63,17 @@ pub trait Source: Send {
     /// # Errors
     /// When the source ends other than by its end: unreadable, damaged, no decoder, silent for too long, stopped.
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError>;
+
+    /// The next of the frames that pictures are decoded from, in decoding order, its `stream_nanos` that of its picture;
+    /// as far as they are known after the picture at hand. None where the source was opened without them.
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        None
+    }
+
+    /// Encoded frames that were left out since the source was opened, because nobody took them in time.
+    fn n_encoded_dropped(&self) -> u64 {
+        0
+    }
 }
 
 /// Opens the file or the numbered pictures that `settings` name. A path whose file name has a `%` is a pattern of
@@ -72,6 +95,20 @@ pub fn open_stoppable(
     roots: &MediaRoots,
     stop: &StopFlag,
 ) -> Result<Box<dyn Source>, IngestError> {
+    open_tapped(settings, roots, stop, Tap::Closed)
+}
+
+/// As [`open_stoppable`], with the frames that the pictures are decoded from where `tap` is open. Numbered pictures have
+/// none.
+///
+/// # Errors
+/// As [`open`].
+pub fn open_tapped(
+    settings: &SourceSettings,
+    roots: &MediaRoots,
+    stop: &StopFlag,
+    tap: Tap,
+) -> Result<Box<dyn Source>, IngestError> {
     let is_usable_rate = settings.rate_hz.is_finite() && (0.01..=1000.0).contains(&settings.rate_hz);
     if !is_usable_rate {
         return Err(IngestError::Rate { rate_hz: settings.rate_hz });
@@ -89,7 +126,7 @@ pub fn open_stoppable(
             settings.end,
         )));
     }
-    let file = file::VideoFile::open(path, roots, stop)?;
+    let file = file::VideoFile::open(path, roots, stop, tap)?;
     let timing = settings.timing.unwrap_or(Timing::Pts);
     Ok(Box::new(timed::TimedSource::new(file, timing, settings.rate_hz, settings.end)))
 }

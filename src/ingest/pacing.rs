@@ -91,6 +91,11 @@ impl Pacer {
         Turn::Deliver
     }
 
+    /// What is added to the present source's own stream time, nanoseconds; 0 before its first frame.
+    pub(super) fn offset_nanos(&self) -> i64 {
+        self.offset_nanos.unwrap_or(0)
+    }
+
     /// Stream time of the frame last asked for, nanoseconds.
     pub(super) const fn stream_nanos(&self) -> i64 {
         self.stream_nanos

@@ -1,9 +1,11 @@
 //! Numbers and times the pictures of a medium, once or in a loop without a seam.
 
 use super::medium::Medium;
+use super::pairing::Pairing;
 use super::{IngestError, Source, SourceFrame};
 use crate::config::{End, Timing};
-use crate::media::Picture;
+use crate::media::{EncodedFrame, Picture};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 const NANOS_PER_SEC: f64 = 1e9;
@@ -27,6 +29,9 @@ pub(super) struct TimedSource<M> {
     number: u64,
     position: Position,
     pass: Pass,
+    pairing: Pairing,
+    /// Encoded frames of passes that have ended.
+    encoded: VecDeque<EncodedFrame>,
 }
 
 enum Position {
@@ -61,6 +66,15 @@ impl<M: Medium> TimedSource<M> {
             number: 0,
             position: Position::BeforeFirst,
             pass: Pass::default(),
+            pairing: Pairing::default(),
+            encoded: VecDeque::new(),
+        }
+    }
+
+    /// Takes over what was read of the encoded frames.
+    fn read_encoded(&mut self) {
+        while let Some(frame) = self.media.take_encoded() {
+            self.pairing.push_frame(frame);
         }
     }
 
@@ -71,6 +85,7 @@ impl<M: Medium> TimedSource<M> {
             Timing::Pts => container_nanos,
             Timing::Index => index_nanos(self.number, self.rate_hz),
         };
+        self.pairing.push_picture(picture.stream_nanos, stream_nanos);
         let number = self.number;
         self.number += 1;
         SourceFrame { image: Arc::new(picture.image), stream_nanos, number }
@@ -78,6 +93,14 @@ impl<M: Medium> TimedSource<M> {
 }
 
 impl<M: Medium> Source for TimedSource<M> {
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        self.encoded.pop_front().or_else(|| self.pairing.take())
+    }
+
+    fn n_encoded_dropped(&self) -> u64 {
+        self.media.n_encoded_dropped()
+    }
+
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {
         loop {
             match self.position {
@@ -88,9 +111,13 @@ impl<M: Medium> Source for TimedSource<M> {
                 Position::Within => {}
                 Position::AfterLast => return Ok(None),
             }
-            if let Some(picture) = self.media.next_picture()? {
+            let picture = self.media.next_picture()?;
+            self.read_encoded();
+            if let Some(picture) = picture {
                 return Ok(Some(self.stamp(picture)));
             }
+            self.encoded.extend(std::iter::from_fn(|| self.pairing.take_anyway()));
+            self.pairing = Pairing::default();
             // An endless loop over nothing would otherwise follow.
             if self.pass.n_pictures == 0 {
                 return Err(IngestError::Empty { path: self.media.path().to_path_buf() });

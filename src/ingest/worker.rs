@@ -6,10 +6,11 @@
 
 use super::pacing::{Pacer, Turn};
 use super::status::{CameraState, CameraStatus, RateMeter, SharedStatus, StatusReader};
-use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, open_stoppable};
+use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::clock::{Clock, Timestamp};
 use crate::config::{End, SourceSettings};
 use crate::frame::{CameraId, Frame};
+use crate::media::{EncodedFrame, TICK_NANOS};
 use std::hash::BuildHasher;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -29,6 +30,15 @@ const STEADY: Duration = Duration::from_secs(30);
 pub trait FrameConsumer: Send {
     /// Takes the next frame; timestamps and numbers only grow.
     fn consume(&mut self, frame: Frame);
+
+    /// Whether [`Self::record`] is to be called. Asked once, before the source is opened.
+    fn tap(&self) -> Tap {
+        Tap::Closed
+    }
+
+    /// Takes a frame as the camera encoded it, with the scene time of its picture, in decoding order; each comes about
+    /// when its picture does, and also where its picture was left out.
+    fn record(&mut self, _frame: &EncodedFrame, _time: Timestamp) {}
 
     /// What is wrong with the camera although its frames come; shown as its reason.
     fn concern(&self) -> Option<&str> {
@@ -70,8 +80,8 @@ impl CameraWorker {
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
         let start = Start { scene: settings.start.unwrap_or(origin), began };
-        let end = settings.end;
-        let open = move |stop: &StopFlag| open_stoppable(&settings, &roots, stop);
+        let (end, tap) = (settings.end, consumer.tap());
+        let open = move |stop: &StopFlag| open_tapped(&settings, &roots, stop, tap);
         Self::spawn_with(id, open, end, clock, start, consumer)
     }
 
@@ -91,6 +101,7 @@ impl CameraWorker {
             end,
             stop: stop.clone(),
             status: status.clone(),
+            tap: consumer.tap(),
             consumer,
             pacer: Pacer::new(start.began),
             rate: RateMeter::default(),
@@ -177,6 +188,7 @@ struct Camera {
     end: End,
     stop: StopFlag,
     status: SharedStatus,
+    tap: Tap,
     consumer: Box<dyn FrameConsumer>,
     pacer: Pacer,
     rate: RateMeter,
@@ -238,6 +250,7 @@ impl Camera {
             if self.stop.is_raised() {
                 break;
             }
+            self.hand_on_encoded(source);
             self.next_number = first_number + frame.number + 1;
             match self.pacer.turn(self.clock.monotonic()) {
                 Turn::Deliver => self.deliver(frame, first_number),
@@ -248,11 +261,36 @@ impl Camera {
             }
             self.tick_if_due();
         }
+        if !self.stop.is_raised() {
+            self.hand_on_encoded(source);
+        }
         Ok(())
     }
 
+    /// Hands on the encoded frames whose pictures came.
+    fn hand_on_encoded(&mut self, source: &mut dyn Source) {
+        if self.tap == Tap::Closed {
+            return;
+        }
+        while let Some(frame) = source.take_encoded() {
+            let stream_nanos = self.pacer.offset_nanos().saturating_add(frame.stream_nanos.unwrap_or(0));
+            let time = self.scene_time(stream_nanos);
+            self.consumer.record(&frame, time);
+        }
+    }
+
+    /// Scene time of stream time `stream_nanos`; of a camera that is recorded, in the unit that recordings hold, so that
+    /// what is kept in memory and what is recorded say the same.
+    fn scene_time(&self, stream_nanos: i64) -> Timestamp {
+        let nanos = self.scene_start.saturating_add_nanos(stream_nanos).as_nanos();
+        Timestamp::from_nanos(match self.tap {
+            Tap::Closed => nanos,
+            Tap::Open => nanos - nanos.rem_euclid(TICK_NANOS),
+        })
+    }
+
     fn deliver(&mut self, frame: SourceFrame, first_number: u64) {
-        let timestamp = self.scene_start.saturating_add_nanos(self.pacer.stream_nanos());
+        let timestamp = self.scene_time(self.pacer.stream_nanos());
         let size = (frame.image.width(), frame.image.height());
         self.consumer.consume(Frame {
             camera: self.id.clone(),
@@ -308,6 +346,7 @@ mod tests {
     use super::*;
     use crate::clock::SimulatedClock;
     use crate::frame::{ColorMatrix, ColorRange, YuvImage};
+    use crate::media::EncodedFormat;
     use std::sync::Mutex;
 
     const FRAME_NANOS: i64 = 40_000_000;
@@ -318,6 +357,7 @@ mod tests {
         Tick(Duration),
         Miss,
         Finish,
+        Encoded(i64),
     }
 
     /// Tells what it was called with; each frame takes `cost` of the clock.
@@ -326,6 +366,7 @@ mod tests {
         events: Arc<Mutex<Vec<Event>>>,
         cost: Duration,
         panics_at: Option<u64>,
+        tap: Tap,
     }
 
     impl FrameConsumer for Recorder {
@@ -345,6 +386,15 @@ mod tests {
             self.events.lock().unwrap().push(Event::Miss);
         }
 
+        fn tap(&self) -> Tap {
+            self.tap
+        }
+
+        fn record(&mut self, frame: &EncodedFrame, time: Timestamp) {
+            self.events.lock().unwrap().push(Event::Encoded(time.as_nanos()));
+            assert_eq!(frame.format.codec(), "image/jpeg");
+        }
+
         fn finish(&mut self) {
             self.events.lock().unwrap().push(Event::Finish);
         }
@@ -357,9 +407,14 @@ mod tests {
         next: u64,
         cost: Duration,
         fails: bool,
+        encoded: Vec<EncodedFrame>,
     }
 
     impl Source for Scripted {
+        fn take_encoded(&mut self) -> Option<EncodedFrame> {
+            (!self.encoded.is_empty()).then(|| self.encoded.remove(0))
+        }
+
         fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {
             self.clock.advance(self.cost);
             if self.next == self.n {
@@ -368,6 +423,8 @@ mod tests {
             }
             let number = self.next;
             self.next += 1;
+            let format = Arc::new(EncodedFormat::named("image/jpeg"));
+            self.encoded.push(EncodedFrame::blank(format, Some(number as i64 * FRAME_NANOS), None));
             let image = YuvImage::filled(4, 2, [1, 128, 128], ColorMatrix::Bt601, ColorRange::Full);
             Ok(Some(SourceFrame {
                 image: Arc::new(image),
@@ -384,13 +441,22 @@ mod tests {
         decode_cost: Duration,
         panics_at: Option<u64>,
         end: End,
+        tap: Tap,
     }
 
     impl Bench {
         fn new() -> Self {
             let clock = Arc::new(SimulatedClock::new(Timestamp::from_nanos(77)));
             let (consume_cost, decode_cost) = (Duration::ZERO, Duration::ZERO);
-            Self { clock, events: Arc::default(), consume_cost, decode_cost, panics_at: None, end: End::Loop }
+            Self {
+                clock,
+                events: Arc::default(),
+                consume_cost,
+                decode_cost,
+                panics_at: None,
+                end: End::Loop,
+                tap: Tap::Closed,
+            }
         }
 
         /// Runs sources of these lengths one after the other; all but the last fail at their end.
@@ -401,14 +467,21 @@ mod tests {
                 events: Arc::clone(&self.events),
                 cost: self.consume_cost,
                 panics_at: self.panics_at,
+                tap: self.tap,
             };
             let mut n_opened = 0;
             let sources = Arc::clone(&clock);
             let open = move |_stop: &StopFlag| {
                 n_opened += 1;
                 let (n, fails) = (lengths[n_opened - 1], n_opened < lengths.len());
-                Ok(Box::new(Scripted { clock: Arc::clone(&sources), n, next: 0, cost, fails })
-                    as Box<dyn Source>)
+                Ok(Box::new(Scripted {
+                    clock: Arc::clone(&sources),
+                    n,
+                    next: 0,
+                    cost,
+                    fails,
+                    encoded: Vec::new(),
+                }) as Box<dyn Source>)
             };
             let id = CameraId::new("gate").unwrap();
             let start = Start { scene: Timestamp::from_nanos(1_000), began: clock.monotonic() };
@@ -430,6 +503,28 @@ mod tests {
             _ => None,
         };
         events.iter().filter_map(number).collect()
+    }
+
+    #[test]
+    fn encoded_frames_have_the_times_of_their_pictures_also_of_those_left_out() {
+        // Decoding is slower than real time, and the second source begins where real time stands.
+        let decode_cost = Duration::from_millis(70);
+        let (events, status) = Bench { tap: Tap::Open, decode_cost, ..Bench::new() }.run(&[40, 20]);
+        let shown: Vec<i64> = events
+            .iter()
+            .filter_map(|event| if let Event::Frame { nanos, .. } = event { Some(*nanos) } else { None })
+            .collect();
+        let encoded: Vec<i64> = events
+            .iter()
+            .filter_map(|event| if let Event::Encoded(nanos) = event { Some(*nanos) } else { None })
+            .collect();
+        assert!(status.dropped > 5, "{status:?}");
+        assert_eq!(encoded.len(), 60);
+        assert!(encoded.is_sorted_by(|a, b| a < b));
+        assert!(shown.iter().all(|nanos| encoded.contains(nanos)));
+        // What recordings hold is whole ticks.
+        assert!(encoded.iter().all(|nanos| nanos % TICK_NANOS == 0));
+        assert!(Bench::new().run(&[3]).0.iter().all(|event| !matches!(event, Event::Encoded(_))));
     }
 
     #[test]
