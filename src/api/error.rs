@@ -185,7 +185,7 @@ impl From<EngineError> for Problem {
         let kind = error.kind();
         match (&error, error.fault()) {
             (_, Some(fault)) => Self::at(kind, vec![fault.clone()]),
-            (EngineError::BeforeFirst { .. }, None) => {
+            (EngineError::Gap { .. }, None) => {
                 let fault = Fault::new("t", error.to_string());
                 Self { errors: vec![fault], ..Self::new(kind, error.to_string()) }
             }

@@ -7,6 +7,7 @@ use super::segments::Segments;
 use super::{Api, scenes};
 use crate::engine::{ViewAnswer, ViewRequest};
 use crate::error::{ErrorKind, Fault};
+use crate::frame::CameraId;
 use crate::plan::EntityStyle;
 use crate::scene::SceneView;
 use axum::extract::{RawQuery, State};
@@ -47,12 +48,16 @@ pub(super) async fn picture(
     let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &image)).await?;
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
-    let fields = vec![
+    let mut fields = vec![
         ("videofields-view", shown_view(&answer.view)),
         ("videofields-sources", sources(&answer)),
         ("videofields-plan", effects(&answer)),
         ("server-timing", server_timing(&stages)),
     ];
+    if !answer.gaps.is_empty() {
+        let gaps = answer.gaps.iter().map(CameraId::as_str).collect::<Vec<_>>();
+        fields.push(("videofields-gaps", gaps.join(",")));
+    }
     Ok(Picture { format, bytes, at, instant, fields })
 }
 

@@ -1,6 +1,8 @@
 //! Why the engine could not answer.
 
+use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault};
+use crate::timeline::edges;
 
 /// Why the engine could not answer.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -24,16 +26,16 @@ pub enum EngineError {
     #[error("{}", crate::error::join_faults(.0))]
     Faults(Vec<Fault>),
     /// Nothing was seen at that time.
-    #[error("camera {camera} has no frame at or before {asked}: it keeps {first} to {last}")]
-    BeforeFirst {
+    #[error("camera {camera} shows nothing at {asked}: {}", edges(*before, *after))]
+    Gap {
         /// The camera.
         camera: String,
         /// The time asked for.
-        asked: String,
-        /// The earliest frame kept.
-        first: String,
-        /// The latest frame kept.
-        last: String,
+        asked: Timestamp,
+        /// Time of the newest frame before it, if one is kept.
+        before: Option<Timestamp>,
+        /// Time of the oldest frame after it, if there is one.
+        after: Option<Timestamp>,
     },
     /// No frame has come yet.
     #[error("camera {camera} has no frame yet: {state}")]
@@ -68,7 +70,7 @@ impl EngineError {
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
-            Self::NoCamera { .. } | Self::NoScene { .. } | Self::BeforeFirst { .. } | Self::NoSurface(_) => {
+            Self::NoCamera { .. } | Self::NoScene { .. } | Self::Gap { .. } | Self::NoSurface(_) => {
                 ErrorKind::NotFound
             }
             Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,

@@ -19,7 +19,7 @@ pub enum At {
     /// The newest there is; for a scene, the newest instant that all its live cameras have reached.
     #[default]
     Live,
-    /// The newest at or before that instant.
+    /// The nearest to that instant, if one is near.
     Time(Timestamp),
 }
 
@@ -131,6 +131,8 @@ pub struct ViewAnswer {
     pub view: SceneView,
     /// The cameras that had a frame for it.
     pub sources: Vec<SourceTime>,
+    /// Those of them that saw nothing near the instant: of these the background alone is shown.
+    pub gaps: Vec<CameraId>,
     /// Which effects ran, and why.
     pub plan: Arc<Plan>,
     /// What the stages took: name and time.
@@ -155,10 +157,10 @@ pub trait Door: Send + Sync {
     /// Every camera, in the configuration's order.
     fn cameras(&self) -> Vec<CameraSummary>;
 
-    /// What a camera saw at a time.
+    /// What a camera saw at a time, or nearest to it.
     ///
     /// # Errors
-    /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::BeforeFirst`].
+    /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::Gap`].
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError>;
 
     /// The newest `limit` events after number `after`, of one camera or of all, in the order in which they came.

@@ -21,6 +21,7 @@ pub(super) struct Subject {
     pub(super) style: EntityStyle,
     pub(super) instant: Timestamp,
     pub(super) sources: Vec<SourceTime>,
+    pub(super) gaps: Vec<CameraId>,
 }
 
 impl PartialEq for Subject {
@@ -32,6 +33,7 @@ impl PartialEq for Subject {
             && self.style == other.style
             && self.instant == other.instant
             && self.sources == other.sources
+            && self.gaps == other.gaps
     }
 }
 
@@ -65,7 +67,8 @@ impl Subject {
             timestamp: observation.frame.timestamp,
         };
         let sources = observations.iter().map(source).collect();
-        Ok(Self { scene: Arc::clone(scene), from, view, style: request.style, instant, sources })
+        let (scene, style, gaps) = (Arc::clone(scene), request.style, Vec::new());
+        Ok(Self { scene, from, view, style, instant, sources, gaps })
     }
 
     /// Draws it.
@@ -97,6 +100,7 @@ impl Subject {
             instant: self.instant,
             view: self.from,
             sources: self.sources.clone(),
+            gaps: self.gaps.clone(),
             plan: Arc::new(plan),
             timings,
         })

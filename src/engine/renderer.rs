@@ -6,6 +6,7 @@ use super::picture::{HOST_STAGES, Observations, Subject, failure_of};
 use super::shared::Shared;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
+use crate::frame::CameraId;
 use crate::gpu::Gpu;
 use crate::render::Renderer;
 use crate::scene::Scene;
@@ -24,8 +25,8 @@ pub(super) struct Job {
 /// After a device could not be had, it is not tried again for this long.
 const DEVICE_RETRY: Duration = Duration::from_secs(5);
 
-/// A camera whose newest picture is this much older than the instant shown, and than twice its own frame interval,
-/// shows its background alone: whom it saw last may be long gone.
+/// A live view shows what moved before a camera that lags, until its newest picture is this much older than the instant
+/// shown; then its background alone, since whom it saw last may be long gone.
 const STALE_NANOS: i64 = 5_000_000_000;
 
 /// Serves `jobs` until every sender is gone.
@@ -87,10 +88,10 @@ impl RenderThread<'_> {
             At::Live => self.shared.live_instant(&scene)?,
             At::Time(instant) => instant,
         };
-        let observations = self.observations(&scene, instant)?;
+        let (observations, gaps) = self.observations(&scene, request.at, instant)?;
         let clock = &*self.shared.clock;
         let renderer = self.ensure_renderer()?;
-        let subject = Subject::of(request, &scene, instant, &observations, renderer)?;
+        let subject = Subject { gaps, ..Subject::of(request, &scene, instant, &observations, renderer)? };
         if let Some((of, answer)) = &self.last
             && *of == subject
         {
@@ -120,17 +121,28 @@ impl RenderThread<'_> {
         }
     }
 
-    /// What every camera of the scene saw at `instant`. A camera without anything is left out, but not all may be:
-    /// then the first configured camera's reason is the answer.
-    fn observations(&self, scene: &Scene, instant: Timestamp) -> Result<Observations, EngineError> {
+    /// What every camera of the scene saw at `instant`, and which of them saw nothing then: of these the background
+    /// known at that time is there, without what moved. A camera without even that is left out, but not all may be: then
+    /// the first configured camera's reason is the answer.
+    fn observations(
+        &self,
+        scene: &Scene,
+        asked: At,
+        instant: Timestamp,
+    ) -> Result<(Observations, Vec<CameraId>), EngineError> {
+        let (mut found, mut gaps) = (Vec::new(), Vec::new());
         let mut failure = None;
-        let mut found = Vec::new();
         for member in &scene.cameras {
-            match self.shared.observation(member.id.as_str(), At::Time(instant)) {
-                Ok(mut observation) => {
+            let camera = member.id.as_str();
+            match self.shared.observation(camera, At::Time(instant)) {
+                Ok(observation) => found.push((member.id.clone(), observation)),
+                Err(EngineError::Gap { before: Some(_), .. }) => {
+                    // Gone only if the ring has moved on since.
+                    let Ok(mut observation) = self.shared.known_at(camera, instant) else { continue };
                     let age_nanos = instant.nanos_since(observation.frame.timestamp);
-                    if age_nanos > STALE_NANOS.max(self.shared.longest_interval_nanos(member.id.as_str())) {
+                    if asked != At::Live || age_nanos > STALE_NANOS {
                         observation.blobs = Arc::default();
+                        gaps.push(member.id.clone());
                     }
                     found.push((member.id.clone(), observation));
                 }
@@ -143,7 +155,7 @@ impl RenderThread<'_> {
         }
         match failure {
             Some(error) if found.is_empty() => Err(error),
-            _ => Ok(found),
+            _ => Ok((found, gaps)),
         }
     }
 

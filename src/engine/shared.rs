@@ -38,6 +38,24 @@ pub(super) struct CameraEntry {
     pub(super) status: StatusReader,
 }
 
+impl CameraEntry {
+    /// Why its timeline does not answer.
+    fn failure(&self, error: &TimelineError) -> EngineError {
+        let camera = self.id.to_string();
+        match error {
+            TimelineError::Empty => {
+                let status = self.status.read();
+                let reason = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
+                EngineError::NoFrame { camera, state: format!("{}{reason}", status.state.as_str()) }
+            }
+            TimelineError::Gap { at, before, after } => {
+                EngineError::Gap { camera, asked: *at, before: *before, after: *after }
+            }
+            TimelineError::NotNewer { .. } => EngineError::Internal(error.to_string()),
+        }
+    }
+}
+
 /// A camera's texture-to-world map, while it is being built, when it is there, or why it could not be built.
 #[derive(Clone)]
 pub(super) enum MapState {
@@ -152,14 +170,10 @@ impl Shared {
         }
     }
 
-    /// Twice the camera's mean frame interval, nanoseconds; 0 where it is not known.
-    pub(super) fn longest_interval_nanos(&self, camera: &str) -> i64 {
-        let Ok(camera) = self.camera(camera) else { return 0 };
-        let (range, n_kept) = (camera.timeline.range(), camera.timeline.len());
-        match (range, i64::try_from(n_kept)) {
-            (Some((first, last)), Ok(n)) if n > 1 => last.nanos_since(first) / (n - 1) * 2,
-            _ => 0,
-        }
+    /// What was known of a camera at `instant`: its newest observation until then, however old.
+    pub(super) fn known_at(&self, camera: &str, instant: Timestamp) -> Result<Observation, EngineError> {
+        let entry = self.camera(camera)?;
+        entry.timeline.at_or_before(instant).map_err(|error| entry.failure(&error))
     }
 
     fn member<'a>(
@@ -226,28 +240,11 @@ impl Door for Shared {
 
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
         let entry = self.camera(camera)?;
-        let no_frame = || {
-            let status = entry.status.read();
-            let reason = status.reason.map(|reason| format!(": {reason}")).unwrap_or_default();
-            EngineError::NoFrame {
-                camera: camera.to_owned(),
-                state: format!("{}{reason}", status.state.as_str()),
-            }
-        };
         match at {
             At::Live => entry.timeline.latest(),
             At::Time(instant) => entry.timeline.at(instant),
         }
-        .map_err(|error| match error {
-            TimelineError::Empty => no_frame(),
-            TimelineError::BeforeFirst { at, first, last } => EngineError::BeforeFirst {
-                camera: camera.to_owned(),
-                asked: at.to_string(),
-                first: first.to_string(),
-                last: last.to_string(),
-            },
-            TimelineError::NotNewer { .. } => EngineError::Internal(error.to_string()),
-        })
+        .map_err(|error| entry.failure(&error))
     }
 
     fn events(

@@ -4,6 +4,7 @@ mod event;
 mod ring;
 
 pub use event::{Event, EventKind, EventLog, LoggedEvent};
+pub(crate) use ring::edges;
 pub use ring::{Timeline, TimelineError};
 
 use crate::frame::{Frame, Mask, YuvImage};

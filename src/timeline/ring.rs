@@ -10,21 +10,24 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 
+/// How far from its time an observation counts at least, nanoseconds.
+const REACH_NANOS: i64 = 1_000_000_000;
+
 /// A time at which a camera saw nothing, or an observation that does not follow the newest.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TimelineError {
     /// Nothing was seen yet.
     #[error("no frame yet")]
     Empty,
-    /// The time lies before what is kept.
-    #[error("no frame is kept from {at}: what is kept reaches from {first} to {last}")]
-    BeforeFirst {
+    /// The time lies in no frame's reach.
+    #[error("nothing was seen at {at}: {}", edges(*before, *after))]
+    Gap {
         /// The time asked for.
         at: Timestamp,
-        /// The oldest observation's time.
-        first: Timestamp,
-        /// The newest observation's time.
-        last: Timestamp,
+        /// Time of the newest frame before it, if one is kept.
+        before: Option<Timestamp>,
+        /// Time of the oldest frame after it, if there is one.
+        after: Option<Timestamp>,
     },
     /// An observation that is no newer than the newest.
     #[error("a frame of {pushed} cannot follow one of {last}: time must grow")]
@@ -36,13 +39,23 @@ pub enum TimelineError {
     },
 }
 
+/// Where a gap begins and ends, in words.
+pub(crate) fn edges(before: Option<Timestamp>, after: Option<Timestamp>) -> String {
+    match (before, after) {
+        (Some(before), Some(after)) => format!("there is a gap from {before} to {after}"),
+        (None, Some(after)) => format!("the first frame kept is of {after}"),
+        (Some(before), None) => format!("the last frame is of {before}"),
+        (None, None) => "there is no frame".to_owned(),
+    }
+}
+
 impl TimelineError {
     /// What a caller can do about it.
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
             Self::Empty => ErrorKind::Unavailable,
-            Self::BeforeFirst { .. } => ErrorKind::NotFound,
+            Self::Gap { .. } => ErrorKind::NotFound,
             Self::NotNewer { .. } => ErrorKind::Internal,
         }
     }
@@ -105,16 +118,35 @@ impl Timeline {
         self.lock().observations.back().cloned().ok_or(TimelineError::Empty)
     }
 
-    /// The newest observation at or before `at`; the newest of all when `at` is later.
+    /// The observation nearest to `at`, of two as near the earlier; one that is further away than [`REACH_NANOS`] and
+    /// than twice the distance to the observation beside it shows another time, and is no answer.
     ///
     /// # Errors
-    /// When there is none yet, or `at` lies before the oldest that is kept.
+    /// When there is none yet, or none within reach.
     pub fn at(&self, at: Timestamp) -> Result<Observation, TimelineError> {
         let ring = self.lock();
-        let Some((first, last)) = ring.range() else { return Err(TimelineError::Empty) };
-        let n_not_later = ring.observations.partition_point(|seen| seen.frame.timestamp <= at);
-        let found = n_not_later.checked_sub(1).and_then(|index| ring.observations.get(index));
-        found.cloned().ok_or(TimelineError::BeforeFirst { at, first, last })
+        let (before, after) = ring.around(at)?;
+        let away = |seen: &Observation| seen.frame.timestamp.nanos_since(at).saturating_abs();
+        let nearest = [before, after].into_iter().flatten().min_by_key(|idx| away(&ring.observations[*idx]));
+        if let Some(idx) = nearest
+            && away(&ring.observations[idx]) <= ring.reach_nanos(idx)
+        {
+            return Ok(ring.observations[idx].clone());
+        }
+        let time = |idx: Option<usize>| idx.map(|idx| ring.observations[idx].frame.timestamp);
+        Err(TimelineError::Gap { at, before: time(before), after: time(after) })
+    }
+
+    /// The newest observation at or before `at`, however old: what was known at that time.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn at_or_before(&self, at: Timestamp) -> Result<Observation, TimelineError> {
+        let ring = self.lock();
+        let (before, after) = ring.around(at)?;
+        let found = before.map(|idx| ring.observations[idx].clone());
+        let after = after.map(|idx| ring.observations[idx].frame.timestamp);
+        found.ok_or(TimelineError::Gap { at, before: None, after })
     }
 
     /// Times of the oldest and the newest observation, if there are any.
@@ -154,6 +186,25 @@ impl Timeline {
 }
 
 impl Ring {
+    /// Places of the newest observation at or before `at` and of the oldest after it.
+    fn around(&self, at: Timestamp) -> Result<(Option<usize>, Option<usize>), TimelineError> {
+        if self.observations.is_empty() {
+            return Err(TimelineError::Empty);
+        }
+        let n_not_later = self.observations.partition_point(|seen| seen.frame.timestamp <= at);
+        let after = (n_not_later < self.observations.len()).then_some(n_not_later);
+        Ok((n_not_later.checked_sub(1), after))
+    }
+
+    /// How far from an observation a time may lie and still be shown by it, nanoseconds.
+    fn reach_nanos(&self, idx: usize) -> i64 {
+        let time = |idx: usize| self.observations.get(idx).map(|seen| seen.frame.timestamp);
+        let (before, own, after) = (idx.checked_sub(1).and_then(time), time(idx), time(idx + 1));
+        let distances = [(before, own), (own, after)];
+        let distances = distances.into_iter().filter_map(|(from, to)| Some(to?.nanos_since(from?)));
+        distances.min().map_or(REACH_NANOS, |distance| REACH_NANOS.max(distance.saturating_mul(2)))
+    }
+
     fn range(&self) -> Option<(Timestamp, Timestamp)> {
         let (first, last) = (self.observations.front()?, self.observations.back()?);
         Some((first.frame.timestamp, last.frame.timestamp))
@@ -244,17 +295,42 @@ mod tests {
         assert_eq!(timeline.latest().unwrap_err().kind(), ErrorKind::Unavailable);
         assert_eq!(timeline.range(), None);
         let background = picture();
+        const SECOND: i64 = 1_000_000_000;
         for nanos in [100, 200, 300] {
             timeline.push(observation(nanos, &background)).unwrap();
         }
-        for (asked, found) in [(100, 100), (199, 100), (200, 200), (300, 300), (i64::MAX, 300)] {
+        for nanos in [10, 11, 15] {
+            timeline.push(observation(nanos * SECOND, &background)).unwrap();
+        }
+        let near = [(100 - SECOND, 100), (99, 100), (149, 100), (150, 100), (151, 200), (SECOND, 300)];
+        for (asked, found) in near {
             assert_eq!(at(asked), Ok(found), "{asked}");
         }
-        for asked in [99, 0, i64::MIN] {
-            let error = timeline.at(Timestamp::from_nanos(asked)).unwrap_err();
-            assert_eq!(error.kind(), ErrorKind::NotFound);
-            assert!(error.to_string().contains("1970-01-01T00:00:00.0000003Z"), "{error}");
+        let far = [(9, 10), (11, 11), (13, 11), (14, 15), (23, 15)];
+        for (asked, found) in far {
+            assert_eq!(at(asked * SECOND), Ok(found * SECOND), "{asked} s");
         }
+        let seconds = |nanos: i64| Some(Timestamp::from_nanos(nanos * SECOND));
+        let gap = |asked: i64| match timeline.at(Timestamp::from_nanos(asked)).unwrap_err() {
+            TimelineError::Gap { before, after, .. } => (before, after),
+            other => panic!("{other}"),
+        };
+        assert_eq!(gap(5 * SECOND), (Some(Timestamp::from_nanos(300)), seconds(10)));
+        assert_eq!(gap(-SECOND - 100), (None, Some(Timestamp::from_nanos(100))));
+        assert_eq!(gap(i64::MIN), (None, Some(Timestamp::from_nanos(100))));
+        assert_eq!(gap(24 * SECOND), (seconds(15), None));
+        assert_eq!(gap(i64::MAX), (seconds(15), None));
+        let error = timeline.at(Timestamp::from_nanos(5 * SECOND)).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::NotFound);
+        assert!(
+            error.to_string().contains("from 1970-01-01T00:00:00.0000003Z to 1970-01-01T00:00:10Z"),
+            "{error}"
+        );
+        let known =
+            |asked: i64| timeline.at_or_before(Timestamp::from_nanos(asked)).map(|seen| seen.frame.timestamp);
+        assert_eq!(known(5 * SECOND), Ok(Timestamp::from_nanos(300)));
+        assert_eq!(known(i64::MAX).ok(), seconds(15));
+        assert!(matches!(known(99), Err(TimelineError::Gap { before: None, .. })));
     }
 
     #[test]
@@ -337,9 +413,13 @@ mod tests {
             let kept = &pushed[pushed.len() - timeline.len()..];
             let range = timeline.range().map(|(first, last)| (first.as_nanos(), last.as_nanos()));
             prop_assert_eq!(range, Some((kept[0], *kept.last().unwrap())));
-            let naive = kept.iter().rev().find(|time| **time <= asked).copied();
+            // All are near: the frames of this test lie within a microsecond.
+            let naive = kept.iter().min_by_key(|time| (**time - asked).abs()).copied();
             let found = timeline.at(Timestamp::from_nanos(asked)).ok().map(|seen| seen.frame.timestamp.as_nanos());
             prop_assert_eq!(found, naive);
+            let naive = kept.iter().rev().find(|time| **time <= asked).copied();
+            let found = timeline.at_or_before(Timestamp::from_nanos(asked)).ok();
+            prop_assert_eq!(found.map(|seen| seen.frame.timestamp.as_nanos()), naive);
         }
     }
 }

@@ -252,6 +252,7 @@ async fn a_view_says_what_it_shows() {
     assert!(picture.as_raw().iter().all(|value| *value == 200));
     assert_eq!(answer.field("videofields-time"), LAST.to_string());
     assert_eq!(answer.field("videofields-sources"), format!("north={LAST},south={FIRST}"));
+    assert_eq!(answer.field("videofields-gaps"), "south");
     assert_eq!(answer.field("videofields-plan"), "surface,billboard");
     assert_eq!(answer.field("videofields-view"), "eye=5,6,7;target=1,2,1;fov=45");
     assert_eq!(answer.field("server-timing"), "fuse;dur=1.500, render;dur=4.000, encode;dur=1.000");

@@ -92,12 +92,8 @@ impl Door for FakeDoor {
         let timestamp = match at {
             At::Live => LAST,
             At::Time(asked) if asked < FIRST => {
-                return Err(EngineError::BeforeFirst {
-                    camera: camera.to_owned(),
-                    asked: asked.to_string(),
-                    first: FIRST.to_string(),
-                    last: LAST.to_string(),
-                });
+                let camera = camera.to_owned();
+                return Err(EngineError::Gap { camera, asked, before: None, after: Some(FIRST) });
             }
             At::Time(asked) => asked.min(LAST),
         };
@@ -295,6 +291,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
             SourceTime { camera: id("north"), timestamp: LAST },
             SourceTime { camera: id("south"), timestamp: FIRST },
         ],
+        gaps: vec![id("south")],
         plan: Arc::new(plan),
         timings: vec![("fuse", Duration::from_micros(1500)), ("render", Duration::from_millis(4))],
     }

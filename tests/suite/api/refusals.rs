@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::time::Duration;
 use videofields::api::Limits;
+use videofields::clock::Timestamp;
 use videofields::engine::EngineError;
 use videofields::error::Fault;
 
@@ -134,11 +135,11 @@ async fn asked_of_a_failing_engine(target: &str, failure: EngineError) -> Answer
 #[tokio::test]
 async fn each_failure_of_the_engine_has_its_status() {
     let text = || "because".to_owned();
-    let before_first = || EngineError::BeforeFirst {
+    let gap = || EngineError::Gap {
         camera: "north".into(),
-        asked: "A".into(),
-        first: "B".into(),
-        last: "C".into(),
+        asked: Timestamp::from_nanos(0),
+        before: None,
+        after: Some(Timestamp::from_nanos(1_000_000_000)),
     };
     let cases: [(EngineError, u16, &str, Option<Value>); 10] = [
         (EngineError::NoCamera { id: "w".into() }, 404, "not-found", None),
@@ -149,12 +150,7 @@ async fn each_failure_of_the_engine_has_its_status() {
             "invalid",
             Some(json!([{"parameter": "eye", "detail": "is inside the earth"}])),
         ),
-        (
-            before_first(),
-            404,
-            "not-found",
-            Some(json!([{"parameter": "t", "detail": before_first().to_string()}])),
-        ),
+        (gap(), 404, "not-found", Some(json!([{"parameter": "t", "detail": gap().to_string()}]))),
         (
             EngineError::NoFrame { camera: "north".into(), state: "connecting".into() },
             503,
@@ -186,11 +182,11 @@ async fn each_failure_of_the_engine_has_its_status() {
 }
 
 #[tokio::test]
-async fn a_time_before_the_first_frame_says_what_is_kept() {
+async fn a_time_in_no_frames_reach_says_where_the_frames_are() {
     let problem = Bench::new().get(&format!("{FRAME}?t=0")).await.problem(404, FRAME);
     assert_eq!(problem["errors"][0]["parameter"], "t");
     assert!(
-        problem["detail"].as_str().unwrap().contains("it keeps 1970-01-01T00:00:01Z to 2026-"),
+        problem["detail"].as_str().unwrap().contains("the first frame kept is of 1970-01-01T00:00:01Z"),
         "{problem}"
     );
 }
