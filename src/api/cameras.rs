@@ -51,7 +51,8 @@ pub(super) async fn picture(
 ) -> Result<Picture, Problem> {
     let (kind, format) = split(&file, &KINDS)?;
     let mut query = Query::parse(raw.as_deref(), &["t"]);
-    let at = query.at();
+    let moment = query.moment(|id| api.door.playhead_at(id));
+    let at = moment.at;
     query.finish(Some(()))?;
     let observation = api.door.observation(&id, at).map_err(|error| problem_of(&api, error))?;
     let (instant, number) = (observation.frame.timestamp, observation.frame.number);
@@ -65,7 +66,7 @@ pub(super) async fn picture(
     {
         fields.push(("videofields-age", format!("{age_secs:.3}")));
     }
-    Ok(Picture { format, bytes, at, instant, fields })
+    Ok(Picture { format, bytes, moment, instant, fields })
 }
 
 fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {

@@ -1,8 +1,8 @@
 //! The HTTP control interface: one file a resource, over the engine's door and nothing else of the engine.
 //!
 //! Requests flow in, are held to limits (`guard`), read strictly (`query`) and asked of the [`Handle`]; pictures are
-//! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). Only GET and
-//! HEAD are answered, and one POST that has costs measured anew: nothing here changes what the daemon shows.
+//! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). GET and
+//! HEAD show; what changes something has a method of its own, and is refused where a page of another site asks for it.
 
 mod accuracy;
 mod cameras;
@@ -14,6 +14,7 @@ mod locate;
 mod metrics;
 mod page;
 mod picture;
+mod playheads;
 mod query;
 mod scenes;
 mod segments;
@@ -106,6 +107,16 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes/{id}", get(scenes::one))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))
+        .route("/api/v1/playheads", get(playheads::list))
+        .route(
+            "/api/v1/playheads/{id}",
+            get(playheads::one)
+                .put(playheads::put)
+                .patch(playheads::change)
+                .delete(playheads::remove)
+                .fallback(playheads::no_method),
+        )
+        .route("/api/v1/playheads/{id}/events", get(playheads::events))
         .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()

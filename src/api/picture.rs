@@ -3,9 +3,9 @@
 
 use super::Api;
 use super::error::Problem;
+use super::query::Moment;
 use crate::clock::Timestamp;
 use crate::encode::{self, EncodeError, PictureFormat};
-use crate::engine::At;
 use crate::error::ErrorKind;
 use crate::frame::{RgbImage, YuvImage};
 use axum::body::Bytes;
@@ -123,7 +123,7 @@ pub(super) struct Picture {
     /// The file.
     pub(super) bytes: Bytes,
     /// Which time was asked for.
-    pub(super) at: At,
+    pub(super) moment: Moment,
     /// The instant shown.
     pub(super) instant: Timestamp,
     /// Further header fields, by name.
@@ -135,10 +135,8 @@ impl IntoResponse for Picture {
         let mut response = self.bytes.into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.format.content_type()));
-        let caching = match self.at {
-            At::Live => HeaderValue::from_static("no-store"),
-            At::Time(_) => FIXED_TIME_CACHING,
-        };
+        let caching =
+            if self.moment.is_fixed { FIXED_TIME_CACHING } else { HeaderValue::from_static("no-store") };
         headers.insert(header::CACHE_CONTROL, caching);
         headers.insert("videofields-time", field_value(&self.instant.to_string()));
         for (name, value) in self.fields {

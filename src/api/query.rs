@@ -5,7 +5,7 @@
 
 use super::error::Problem;
 use crate::clock::{ParseTimestampError, Timestamp};
-use crate::engine::At;
+use crate::engine::{At, EngineError};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::is_id;
 use glam::DVec3;
@@ -15,6 +15,14 @@ use std::str::FromStr;
 
 /// Furthest coordinate of a viewer, metres: room for any projected map, and squares stay far from infinity.
 pub(super) const MAX_COORDINATE_M: f64 = 1e8;
+
+/// Which time is asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Moment {
+    pub(super) at: At,
+    /// Whether the same request will always mean the same time.
+    pub(super) is_fixed: bool,
+}
 
 /// The parameters of one request, and the faults found in them so far.
 #[derive(Debug)]
@@ -103,16 +111,27 @@ impl Query {
         self.value(name, allowed, |text| is_id(text).then(|| text.to_owned()))
     }
 
-    /// The parameter `t`; live if absent.
-    pub(super) fn at(&mut self) -> At {
-        let allowed = "live, nanoseconds since 1970-01-01 (UTC) or an RFC 3339 instant such as \
+    /// The parameter `t`; live if absent. `playhead` says where the playhead of a name stands.
+    pub(super) fn moment(&mut self, playhead: impl FnOnce(&str) -> Result<Timestamp, EngineError>) -> Moment {
+        let allowed = "live, playhead: and its name, nanoseconds since 1970-01-01 (UTC) or an RFC 3339 instant such as \
                        2026-03-01T12:00:00.5Z";
-        let read = |text: &str| match Timestamp::from_str(text) {
-            _ if text == "live" => Some(At::Live),
-            Ok(instant) => Some(At::Time(instant)),
-            Err(ParseTimestampError) => None,
+        let mut failure = None;
+        let read = |text: &str| {
+            if let Some(id) = text.strip_prefix("playhead:") {
+                let at = playhead(id).map(At::Time).map_err(|error| failure = Some(error));
+                return Some(Moment { at: at.unwrap_or_default(), is_fixed: false });
+            }
+            match Timestamp::from_str(text) {
+                _ if text == "live" => Some(Moment::default()),
+                Ok(instant) => Some(Moment { at: At::Time(instant), is_fixed: true }),
+                Err(ParseTimestampError) => None,
+            }
         };
-        self.value("t", allowed, read).unwrap_or_default()
+        let moment = self.value("t", allowed, read).unwrap_or_default();
+        if let Some(error) = failure {
+            self.fault("t", error.to_string());
+        }
+        moment
     }
 
     /// Notes a fault where the parameter `name` did not come at all.
@@ -173,6 +192,10 @@ pub(super) fn listed(name: &str, there_are: &[&str]) -> String {
 mod tests {
     use super::*;
 
+    fn no_playhead(id: &str) -> Result<Timestamp, EngineError> {
+        Err(EngineError::NoPlayhead { id: id.to_owned() })
+    }
+
     fn fault_of(raw: &str, read: impl FnOnce(&mut Query)) -> Vec<(String, String)> {
         let mut query = Query::parse(Some(raw), &["t", "fov", "width", "eye", "method"]);
         read(&mut query);
@@ -182,9 +205,9 @@ mod tests {
     #[test]
     fn plus_is_itself_and_escapes_are_utf8() {
         let mut query = Query::parse(Some("t=1970-01-01T02:00:01+02:00"), &["t"]);
-        assert_eq!(query.at(), At::Time(Timestamp::from_nanos(1_000_000_000)));
+        assert_eq!(query.moment(no_playhead).at, At::Time(Timestamp::from_nanos(1_000_000_000)));
         let mut query = Query::parse(Some("t=%6Cive"), &["t"]);
-        assert_eq!(query.at(), At::Live);
+        assert_eq!(query.moment(no_playhead).at, At::Live);
         assert!(query.finish(Some(())).is_ok());
         assert_eq!(fault_of("t=%ff", |_| ()), [("t".into(), "its escapes are not UTF-8".into())]);
     }

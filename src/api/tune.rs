@@ -36,14 +36,8 @@ pub(super) async fn change(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let change = serde_json::from_slice(&body).map_err(|error| {
-        let place = format!("line {}, column {}", error.line(), error.column());
-        Problem::at(
-            ErrorKind::Invalid,
-            vec![Fault::new("", format!("the body is no JSON ({place}): {error}"))],
-        )
-    })?;
-    let settings = api.door.change_segment(&id, change).map_err(|error| problem_of(&api, error))?;
+    let settings =
+        api.door.change_segment(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
 }
 
@@ -72,6 +66,15 @@ pub(super) async fn post_only() -> Response {
     let mut response = Problem::method("only POST is answered here").into_response();
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("POST"));
     response
+}
+
+/// The JSON that a request brings.
+pub(super) fn read_body(body: &[u8]) -> Result<serde_json::Value, Problem> {
+    serde_json::from_slice(body).map_err(|error| {
+        let place = format!("line {}, column {}", error.line(), error.column());
+        let message = format!("the body is no JSON ({place}): {error}");
+        Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
+    })
 }
 
 /// Refuses what a page of another site asks for. There are no users yet: without this, any page open in the operator's

@@ -2,10 +2,11 @@
 
 use super::error::Problem;
 use super::picture::{Picture, server_timing, split, write_rgb};
-use super::query::Query;
+use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::{Api, scenes};
-use crate::engine::{ViewAnswer, ViewRequest};
+use crate::clock::Timestamp;
+use crate::engine::{EngineError, ViewAnswer, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::plan::EntityStyle;
@@ -38,8 +39,7 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
     let ((), format) = split(&file, &[("view", ())])?;
-    let request = read(id, raw.as_deref())?;
-    let at = request.at;
+    let (request, moment) = read(id, raw.as_deref(), |id| api.door.playhead_at(id))?;
     let own_view = scenes::find(&api, &request.scene)?.view;
     check_direction(&request, own_view)?;
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
@@ -58,7 +58,7 @@ pub(super) async fn picture(
         let gaps = answer.gaps.iter().map(CameraId::as_str).collect::<Vec<_>>();
         fields.push(("videofields-gaps", gaps.join(",")));
     }
-    Ok(Picture { format, bytes, at, instant, fields })
+    Ok(Picture { format, bytes, moment, instant, fields })
 }
 
 /// Reads a view's parameters as this route's query string has them, for callers that speak no HTTP.
@@ -66,11 +66,19 @@ pub(super) async fn picture(
 /// # Errors
 /// With every wrong parameter.
 pub fn read_view_request(scene: &str, query: &str) -> Result<ViewRequest, Vec<Fault>> {
-    read(scene.to_owned(), Some(query)).map_err(Problem::into_faults)
+    let no_playhead = |id: &str| Err(EngineError::NoPlayhead { id: id.to_owned() });
+    read(scene.to_owned(), Some(query), no_playhead)
+        .map(|(request, _moment)| request)
+        .map_err(Problem::into_faults)
 }
 
-fn read(scene: String, raw: Option<&str>) -> Result<ViewRequest, Problem> {
+fn read(
+    scene: String,
+    raw: Option<&str>,
+    playhead: impl FnOnce(&str) -> Result<Timestamp, EngineError>,
+) -> Result<(ViewRequest, Moment), Problem> {
     let mut query = Query::parse(raw, &PARAMETERS);
+    let moment = query.moment(playhead);
     let request = ViewRequest {
         scene,
         eye: query.point("eye"),
@@ -78,10 +86,10 @@ fn read(scene: String, raw: Option<&str>) -> Result<ViewRequest, Problem> {
         fov_y_rad: query.number("fov", &FOV_DEGREES, " degrees").map(f64::to_radians),
         width_px: query.whole("width", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[0]),
         height_px: query.whole("height", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[1]),
-        at: query.at(),
+        at: moment.at,
         style: query.choice("entities", &STYLES).unwrap_or_default(),
     };
-    query.finish(Some(request))
+    query.finish(Some((request, moment)))
 }
 
 /// Refuses, before anything is drawn, an eye and a target (given, or the scene's own) that leave no direction to

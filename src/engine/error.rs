@@ -19,6 +19,12 @@ pub enum EngineError {
         /// The id asked for.
         id: String,
     },
+    /// No playhead has that name.
+    #[error("there is no playhead {id:?}")]
+    NoPlayhead {
+        /// The name asked for.
+        id: String,
+    },
     /// A parameter is wrong.
     #[error("{0}")]
     Request(Fault),
@@ -70,9 +76,11 @@ impl EngineError {
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
-            Self::NoCamera { .. } | Self::NoScene { .. } | Self::Gap { .. } | Self::NoSurface(_) => {
-                ErrorKind::NotFound
-            }
+            Self::NoCamera { .. }
+            | Self::NoScene { .. }
+            | Self::NoPlayhead { .. }
+            | Self::Gap { .. }
+            | Self::NoSurface(_) => ErrorKind::NotFound,
             Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,
             Self::TooLarge(_) => ErrorKind::TooLarge,
             Self::NoFrame { .. } | Self::Busy { .. } | Self::Unavailable(_) => ErrorKind::Unavailable,

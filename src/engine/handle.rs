@@ -1,6 +1,6 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::{AccuracyStatus, EngineError};
+use super::{AccuracyStatus, EngineError, PlayheadState};
 use crate::clock::Timestamp;
 use crate::config::SegmentSettings;
 use crate::frame::{CameraId, RgbImage};
@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 /// Which time is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -222,6 +222,43 @@ pub trait Door: Send + Sync {
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// Every playhead, in the order in which they were made.
+    fn playheads(&self) -> Vec<PlayheadState>;
+
+    /// One playhead.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPlayhead`]; [`EngineError::NoScene`] where its scene is gone.
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError>;
+
+    /// Where a playhead stands.
+    ///
+    /// # Errors
+    /// As [`Door::playhead`].
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError>;
+
+    /// Makes a playhead, or changes the one of that name, as [`PlayheadChange`](super::PlayheadChange) has it; the first
+    /// scene's where none is named.
+    ///
+    /// # Errors
+    /// [`EngineError::Faults`], [`EngineError::NoScene`], [`EngineError::TooLarge`] where there are too many.
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError>;
+
+    /// Changes a playhead.
+    ///
+    /// # Errors
+    /// As [`Door::put_playhead`], and [`EngineError::NoPlayhead`].
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError>;
+
+    /// Removes a playhead.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPlayhead`].
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError>;
+
+    /// Changes with every change of any playhead; [`ENDED`](super::ENDED) once the engine stops.
+    fn watch_playheads(&self) -> watch::Receiver<u64>;
 
     /// What each step of accuracy costs on this machine, as far as it was measured.
     fn accuracy(&self) -> AccuracyStatus;

@@ -8,8 +8,10 @@ mod error;
 mod handle;
 mod history;
 mod maps;
+mod moments;
 mod offline;
 mod picture;
+mod playheads;
 mod renderer;
 mod shared;
 mod tuning;
@@ -21,6 +23,7 @@ pub use handle::{
     ViewRequest,
 };
 pub use offline::view_once;
+pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Config};
@@ -178,6 +181,7 @@ impl Engine {
     pub fn request_stop(&self) {
         self.stop_requested.get_or_init(|| self.shared.clock.monotonic());
         self.stop.raise();
+        self.shared.playheads.end();
         for worker in &self.workers {
             worker.request_stop();
         }

@@ -6,6 +6,7 @@ use super::checkpoint::StoreHealth;
 use super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
 };
+use super::playheads::{Change, PlayheadState, Playheads};
 use super::renderer::Job;
 use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
@@ -24,7 +25,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
 const MAX_LAG_NANOS: i64 = 1_500_000_000;
@@ -74,6 +75,7 @@ pub(super) struct Shared {
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
+    pub(super) playheads: Playheads,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// The adapter's name, or why there is none.
@@ -112,6 +114,7 @@ impl Shared {
             scenes,
             render_settings,
             store_health,
+            playheads: Playheads::new(),
             maps: Mutex::new(maps),
             renderer: Mutex::new(Err("starting".to_owned())),
             queue: Mutex::new(Some(queue)),
@@ -168,6 +171,13 @@ impl Shared {
             // A scene without cameras is always as it is.
             (None, None) => Ok(self.clock.now()),
         }
+    }
+
+    /// What the scene's cameras saw; those that are not configured are left out.
+    pub(super) fn timelines(&self, scene: &Scene) -> impl Iterator<Item = &Timeline> {
+        let members = scene.cameras.iter().map(|member| member.id.clone()).collect::<Vec<_>>();
+        let is_member = move |camera: &&CameraEntry| members.contains(&camera.id);
+        self.cameras.iter().filter(is_member).map(|camera| &*camera.timeline)
     }
 
     /// What was known of a camera at `instant`: its newest observation until then, however old.
@@ -379,6 +389,38 @@ impl Door for Shared {
                 })
             }
         }
+    }
+
+    fn playheads(&self) -> Vec<PlayheadState> {
+        // One whose scene is gone is not told of.
+        self.playheads.all().iter().filter_map(|entry| self.playhead_state(entry).ok()).collect()
+    }
+
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
+        self.playhead_state(&self.playheads.find(id)?)
+    }
+
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
+        self.playhead_position(id)
+    }
+
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        let change = Change::read(change)?;
+        let first = self.scenes.first().map(|scene| scene.id.clone());
+        let scene = change.scene.clone().or(first).unwrap_or_default();
+        self.change_playhead_of(id, &change, Some(&scene))
+    }
+
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        self.change_playhead_of(id, &Change::read(change)?, None)
+    }
+
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
+        self.playheads.remove(id)
+    }
+
+    fn watch_playheads(&self) -> watch::Receiver<u64> {
+        self.playheads.subscribe()
     }
 
     fn accuracy(&self) -> AccuracyStatus {

@@ -9,11 +9,13 @@ use gstreamer_video as gst_video;
 const HIGH_DEFINITION_ROWS: u32 = 720;
 
 /// A sample that is no I420 picture in memory.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum SampleError {
     /// The sample lacks a part or its caps are not raw I420.
+    #[error("{0}")]
     Unusable(&'static str),
     /// The buffer is smaller than its caps promise.
+    #[error(transparent)]
     Layout(YuvError),
 }
 

@@ -1,9 +1,11 @@
 //! What every camera saw lately: one ring of observations a camera, bounded in bytes, and one log of events.
 
 mod event;
+mod playhead;
 mod ring;
 
 pub use event::{Event, EventKind, EventLog, LoggedEvent};
+pub use playhead::{Extent, MAX_RATE, Playhead, PlayheadMode};
 pub(crate) use ring::edges;
 pub use ring::{Timeline, TimelineError};
 

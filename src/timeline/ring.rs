@@ -149,6 +149,22 @@ impl Timeline {
         found.ok_or(TimelineError::Gap { at, before: None, after })
     }
 
+    /// Time of the oldest observation after `at`.
+    #[must_use]
+    pub fn next_after(&self, at: Timestamp) -> Option<Timestamp> {
+        let ring = self.lock();
+        let n_not_later = ring.observations.partition_point(|seen| seen.frame.timestamp <= at);
+        ring.observations.get(n_not_later).map(|seen| seen.frame.timestamp)
+    }
+
+    /// Time of the newest observation before `at`.
+    #[must_use]
+    pub fn last_before(&self, at: Timestamp) -> Option<Timestamp> {
+        let ring = self.lock();
+        let n_earlier = ring.observations.partition_point(|seen| seen.frame.timestamp < at);
+        ring.observations.get(n_earlier.checked_sub(1)?).map(|seen| seen.frame.timestamp)
+    }
+
     /// Times of the oldest and the newest observation, if there are any.
     #[must_use]
     pub fn range(&self) -> Option<(Timestamp, Timestamp)> {
@@ -331,6 +347,14 @@ mod tests {
         assert_eq!(known(5 * SECOND), Ok(Timestamp::from_nanos(300)));
         assert_eq!(known(i64::MAX).ok(), seconds(15));
         assert!(matches!(known(99), Err(TimelineError::Gap { before: None, .. })));
+        let beside = |nanos: i64| {
+            let at = Timestamp::from_nanos(nanos);
+            let nanos = |time: Option<Timestamp>| time.map(Timestamp::as_nanos);
+            (nanos(timeline.last_before(at)), nanos(timeline.next_after(at)))
+        };
+        assert_eq!(beside(200), (Some(100), Some(300)));
+        assert_eq!(beside(201), (Some(200), Some(300)));
+        assert_eq!((beside(100).0, beside(15 * SECOND).1), (None, None));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod door;
+mod playheads;
 mod refusals;
 mod server;
 mod tune;

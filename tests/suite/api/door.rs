@@ -3,19 +3,19 @@
 use glam::{DVec2, DVec3};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use tokio::sync::oneshot;
+use tokio::sync::{oneshot, watch};
 use videofields::clock::Timestamp;
 use videofields::config::{SegmentSettings, changed_segment};
 use videofields::engine::{
-    AccuracyState, AccuracyStatus, At, CameraSummary, Door, EngineError, LocateMethod, Located, Readiness,
-    SceneSummary, SourceTime, ViewAnswer, ViewRequest,
+    AccuracyState, AccuracyStatus, At, CameraSummary, Door, EngineError, LocateMethod, Located,
+    PlayheadState, Readiness, SceneSummary, SourceTime, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
 use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Spread};
 use videofields::scene::{Scene, SceneView};
 use videofields::segment::PixelRect;
-use videofields::timeline::{Event, EventKind, EventLog, LoggedEvent, Observation};
+use videofields::timeline::{Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
@@ -40,6 +40,8 @@ pub(super) struct State {
     pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
     /// Every answer counted: route, status, duration.
     pub(super) counted: Vec<(String, u16, Duration)>,
+    pub(super) playheads: Vec<PlayheadState>,
+    pub(super) changes: watch::Sender<u64>,
 }
 
 #[derive(Default)]
@@ -84,6 +86,62 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
 impl Door for FakeDoor {
     fn cameras(&self) -> Vec<CameraSummary> {
         vec![summary("north", "live", None), summary("south", "failed", Some("no such file"))]
+    }
+
+    fn playheads(&self) -> Vec<PlayheadState> {
+        self.0.lock().unwrap().playheads.clone()
+    }
+
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
+        self.failure()?;
+        let found = self.playheads().into_iter().find(|playhead| playhead.id == id);
+        found.ok_or_else(|| EngineError::NoPlayhead { id: id.to_owned() })
+    }
+
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
+        Ok(self.playhead(id)?.position.parse().unwrap())
+    }
+
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        if self.playhead(id).is_ok() {
+            return self.change_playhead(id, change);
+        }
+        let state = PlayheadState {
+            id: id.to_owned(),
+            scene: "plaza".to_owned(),
+            mode: PlayheadMode::Paused,
+            position: change["at"].as_str().unwrap_or("1970-01-01T00:00:02Z").to_owned(),
+            rate: 1.0,
+            range: None,
+            version: 1,
+        };
+        let mut door = self.0.lock().unwrap();
+        door.playheads.push(state.clone());
+        door.changes.send_modify(|version| *version += 1);
+        Ok(state)
+    }
+
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        self.playhead(id)?;
+        let mut door = self.0.lock().unwrap();
+        let playhead = door.playheads.iter_mut().find(|playhead| playhead.id == id).unwrap();
+        playhead.rate = change["rate"].as_f64().unwrap_or(playhead.rate);
+        playhead.version += 1;
+        let state = playhead.clone();
+        door.changes.send_modify(|version| *version += 1);
+        Ok(state)
+    }
+
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
+        self.playhead(id)?;
+        let mut door = self.0.lock().unwrap();
+        door.playheads.retain(|playhead| playhead.id != id);
+        door.changes.send_modify(|version| *version += 1);
+        Ok(())
+    }
+
+    fn watch_playheads(&self) -> watch::Receiver<u64> {
+        self.0.lock().unwrap().changes.subscribe()
     }
 
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {

@@ -46,7 +46,7 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
         check(VIEW, &format!("height={side}"), "height", "a whole number from 1 to 65535").await;
     }
     for t in ["", "now", "Live", "1970-01-01", "9223372036854775808", "1.5", "2026-13-01T00:00:00Z"] {
-        check(VIEW, &format!("t={t}"), "t", "must be live, nanoseconds").await;
+        check(VIEW, &format!("t={t}"), "t", "must be live, playhead: and its name, nanoseconds").await;
         check(FRAME, &format!("t={t}"), "t", "RFC 3339").await;
     }
     for entities in ["", "Billboards", "sprites"] {

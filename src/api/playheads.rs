@@ -1,0 +1,151 @@
+//! `/api/v1/playheads`: places in scene time that operators and walls share.
+
+use super::Api;
+use super::error::Problem;
+use super::query::Query;
+use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use crate::engine::{ENDED, EngineError};
+use crate::error::Fault;
+use crate::frame::is_id;
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use serde_json::json;
+use std::convert::Infallible;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// Longest time between two states that are streamed while nothing changes: clocks run apart otherwise.
+const BEAT: Duration = Duration::from_secs(1);
+
+/// All playheads.
+pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let body = Json(json!({ "playheads": api.door.playheads() }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+/// One playhead.
+pub(super) async fn one(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let state = api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+}
+
+/// Makes a playhead, or changes it if it is there.
+pub(super) async fn put(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    if !is_id(&id) {
+        let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
+        return Err(EngineError::Request(Fault::new("id", message)).into());
+    }
+    let state = api.door.put_playhead(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
+    // The first change is the one that makes it.
+    let status = if state.version == 1 { StatusCode::CREATED } else { StatusCode::OK };
+    Ok((status, [(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+}
+
+/// Changes a playhead by the members of a JSON object.
+pub(super) async fn change(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let state = api.door.change_playhead(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+}
+
+/// Removes a playhead.
+pub(super) async fn remove(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    api.door.remove_playhead(&id).map_err(|error| problem_of(&api, error))?;
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}
+
+/// A playhead's state now, whenever it is changed, and once a second, as server-sent events; ends when it is removed.
+pub(super) async fn events(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
+    let changes = api.door.watch_playheads();
+    let states =
+        futures_util::stream::unfold(Following { api, id, changes, is_first: true }, Following::next);
+    let stream = Sse::new(states).keep_alive(KeepAlive::default());
+    Ok(([(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))], stream).into_response())
+}
+
+/// One listener of one playhead. It holds nothing of what was: a slow one is told the newest state when it reads on.
+struct Following {
+    api: Api,
+    id: String,
+    changes: watch::Receiver<u64>,
+    is_first: bool,
+}
+
+impl Following {
+    async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
+        if !self.is_first {
+            tokio::select! {
+                changed = self.changes.changed() => changed.ok()?,
+                () = tokio::time::sleep(BEAT) => {}
+            }
+        }
+        self.is_first = false;
+        if *self.changes.borrow_and_update() == ENDED {
+            return None;
+        }
+        let state = self.api.door.playhead(&self.id).ok()?;
+        let event =
+            Event::default().id(state.version.to_string()).event("playhead").json_data(&state).ok()?;
+        Some((Ok(event), self))
+    }
+}
+
+/// A method that `/playheads/{id}` does not take.
+pub(super) async fn no_method() -> Response {
+    let mut response =
+        Problem::method("only GET, HEAD, PUT, PATCH and DELETE are answered here").into_response();
+    let allowed = HeaderValue::from_static("GET, HEAD, PUT, PATCH, DELETE");
+    response.headers_mut().insert(header::ALLOW, allowed);
+    response
+}
+
+fn problem_of(api: &Api, error: EngineError) -> Problem {
+    match error {
+        EngineError::NoPlayhead { id } => {
+            let playheads = api.door.playheads();
+            let ids: Vec<&str> = playheads.iter().map(|playhead| playhead.id.as_str()).collect();
+            Problem::missing("playhead", &id, &ids)
+        }
+        EngineError::NoScene { .. } => super::scenes::problem_of(api, error),
+        other => other.into(),
+    }
+}
