@@ -68,7 +68,16 @@ impl Given {
 pub(crate) fn camera(tables: Tables, source: SourceSettings) -> Result<CameraSettings> {
     let Given { background, segment, track, condition } = Given::from(tables)?;
     let id = CameraId::new("input")?;
-    let camera = CameraSettings { id, name: String::new(), source, background, segment, track, condition };
+    let camera = CameraSettings {
+        id,
+        name: String::new(),
+        source,
+        record: false,
+        background,
+        segment,
+        track,
+        condition,
+    };
     let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
     match Config::from_settings(all, Path::new(".")) {
         Ok(_) => Ok(camera),

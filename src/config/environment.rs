@@ -9,10 +9,10 @@ use std::ffi::OsString;
 use toml::de::DeValue;
 
 const PREFIX: &str = "VIDEOFIELDS_";
-const SECTIONS: [&str; 6] = ["server", "storage", "media", "timeline", "render", "accuracy"];
+const SECTIONS: [&str; 7] = ["server", "storage", "archive", "media", "timeline", "render", "accuracy"];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
-const TEXTS: [&str; 3] = ["server.listen", "storage.database", "render.adapter"];
+const TEXTS: [&str; 4] = ["server.listen", "storage.database", "archive.folder", "render.adapter"];
 
 /// Lays the variables over the document. Variables without the prefix, or without `__` after it (such as
 /// `VIDEOFIELDS_LOG`), are other people's.

@@ -4,6 +4,7 @@
 //! comes out, or all faults of the file at once. Opens nothing that the settings name: whether a camera's file is
 //! there is found out when the camera starts, so that one missing file leaves the others working.
 
+mod archive;
 mod document;
 mod environment;
 mod error;
@@ -12,6 +13,7 @@ mod settings;
 mod storage;
 mod validate;
 
+pub use archive::ArchiveSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use resolution::Resolution;
 pub use settings::*;
@@ -146,6 +148,7 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
     let mut settings = Settings {
         server: section!("server"),
         storage: section!("storage"),
+        archive: section!("archive"),
         media: section!("media"),
         timeline: section!("timeline"),
         render: section!("render"),
@@ -189,6 +192,10 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
         *path = folder.join(&*path).components().filter(|part| *part != Component::CurDir).collect();
     };
     place(&mut settings.storage.database);
+    // An empty path says that nothing is recorded, and not the file's own folder.
+    if settings.archive.is_on() {
+        place(&mut settings.archive.folder);
+    }
     settings.media.roots.iter_mut().for_each(place);
     for camera in &mut settings.camera {
         place(&mut camera.source.path);

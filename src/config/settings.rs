@@ -1,5 +1,6 @@
 //! The settings as they are written: every key with its meaning, unit, range and default.
 
+use super::archive::ArchiveSettings;
 use super::resolution::Resolution;
 use super::storage::StorageSettings;
 use crate::clock::Timestamp;
@@ -18,6 +19,8 @@ pub struct Settings {
     pub server: ServerSettings,
     /// The database.
     pub storage: StorageSettings,
+    /// The recordings.
+    pub archive: ArchiveSettings,
     /// Where media may be read from.
     pub media: MediaSettings,
     /// What is kept of the past.
@@ -135,6 +138,9 @@ pub struct CameraSettings {
     pub name: String,
     /// Where its frames come from.
     pub source: SourceSettings,
+    /// Whether its stream is recorded where `archive.folder` is set. Default true.
+    #[serde(default = "default_record")]
+    pub record: bool,
     /// How its background is learned.
     #[serde(default)]
     pub background: BackgroundSettings,
@@ -147,6 +153,10 @@ pub struct CameraSettings {
     /// How its picture is watched for what makes it useless.
     #[serde(default)]
     pub condition: ConditionSettings,
+}
+
+const fn default_record() -> bool {
+    true
 }
 
 /// Where frames come from: a file, or numbered pictures.

@@ -47,6 +47,7 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     }
     check_path(&settings.storage.database, "/storage/database", gatherer);
     super::storage::check(&settings.storage, gatherer);
+    super::archive::check(&settings.archive, gatherer);
     if !(1..=MAX_ROOTS).contains(&settings.media.roots.len()) {
         let message = format!("expected 1 to {MAX_ROOTS} folders, got {}", settings.media.roots.len());
         gatherer.fault("/media/roots", message);
@@ -194,7 +195,7 @@ fn check_text(text: &str, place: &str, gatherer: &mut Gatherer) {
     }
 }
 
-fn check_path(path: &Path, place: &str, gatherer: &mut Gatherer) {
+pub(super) fn check_path(path: &Path, place: &str, gatherer: &mut Gatherer) {
     let bytes = path.as_os_str().as_encoded_bytes();
     if bytes.is_empty() || bytes.len() > MAX_PATH_BYTES || bytes.contains(&0) {
         gatherer.fault(place, format!("expected a path of 1 to {MAX_PATH_BYTES} bytes, none of them NUL"));

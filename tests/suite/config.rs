@@ -82,7 +82,7 @@ fn the_example_names_every_key() {
         assert_eq!(written, known, "{path}");
     };
     check(&example, "", "zzz = 1");
-    for section in ["server", "storage", "media", "timeline", "render", "accuracy"] {
+    for section in ["server", "storage", "archive", "media", "timeline", "render", "accuracy"] {
         check(example[section].as_table().expect("a table"), section, &format!("{section}.zzz = 1"));
     }
     let camera = example["camera"][0].as_table().expect("a table");
@@ -110,8 +110,8 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
     check(
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
-            "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, media, timeline, \
-           render, accuracy, camera, scene",
+            "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, archive, media, \
+           timeline, render, accuracy, camera, scene",
         ],
     );
 }
@@ -185,6 +185,13 @@ fn numbers_outside_their_range_are_refused() {
     check("storage", "background_history_count = 1.5", "whole number");
     check("storage", "background_history_mib = 0", "1 to 1048576 MiB");
     check("storage", "background_history_mib = 1048577", "1 to 1048576 MiB");
+    check("archive", "segment_secs = 4", "5 to 3600 seconds, got 4");
+    check("archive", "segment_secs = 7.5", "whole number");
+    check("archive", "max_gib = 0", "0.01 to 1048576 GiB");
+    check("archive", "max_gib = nan", "expected a finite number");
+    check("archive", "max_age_days = 0", "0.001 to 36500 days");
+    check("archive", "min_free_mib = 1073741825", "0 to 1073741824 MiB");
+    check("archive", "folder = \"a\\u0000b\"", "archive.folder");
     check("timeline", "mib_per_camera = 7", "8 to 65536 MiB");
     check("timeline", "mib_per_camera = -1", "0 or more");
     check("timeline", "mib_per_camera = 1e30", "0 or more");
@@ -213,6 +220,17 @@ fn numbers_outside_their_range_are_refused() {
     check("camera.condition", "frozen_after_secs = 0.5", "1 to 3600 seconds");
     check("camera.condition", "begin_after_secs = 0", "0.5 to 60 seconds");
     check("camera.condition", "accept_after_secs = 1", "10 to 10000000 seconds");
+}
+
+#[test]
+fn nothing_is_recorded_without_a_folder() {
+    let config =
+        parse("[[camera]]\nid = \"a\"\nsource.path = \"a\"\nrecord = false").expect("a configuration");
+    assert!(!config.settings().archive.is_on() && !config.settings().camera[0].record);
+    assert_eq!(config.settings().archive.folder, Path::new(""));
+    let config = parse("[archive]\nfolder = \"./tapes\"").expect("a configuration");
+    assert!(config.settings().archive.is_on());
+    assert_eq!(config.settings().archive.folder, Path::new("/etc/videofields/tapes"));
 }
 
 #[test]

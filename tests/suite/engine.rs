@@ -85,6 +85,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
             end,
             start: Some(Timestamp::from_nanos(0)),
         },
+        record: true,
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
         track: TrackSettings::default(),
