@@ -1,5 +1,5 @@
-//! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps and measured costs, one file
-//! a table.
+//! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs and the rows of
+//! recorded segments, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -14,6 +14,7 @@ mod measured_cost;
 mod migrate;
 mod open;
 mod scene;
+mod segment;
 mod texture_map;
 
 pub use background::BackgroundRecord;
@@ -21,6 +22,7 @@ pub use background_history::BackgroundHistoryBounds;
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use scene::{SceneEntry, SceneRecord};
+pub use segment::{SegmentRecord, SegmentState};
 pub use texture_map::TextureMapRecord;
 
 use sqlx::SqlitePool;
@@ -62,6 +64,19 @@ impl Store {
         texture_maps_bytes: u64,
     ) -> Result<Self, StoreError> {
         open::open(path, texture_maps_bytes).await
+    }
+
+    /// Compares every table with its indices, and looks at every page; what is wrong, at most a hundred lines. Takes
+    /// several times as long as the check at [`Self::open`].
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn check_integrity(&self) -> Result<Vec<String>, StoreError> {
+        let lines: Vec<String> = sqlx::query_scalar("pragma integrity_check(100)")
+            .fetch_all(&self.cache)
+            .await
+            .map_err(|error| self.classify(error))?;
+        Ok(lines.into_iter().filter(|line| line != "ok").collect())
     }
 
     /// The database's file.
