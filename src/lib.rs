@@ -44,6 +44,8 @@ pub mod track;
 
 pub mod condition;
 
+pub mod archive;
+
 pub mod timeline;
 
 pub mod ingest;

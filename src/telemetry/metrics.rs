@@ -59,6 +59,65 @@ impl DropReason {
     }
 }
 
+/// Why a frame of a camera that is recorded is not on the disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RecordingDrop {
+    /// More frames waited for the disk than may.
+    QueueFull,
+    /// Without the key frame before it, it cannot be decoded.
+    NoKeyFrame,
+    /// Its time lies before what its segment holds.
+    OutOfOrder,
+    /// Something is recorded of its time already.
+    Overlap,
+    /// Recording is paused.
+    Paused,
+    /// The daemon stopped before it was written.
+    Stopping,
+}
+
+impl RecordingDrop {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::QueueFull, Self::NoKeyFrame, Self::OutOfOrder, Self::Overlap, Self::Paused, Self::Stopping];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::QueueFull => "queue_full",
+            Self::NoKeyFrame => "no_key_frame",
+            Self::OutOfOrder => "out_of_order",
+            Self::Overlap => "overlap",
+            Self::Paused => "paused",
+            Self::Stopping => "stopping",
+        }
+    }
+}
+
+/// Why a recorded segment was removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum RemovalReason {
+    /// `archive.max_gib`.
+    Bytes,
+    /// `archive.max_age_days`.
+    Age,
+}
+
+impl RemovalReason {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Bytes, Self::Age];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Bytes => "bytes",
+            Self::Age => "age",
+        }
+    }
+}
+
 /// All metrics, with their registry. Counting is cheap and takes `&self`; share it in an `Arc`.
 #[derive(Debug)]
 pub struct Metrics {
@@ -73,6 +132,20 @@ pub struct Metrics {
     pub ingest_stage: HistogramVec,
     /// Events told. Labels: camera, kind.
     pub ingest_events: IntCounterVec,
+    /// Frames written to the archive. Labels: camera.
+    pub archive_frames: IntCounterVec,
+    /// Bytes written to the archive. Labels: camera.
+    pub archive_bytes: IntCounterVec,
+    /// Frames that were to be recorded and were not. Labels: camera, reason ([`RecordingDrop`]).
+    pub archive_frames_dropped: IntCounterVec,
+    /// 1 while a camera that is to be recorded cannot be. Labels: camera.
+    pub archive_paused: IntGaugeVec,
+    /// Bytes of all recorded segments.
+    pub archive_kept: IntGauge,
+    /// Segments that retention removed. Labels: reason ([`RemovalReason`]).
+    pub archive_segments_removed: IntCounterVec,
+    /// Seconds for which the disk was waited for, once every few seconds of a segment.
+    pub archive_sync: Histogram,
     /// Bytes of observations kept. Labels: camera.
     pub timeline_kept: IntGaugeVec,
     /// Seconds from taking a request off the queue to its finished picture.
@@ -139,6 +212,39 @@ impl Metrics {
                 "Events told: what stopped, was left behind or taken away, and what happened to the picture.",
                 &["camera", "kind"],
             ),
+            archive_frames: counters(
+                r,
+                "archive_frames_total",
+                "Frames written to the archive.",
+                &["camera"],
+            ),
+            archive_bytes: counters(r, "archive_bytes_total", "Bytes written to the archive.", &["camera"]),
+            archive_frames_dropped: counters(
+                r,
+                "archive_frames_dropped_total",
+                "Frames that were to be recorded and were not, by reason: queue_full, no_key_frame, out_of_order, \
+                 overlap, paused, stopping.",
+                &["camera", "reason"],
+            ),
+            archive_paused: int_gauges(
+                r,
+                "archive_paused",
+                "1 while a camera that is to be recorded cannot be.",
+                &["camera"],
+            ),
+            archive_kept: int_gauge(r, "archive_kept_bytes", "Bytes of all recorded segments."),
+            archive_segments_removed: counters(
+                r,
+                "archive_segments_removed_total",
+                "Segments that retention removed, by reason: bytes, age.",
+                &["reason"],
+            ),
+            archive_sync: histogram(
+                r,
+                "archive_sync_seconds",
+                "Time for which the disk was waited for when a segment was made safe.",
+                &REQUEST_SECONDS,
+            ),
             timeline_kept: int_gauges(r, "timeline_kept_bytes", "Observations kept in memory.", &["camera"]),
             render_picture: histogram(
                 r,
@@ -195,6 +301,29 @@ impl Metrics {
     /// Notes a dropped frame.
     pub fn count_dropped(&self, camera: &str, reason: DropReason) {
         self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc();
+    }
+
+    /// Notes a frame that was to be recorded and was not.
+    pub fn count_unrecorded(&self, camera: &str, reason: RecordingDrop) {
+        self.archive_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc();
+    }
+
+    /// Notes a segment that retention removed.
+    pub fn count_removed(&self, reason: RemovalReason) {
+        self.archive_segments_removed.with_label_values(&[reason.as_str()]).inc();
+    }
+
+    /// Makes the series of a camera that is recorded appear at zero.
+    pub fn announce_recording(&self, camera: &str) {
+        self.archive_frames.with_label_values(&[camera]).inc_by(0);
+        self.archive_bytes.with_label_values(&[camera]).inc_by(0);
+        self.archive_paused.with_label_values(&[camera]).add(0);
+        for reason in RecordingDrop::ALL {
+            self.archive_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc_by(0);
+        }
+        for reason in RemovalReason::ALL {
+            self.archive_segments_removed.with_label_values(&[reason.as_str()]).inc_by(0);
+        }
     }
 
     /// Notes an answered request; `route` is the template, such as `/api/v1/scenes/{id}`.
@@ -282,6 +411,7 @@ mod tests {
     fn used() -> Metrics {
         let metrics = Metrics::new();
         metrics.announce_camera("north");
+        metrics.announce_recording("north");
         metrics.ingest_frame_age.with_label_values(&["north"]).set(0.5);
         metrics.render_pass.with_label_values(&["surface"]).observe(0.002);
         metrics.observe_request("/api/v1/scenes/{id}", 200, 0.01);

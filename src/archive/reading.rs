@@ -1,0 +1,73 @@
+//! The bytes from which the frames of an instant are decoded.
+
+use super::folder::Folder;
+use super::{ArchiveError, keys, scan};
+use crate::clock::Timestamp;
+use crate::store::SegmentRecord;
+use std::fs::File;
+use std::io::{self, Read};
+use std::os::unix::fs::FileExt;
+
+/// A segment from a key frame on: its header, then its clusters from that key frame's to the end of what was safe when
+/// it was opened. What decodes it as a stream counts time from the first frame that it meets: stream time 0 is
+/// [`Self::starts_at`], not the segment's beginning.
+#[derive(Debug)]
+pub struct Reading {
+    segment: SegmentRecord,
+    starts_at: Timestamp,
+    file: File,
+    /// Where the key frame's cluster begins.
+    from: u64,
+    /// Bytes of header and clusters that were read.
+    n_read: u64,
+}
+
+impl Reading {
+    /// Opens the file of a segment for decoding what is seen at `at`.
+    pub(super) fn open(folder: &Folder, segment: SegmentRecord, at: Timestamp) -> Result<Self, ArchiveError> {
+        let unusable = |what| ArchiveError::UnusableRow { what, path: segment.path.clone() };
+        let name = segment.path.parse().map_err(|_foreign: super::name::NotASegment| unusable("its name"))?;
+        let keys = keys::decode(&segment.keys).ok_or_else(|| unusable("its index"))?;
+        let key = keys::before(&keys, segment.first_at, at).ok_or_else(|| unusable("it has no key frame"))?;
+        if key.offset < segment.header_bytes || key.offset > segment.n_bytes {
+            return Err(unusable("its index"));
+        }
+        let path = folder.path().join(&segment.path);
+        let file = folder.open(&name).map_err(ArchiveError::files("read", &path))?;
+        let starts_at = scan::instant(&segment, key.nanos);
+        Ok(Self { segment, starts_at, file, from: key.offset, n_read: 0 })
+    }
+
+    /// The segment.
+    #[must_use]
+    pub const fn segment(&self) -> &SegmentRecord {
+        &self.segment
+    }
+
+    /// Scene time of stream time 0: of the key frame with which the frames begin.
+    #[must_use]
+    pub const fn starts_at(&self) -> Timestamp {
+        self.starts_at
+    }
+
+    /// Scene time of the newest frame.
+    #[must_use]
+    pub const fn last_at(&self) -> Timestamp {
+        self.segment.last_at
+    }
+}
+
+impl Read for Reading {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let header_bytes = self.segment.header_bytes;
+        let (offset, end) = if self.n_read < header_bytes {
+            (self.n_read, header_bytes)
+        } else {
+            (self.from + (self.n_read - header_bytes), self.segment.n_bytes)
+        };
+        let most = usize::try_from(end.saturating_sub(offset)).unwrap_or(usize::MAX).min(buffer.len());
+        let n_bytes = self.file.read_at(&mut buffer[..most], offset)?;
+        self.n_read += n_bytes as u64;
+        Ok(n_bytes)
+    }
+}
