@@ -13,6 +13,7 @@ pub(crate) mod progress;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;
+pub(crate) mod store;
 pub(crate) mod view;
 
 /// Writes a line to standard output, or says that whoever reads it has left.
