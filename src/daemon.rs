@@ -5,6 +5,7 @@
 
 use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
 use crate::api;
+use crate::archive::Archive;
 use crate::clock::{Clock, SystemClock};
 use crate::config::{Config, SceneSettings};
 use crate::engine::Engine;
@@ -62,7 +63,9 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     };
     let metrics = Arc::new(Metrics::new());
     warn_of_unknown_cameras(config, &scenes);
-    let engine = Engine::start(config, scenes, store.clone(), metrics, Arc::clone(&clock))?;
+    let archive = start_archive(config, &store, &metrics, &clock).await?;
+    let engine =
+        Engine::start_recording(config, scenes, store.clone(), metrics, Arc::clone(&clock), archive.clone())?;
     let keeper = start_keeper(config, &engine, &store, &clock)?;
     let address = listener.local_addr().context("the listener has no address")?;
     tracing::info!(%address, "listening");
@@ -83,10 +86,30 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     tokio::task::block_in_place(|| {
         keeper.stop(&*clock, FINISH_TIME);
         engine.stop();
+        // Last, so that what the cameras handed over is written.
+        if let Some(archive) = archive {
+            archive.stop();
+        }
     });
     store.close_within(CLOSE_TIME).await?;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// The recordings, where the configuration names a folder for them.
+async fn start_archive(
+    config: &Config,
+    store: &Store,
+    metrics: &Arc<Metrics>,
+    clock: &Arc<dyn Clock>,
+) -> Result<Option<Arc<Archive>>> {
+    let settings = &config.settings().archive;
+    if !settings.is_on() {
+        return Ok(None);
+    }
+    let archive =
+        Archive::start(settings.clone(), store.clone(), Arc::clone(metrics), Arc::clone(clock)).await;
+    Ok(Some(Arc::new(archive.context("cannot start the thread that records")?)))
 }
 
 /// The thread that measures what this machine's accuracy costs.

@@ -54,7 +54,16 @@ pub(super) async fn picture(
     let moment = query.moment(|id| api.door.playhead_at(id));
     let at = moment.at;
     query.finish(Some(()))?;
-    let observation = api.door.observation(&id, at).map_err(|error| problem_of(&api, error))?;
+    let observation = match at {
+        At::Live => api.door.observation(&id, at),
+        // The past may have to be decoded.
+        At::Time(_) => {
+            let (door, id) = (api.door.clone(), id.clone());
+            let asked = tokio::task::spawn_blocking(move || door.observation(&id, at)).await;
+            asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))))
+        }
+    };
+    let observation = observation.map_err(|error| problem_of(&api, error))?;
     let (instant, number) = (observation.frame.timestamp, observation.frame.number);
     let (bytes, encoding_time) = api.encoded(move || write(&observation, kind, format)).await?;
     let mut fields = vec![

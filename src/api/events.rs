@@ -31,7 +31,7 @@ pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Res
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
 }
 
-fn document(logged: &LoggedEvent) -> serde_json::Value {
+pub(super) fn document(logged: &LoggedEvent) -> serde_json::Value {
     let event = &logged.event;
     json!({
         "id": logged.id,

@@ -19,6 +19,7 @@ mod query;
 mod scenes;
 mod segments;
 mod serve;
+mod timeline;
 mod tune;
 mod view;
 
@@ -105,6 +106,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
+        .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))
         .route("/api/v1/playheads", get(playheads::list))

@@ -134,6 +134,13 @@ impl Query {
         moment
     }
 
+    /// An instant.
+    pub(super) fn instant(&mut self, name: &str) -> Option<Timestamp> {
+        let allowed =
+            "an RFC 3339 instant such as 2026-03-01T12:00:00.5Z, or nanoseconds since 1970-01-01 (UTC)";
+        self.value(name, allowed, |text| Timestamp::from_str(text).ok())
+    }
+
     /// Notes a fault where the parameter `name` did not come at all.
     pub(super) fn require(&mut self, name: &str) {
         if !self.pairs.iter().any(|(other, _)| other == name) {

@@ -1,12 +1,15 @@
 //! What a camera's thread feeds: its pipeline, its timeline, its checkpoints.
 
+use super::activity::Activity;
 use super::checkpoint::Checkpoints;
 use super::tuning::Tuning;
-use crate::clock::Clock;
+use crate::archive::Recorder;
+use crate::clock::{Clock, Timestamp};
 use crate::condition::{Condition, ConditionKind};
 use crate::config::{CameraSettings, Learning};
 use crate::frame::Frame;
-use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag};
+use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag, Tap};
+use crate::media::EncodedFrame;
 use crate::telemetry::{DropReason, Metrics};
 use crate::timeline::{EventLog, Timeline};
 use std::sync::Arc;
@@ -20,10 +23,13 @@ pub(super) struct CameraConsumer {
     events: Arc<EventLog>,
     tuning: Arc<Tuning>,
     checkpoints: Checkpoints,
+    activity: Activity,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
     stop: StopFlag,
     is_prepared: bool,
+    /// Where the camera is recorded, if it is.
+    recorder: Option<Recorder>,
     /// What is wrong with the background although frames come.
     background_concern: Option<String>,
     /// What is wrong although frames come, the picture's condition first.
@@ -36,7 +42,7 @@ impl CameraConsumer {
         settings: CameraSettings,
         roots: MediaRoots,
         (timeline, events, tuning): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>),
-        checkpoints: Checkpoints,
+        (checkpoints, activity): (Checkpoints, Activity),
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
         stop: StopFlag,
@@ -52,13 +58,20 @@ impl CameraConsumer {
             events,
             tuning,
             checkpoints,
+            activity,
             metrics,
             clock,
             stop,
             is_prepared: false,
+            recorder: None,
             background_concern: None,
             concern: None,
         }
+    }
+
+    /// The same consumer, which also records what the camera sends.
+    pub(super) fn with_recorder(self, recorder: Option<Recorder>) -> Self {
+        Self { recorder, ..self }
     }
 
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
@@ -139,6 +152,7 @@ impl FrameConsumer for CameraConsumer {
             self.metrics.observe_stage(id, stage, ended.saturating_sub(started).as_secs_f64());
             started = ended;
         });
+        self.activity.observe(&observation);
         match self.timeline.push(observation) {
             Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
             Err(error) => {
@@ -147,6 +161,16 @@ impl FrameConsumer for CameraConsumer {
             }
         }
         self.tell();
+    }
+
+    fn tap(&self) -> Tap {
+        if self.recorder.is_some() { Tap::Open } else { Tap::Closed }
+    }
+
+    fn record(&mut self, frame: &EncodedFrame, time: Timestamp) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.push(frame, time);
+        }
     }
 
     fn concern(&self) -> Option<&str> {
@@ -161,12 +185,14 @@ impl FrameConsumer for CameraConsumer {
         // What half a clip taught is not kept: the next start would take it for the whole.
         if self.is_prepared {
             self.checkpoints.write_if_due(&self.pipeline);
+            self.activity.write();
         }
     }
 
     fn finish(&mut self) {
         if self.is_prepared {
             self.checkpoints.write_finally(&self.pipeline);
+            self.activity.write_finally();
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::{AccuracyStatus, EngineError, PlayheadState};
+use super::{AccuracyStatus, EngineError, PlayheadState, SceneTimeline};
 use crate::clock::Timestamp;
 use crate::config::SegmentSettings;
 use crate::frame::{CameraId, RgbImage};
@@ -152,7 +152,8 @@ pub struct Readiness {
     pub cameras_with_frames: [usize; 2],
 }
 
-/// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`].
+/// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`],
+/// [`Door::scene_timeline`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
 pub trait Door: Send + Sync {
     /// Every camera, in the configuration's order.
     fn cameras(&self) -> Vec<CameraSummary>;
@@ -222,6 +223,18 @@ pub trait Door: Send + Sync {
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// What there is of a scene's time between two instants, activity in stretches of `minutes_each` minutes. Blocks for
+    /// the database.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; [`EngineError::Unavailable`] where the database fails.
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError>;
 
     /// Every playhead, in the order in which they were made.
     fn playheads(&self) -> Vec<PlayheadState>;

@@ -2,14 +2,17 @@
 //! `api` uses.
 
 mod accuracy;
+mod activity;
 mod camera;
 mod checkpoint;
+mod chronicle;
 mod error;
 mod handle;
 mod history;
 mod maps;
 mod moments;
 mod offline;
+mod past;
 mod picture;
 mod playheads;
 mod renderer;
@@ -17,6 +20,7 @@ mod shared;
 mod tuning;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
+pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::EngineError;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, SceneSummary, SourceTime, ViewAnswer,
@@ -25,16 +29,19 @@ pub use handle::{
 pub use offline::view_once;
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 
+use crate::archive::Archive;
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Config};
 use crate::ingest::{CameraWorker, IngestError, MediaRoots, StopFlag};
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::telemetry::Metrics;
-use crate::timeline::{EventLog, Timeline};
+use crate::timeline::{EventLog, Replay, Timeline};
+use activity::Activity;
 use camera::CameraConsumer;
 use checkpoint::{Checkpoints, StoreHealth};
 use history::History;
+use past::Past;
 use shared::{CameraEntry, Shared};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, OnceLock};
@@ -94,6 +101,21 @@ impl Engine {
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
     ) -> Result<Self, StartError> {
+        Self::start_recording(config, scenes, store, metrics, clock, None)
+    }
+
+    /// As [`Self::start`], recording to `archive` and answering for the past from it.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn start_recording(
+        config: &Config,
+        scenes: Vec<Arc<Scene>>,
+        store: Store,
+        metrics: Arc<Metrics>,
+        clock: Arc<dyn Clock>,
+        archive: Option<Arc<Archive>>,
+    ) -> Result<Self, StartError> {
         let settings = config.settings();
         let runtime = Runtime::current();
         let roots = MediaRoots::usable(&settings.media.roots);
@@ -127,10 +149,13 @@ impl Engine {
                 camera.clone(),
                 roots.clone(),
                 (Arc::clone(&timeline), Arc::clone(&events), Arc::clone(&tuning)),
-                checkpoints,
+                (checkpoints, Activity::new(camera.id.clone(), store.clone(), runtime.clone())),
                 Arc::clone(&metrics),
                 Arc::clone(&clock),
                 stop.clone(),
+            )
+            .with_recorder(
+                archive.as_ref().filter(|_| camera.record).map(|archive| archive.recorder(&camera.id)),
             );
             let worker = CameraWorker::spawn(
                 camera.id.clone(),
@@ -143,11 +168,14 @@ impl Engine {
             cameras.push(entry(camera, timeline, tuning, &worker));
             workers.push(worker);
         }
+        let replay = archive.map(|archive| Replay::new(archive, runtime.clone(), Arc::clone(&clock)));
+        let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
+        let past = Past::new(replay, store.clone(), runtime.clone(), recorded);
         let (queue, jobs) = sync_channel(settings.render.queue_length);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
-            (cameras, events),
+            (cameras, events, Some(past)),
             scenes,
             settings.render.clone(),
             store_health,

@@ -214,7 +214,7 @@ mod tests {
         let shared = Shared::new(
             clock,
             metrics,
-            (Vec::new(), Arc::new(EventLog::new(1))),
+            (Vec::new(), Arc::new(EventLog::new(1)), None),
             Vec::new(),
             RenderSettings::default(),
             Arc::default(),

@@ -3,22 +3,24 @@
 use super::EngineError;
 use super::accuracy::{AccuracyBoard, AccuracyStatus};
 use super::checkpoint::StoreHealth;
+use super::chronicle::SceneTimeline;
 use super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
 };
+use super::past::Past;
 use super::playheads::{Change, PlayheadState, Playheads};
 use super::renderer::Job;
 use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
 use crate::config::{self, RenderSettings, SegmentSettings};
-use crate::error::Fault;
+use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::SurfaceId;
 use crate::ingest::{CameraState, StatusReader};
 use crate::mapping::{self, Location, WorldMap};
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
-use crate::timeline::{EventLog, LoggedEvent, Observation, Timeline, TimelineError};
+use crate::timeline::{EventLog, LoggedEvent, Observation, ReplayError, Timeline, TimelineError};
 use glam::DVec2;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -70,7 +72,9 @@ pub(super) struct Shared {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) cameras: Vec<CameraEntry>,
-    events: Arc<EventLog>,
+    pub(super) events: Arc<EventLog>,
+    /// What was recorded, if anything is.
+    pub(super) past: Option<Past>,
     pub(super) scenes: Vec<Arc<Scene>>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
@@ -94,7 +98,7 @@ impl Shared {
     pub(super) fn new(
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
-        (cameras, events): (Vec<CameraEntry>, Arc<EventLog>),
+        (cameras, events, past): (Vec<CameraEntry>, Arc<EventLog>, Option<Past>),
         scenes: Vec<Arc<Scene>>,
         render_settings: RenderSettings,
         store_health: Arc<StoreHealth>,
@@ -111,6 +115,7 @@ impl Shared {
             metrics,
             cameras,
             events,
+            past,
             scenes,
             render_settings,
             store_health,
@@ -173,11 +178,15 @@ impl Shared {
         }
     }
 
-    /// What the scene's cameras saw; those that are not configured are left out.
-    pub(super) fn timelines(&self, scene: &Scene) -> impl Iterator<Item = &Timeline> {
+    /// The scene's cameras; those that are not configured are left out.
+    pub(super) fn members(&self, scene: &Scene) -> impl Iterator<Item = &CameraEntry> {
         let members = scene.cameras.iter().map(|member| member.id.clone()).collect::<Vec<_>>();
-        let is_member = move |camera: &&CameraEntry| members.contains(&camera.id);
-        self.cameras.iter().filter(is_member).map(|camera| &*camera.timeline)
+        self.cameras.iter().filter(move |camera| members.contains(&camera.id))
+    }
+
+    /// What the scene's cameras saw.
+    pub(super) fn timelines(&self, scene: &Scene) -> impl Iterator<Item = &Timeline> {
+        self.members(scene).map(|camera| &*camera.timeline)
     }
 
     /// What was known of a camera at `instant`: its newest observation until then, however old.
@@ -208,6 +217,34 @@ impl Shared {
                 .find_map(|scene| Some((&**scene, of(scene)?)))
                 .ok_or_else(|| EngineError::NoSurface(format!("camera {camera} is part of no scene"))),
         }
+    }
+}
+
+/// What was recorded of an instant that memory does not hold.
+fn past_or(
+    entry: &CameraEntry,
+    past: &Past,
+    instant: Timestamp,
+    kept: &TimelineError,
+) -> Result<Observation, EngineError> {
+    let (seen_before, seen_after) = match kept {
+        TimelineError::Gap { before, after, .. } => (*before, *after),
+        TimelineError::Empty | TimelineError::NotNewer { .. } => (None, None),
+    };
+    match past.observation(&entry.id, instant) {
+        None => Err(entry.failure(kept)),
+        Some(Ok(observation)) => Ok(observation),
+        // The nearer ends of both.
+        Some(Err(ReplayError::Gap { at, before, after })) => Err(EngineError::Gap {
+            camera: entry.id.to_string(),
+            asked: at,
+            before: before.max(seen_before),
+            after: [after, seen_after].into_iter().flatten().min(),
+        }),
+        Some(Err(error)) => Err(match error.kind() {
+            ErrorKind::Internal => EngineError::Internal(error.to_string()),
+            _ => EngineError::Unavailable(error.to_string()),
+        }),
     }
 }
 
@@ -252,7 +289,19 @@ impl Door for Shared {
         let entry = self.camera(camera)?;
         match at {
             At::Live => entry.timeline.latest(),
-            At::Time(instant) => entry.timeline.at(instant),
+            At::Time(instant) => match (entry.timeline.at(instant), &self.past) {
+                (Err(error), Some(past)) => return past_or(entry, past, instant, &error),
+                // Before the oldest that memory holds may lie one that is nearer, which was recorded.
+                (Ok(oldest), Some(past))
+                    if oldest.frame.timestamp > instant && entry.timeline.last_before(instant).is_none() =>
+                {
+                    let away =
+                        |seen: &Observation| seen.frame.timestamp.nanos_since(instant).saturating_abs();
+                    let recorded = past.observation(&entry.id, instant).and_then(Result::ok);
+                    Ok(recorded.filter(|recorded| away(recorded) < away(&oldest)).unwrap_or(oldest))
+                }
+                (found, _) => found,
+            },
         }
         .map_err(|error| entry.failure(&error))
     }
@@ -389,6 +438,15 @@ impl Door for Shared {
                 })
             }
         }
+    }
+
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError> {
+        self.chronicle(scene, span, minutes_each)
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

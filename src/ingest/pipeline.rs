@@ -52,6 +52,8 @@ pub struct Pipeline {
     aside: Vec<Model>,
     /// The background picture that frames share, and when it was taken.
     picture: Option<(Timestamp, Arc<YuvImage>)>,
+    /// Whether frames of the past are looked at: backgrounds stay as they were restored, and nothing is told.
+    is_review: bool,
 }
 
 /// One model and what its next step depends on.
@@ -86,7 +88,16 @@ impl Pipeline {
             current: None,
             aside: Vec::new(),
             picture: None,
+            is_review: false,
         }
+    }
+
+    /// The same pipeline for frames of the past, in any order: it finds what moves before the background that was
+    /// restored, does not change that, and tells no events.
+    #[must_use]
+    pub const fn for_review(mut self) -> Self {
+        self.is_review = true;
+        self
     }
 
     /// The same pipeline, which follows what moves by these settings instead of the default ones.
@@ -192,7 +203,7 @@ impl Pipeline {
         let model = self.current.as_mut().expect("a model was just chosen");
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
         model.seen = Some(frame.timestamp);
-        let is_held = is_hold && model.has_clip;
+        let is_held = self.is_review || is_hold && model.has_clip;
         model.learned_secs += dt_secs.clamp(0.0, self.settings.max_step_secs);
         let mut foreground_share = 0.0;
         if is_held {
@@ -237,13 +248,16 @@ impl Pipeline {
                 model.mixture.adopt(image, pixels).expect(MODEL_FITS);
             }
         }
-        let (image, time) = (&frame.image, frame.timestamp);
-        let learned_luma = model.mixture.background_planes()[0];
-        for change in self.conditions.observe(time, image, learned_luma, foreground_share) {
-            let Some(kind) = event_kind(change.kind) else { continue };
-            let is_end = change.phase == Phase::Ended;
-            let event = Event::of_picture(frame.camera.clone(), change.time, kind);
-            self.events.push(Event { is_end, ..event });
+        if !self.is_review {
+            let learned_luma = model.mixture.background_planes()[0];
+            for change in
+                self.conditions.observe(frame.timestamp, &frame.image, learned_luma, foreground_share)
+            {
+                let Some(kind) = event_kind(change.kind) else { continue };
+                let is_end = change.phase == Phase::Ended;
+                let event = Event::of_picture(frame.camera.clone(), change.time, kind);
+                self.events.push(Event { is_end, ..event });
+            }
         }
         if self.events.len() > MAX_EVENTS {
             let n_lost = self.events.len() - MAX_EVENTS;

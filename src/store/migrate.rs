@@ -7,13 +7,14 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 6] = [
+const STEPS: [Step; 7] = [
     (1, "create_scene", include_str!("../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../migrations/0003_create_texture_map.sql")),
     (4, "create_measured_cost", include_str!("../../migrations/0004_create_measured_cost.sql")),
     (5, "create_background_history", include_str!("../../migrations/0005_create_background_history.sql")),
     (6, "create_segment", include_str!("../../migrations/0006_create_segment.sql")),
+    (7, "create_activity", include_str!("../../migrations/0007_create_activity.sql")),
 ];
 
 /// The newest schema that this release knows.

@@ -1,5 +1,5 @@
-//! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs and the rows of
-//! recorded segments, one file a table.
+//! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
+//! recorded segments and how much moved, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -7,6 +7,7 @@
 //! can be rebuilt: a power cut may lose its last commits, never the file's consistency, and the end of the process
 //! alone loses nothing.
 
+mod activity;
 mod background;
 mod background_history;
 mod error;
@@ -17,6 +18,7 @@ mod scene;
 mod segment;
 mod texture_map;
 
+pub use activity::ActivityRecord;
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
 pub use error::StoreError;

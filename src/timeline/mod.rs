@@ -2,10 +2,12 @@
 
 mod event;
 mod playhead;
+mod replay;
 mod ring;
 
 pub use event::{Event, EventKind, EventLog, LoggedEvent};
 pub use playhead::{Extent, MAX_RATE, Playhead, PlayheadMode};
+pub use replay::{PastFrame, Replay, ReplayError};
 pub(crate) use ring::edges;
 pub use ring::{Timeline, TimelineError};
 

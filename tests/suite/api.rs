@@ -6,6 +6,7 @@ mod door;
 mod playheads;
 mod refusals;
 mod server;
+mod timeline;
 mod tune;
 
 use axum::Router;

@@ -15,6 +15,7 @@ mod fuse;
 mod geometry;
 mod ingest;
 mod mapping;
+mod recording;
 mod render;
 mod scene;
 mod segment;

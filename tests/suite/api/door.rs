@@ -7,14 +7,15 @@ use tokio::sync::{oneshot, watch};
 use videofields::clock::Timestamp;
 use videofields::config::{SegmentSettings, changed_segment};
 use videofields::engine::{
-    AccuracyState, AccuracyStatus, At, CameraSummary, Door, EngineError, LocateMethod, Located,
-    PlayheadState, Readiness, SceneSummary, SourceTime, ViewAnswer, ViewRequest,
+    AccuracyState, AccuracyStatus, At, CameraSummary, CameraTimeline, Door, EngineError, LocateMethod,
+    Located, PlayheadState, Readiness, SceneSummary, SceneTimeline, SourceTime, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
 use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Spread};
 use videofields::scene::{Scene, SceneView};
 use videofields::segment::PixelRect;
+use videofields::store::ActivityRecord;
 use videofields::timeline::{Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
 
 /// First and last instant of camera `north`.
@@ -86,6 +87,26 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
 impl Door for FakeDoor {
     fn cameras(&self) -> Vec<CameraSummary> {
         vec![summary("north", "live", None), summary("south", "failed", Some("no such file"))]
+    }
+
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        (from, to): (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        let activity = ActivityRecord {
+            at: from,
+            n_frames: 4,
+            moving_sum: 0.5,
+            max_tracks: minutes_each,
+            new_tracks: 1,
+        };
+        let camera =
+            CameraTimeline { camera: id("north"), ranges: vec![(from, to)], activity: vec![activity] };
+        Ok(SceneTimeline { cameras: vec![camera], events: Vec::new() })
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

@@ -1,0 +1,85 @@
+//! `/api/v1/scenes/{id}/timeline`: what there is of a scene's time.
+
+use super::Api;
+use super::error::Problem;
+use super::query::Query;
+use super::scenes::problem_of;
+use super::segments::Segments;
+use crate::clock::Timestamp;
+use crate::engine::{CameraTimeline, EngineError};
+use crate::error::{ErrorKind, Fault};
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+/// Most stretches of activity of a camera in one answer.
+const MAX_STRETCHES: i64 = 5000;
+
+/// Seconds of a stretch of activity, unless others are asked for, and at least.
+const RESOLUTION_SECS: u32 = 60;
+
+const NANOS_PER_SEC: i64 = 1_000_000_000;
+
+/// Recorded stretches, activity and events of a scene between two instants.
+pub(super) async fn show(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), &["from", "to", "resolution"]);
+    query.require("from");
+    query.require("to");
+    let (from, to) = (query.instant("from"), query.instant("to"));
+    let resolution_secs =
+        query.whole("resolution", &(RESOLUTION_SECS..=31_622_400)).unwrap_or(RESOLUTION_SECS);
+    let (from, to) = query.finish(from.zip(to))?;
+    check(from, to, resolution_secs)?;
+    let (door, scene) = (api.door.clone(), id);
+    let minutes_each = resolution_secs.div_ceil(RESOLUTION_SECS);
+    let asked =
+        tokio::task::spawn_blocking(move || door.scene_timeline(&scene, (from, to), minutes_each)).await;
+    let found =
+        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))));
+    let found = found.map_err(|error| problem_of(&api, error))?;
+    let body = json!({
+        "from": from.to_string(),
+        "to": to.to_string(),
+        "resolution_secs": minutes_each * RESOLUTION_SECS,
+        "cameras": found.cameras.iter().map(camera).collect::<Vec<_>>(),
+        "events": found.events.iter().map(super::events::document).collect::<Vec<_>>(),
+    });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+fn check(from: Timestamp, to: Timestamp, resolution_secs: u32) -> Result<(), Problem> {
+    let refused =
+        |place: &str, message: String| Problem::at(ErrorKind::Invalid, vec![Fault::new(place, message)]);
+    if from >= to {
+        return Err(refused("to", format!("must be after from, which is {from}")));
+    }
+    let n_stretches = to.nanos_since(from) / (i64::from(resolution_secs) * NANOS_PER_SEC);
+    if n_stretches > MAX_STRETCHES {
+        let least = to.nanos_since(from) / NANOS_PER_SEC / MAX_STRETCHES + 1;
+        return Err(refused("resolution", format!("must be at least {least} s for so long a time")));
+    }
+    Ok(())
+}
+
+fn camera(of: &CameraTimeline) -> Value {
+    let range = |(first, last): &(Timestamp, Timestamp)| json!([first.to_string(), last.to_string()]);
+    let activity = of.activity.iter().map(|record| {
+        json!({
+            "at": record.at.to_string(),
+            "moving_share": record.moving_sum / record.n_frames.max(1) as f64,
+            "max_tracks": record.max_tracks,
+            "new_tracks": record.new_tracks,
+        })
+    });
+    json!({
+        "camera": of.camera.as_str(),
+        "ranges": of.ranges.iter().map(range).collect::<Vec<_>>(),
+        "activity": activity.collect::<Vec<_>>(),
+    })
+}

@@ -1,0 +1,144 @@
+//! What cameras saw at instants that memory no longer holds: recorded frames, segmented with the background of their time.
+//!
+//! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
+
+use crate::archive::ArchiveError;
+use crate::clock::Timestamp;
+use crate::config::CameraSettings;
+use crate::frame::{CameraId, Frame, Mask};
+use crate::ingest::Pipeline;
+use crate::store::{ActivityRecord, Store, StoreError};
+use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use tokio::runtime::Handle as Runtime;
+
+/// The past of all cameras that are recorded.
+pub(super) struct Past {
+    /// Recorded frames, where anything is recorded.
+    replay: Option<Replay>,
+    store: Store,
+    runtime: Runtime,
+    cameras: HashMap<CameraId, Mutex<PastCamera>>,
+}
+
+/// One camera's segmentation of its past.
+struct PastCamera {
+    settings: CameraSettings,
+    pipeline: Pipeline,
+    /// When the background in use was saved.
+    background_of: Option<Timestamp>,
+    /// What was asked for last: several views of one instant ask for the same.
+    last: Option<Observation>,
+}
+
+impl Past {
+    /// The past of `cameras` as far as `replay` holds it.
+    pub(super) fn new(
+        replay: Option<Replay>,
+        store: Store,
+        runtime: Runtime,
+        cameras: impl Iterator<Item = CameraSettings>,
+    ) -> Self {
+        let camera = |settings: CameraSettings| {
+            let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
+            let id = settings.id.clone();
+            (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
+        };
+        Self { replay, store, runtime, cameras: cameras.map(camera).collect() }
+    }
+
+    /// From when to when a camera was recorded between two instants, in order.
+    pub(super) fn recorded(
+        &self,
+        camera: &CameraId,
+        from: Timestamp,
+        to: Timestamp,
+    ) -> Result<Vec<(Timestamp, Timestamp)>, ArchiveError> {
+        let Some(replay) = &self.replay else { return Ok(Vec::new()) };
+        let segments = self.runtime.block_on(replay.archive().segments(camera, from, to))?;
+        Ok(segments.iter().map(|segment| (segment.first_at, segment.last_at)).collect())
+    }
+
+    /// How much moved before a camera between two instants.
+    pub(super) fn activity(
+        &self,
+        camera: &CameraId,
+        from: Timestamp,
+        to: Timestamp,
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, StoreError> {
+        self.runtime.block_on(self.store.activity(camera, from, to, minutes_each))
+    }
+
+    /// What `camera` saw nearest to `at`; none where it is not recorded.
+    pub(super) fn observation(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Option<Result<Observation, ReplayError>> {
+        let (of, replay) = (self.cameras.get(camera)?, self.replay.as_ref()?);
+        Some(replay.frame_at(camera, at).map(|frame| {
+            // After a panic the pipeline's background is loaded anew.
+            let mut of = of.lock().unwrap_or_else(|poisoned: PoisonError<_>| {
+                let mut of = poisoned.into_inner();
+                of.background_of = None;
+                of
+            });
+            self.segmented(&mut of, frame)
+        }))
+    }
+
+    fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> Observation {
+        if let Some(last) = camera.last.as_ref().filter(|last| last.frame.timestamp == frame.timestamp) {
+            return last.clone();
+        }
+        let id = camera.settings.id.clone();
+        let has_background = self.load_background(camera, &frame).unwrap_or_else(|error| {
+            tracing::error!(camera = %id, %error, "no background of that time");
+            false
+        });
+        // Numbers of frames are their sources': what was recorded has none.
+        let shown = Frame { camera: id, timestamp: frame.timestamp, number: 0, image: frame.image };
+        let observation =
+            if has_background { camera.pipeline.process(shown) } else { without_background(shown) };
+        camera.last = Some(observation.clone());
+        observation
+    }
+
+    /// Makes the background in use that of the frame's time: the last one saved until then, else the first one after.
+    fn load_background(&self, camera: &mut PastCamera, frame: &PastFrame) -> Result<bool, StoreError> {
+        let id = camera.settings.id.clone();
+        let (width, height) = camera.pipeline.model_size_px(frame.image.width(), frame.image.height());
+        let history = self.runtime.block_on(self.store.background_history(&id))?;
+        let fitting = history.iter().filter(|(_, w, h, _)| (*w, *h) == (width, height)).map(|(at, ..)| *at);
+        let before = fitting.clone().filter(|at| *at <= frame.timestamp).max();
+        let Some(of) = before.or_else(|| fitting.min()) else { return Ok(false) };
+        if camera.background_of == Some(of) {
+            return Ok(true);
+        }
+        let record = self.runtime.block_on(self.store.background_at(&id, width, height, frame.timestamp))?;
+        let Some(record) = record else { return Ok(false) };
+        if let Err(error) = camera.pipeline.restore(&record.bytes) {
+            tracing::warn!(camera = %id, %error, "a background of the past is not used");
+            camera.background_of = None;
+            return Ok(false);
+        }
+        camera.background_of = Some(of);
+        Ok(true)
+    }
+}
+
+/// A frame before which nothing is known to move: it is its own background.
+fn without_background(frame: Frame) -> Observation {
+    let (width, height) = (frame.image.width(), frame.image.height());
+    let mask = || Arc::new(Mask::filled(width, height, 0));
+    Observation {
+        soft_mask: mask(),
+        labels: mask(),
+        background: Arc::clone(&frame.image),
+        blobs: Arc::from([]),
+        tracks: Arc::from([]),
+        frame,
+    }
+}

@@ -1,0 +1,273 @@
+//! Frames of the past: what a camera showed at an instant, decoded from what was recorded.
+//!
+//! In: a camera and an instant. Out: the recorded frame nearest to it with its own time, or the gap that the instant lies
+//! in. Decoders that stand behind an instant are kept for a while, so that playing on costs a frame and not a group of
+//! pictures. Blocks; knows nothing of backgrounds and masks.
+
+use super::ring::{REACH_NANOS, edges};
+use crate::archive::{Archive, ArchiveError, Reading};
+use crate::clock::{Clock, Timestamp};
+use crate::error::ErrorKind;
+use crate::frame::{CameraId, YuvImage};
+use crate::media::{Decoder, Fault, Input, PlaneReader};
+use gstreamer::ClockTime;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use tokio::runtime::Handle as Runtime;
+
+/// Decoders that are kept at most: one a camera of a large scene. Each holds a few pictures.
+const MAX_CURSORS: usize = 24;
+
+/// Time after which a decoder that nobody asked goes.
+const IDLE_TIME: Duration = Duration::from_secs(15);
+
+/// A decoder that stands no further behind an instant than this plays on to it; what is further is sought anew.
+const FORWARD_NANOS: i64 = 2_000_000_000;
+
+/// How long one look for a picture lasts, and how many there are before a recording counts as unreadable.
+const LOOK: ClockTime = ClockTime::from_mseconds(50);
+const MAX_LOOKS: u32 = 100;
+
+/// Why there is no frame of an instant.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// Nothing was recorded near it.
+    #[error("nothing was recorded at {at}: {}", edges(*before, *after))]
+    Gap {
+        /// The time asked for.
+        at: Timestamp,
+        /// Time of the newest recorded frame before it.
+        before: Option<Timestamp>,
+        /// Time of the oldest recorded frame after it.
+        after: Option<Timestamp>,
+    },
+    /// The archive does not answer.
+    #[error(transparent)]
+    Archive(#[from] ArchiveError),
+    /// What was recorded is not decoded.
+    #[error("the recording {path} is not decoded: {reason}")]
+    Undecoded {
+        /// The file, from the archive's folder on.
+        path: String,
+        /// What the decoder said.
+        reason: String,
+    },
+}
+
+impl ReplayError {
+    /// What a caller can do about it.
+    #[must_use]
+    pub const fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Gap { .. } => ErrorKind::NotFound,
+            Self::Archive(error) => error.kind(),
+            Self::Undecoded { .. } => ErrorKind::Internal,
+        }
+    }
+}
+
+/// A recorded frame.
+#[derive(Clone, Debug)]
+pub struct PastFrame {
+    /// The picture.
+    pub image: Arc<YuvImage>,
+    /// Its scene time.
+    pub timestamp: Timestamp,
+}
+
+/// Decodes the past of all cameras. Any number of threads may ask at once; each decoder serves one of them at a time.
+pub struct Replay {
+    archive: Arc<Archive>,
+    runtime: Runtime,
+    clock: Arc<dyn Clock>,
+    /// Decoders at rest, the one used longest ago first.
+    resting: Mutex<Vec<(Cursor, Duration)>>,
+}
+
+/// A decoder within a segment.
+#[derive(Debug)]
+struct Cursor {
+    camera: CameraId,
+    path: String,
+    starts_at: Timestamp,
+    decoder: Decoder,
+    reader: PlaneReader,
+    /// The frame before the one shown, for the distance between frames.
+    before: Option<Timestamp>,
+    shown: Option<PastFrame>,
+    next: Option<PastFrame>,
+    has_ended: bool,
+}
+
+impl Replay {
+    /// Replays what `archive` holds; its database is asked on `runtime`.
+    #[must_use]
+    pub const fn new(archive: Arc<Archive>, runtime: Runtime, clock: Arc<dyn Clock>) -> Self {
+        Self { archive, runtime, clock, resting: Mutex::new(Vec::new()) }
+    }
+
+    /// What is recorded.
+    #[must_use]
+    pub const fn archive(&self) -> &Arc<Archive> {
+        &self.archive
+    }
+
+    /// The recorded frame of `camera` nearest to `at`. Must not be called on a thread of the runtime.
+    ///
+    /// **Cost** decoding from the key frame before the instant, some tens of milliseconds; a frame where the instant
+    /// lies just behind the one asked for before.
+    ///
+    /// # Errors
+    /// When none is near, or the archive or the decoder fails.
+    pub fn frame_at(&self, camera: &CameraId, at: Timestamp) -> Result<PastFrame, ReplayError> {
+        let cursor = match self.take(camera, at) {
+            Some(cursor) => Some(cursor),
+            None => self.open(camera, at)?,
+        };
+        let (mut shown, mut next, mut reach_nanos) = (None, None, REACH_NANOS);
+        if let Some(mut cursor) = cursor {
+            cursor.play_to(at)?;
+            (shown, next) = (cursor.shown.clone(), cursor.next.clone());
+            reach_nanos = cursor.reach_nanos();
+            self.rest(cursor);
+        }
+        let mut after = next.as_ref().map(|next| next.timestamp);
+        if after.is_none() {
+            // The segment ends here; what follows is another, whose beginning is known without decoding it.
+            let following = self.runtime.block_on(self.archive.next_segment(camera, at))?;
+            after = following.map(|segment| segment.first_at);
+        }
+        let before = shown.as_ref().map(|shown| shown.timestamp);
+        let away =
+            |time: Option<Timestamp>| time.map_or(i64::MAX, |time| time.nanos_since(at).saturating_abs());
+        if away(before).min(away(after)) > reach_nanos {
+            return Err(ReplayError::Gap { at, before, after });
+        }
+        let nearest = if away(before) <= away(after) { shown } else { next };
+        match (nearest, after) {
+            (Some(frame), _) => Ok(frame),
+            // The first of the segment that follows.
+            (None, Some(after)) => self.frame_at(camera, after),
+            (None, None) => Err(ReplayError::Gap { at, before, after }),
+        }
+    }
+
+    fn open(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Cursor>, ReplayError> {
+        let reading = self.runtime.block_on(self.archive.open_at(camera, at))?;
+        reading.map(|reading| Cursor::open(camera, reading)).transpose()
+    }
+
+    /// A resting decoder of `camera` that stands at `at` or shortly before it.
+    fn take(&self, camera: &CameraId, at: Timestamp) -> Option<Cursor> {
+        let now = self.clock.monotonic();
+        let mut resting = self.lock();
+        let gone: Vec<_> =
+            resting.extract_if(.., |(_, since)| now.saturating_sub(*since) > IDLE_TIME).collect();
+        let place = resting.iter().position(|(cursor, _)| cursor.camera == *camera && cursor.is_near(at));
+        let found = place.map(|place| resting.remove(place).0);
+        drop(resting);
+        // Ending a decoder takes a while, and nobody should wait for that.
+        drop(gone);
+        found
+    }
+
+    /// Keeps a decoder for the next who asks.
+    fn rest(&self, cursor: Cursor) {
+        // What is still being written may have grown since: that needs a look at the rows.
+        if cursor.has_ended && cursor.next.is_none() {
+            return;
+        }
+        let mut resting = self.lock();
+        let gone = (resting.len() == MAX_CURSORS).then(|| resting.remove(0));
+        resting.push((cursor, self.clock.monotonic()));
+        drop(resting);
+        drop(gone);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<(Cursor, Duration)>> {
+        // A panic leaves a list that is whole.
+        self.resting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Cursor {
+    fn open(camera: &CameraId, reading: Reading) -> Result<Self, ReplayError> {
+        let (path, starts_at) = (reading.segment().path.clone(), reading.starts_at());
+        let undecoded =
+            |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: reason_of(fault) };
+        let input = Input::stream(reading).map_err(undecoded)?;
+        let decoder = Decoder::start(&input, None).map_err(undecoded)?;
+        Ok(Self {
+            camera: camera.clone(),
+            path,
+            starts_at,
+            decoder,
+            reader: PlaneReader::default(),
+            before: None,
+            shown: None,
+            next: None,
+            has_ended: false,
+        })
+    }
+
+    /// Whether playing on to `at` is cheaper than seeking it.
+    fn is_near(&self, at: Timestamp) -> bool {
+        let behind = self.shown.as_ref().map(|shown| at.nanos_since(shown.timestamp));
+        behind.is_some_and(|behind| (0..=FORWARD_NANOS).contains(&behind))
+    }
+
+    /// Plays until the frame after `at` is known, or there is none.
+    fn play_to(&mut self, at: Timestamp) -> Result<(), ReplayError> {
+        while self.next.as_ref().is_none_or(|next| next.timestamp <= at) {
+            if let Some(next) = self.next.take() {
+                self.before = self.shown.as_ref().map(|shown| shown.timestamp);
+                self.shown = Some(next);
+            }
+            if self.has_ended {
+                return Ok(());
+            }
+            match self.pull()? {
+                Some(next) => self.next = Some(next),
+                None => self.has_ended = true,
+            }
+        }
+        Ok(())
+    }
+
+    fn pull(&mut self) -> Result<Option<PastFrame>, ReplayError> {
+        let undecoded = |reason: String| ReplayError::Undecoded { path: self.path.clone(), reason };
+        for _ in 0..MAX_LOOKS {
+            if let Some(sample) = self.decoder.pull(LOOK) {
+                let picture = self.reader.picture(&sample).map_err(|error| undecoded(error.to_string()))?;
+                let stream_nanos =
+                    picture.stream_nanos.ok_or_else(|| undecoded("a frame without a time".to_owned()))?;
+                let timestamp = self.starts_at.saturating_add_nanos(stream_nanos);
+                return Ok(Some(PastFrame { image: Arc::new(picture.image), timestamp }));
+            }
+            if let Some(fault) = self.decoder.fault() {
+                return Err(undecoded(reason_of(fault)));
+            }
+            if self.decoder.has_ended() {
+                return Ok(None);
+            }
+        }
+        Err(undecoded("its decoder gives nothing".to_owned()))
+    }
+
+    /// How far from a frame an instant may lie and still be shown by it; as [`super::Timeline::at`] has it.
+    fn reach_nanos(&self) -> i64 {
+        let shown = self.shown.as_ref().map(|shown| shown.timestamp);
+        let next = self.next.as_ref().map(|next| next.timestamp);
+        let distances = [(self.before, shown), (shown, next)];
+        let distances = distances.into_iter().filter_map(|(from, to)| Some(to?.nanos_since(from?)));
+        distances.min().map_or(REACH_NANOS, |distance| REACH_NANOS.max(distance.saturating_mul(2)))
+    }
+}
+
+fn reason_of(fault: Fault) -> String {
+    match fault {
+        Fault::NotVideo(detail) | Fault::Damaged(detail) | Fault::Gstreamer { detail, .. } => detail,
+        Fault::MissingCodec { codec, package } => format!("there is no {codec}; {package} may have it"),
+        other => format!("{other:?}"),
+    }
+}

@@ -1,0 +1,136 @@
+//! What a camera sent is recorded while it runs, and shown again at any instant: the right frame, or a gap.
+
+#![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
+
+use crate::support::video::{Numbered, number_of};
+use crate::support::wait_for;
+use std::path::Path;
+use std::sync::Arc;
+use tokio::runtime::Runtime;
+use videofields::archive::{Archive, RecordingState};
+use videofields::clock::{Clock, SystemClock, Timestamp};
+use videofields::config;
+use videofields::engine::{At, Engine, EngineError, Handle};
+use videofields::store::Store;
+use videofields::telemetry::Metrics;
+
+const RATE_HZ: u32 = 20;
+const FRAME_NANOS: i64 = 1_000_000_000 / RATE_HZ as i64;
+
+/// Scene time of the first frame.
+const START: Timestamp = Timestamp::from_nanos(1_772_366_400_000_000_000);
+
+struct Running {
+    runtime: Runtime,
+    engine: Option<Engine>,
+    archive: Arc<Archive>,
+    store: Option<Store>,
+    handle: Handle,
+}
+
+/// Starts two cameras that play the same film, with so little memory that most of it is forgotten.
+fn start(folder: &Path) -> Running {
+    let text = format!(
+        "[storage]\ndatabase = \"v.sqlite\"\n[timeline]\nmib_per_camera = 8\n[accuracy]\nmeasure_at_start = false\n\
+         [archive]\nfolder = \"recorded\"\nsegment_secs = 5\nmin_free_mib = 1\nmax_age_days = 36500.0\n\
+         [[camera]]\nid = \"north\"\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n\
+         [[camera]]\nid = \"south\"\nrecord = false\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n"
+    );
+    std::fs::write(folder.join("v.toml"), text).unwrap();
+    let config = config::load(&folder.join("v.toml")).unwrap();
+    let settings = config.settings();
+    let runtime = Runtime::new().unwrap();
+    let _entered = runtime.enter();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let metrics = Arc::new(Metrics::new());
+    let store = runtime.block_on(Store::open(&settings.storage.database)).unwrap();
+    let archive =
+        Archive::start(settings.archive.clone(), store.clone(), Arc::clone(&metrics), Arc::clone(&clock));
+    let archive = Arc::new(runtime.block_on(archive).unwrap());
+    let recorded = Some(Arc::clone(&archive));
+    let engine =
+        Engine::start_recording(&config, Vec::new(), store.clone(), metrics, clock, recorded).unwrap();
+    let handle = engine.handle();
+    Running { runtime, engine: Some(engine), archive, store: Some(store), handle }
+}
+
+impl Running {
+    fn stop(&mut self) {
+        self.engine.take().unwrap().stop();
+        self.archive.stop();
+        self.runtime.block_on(self.store.take().unwrap().close()).unwrap();
+    }
+
+    /// The number that is burned into the frame of an instant, and its scene time.
+    fn shown(&self, camera: &str, nanos: i64) -> Result<(u64, i64), EngineError> {
+        let at = At::Time(START.saturating_add_nanos(nanos));
+        let seen = self.handle.observation(camera, at)?;
+        Ok((number_of(&seen.frame.image), seen.frame.timestamp.nanos_since(START)))
+    }
+}
+
+#[test]
+fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
+    const N_FRAMES: u64 = 160;
+    let folder = tempfile::tempdir().unwrap();
+    // Frames are stored in another order than they are seen.
+    Numbered {
+        n_frames: N_FRAMES,
+        rate_hz: RATE_HZ,
+        encoder: "x264enc bframes=2 key-int-max=15",
+        muxer: "mp4mux",
+    }
+    .write(&folder.path().join("film.mp4"));
+    let mut running = start(folder.path());
+    wait_for("the film's end", || {
+        let cameras = running.handle.cameras();
+        cameras.iter().all(|camera| camera.state == "ended").then_some(())
+    });
+    let range = |camera: &str| {
+        let found = running.handle.cameras().into_iter().find(|of| of.id.as_str() == camera).unwrap();
+        found.first.unwrap().parse::<Timestamp>().unwrap().nanos_since(START)
+    };
+    assert!(range("north") > 20 * FRAME_NANOS, "memory has forgotten the beginning");
+
+    let mut nanos = 12_345_678;
+    for _ in 0..200 {
+        // Instants in no order, none of them half-way between two frames.
+        nanos = (nanos * 7919 + 1_234_567) % (FRAME_NANOS * (N_FRAMES as i64 - 1));
+        let (away, expected) = (nanos % FRAME_NANOS, (nanos + FRAME_NANOS / 2) / FRAME_NANOS);
+        if (away - FRAME_NANOS / 2).abs() < 1_000_000 {
+            continue;
+        }
+        let (number, at) = running.shown("north", nanos).unwrap();
+        assert_eq!((number as i64, at), (expected, expected * FRAME_NANOS), "{nanos}");
+    }
+    // Playing on, frame by frame, over the segments' ends.
+    for number in 0..N_FRAMES as i64 {
+        assert_eq!(
+            running.shown("north", number * FRAME_NANOS).unwrap(),
+            (number as u64, number * FRAME_NANOS)
+        );
+    }
+    let gap = running.shown("north", -3_000_000_000).unwrap_err();
+    assert!(matches!(gap, EngineError::Gap { before: None, after: Some(START), .. }), "{gap}");
+    // The other is not recorded.
+    let gap = running.shown("south", 0).unwrap_err();
+    assert!(matches!(gap, EngineError::Gap { before: None, after: Some(_), .. }), "{gap}");
+    let status = running.archive.status();
+    assert_eq!(status.cameras.len(), 1, "{status:?}");
+    assert!(!matches!(status.cameras[0].state, RecordingState::Paused { .. }), "{status:?}");
+
+    // The recording outlives the daemon: another one, whose memory is empty, shows it too.
+    running.stop();
+    std::fs::remove_file(folder.path().join("film.mp4")).unwrap();
+    let mut running = start(folder.path());
+    for number in [0, 1, 77, N_FRAMES as i64 - 1] {
+        assert_eq!(
+            running.shown("north", number * FRAME_NANOS).unwrap(),
+            (number as u64, number * FRAME_NANOS)
+        );
+    }
+    let last = START.saturating_add_nanos((N_FRAMES as i64 - 1) * FRAME_NANOS);
+    let gap = running.shown("north", N_FRAMES as i64 * FRAME_NANOS + 2_000_000_000).unwrap_err();
+    assert!(matches!(gap, EngineError::Gap { before: Some(before), .. } if before == last), "{gap}");
+    running.stop();
+}
