@@ -5,6 +5,7 @@ mod support;
 
 mod accuracy;
 mod api;
+mod archive;
 mod background;
 mod calibrate;
 mod config;
