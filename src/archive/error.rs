@@ -74,13 +74,7 @@ impl ArchiveError {
     }
 
     /// What the muxer refused.
-    pub(super) fn unwritable(fault: Fault) -> Self {
-        let detail = match fault {
-            Fault::Gstreamer { action, detail } => format!("cannot {action}: {detail}"),
-            Fault::NotVideo(detail) | Fault::Damaged(detail) => detail,
-            Fault::MissingCodec { codec, package } => format!("no {codec}: install {package}"),
-            Fault::TooLarge { width, height, limit } => format!("{width} x {height}: at most {limit}"),
-        };
-        Self::Unwritable { detail }
+    pub(super) fn unwritable(fault: &Fault) -> Self {
+        Self::Unwritable { detail: fault.to_string() }
     }
 }

@@ -39,7 +39,7 @@ impl OpenSegment {
         frame: &EncodedFrame,
     ) -> Result<Option<Self>, ArchiveError> {
         // First, because it leaves nothing behind when it fails.
-        let muxer = Muxer::start(&frame.format).map_err(ArchiveError::unwritable)?;
+        let muxer = Muxer::start(&frame.format).map_err(|fault| ArchiveError::unwritable(&fault))?;
         let path = folder.path().join(name.to_string());
         let file = match folder.create(name) {
             Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => return Ok(None),
@@ -83,7 +83,7 @@ impl OpenSegment {
         debug_assert_eq!(at.as_nanos() % TICK_NANOS, 0, "scene times of recorded cameras are whole ticks");
         let nanos = u64::try_from(at.nanos_since(self.record.first_at)).unwrap_or(0);
         self.scratch.clear();
-        self.muxer.push(frame, nanos, &mut self.scratch).map_err(ArchiveError::unwritable)?;
+        self.muxer.push(frame, nanos, &mut self.scratch).map_err(|fault| ArchiveError::unwritable(&fault))?;
         self.blocks.clear();
         let blocks = &mut self.blocks;
         let walked = self.walker.feed(&self.scratch, &mut |block| blocks.push(block));

@@ -31,7 +31,10 @@ impl CheckConfig {
             }
         }
         match MediaRoots::new(&settings.media.roots) {
-            Ok(roots) => settings.camera.iter().for_each(|camera| warn_of_unreadable(camera, &roots)),
+            Ok(roots) => {
+                let roots = roots.with_networks(&settings.media.networks);
+                settings.camera.iter().for_each(|camera| warn_of_unreadable(camera, &roots));
+            }
             Err(error) => super::complain(&format!("warning: {error}")),
         }
         if n_faulty > 0 {
@@ -51,11 +54,11 @@ fn warn_of_unknown_cameras(settings: &Settings, scene: &Scene) {
 }
 
 fn warn_of_unreadable(camera: &CameraSettings, roots: &MediaRoots) {
-    let clip = camera.background.clip.as_ref().map(|clip| SourceSettings {
-        path: clip.clone(),
-        timing: None,
-        ..camera.source.clone()
-    });
+    let clip = camera
+        .background
+        .clip
+        .as_ref()
+        .map(|clip| SourceSettings { rate_hz: camera.source.rate_hz, ..SourceSettings::of_path(clip) });
     for (what, source) in [("", Some(&camera.source)), ("background clip: ", clip.as_ref())] {
         let Some(source) = source else { continue };
         let first = ingest::open(source, roots).and_then(|mut frames| frames.next_frame());

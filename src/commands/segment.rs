@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use toml::Value;
 use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{CameraSettings, End, SourceSettings, Timing};
+use videofields::config::{CameraSettings, SourceSettings, Timing};
 use videofields::encode;
 use videofields::frame::Frame;
 use videofields::ingest::{self, MediaRoots};
@@ -106,11 +106,9 @@ impl Segment {
     /// The flags as a camera's settings, held to the same ranges.
     fn settings(&self) -> Result<CameraSettings> {
         let source = SourceSettings {
-            path: self.input.clone(),
             timing: self.rate_hz.map(|_| Timing::Index),
             rate_hz: self.rate_hz.unwrap_or(25.0),
-            end: End::Stop,
-            start: None,
+            ..SourceSettings::of_path(&self.input)
         };
         let mut given = Tables::of_flags(self.set.iter().map(String::as_str))?;
         for (section, key, value) in [

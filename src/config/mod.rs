@@ -8,16 +8,22 @@ mod archive;
 mod document;
 mod environment;
 mod error;
+mod network;
 mod resolution;
 mod settings;
+mod source;
 mod storage;
+mod url;
 mod validate;
 
 pub use archive::ArchiveSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
+pub use network::{Network, NetworkError};
 pub use resolution::Resolution;
 pub use settings::*;
+pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
 pub use storage::StorageSettings;
+pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
 
 use crate::error::{Fault, Gatherer};
 use document::Document;
@@ -162,6 +168,9 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
     // Each is checked with its own place: an element that could not be read must not renumber those after it.
     let mut ids = validate::Ids::default();
     for (value, place) in cameras {
+        if let Some(source) = value.get("source") {
+            source::check_keys(source, &format!("{place}/source"), gatherer);
+        }
         if let Some(camera) = gatherer.read(value, &place) {
             validate::check_camera(&camera, &place, &mut ids, gatherer);
             settings.camera.push(camera);
@@ -198,7 +207,8 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
     }
     settings.media.roots.iter_mut().for_each(place);
     for camera in &mut settings.camera {
-        place(&mut camera.source.path);
+        camera.source.path.iter_mut().for_each(place);
+        camera.source.password_file.iter_mut().for_each(place);
         camera.background.clip.iter_mut().for_each(place);
         if camera.name.is_empty() {
             camera.id.as_str().clone_into(&mut camera.name);

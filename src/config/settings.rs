@@ -1,13 +1,13 @@
 //! The settings as they are written: every key with its meaning, unit, range and default.
 
 use super::archive::ArchiveSettings;
+use super::network::{self, Network};
 use super::resolution::Resolution;
+use super::source::SourceSettings;
 use super::storage::StorageSettings;
-use crate::clock::Timestamp;
 use crate::frame::CameraId;
-use serde::de::{self, Deserializer, Visitor};
+use serde::de::{self, Deserializer};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -60,11 +60,15 @@ pub struct MediaSettings {
     /// Folders beneath which file sources may open files (symbolic links resolved first). Default: the
     /// configuration file's own folder. 1 to 64 of them.
     pub roots: Vec<PathBuf>,
+    /// Blocks of addresses at which cameras may be reached, at most 64. 169.254.169.254 and `fd00:ec2::254`, where clouds
+    /// tell a machine its own keys, are reached only where they are named alone. Default: private, loopback and
+    /// link-local addresses.
+    pub networks: Vec<Network>,
 }
 
 impl Default for MediaSettings {
     fn default() -> Self {
-        Self { roots: vec![PathBuf::from(".")] }
+        Self { roots: vec![PathBuf::from(".")], networks: network::usual() }
     }
 }
 
@@ -159,85 +163,12 @@ const fn default_record() -> bool {
     true
 }
 
-/// Where frames come from: a file, or numbered pictures.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SourceSettings {
-    /// A video file in any container and codec that GStreamer knows, or a pattern of numbered pictures with one
-    /// printf-like number, such as `in%06d.jpg`.
-    pub path: PathBuf,
-    /// Where frame times come from. Default: `pts` for files, `index` for numbered pictures.
-    #[serde(default)]
-    pub timing: Option<Timing>,
-    /// Frames a second for `timing = "index"`, 0.01 to 1000. Default 25.
-    #[serde(default = "default_rate_hz")]
-    pub rate_hz: f64,
-    /// What follows the last frame. Default `stop`.
-    #[serde(default)]
-    pub end: End,
-    /// Scene time of the first frame, RFC 3339 or nanoseconds. Default: when the daemon started.
-    #[serde(default, deserialize_with = "timestamp")]
-    pub start: Option<Timestamp>,
-}
-
-const fn default_rate_hz() -> f64 {
-    25.0
-}
-
-/// An instant as text, or as a whole number of nanoseconds.
-fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
-    struct InstantVisitor;
-
-    impl Visitor<'_> for InstantVisitor {
-        type Value = Timestamp;
-
-        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            formatter.write_str("an RFC 3339 instant or nanoseconds since 1970-01-01 (UTC)")
-        }
-
-        fn visit_i64<E: de::Error>(self, nanos: i64) -> Result<Timestamp, E> {
-            Ok(Timestamp::from_nanos(nanos))
-        }
-
-        fn visit_u64<E: de::Error>(self, nanos: u64) -> Result<Timestamp, E> {
-            i64::try_from(nanos).map(Timestamp::from_nanos).map_err(E::custom)
-        }
-
-        fn visit_str<E: de::Error>(self, text: &str) -> Result<Timestamp, E> {
-            text.parse().map_err(E::custom)
-        }
-    }
-
-    deserializer.deserialize_any(InstantVisitor).map(Some)
-}
-
 /// An address and a port.
 fn listen_address<'de, D: Deserializer<'de>>(deserializer: D) -> Result<SocketAddr, D::Error> {
     let text = String::deserialize(deserializer)?;
     text.parse().map_err(|error| {
         de::Error::custom(format!("{error}: expected an address and a port, such as 127.0.0.1:8080"))
     })
-}
-
-/// Where frame times come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Timing {
-    /// The file's own timestamps.
-    Pts,
-    /// The frame's number divided by `rate_hz`, for files whose timestamps are broken.
-    Index,
-}
-
-/// What follows a file's last frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum End {
-    /// Nothing: the camera keeps its last picture.
-    #[default]
-    Stop,
-    /// The first frame again, one frame interval later: time runs on unbroken.
-    Loop,
 }
 
 /// How a background is learned: the Gaussian mixture's parameters.

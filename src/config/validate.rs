@@ -11,6 +11,7 @@ pub(super) const MAX_CAMERAS: usize = 256;
 /// Most scenes of one configuration.
 pub(super) const MAX_SCENES: usize = 64;
 const MAX_ROOTS: usize = 64;
+const MAX_NETWORKS: usize = 64;
 const MAX_HOSTS: usize = 64;
 const MAX_NAME_CHARS: usize = 200;
 const MAX_PATH_BYTES: usize = 4096;
@@ -55,6 +56,10 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     for (i, root) in settings.media.roots.iter().enumerate() {
         check_path(root, &format!("/media/roots/{i}"), gatherer);
     }
+    let n_networks = settings.media.networks.len();
+    if n_networks > MAX_NETWORKS {
+        gatherer.fault("/media/networks", format!("at most {MAX_NETWORKS} are allowed, got {n_networks}"));
+    }
     let mib = f64::from(settings.timeline.mib_per_camera);
     range(gatherer, "/timeline/mib_per_camera", mib, 8.0, 65_536.0, "MiB");
     let render = &settings.render;
@@ -92,9 +97,7 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
             .fault(format!("{place}/id"), format!("there is another camera `{}`; ids are unique", camera.id));
     }
     check_text(&camera.name, &format!("{place}/name"), gatherer);
-    check_path(&camera.source.path, &format!("{place}/source/path"), gatherer);
-    let rate = format!("{place}/source/rate_hz");
-    range(gatherer, &rate, camera.source.rate_hz, 0.01, 1000.0, "frames a second");
+    super::source::check(&camera.source, &format!("{place}/source"), gatherer);
 
     let background = &camera.background;
     let at = |key: &str| format!("{place}/background/{key}");
@@ -195,6 +198,7 @@ fn check_text(text: &str, place: &str, gatherer: &mut Gatherer) {
     }
 }
 
+/// Refuses what can be no path.
 pub(super) fn check_path(path: &Path, place: &str, gatherer: &mut Gatherer) {
     let bytes = path.as_os_str().as_encoded_bytes();
     if bytes.is_empty() || bytes.len() > MAX_PATH_BYTES || bytes.contains(&0) {

@@ -157,7 +157,7 @@ impl FrameConsumer for CameraConsumer {
             Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
             Err(error) => {
                 tracing::debug!(camera = id, %error, "frame out of order");
-                self.metrics.count_dropped(id, DropReason::OutOfOrder);
+                self.metrics.count_dropped(id, DropReason::OutOfOrder, 1);
             }
         }
         self.tell();
@@ -177,8 +177,12 @@ impl FrameConsumer for CameraConsumer {
         self.concern.as_deref()
     }
 
-    fn miss(&mut self) {
-        self.metrics.count_dropped(self.settings.id.as_str(), DropReason::Overrun);
+    fn is_frozen(&self) -> bool {
+        self.pipeline.conditions().iter().any(|condition| condition.kind == ConditionKind::Frozen)
+    }
+
+    fn miss(&mut self, reason: DropReason, n: u64) {
+        self.metrics.count_dropped(self.settings.id.as_str(), reason, n);
     }
 
     fn tick(&mut self) {

@@ -40,17 +40,23 @@ pub struct CameraSummary {
     pub id: CameraId,
     /// Name for people.
     pub name: String,
-    /// `connecting`, `live`, `ended` or `failed`.
+    /// `connecting`, `live`, `frozen`, `stalled`, `failed` or `ended`.
     pub state: String,
     /// Why it is in that state, where there is something to say.
     pub reason: Option<String>,
+    /// When that state began, by the machine's clock, RFC 3339.
+    pub since: String,
+    /// How often its source was opened again since the daemon started.
+    pub retries: u64,
+    /// When a failed source is opened again, RFC 3339.
+    pub next_try: Option<String>,
     /// Columns and rows of its pictures, once one has come.
     pub size_px: Option<[u32; 2]>,
     /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
     pub vision_size_px: Option<[u32; 2]>,
     /// Frames taken since the daemon started.
     pub frames: u64,
-    /// Frames dropped because they came too late.
+    /// Frames dropped: too late, replaced by newer ones, or damaged.
     pub dropped: u64,
     /// Scene time of the earliest frame kept, RFC 3339.
     pub first: Option<String>,

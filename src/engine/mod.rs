@@ -118,7 +118,7 @@ impl Engine {
     ) -> Result<Self, StartError> {
         let settings = config.settings();
         let runtime = Runtime::current();
-        let roots = MediaRoots::usable(&settings.media.roots);
+        let roots = MediaRoots::usable(&settings.media.roots).with_networks(&settings.media.networks);
         // One zero for all cameras that name no start, so that clips which belong together stay together.
         let start = (clock.now(), clock.monotonic());
         let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;

@@ -33,7 +33,8 @@ pub fn view_once(
     let (mut renderer, _adapter) = open_renderer(&settings.render)?;
     Subject::of(request, scene, Timestamp::default(), &Observations::new(), &renderer)?;
     let roots = MediaRoots::new(&settings.media.roots)
-        .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?;
+        .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?
+        .with_networks(&settings.media.networks);
     let until = match request.at {
         At::Live => None,
         At::Time(instant) => Some(instant),
@@ -134,6 +135,10 @@ fn play(
         }
         let frame = Frame { camera: camera.id.clone(), timestamp, number: next.number, image: next.image };
         newest = Some(pipeline.process(frame));
+        // A camera has no end to wait for: what it shows now is the newest there is.
+        if frames.is_live() {
+            break;
+        }
     }
     newest.ok_or_else(|| match until {
         Some(until) => format!("no frame at or before {until}: the first is at {start}"),

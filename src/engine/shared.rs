@@ -16,7 +16,7 @@ use crate::config::{self, RenderSettings, SegmentSettings};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::SurfaceId;
-use crate::ingest::{CameraState, StatusReader};
+use crate::ingest::StatusReader;
 use crate::mapping::{self, Location, WorldMap};
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
@@ -163,7 +163,7 @@ impl Shared {
         let newest_seen = |member: &SceneCamera| {
             let camera = self.camera(member.id.as_str()).ok()?;
             let (_, last) = camera.timeline.range()?;
-            Some((last, camera.status.read().state == CameraState::Live))
+            Some((last, camera.status.read().state.delivers()))
         };
         let reached = live_of(scene.cameras.iter().filter_map(newest_seen));
         let is_configured = |member: &&SceneCamera| self.camera(member.id.as_str()).is_ok();
@@ -272,6 +272,9 @@ impl Door for Shared {
                 name: camera.name.clone(),
                 state: status.state.as_str().to_owned(),
                 reason: status.reason,
+                since: status.since.to_string(),
+                retries: status.retries,
+                next_try: status.next_try.map(|at| at.to_string()),
                 size_px: status.size.map(|(width, height)| [width, height]),
                 vision_size_px,
                 frames: status.frames,

@@ -1,7 +1,7 @@
 //! Learns a clip of the empty place before a camera's own frames come.
 
 use super::{IngestError, MediaRoots, Pipeline, StopFlag, open_stoppable};
-use crate::config::{End, SourceSettings, Timing};
+use crate::config::{SourceSettings, Timing};
 use std::path::Path;
 
 /// Shows every frame of a clip (or of numbered pictures) to the pipeline's background, timed by the file, or by
@@ -30,11 +30,9 @@ pub fn learn_clip_stoppable(
     stop: &StopFlag,
 ) -> Result<u64, IngestError> {
     let settings = SourceSettings {
-        path: path.to_owned(),
         timing: rate_hz.map(|_| Timing::Index),
         rate_hz: rate_hz.unwrap_or(25.0),
-        end: End::Stop,
-        start: None,
+        ..SourceSettings::of_path(path)
     };
     let mut source = open_stoppable(&settings, roots, stop)?;
     let (mut n_frames, mut before_nanos) = (0, None);

@@ -33,7 +33,8 @@ pub enum IngestError {
     },
     /// The path is a URL. Only its scheme is told: the rest may hold a password.
     #[error(
-        "{scheme:?} URLs are no sources: a source is a file or a pattern of numbered pictures beneath {allowed}"
+        "{scheme:?} URLs are no paths: a path is a file or a pattern of numbered pictures beneath {allowed}, and a \
+         camera's URL stands in the key url"
     )]
     Url {
         /// What stands before `://`.
@@ -41,6 +42,12 @@ pub enum IngestError {
         /// The roots as configured, joined by commas.
         allowed: String,
     },
+    /// A camera is not reached, or sends nothing.
+    #[error(transparent)]
+    Camera(#[from] super::CameraError),
+    /// The settings name no source, or several.
+    #[error("exactly one of path, url and device is needed")]
+    NoPlace,
     /// Nothing is there.
     #[error("there is no file {path:?}")]
     NotFound {
@@ -201,7 +208,9 @@ impl IngestError {
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
-            Self::Root { .. }
+            Self::Camera(error) => error.kind(),
+            Self::NoPlace
+            | Self::Root { .. }
             | Self::Outside { .. }
             | Self::ParentStep { .. }
             | Self::Url { .. }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 const SILENCE_SECS: u64 = 10;
 
 /// Bytes of encoded frames that wait for being taken.
-const ENCODED_BYTES: usize = 16 << 20;
+pub(super) const ENCODED_BYTES: usize = 16 << 20;
 
 /// Looks in a row that find nothing at work until the file counts as given up.
 const MAX_IDLE_LOOKS: u32 = 3;
@@ -55,6 +55,7 @@ impl VideoFile {
             Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
             Fault::TooLarge { width, height, limit } => IngestError::TooLarge { path, width, height, limit },
             Fault::Damaged(detail) => IngestError::Damaged { path, detail },
+            Fault::Connection(fault) => IngestError::Damaged { path, detail: format!("{fault:?}") },
             Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
         }
     }

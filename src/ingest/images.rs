@@ -63,7 +63,7 @@ impl Medium for NumberedPictures {
         let Some(number) = self.next.filter(|number| self.numbers.contains(number)) else { return Ok(None) };
         let image = self.read(number)?;
         self.next = number.checked_add(1);
-        Ok(Some(Picture { image, stream_nanos: None, interval_nanos: None }))
+        Ok(Some(Picture { image, stream_nanos: None, interval_nanos: None, reference_nanos: None }))
     }
 }
 

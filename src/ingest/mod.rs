@@ -1,19 +1,27 @@
-//! From files to frames: sources, the thread that paces one camera, and the bounds on what may be opened.
+//! From files and cameras to frames: sources, the thread that paces one camera, and the bounds on what may be opened.
 //!
-//! In: settings (a path, a timing, an end) and the media roots. Out: `SourceFrame`s in the decoder's own planes,
+//! In: settings (a path, a URL or a device, and what goes with each), and the folders and networks that may be reached. Out: `SourceFrame`s in the decoder's own planes,
 //! timed from the first one on; a `CameraWorker` turns them into `Frame`s of scene time and hands them to its
 //! consumer. Knows nothing of what consumers do with frames, nor of scenes.
 
+mod arrival;
 mod clip;
+mod device;
+mod endpoint;
 mod error;
 mod file;
+mod http;
 mod images;
+mod live;
 mod medium;
 mod pacing;
 mod pairing;
 mod pattern;
 mod pipeline;
+mod reach;
 mod roots;
+mod rtsp;
+mod secret;
 mod standing;
 mod status;
 mod stop;
@@ -24,12 +32,14 @@ mod worker;
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
 pub use error::IngestError;
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
+pub use reach::CameraError;
 pub use roots::MediaRoots;
 pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
 pub use worker::{CameraWorker, FrameConsumer};
 
-use crate::config::{SourceSettings, Timing};
+use crate::clock::Timestamp;
+use crate::config::{Place, Scheme, SourceSettings, Timing};
 use crate::frame::YuvImage;
 use crate::media::EncodedFrame;
 use std::sync::Arc;
@@ -43,6 +53,28 @@ pub struct SourceFrame {
     pub stream_nanos: i64,
     /// Number of the frame, from 0; counts on through loops.
     pub number: u64,
+    /// When it was taken as the camera says, if it does.
+    pub reference: Option<Timestamp>,
+}
+
+/// What a source has at the moment.
+#[derive(Clone, Debug)]
+pub enum Polled {
+    /// The next picture.
+    Frame(SourceFrame),
+    /// Nothing yet; live sources only.
+    Waiting,
+    /// Nothing more.
+    Ended,
+}
+
+/// Frames that a live source left out since it was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lost {
+    /// A newer one came before they were taken.
+    pub n_replaced: u64,
+    /// They could not be decoded whole.
+    pub n_damaged: u64,
 }
 
 /// Whether a source gives the encoded frames beside its pictures.
@@ -74,14 +106,38 @@ pub trait Source: Send {
     fn n_encoded_dropped(&self) -> u64 {
         0
     }
+
+    /// As [`Self::next_frame`], but a live source waits no longer than about a tenth of a second.
+    ///
+    /// # Errors
+    /// As [`Self::next_frame`], but a live source that is silent does not fail: how long that lasts is its user's choice.
+    fn poll(&mut self) -> Result<Polled, IngestError> {
+        Ok(self.next_frame()?.map_or(Polled::Ended, Polled::Frame))
+    }
+
+    /// Whether pictures come when they are taken and wait for nobody: a newer one replaces one that was not taken.
+    fn is_live(&self) -> bool {
+        false
+    }
+
+    /// What messages call a live source: scheme, host and port, or the device.
+    fn place(&self) -> &str {
+        ""
+    }
+
+    /// What a live source left out so far.
+    fn lost(&self) -> Lost {
+        Lost::default()
+    }
 }
 
-/// Opens the file or the numbered pictures that `settings` name. A path whose file name has a `%` is a pattern of
-/// numbered pictures, every other is a video file.
+/// Opens the file, the numbered pictures or the camera that `settings` name. A path whose file name has a `%` is a
+/// pattern of numbered pictures, every other is a video file.
 ///
 /// # Errors
-/// When the path lies outside `roots`, does not exist, cannot be read, or the settings contradict themselves.
-/// Whether a file is a video that can be decoded shows with its first frame.
+/// When the path lies outside `roots`, does not exist or cannot be read, the camera's address is none that may be
+/// reached, or the settings contradict themselves. Whether a file is a video that can be decoded and whether a camera
+/// answers shows with the first frame.
 pub fn open(settings: &SourceSettings, roots: &MediaRoots) -> Result<Box<dyn Source>, IngestError> {
     open_stoppable(settings, roots, &StopFlag::default())
 }
@@ -113,10 +169,22 @@ pub fn open_tapped(
     if !is_usable_rate {
         return Err(IngestError::Rate { rate_hz: settings.rate_hz });
     }
-    let path = &settings.path;
+    let path = match settings.place() {
+        Some(Place::Path(path)) => path,
+        Some(Place::Url(url)) => {
+            let endpoint = endpoint::Endpoint::of(url, roots.networks())?;
+            let open = match endpoint.scheme() {
+                Scheme::Rtsp | Scheme::Rtsps => rtsp::open,
+                Scheme::Http | Scheme::Https => http::open,
+            };
+            return Ok(Box::new(open(&endpoint, settings, stop, tap)?));
+        }
+        Some(Place::Device(device)) => return Ok(Box::new(device::open(device, settings, stop, tap)?)),
+        None => return Err(IngestError::NoPlace),
+    };
     if pattern::is_pattern(path) {
         if settings.timing == Some(Timing::Pts) {
-            return Err(IngestError::PictureTimes { path: path.clone() });
+            return Err(IngestError::PictureTimes { path: path.to_path_buf() });
         }
         let pictures = images::NumberedPictures::open(path, roots, stop)?;
         return Ok(Box::new(timed::TimedSource::new(

@@ -1,20 +1,23 @@
-//! The folders beneath which sources may open files, and the one place where they open them.
+//! The folders beneath which sources may open files, and the one place where they open them; beside them the networks in
+//! which cameras may be reached, which `endpoint` holds addresses against.
 //!
 //! A path is refused if it is a URL, has a `..`, or leads out of the roots once symbolic links are resolved. What
 //! is handed out is the open file, checked again after it was opened, so that a link swapped in between gains
 //! nothing. Messages name the path as asked for and the roots as configured, never what lies outside them.
 
 use super::IngestError;
+use crate::config::{MediaSettings, Network};
 use std::fs::{self, File};
 use std::io;
 use std::os::fd::AsRawFd;
 use std::path::{Component, Path, PathBuf};
 
-/// Folders beneath which files may be opened.
+/// Folders beneath which files may be opened, and networks in which cameras may be reached.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MediaRoots {
     configured: Vec<PathBuf>,
     resolved: Vec<PathBuf>,
+    networks: Vec<Network>,
 }
 
 impl MediaRoots {
@@ -32,7 +35,7 @@ impl MediaRoots {
             Ok(resolved)
         };
         let resolved = roots.iter().map(resolve).collect::<Result<_, _>>()?;
-        Ok(Self { configured: roots.to_vec(), resolved })
+        Ok(Self { configured: roots.to_vec(), resolved, networks: MediaSettings::default().networks })
     }
 
     /// As [`Self::new`], leaving out roots that cannot be used (and logging them): what lies beneath the others can be
@@ -46,7 +49,18 @@ impl MediaRoots {
                 Err(error) => tracing::error!(%error, "a media root is left out"),
             }
         }
-        Self { configured: roots.to_vec(), resolved }
+        Self { configured: roots.to_vec(), resolved, networks: MediaSettings::default().networks }
+    }
+
+    /// The same, with these networks as the ones in which cameras may be reached, instead of private, loopback and
+    /// link-local ones.
+    #[must_use]
+    pub fn with_networks(self, networks: &[Network]) -> Self {
+        Self { networks: networks.to_vec(), ..self }
+    }
+
+    pub(super) fn networks(&self) -> &[Network] {
+        &self.networks
     }
 
     /// The folder that `path` lies in as the only root: for commands whose caller may read the file anyway.

@@ -12,6 +12,10 @@ pub enum CameraState {
     Connecting,
     /// Frames come.
     Live,
+    /// Frames come, but they are all the same.
+    Frozen,
+    /// A live source is connected, but no frame has come for a while.
+    Stalled,
     /// The last frame came; or the camera was stopped.
     Ended,
     /// Its source failed and is tried again later; or its processing failed, and it stays so.
@@ -19,12 +23,20 @@ pub enum CameraState {
 }
 
 impl CameraState {
+    /// Whether frames come.
+    #[must_use]
+    pub const fn delivers(self) -> bool {
+        matches!(self, Self::Live | Self::Frozen)
+    }
+
     /// Its name, as the API shows it.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
             Self::Connecting => "connecting",
             Self::Live => "live",
+            Self::Frozen => "frozen",
+            Self::Stalled => "stalled",
             Self::Ended => "ended",
             Self::Failed => "failed",
         }
@@ -38,9 +50,15 @@ pub struct CameraStatus {
     pub state: CameraState,
     /// Why it failed last, or what is wrong although frames come; else `None`.
     pub reason: Option<String>,
+    /// Wall-clock time at which this state began.
+    pub since: Timestamp,
+    /// How often its source was opened again.
+    pub retries: u64,
+    /// Wall-clock time at which the source is opened again, where it failed.
+    pub next_try: Option<Timestamp>,
     /// Frames delivered.
     pub frames: u64,
-    /// Frames left out because they came too late.
+    /// Frames left out: too late, replaced by newer ones, or damaged.
     pub dropped: u64,
     /// Scene time of the frame delivered last.
     pub last_timestamp: Option<Timestamp>,
@@ -50,6 +68,35 @@ pub struct CameraStatus {
     pub size: Option<(u32, u32)>,
     /// Frames delivered a second, over the last second or more; 0 until a second has passed, and when none come.
     pub fps: f64,
+}
+
+impl CameraStatus {
+    /// Goes over to `state`, if it is another.
+    fn enter(&mut self, state: CameraState, now: Timestamp) {
+        if self.state != state {
+            (self.state, self.since) = (state, now);
+        }
+        self.next_try = None;
+        if !state.delivers() {
+            self.fps = 0.0;
+        }
+    }
+}
+
+/// A frame that was delivered.
+pub(super) struct Delivered {
+    /// Its scene time.
+    pub(super) timestamp: Timestamp,
+    /// When that was.
+    pub(super) monotonic: Duration,
+    /// As well.
+    pub(super) wall: Timestamp,
+    /// Columns and rows.
+    pub(super) size: (u32, u32),
+    /// Frames delivered a second.
+    pub(super) fps: f64,
+    /// [`CameraState::Live`] or [`CameraState::Frozen`].
+    pub(super) state: CameraState,
 }
 
 /// Reads a camera's status wherever its thread stands. Cheap to clone; outlives the thread.
@@ -69,10 +116,13 @@ impl StatusReader {
 pub(super) struct SharedStatus(Arc<Mutex<CameraStatus>>);
 
 impl SharedStatus {
-    pub(super) fn new() -> Self {
+    pub(super) fn new(now: Timestamp) -> Self {
         Self(Arc::new(Mutex::new(CameraStatus {
             state: CameraState::Connecting,
             reason: None,
+            since: now,
+            retries: 0,
+            next_try: None,
             frames: 0,
             dropped: 0,
             last_timestamp: None,
@@ -90,40 +140,48 @@ impl SharedStatus {
         self.lock().clone()
     }
 
-    pub(super) fn set(&self, state: CameraState) {
-        let mut status = self.lock();
-        status.state = state;
-        if state != CameraState::Live {
-            status.fps = 0.0;
-        }
+    pub(super) fn set(&self, state: CameraState, now: Timestamp) {
+        self.lock().enter(state, now);
     }
 
-    pub(super) fn fail(&self, reason: String) {
+    /// Tells that the source failed, and after what time it is tried again, if it is.
+    pub(super) fn fail(&self, reason: String, now: Timestamp, retry_in: Option<Duration>) {
         let mut status = self.lock();
+        status.enter(CameraState::Failed, now);
         status.reason = Some(reason);
-        (status.state, status.fps) = (CameraState::Failed, 0.0);
+        status.next_try = retry_in
+            .map(|delay| now.saturating_add_nanos(i64::try_from(delay.as_nanos()).unwrap_or(i64::MAX)));
     }
 
-    pub(super) fn count_dropped(&self) {
-        self.lock().dropped += 1;
+    /// Tells that the source is opened again after it failed for `reason`.
+    pub(super) fn retry(&self, reason: String) {
+        let mut status = self.lock();
+        status.retries += 1;
+        status.reason = Some(reason);
+    }
+
+    /// Tells that no frame has come for a while.
+    pub(super) fn stall(&self, reason: String, now: Timestamp) {
+        let mut status = self.lock();
+        status.enter(CameraState::Stalled, now);
+        status.reason = Some(reason);
+    }
+
+    pub(super) fn count_dropped(&self, n: u64) {
+        self.lock().dropped += n;
     }
 
     /// Counts a delivered frame; whether it is the first since the source was opened.
-    pub(super) fn count_frame(
-        &self,
-        timestamp: Timestamp,
-        now: Duration,
-        size: (u32, u32),
-        fps: f64,
-        concern: Option<&str>,
-    ) -> bool {
+    pub(super) fn count_frame(&self, frame: &Delivered, concern: Option<&str>) -> bool {
         let mut status = self.lock();
-        let is_first = status.state != CameraState::Live;
-        (status.state, status.fps) = (CameraState::Live, fps);
+        let is_first = !status.state.delivers();
+        status.enter(frame.state, frame.wall);
+        status.fps = frame.fps;
         if status.reason.as_deref() != concern {
             status.reason = concern.map(str::to_owned);
         }
-        (status.last_timestamp, status.last_frame_at, status.size) = (Some(timestamp), Some(now), Some(size));
+        (status.last_timestamp, status.last_frame_at) = (Some(frame.timestamp), Some(frame.monotonic));
+        status.size = Some(frame.size);
         status.frames += 1;
         is_first
     }

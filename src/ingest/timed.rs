@@ -88,7 +88,7 @@ impl<M: Medium> TimedSource<M> {
         self.pairing.push_picture(picture.stream_nanos, stream_nanos);
         let number = self.number;
         self.number += 1;
-        SourceFrame { image: Arc::new(picture.image), stream_nanos, number }
+        SourceFrame { image: Arc::new(picture.image), stream_nanos, number, reference: None }
     }
 }
 
@@ -203,7 +203,8 @@ mod tests {
             let Some(stream_nanos) = self.times.get(self.next).copied() else { return Ok(None) };
             self.next += 1;
             let image = YuvImage::filled(2, 2, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Full);
-            Ok(Some(Picture { image, stream_nanos, interval_nanos: self.interval_nanos }))
+            let interval_nanos = self.interval_nanos;
+            Ok(Some(Picture { image, stream_nanos, interval_nanos, reference_nanos: None }))
         }
     }
 

@@ -2,15 +2,19 @@
 //!
 //! In: a source and a clock. Out: frames of scene time to one consumer, and the camera's status. Scene time is the
 //! configured start, or the daemon's, plus stream time; it never runs backwards, also when a source failed and
-//! begins anew: then it goes on where real time stands.
+//! begins anew: then it goes on where real time stands. Live sources are not paced (`follow`).
 
+mod follow;
+
+use super::arrival::ArrivalClock;
 use super::pacing::{Pacer, Turn};
-use super::status::{CameraState, CameraStatus, RateMeter, SharedStatus, StatusReader};
+use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
 use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::clock::{Clock, Timestamp};
 use crate::config::{End, SourceSettings};
 use crate::frame::{CameraId, Frame};
 use crate::media::{EncodedFrame, TICK_NANOS};
+use crate::telemetry::DropReason;
 use std::hash::BuildHasher;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -45,8 +49,13 @@ pub trait FrameConsumer: Send {
         None
     }
 
-    /// Called for each frame that is left out because it came too late.
-    fn miss(&mut self) {}
+    /// Whether the camera's picture is known not to change any more, although frames come.
+    fn is_frozen(&self) -> bool {
+        false
+    }
+
+    /// Called where `n` frames were left out.
+    fn miss(&mut self, _reason: DropReason, _n: u64) {}
 
     /// Called about once a second between frames, also while the camera waits to try again; not while its source
     /// blocks, which lasts ten seconds at most. For checkpoints.
@@ -80,30 +89,34 @@ impl CameraWorker {
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
         let start = Start { scene: settings.start.unwrap_or(origin), began };
-        let (end, tap) = (settings.end, consumer.tap());
+        let (end, stall, tap) = (settings.end, settings.stall_secs, consumer.tap());
+        let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
         let open = move |stop: &StopFlag| open_tapped(&settings, &roots, stop, tap);
-        Self::spawn_with(id, open, end, clock, start, consumer)
+        Self::spawn_with(id, open, (end, stall), clock, start, consumer)
     }
 
     fn spawn_with(
         id: CameraId,
         open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError> + Send + 'static,
-        end: End,
+        (end, stall): (End, Duration),
         clock: Arc<dyn Clock>,
         start: Start,
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
-        let (stop, status) = (StopFlag::default(), SharedStatus::new());
+        let (stop, status) = (StopFlag::default(), SharedStatus::new(clock.now()));
         let camera = Camera {
             id: id.clone(),
             clock,
             scene_start: start.scene,
             end,
+            stall,
             stop: stop.clone(),
             status: status.clone(),
             tap: consumer.tap(),
             consumer,
             pacer: Pacer::new(start.began),
+            arrivals: ArrivalClock::default(),
+            steady_since: None,
             rate: RateMeter::default(),
             ticked: None,
             next_number: 0,
@@ -186,11 +199,16 @@ struct Camera {
     clock: Arc<dyn Clock>,
     scene_start: Timestamp,
     end: End,
+    /// Silence after which a live source is stalled.
+    stall: Duration,
     stop: StopFlag,
     status: SharedStatus,
     tap: Tap,
     consumer: Box<dyn FrameConsumer>,
     pacer: Pacer,
+    arrivals: ArrivalClock,
+    /// Monotonic times of the first and the latest frame since the source was opened.
+    steady_since: Option<(Duration, Duration)>,
     rate: RateMeter,
     ticked: Option<Duration>,
     next_number: u64,
@@ -203,7 +221,7 @@ impl Camera {
         if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.run(open))) {
             let text = panic_text(panic.as_ref());
             tracing::error!(panic = text, "processing of a camera panicked; the camera stays off");
-            self.status.fail(format!("its processing panicked: {text}"));
+            self.status.fail(format!("its processing panicked: {text}"), self.clock.now(), None);
         }
     }
 
@@ -211,32 +229,44 @@ impl Camera {
         let mut n_failures = 0;
         let mut last_state = CameraState::Ended;
         while !self.stop.is_raised() {
-            self.status.set(CameraState::Connecting);
-            let opened_at = self.clock.monotonic();
-            let outcome = open(&self.stop).and_then(|mut source| self.play(source.as_mut()));
+            self.status.set(CameraState::Connecting, self.clock.now());
+            let (opened_at, number_before) = (self.clock.monotonic(), self.next_number);
+            self.steady_since = None;
+            let mut is_live = false;
+            let outcome = open(&self.stop).and_then(|mut source| {
+                is_live = source.is_live();
+                if is_live { self.follow(source.as_mut()) } else { self.play(source.as_mut()) }
+            });
             let Err(error) = outcome else { break };
             if self.stop.is_raised() {
                 break;
             }
-            if self.clock.monotonic().saturating_sub(opened_at) >= STEADY {
+            if self.steady_since.is_some_and(|(first, latest)| latest.saturating_sub(first) >= STEADY) {
                 n_failures = 0;
             }
+            let lasted = self.clock.monotonic().saturating_sub(opened_at);
+            if is_live && self.is_worth_haste(&error, lasted, self.next_number - number_before) {
+                tracing::warn!(%error, "a camera's stream is connected anew at once");
+                self.status.retry(error.to_string());
+                continue;
+            }
             // What was played cannot be played again as if it were new: a recording that ends in damage ends there.
-            if self.end == End::Stop && self.next_number > 0 && error.is_of_content() {
+            if !is_live && self.end == End::Stop && self.next_number > 0 && error.is_of_content() {
                 tracing::error!(%error, "a camera's recording is damaged and ends here");
-                self.status.fail(error.to_string());
+                self.status.fail(error.to_string(), self.clock.now(), None);
                 last_state = CameraState::Failed;
                 break;
             }
             let delay = retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures));
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
-            self.status.fail(error.to_string());
+            self.status.fail(error.to_string(), self.clock.now(), Some(delay));
             n_failures += 1;
             self.sleep_until(self.clock.monotonic().saturating_add(delay));
+            self.status.retry(error.to_string());
         }
         self.consumer.finish();
         if last_state != CameraState::Failed {
-            self.status.set(last_state);
+            self.status.set(last_state, self.clock.now());
         }
     }
 
@@ -250,47 +280,55 @@ impl Camera {
             if self.stop.is_raised() {
                 break;
             }
-            self.hand_on_encoded(source);
+            self.hand_on_encoded(source, self.file_offset_nanos());
             self.next_number = first_number + frame.number + 1;
             match self.pacer.turn(self.clock.monotonic()) {
-                Turn::Deliver => self.deliver(frame, first_number),
+                Turn::Deliver => {
+                    let timestamp = self.scene_start.saturating_add_nanos(self.pacer.stream_nanos());
+                    let timestamp = self.scene_time(timestamp);
+                    self.deliver(frame, timestamp, first_number);
+                }
                 Turn::Drop => {
-                    self.status.count_dropped();
-                    self.consumer.miss();
+                    self.status.count_dropped(1);
+                    self.consumer.miss(DropReason::Overrun, 1);
                 }
             }
             self.tick_if_due();
         }
         if !self.stop.is_raised() {
-            self.hand_on_encoded(source);
+            self.hand_on_encoded(source, self.file_offset_nanos());
         }
         Ok(())
     }
 
-    /// Hands on the encoded frames whose pictures came.
-    fn hand_on_encoded(&mut self, source: &mut dyn Source) {
+    /// Hands on the encoded frames whose pictures came; `offset_nanos` is added to stream time.
+    fn hand_on_encoded(&mut self, source: &mut dyn Source, offset_nanos: i64) {
         if self.tap == Tap::Closed {
             return;
         }
         while let Some(frame) = source.take_encoded() {
-            let stream_nanos = self.pacer.offset_nanos().saturating_add(frame.stream_nanos.unwrap_or(0));
-            let time = self.scene_time(stream_nanos);
+            let stream_nanos = frame.stream_nanos.unwrap_or(0);
+            let time = self.scene_time(Timestamp::from_nanos(offset_nanos.saturating_add(stream_nanos)));
             self.consumer.record(&frame, time);
         }
     }
 
-    /// Scene time of stream time `stream_nanos`; of a camera that is recorded, in the unit that recordings hold, so that
-    /// what is kept in memory and what is recorded say the same.
-    fn scene_time(&self, stream_nanos: i64) -> Timestamp {
-        let nanos = self.scene_start.saturating_add_nanos(stream_nanos).as_nanos();
+    /// What is added to a file's own stream time.
+    fn file_offset_nanos(&self) -> i64 {
+        self.scene_start.as_nanos().saturating_add(self.pacer.offset_nanos())
+    }
+
+    /// `time` as it is kept: of a camera that is recorded, in the unit that recordings hold, so that memory and recordings
+    /// say the same.
+    fn scene_time(&self, time: Timestamp) -> Timestamp {
+        let nanos = time.as_nanos();
         Timestamp::from_nanos(match self.tap {
             Tap::Closed => nanos,
             Tap::Open => nanos - nanos.rem_euclid(TICK_NANOS),
         })
     }
 
-    fn deliver(&mut self, frame: SourceFrame, first_number: u64) {
-        let timestamp = self.scene_time(self.pacer.stream_nanos());
+    fn deliver(&mut self, frame: SourceFrame, timestamp: Timestamp, first_number: u64) {
         let size = (frame.image.width(), frame.image.height());
         self.consumer.consume(Frame {
             camera: self.id.clone(),
@@ -300,8 +338,10 @@ impl Camera {
         });
         let now = self.clock.monotonic();
         let fps = self.rate.count(now);
-        let concern = self.consumer.concern();
-        if self.status.count_frame(timestamp, now, size, fps, concern) {
+        self.steady_since = Some((self.steady_since.map_or(now, |(first, _)| first), now));
+        let state = if self.consumer.is_frozen() { CameraState::Frozen } else { CameraState::Live };
+        let delivered = Delivered { timestamp, monotonic: now, wall: self.clock.now(), size, fps, state };
+        if self.status.count_frame(&delivered, self.consumer.concern()) {
             tracing::info!(width = size.0, height = size.1, "a camera is live");
         }
     }
@@ -382,7 +422,8 @@ mod tests {
             self.events.lock().unwrap().push(Event::Tick(self.clock.monotonic()));
         }
 
-        fn miss(&mut self) {
+        fn miss(&mut self, reason: DropReason, n: u64) {
+            assert_eq!((reason, n), (DropReason::Overrun, 1));
             self.events.lock().unwrap().push(Event::Miss);
         }
 
@@ -430,6 +471,7 @@ mod tests {
                 image: Arc::new(image),
                 stream_nanos: number as i64 * FRAME_NANOS,
                 number,
+                reference: None,
             }))
         }
     }
@@ -485,7 +527,8 @@ mod tests {
             };
             let id = CameraId::new("gate").unwrap();
             let start = Start { scene: Timestamp::from_nanos(1_000), began: clock.monotonic() };
-            CameraWorker::spawn_with(id, open, self.end, clock, start, Box::new(recorder)).unwrap()
+            let kind = (self.end, Duration::from_secs(5));
+            CameraWorker::spawn_with(id, open, kind, clock, start, Box::new(recorder)).unwrap()
         }
 
         fn run(&self, lengths: &'static [u64]) -> (Vec<Event>, CameraStatus) {

@@ -5,9 +5,10 @@
 //! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied. Where the
 //! encoded frames are wanted too, `tap` splits the stream before decodebin.
 
-use super::fault::{gstreamer_fault, missing_codec};
+use super::connection::{Guard, connection_fault, unanswered};
+use super::fault::{ConnectionFault, gstreamer_fault, missing_codec};
 use super::input::{Keep, make};
-use super::{EncodedQueue, Fault, Input, tap};
+use super::{EncodedQueue, Fault, Input, jpeg, tap};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -36,6 +37,11 @@ pub struct Decoder {
     unknown_streams: Receiver<gst::Caps>,
     n_arrived: Arc<AtomicU64>,
     n_pulled: AtomicU64,
+    n_damaged: Arc<AtomicU64>,
+    /// By the system's monotonic clock.
+    started: gst::ClockTime,
+    keep: Keep,
+    guard: Option<Arc<Guard>>,
 }
 
 impl Decoder {
@@ -49,10 +55,15 @@ impl Decoder {
         let sink = make_sink(input.keep());
         let n_arrived = count_arrivals(&sink);
         let pipeline = gst::Pipeline::new();
-        pipeline
-            .add_many([input.element(), sink.upcast_ref()])
-            .map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        pipeline.connect_deep_element_added(|_pipeline, _bin, element| cap_threads(element));
+        pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
+        let (keep, n_damaged) = (input.keep(), Arc::<AtomicU64>::default());
+        let counter = Arc::clone(&n_damaged);
+        pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
+            cap_threads(element);
+            if keep == Keep::Newest {
+                be_patient(element, &counter);
+            }
+        });
         let (faults, link_faults) = sync_channel(1);
         let (streams, unknown_streams) = sync_channel(8);
         link_first_video(&decode, &pipeline, &sink, faults.clone());
@@ -62,29 +73,57 @@ impl Decoder {
             Some(queue) => {
                 let parse = make("parsebin")?;
                 watch(&parse, &streams);
-                tap::split_first_video(&parse, &decode, (&pipeline, queue), faults);
+                tap::split_first_video(&parse, &decode, (&pipeline, queue), faults.clone());
                 parse
             }
         };
         pipeline.add(&reader).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        input.link(&reader)?;
+        input.link(&pipeline, &reader)?;
         let bus = pipeline.bus().ok_or_else(|| Fault::Gstreamer {
             action: "build a pipeline",
             detail: "the pipeline has no bus".to_owned(),
         })?;
-        let n_pulled = AtomicU64::new(0);
-        let decoder = Self { pipeline, bus, sink, link_faults, unknown_streams, n_arrived, n_pulled };
+        let (n_pulled, guard) = (AtomicU64::new(0), input.guard().cloned());
+        if keep == Keep::Newest {
+            keep_errors_alone(&bus, &n_damaged, guard.clone(), faults);
+        }
+        let decoder = Self {
+            pipeline,
+            bus,
+            sink,
+            link_faults,
+            unknown_streams,
+            n_arrived,
+            n_pulled,
+            n_damaged,
+            started: gst::get_timestamp(),
+            keep,
+            guard,
+        };
         match decoder.pipeline.set_state(gst::State::Playing) {
             Ok(_) => Ok(decoder),
             Err(error) => Err(decoder.fault().unwrap_or_else(|| gstreamer_fault("start a pipeline", &error))),
         }
     }
 
-    /// The next picture if one comes within `patience`.
+    /// The next picture if one comes within `patience`. Of a live input, one that its decoder marks as broken is left out
+    /// and counted.
     pub fn pull(&self, patience: gst::ClockTime) -> Option<gst::Sample> {
         let sample = self.sink.try_pull_sample(patience)?;
         self.n_pulled.fetch_add(1, Ordering::Relaxed);
+        let is_broken =
+            sample.buffer().is_some_and(|buffer| buffer.flags().contains(gst::BufferFlags::CORRUPTED));
+        if is_broken && self.keep == Keep::Newest {
+            self.n_damaged.fetch_add(1, Ordering::Relaxed);
+            return None;
+        }
         Some(sample)
+    }
+
+    /// Pictures of a live input that were left out as broken, and complaints of its decoder, each of which cost a picture.
+    #[must_use]
+    pub fn n_damaged(&self) -> u64 {
+        self.n_damaged.load(Ordering::Relaxed)
     }
 
     /// Pictures of a live input that newer ones replaced before they were pulled; one that waits now may be counted.
@@ -123,6 +162,9 @@ impl Decoder {
         let message = self.bus.pop_filtered(&[gst::MessageType::Error])?;
         let gst::MessageView::Error(message) = message.view() else { return None };
         let error = message.error();
+        if self.keep == Keep::Newest {
+            return Some(self.live_fault(message, &error));
+        }
         // The debug text holds line numbers and element names: for the log alone.
         tracing::debug!(%error, source = message.debug().as_deref().unwrap_or(""), "a pipeline failed");
         Some(self.error_fault(&error))
@@ -140,6 +182,35 @@ impl Decoder {
         }
     }
 
+    /// As [`Self::error_fault`], of a camera: nothing of what the error says is told or logged, since it may hold a secret.
+    fn live_fault(&self, message: &gst::message::Error, error: &glib::Error) -> Fault {
+        if let Some(fault) = self.unread_video() {
+            return fault;
+        }
+        if let Some(kind) = error.kind::<gst::ResourceError>() {
+            return Fault::Connection(connection_fault(message, kind));
+        }
+        // An HTTP source that is not answered, or whose connection breaks, says no more than that it stopped.
+        let flow = message.details().and_then(|details| details.get::<i32>("flow-return").ok());
+        let is_source = message.src().is_some_and(|source| is_of(source, gst::ElementFactoryType::SRC));
+        if is_source && flow == Some(gst::FlowError::Error as i32) {
+            let waited = gst::get_timestamp().saturating_sub(self.started);
+            let has_begun = self.n_arrived.load(Ordering::Relaxed) > 0;
+            return Fault::Connection(if has_begun { ConnectionFault::Closed } else { unanswered(waited) });
+        }
+        let (core, stream) = (error.kind::<gst::CoreError>(), error.kind::<gst::StreamError>());
+        tracing::debug!(?core, ?stream, "a camera's pipeline failed");
+        match stream {
+            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => {
+                Fault::NotVideo("its type is not known".to_owned())
+            }
+            Some(gst::StreamError::Decrypt | gst::StreamError::DecryptNokey) => {
+                Fault::Connection(ConnectionFault::Insecure)
+            }
+            _ => Fault::Damaged("its pictures cannot be decoded further".to_owned()),
+        }
+    }
+
     /// The missing codec, if a stream was found that nothing installed reads.
     fn unread_video(&self) -> Option<Fault> {
         self.unknown_streams.try_iter().find_map(|caps| caps.structure(0).map(missing_codec))
@@ -148,6 +219,9 @@ impl Decoder {
 
 impl Drop for Decoder {
     fn drop(&mut self) {
+        if let Some(guard) = &self.guard {
+            guard.close();
+        }
         if let Err(error) = self.pipeline.set_state(gst::State::Null) {
             tracing::warn!(%error, "a decoder did not stop");
         }
@@ -196,11 +270,72 @@ fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
     n_arrived
 }
 
+/// Lets nothing but errors wait on the bus of a live pipeline, which runs for months: what decoders complain of is counted,
+/// the rest is nobody's. Holds a source that would connect elsewhere, and tells that.
+fn keep_errors_alone(
+    bus: &gst::Bus,
+    n_damaged: &Arc<AtomicU64>,
+    guard: Option<Arc<Guard>>,
+    faults: SyncSender<Fault>,
+) {
+    let n_damaged = Arc::clone(n_damaged);
+    bus.set_sync_handler(move |_bus, message| {
+        match message.view() {
+            gst::MessageView::Error(_) => return gst::BusSyncReply::Pass,
+            gst::MessageView::Warning(_) if message.src().is_some_and(is_decoder) => {
+                n_damaged.fetch_add(1, Ordering::Relaxed);
+            }
+            gst::MessageView::Progress(progress) => {
+                if let (Some(guard), Some(source)) = (&guard, message.src())
+                    && guard.is_astray(progress)
+                {
+                    tell(&faults, Fault::Connection(ConnectionFault::Redirected));
+                    guard.hold(source);
+                }
+            }
+            _ => {}
+        }
+        gst::BusSyncReply::Drop
+    });
+}
+
+fn is_decoder(object: &gst::Object) -> bool {
+    is_of(object, gst::ElementFactoryType::DECODER)
+}
+
+fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {
+    let factory = object.downcast_ref::<gst::Element>().and_then(gst::Element::factory);
+    factory.is_some_and(|factory| factory.has_type(kind))
+}
+
+/// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps broken JPEG from it.
+fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
+    if !is_decoder(element.upcast_ref()) {
+        return;
+    }
+    let has_limit = element.find_property("max-errors").map(|property| property.value_type());
+    if has_limit == Some(glib::Type::I32) {
+        element.set_property("max-errors", -1_i32);
+    }
+    let n_damaged = Arc::clone(n_damaged);
+    let Some(pad) = element.static_pad("sink") else { return };
+    pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
+        let caps = pad.current_caps();
+        let kind = caps.as_ref().and_then(|caps| caps.structure(0)).map(gst::StructureRef::name);
+        let Some(buffer) = info.buffer().filter(|_| kind.is_some_and(|kind| kind == "image/jpeg")) else {
+            return gst::PadProbeReturn::Ok;
+        };
+        if buffer.map_readable().is_ok_and(|bytes| jpeg::is_whole(&bytes)) {
+            return gst::PadProbeReturn::Ok;
+        }
+        n_damaged.fetch_add(1, Ordering::Relaxed);
+        gst::PadProbeReturn::Drop
+    });
+}
+
 /// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads. The property's name and type depend on the decoder.
 fn cap_threads(element: &gst::Element) {
-    let is_decoder =
-        element.factory().is_some_and(|factory| factory.has_type(gst::ElementFactoryType::DECODER));
-    if !is_decoder {
+    if !is_decoder(element.upcast_ref()) {
         return;
     }
     let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);

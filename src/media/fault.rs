@@ -1,6 +1,7 @@
 //! Why a pipeline gives nothing further, and which package would help.
 
 use gstreamer as gst;
+use std::fmt;
 
 /// Why a pipeline gives no further picture.
 #[derive(Debug)]
@@ -25,6 +26,8 @@ pub enum Fault {
     },
     /// The stream breaks off.
     Damaged(String),
+    /// A camera is not reached, or sends nothing.
+    Connection(ConnectionFault),
     /// `GStreamer` fails or is incomplete.
     Gstreamer {
         /// What was tried.
@@ -32,6 +35,46 @@ pub enum Fault {
         /// What it said.
         detail: String,
     },
+}
+
+impl fmt::Display for Fault {
+    /// What is wrong, without the name of the stream: whoever knows that says it.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotVideo(detail) | Self::Damaged(detail) => formatter.write_str(detail),
+            Self::MissingCodec { codec, package } => write!(formatter, "no {codec}: install {package}"),
+            Self::TooLarge { width, height, limit } => {
+                write!(formatter, "{width} x {height}: at most {limit}")
+            }
+            Self::Connection(fault) => write!(formatter, "the connection failed: {fault:?}"),
+            Self::Gstreamer { action, detail } => write!(formatter, "cannot {action}: {detail}"),
+        }
+    }
+}
+
+/// Why a camera gives nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConnectionFault {
+    /// Nothing listens there, or there is no way there.
+    Unreachable,
+    /// It does not answer in time.
+    TimedOut,
+    /// It wants another user or password, or one at all.
+    Unauthorized,
+    /// It has no such stream.
+    NotFound,
+    /// It answers with this status.
+    Status(u32),
+    /// It says that the stream is elsewhere.
+    Redirected,
+    /// It does not prove its name.
+    Insecure,
+    /// Something else is using it.
+    Busy,
+    /// It ended the connection.
+    Closed,
+    /// It has no format of those that are asked for.
+    NoFormat,
 }
 
 /// A failure of `GStreamer` itself while `action` was tried.

@@ -1,24 +1,39 @@
 //! Where a pipeline's bytes come from.
 
 use super::Fault;
+use super::connection::{Guard, is_video};
 use super::fault::gstreamer_fault;
+use gst::glib;
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
 use std::io::Read;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 128 * 1024;
 
-/// The element at which a pipeline begins.
+/// The elements at which a pipeline begins, each linked to the next.
 ///
-/// Its source pads, those there and those to come, are linked to whatever reads them; of several streams the first
+/// The last one's source pads, those there and those to come, are linked to whatever reads them; of several streams the first
 /// video counts.
 #[derive(Debug)]
 pub struct Input {
-    element: gst::Element,
+    elements: Vec<gst::Element>,
     keep: Keep,
+    links: Link,
+    guard: Option<Arc<Guard>>,
+}
+
+/// When an input's source pads are there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Link {
+    /// From the start.
+    Now,
+    /// One after the other, once it is connected.
+    AsTheyCome,
 }
 
 /// What becomes of pictures that are not taken as they come.
@@ -38,7 +53,16 @@ impl Input {
     pub fn file(location: &Path) -> Result<Self, Fault> {
         let element = make("filesrc")?;
         element.set_property("location", location);
-        Ok(Self { element, keep: Keep::All })
+        Ok(Self::new(vec![element], Keep::All, Link::Now))
+    }
+
+    pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep, links: Link) -> Self {
+        Self { elements, keep, links, guard: None }
+    }
+
+    /// The same, kept from going elsewhere than to `location`.
+    pub(super) fn guarded(self, location: &str) -> Self {
+        Self { guard: Some(Arc::new(Guard::new(location))), ..self }
     }
 
     /// What `reader` gives, from its beginning to its end, in any container that needs no seeking.
@@ -69,16 +93,35 @@ impl Input {
             }
         };
         source.set_callbacks(gst_app::AppSrcCallbacks::builder().need_data(need_data).build());
-        Ok(Self { element, keep: Keep::All })
+        Ok(Self::new(vec![element], Keep::All, Link::Now))
     }
 
-    /// Links the first video of the input to `reader`, now or when it comes.
-    pub(super) fn link(&self, reader: &gst::Element) -> Result<(), Fault> {
-        self.element.link(reader).map_err(|error| gstreamer_fault("build a pipeline", &error))
+    /// Puts the input into `pipeline`, and links its first video to `reader`, now or when it comes.
+    pub(super) fn link(&self, pipeline: &gst::Pipeline, reader: &gst::Element) -> Result<(), Fault> {
+        let fault = |error: &glib::BoolError| gstreamer_fault("build a pipeline", error);
+        pipeline.add_many(&self.elements).map_err(|error| fault(&error))?;
+        gst::Element::link_many(&self.elements).map_err(|error| fault(&error))?;
+        let Some(last) = self.elements.last() else { return Ok(()) };
+        if self.links == Link::Now {
+            return last.link(reader).map_err(|error| fault(&error));
+        }
+        let (reader, is_linked) = (reader.downgrade(), AtomicBool::new(false));
+        last.connect_pad_added(move |_element, pad| {
+            let Some(target) = reader.upgrade().and_then(|reader| reader.static_pad("sink")) else { return };
+            let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
+            if !is_video(&caps) || is_linked.swap(true, Ordering::AcqRel) {
+                return;
+            }
+            // What is not linked ends the stream with an error on the bus.
+            if let Err(error) = pad.link(&target) {
+                tracing::warn!(%error, "a camera's stream is not linked");
+            }
+        });
+        Ok(())
     }
 
-    pub(super) const fn element(&self) -> &gst::Element {
-        &self.element
+    pub(super) const fn guard(&self) -> Option<&Arc<Guard>> {
+        self.guard.as_ref()
     }
 
     pub(super) const fn keep(&self) -> Keep {

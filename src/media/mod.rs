@@ -4,17 +4,22 @@
 //! stream's own times, and a [`Fault`] where the stream ends other than by its end. Knows no camera, no scene time, no
 //! file's place.
 
+mod connection;
 mod decoder;
+mod device;
 mod encoded;
 mod fault;
 mod input;
+mod jpeg;
 mod muxer;
 mod planes;
 mod tap;
 
+pub use connection::Login;
 pub use decoder::Decoder;
+pub use device::DeviceWish;
 pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
-pub use fault::Fault;
+pub use fault::{ConnectionFault, Fault};
 pub use input::Input;
 pub use muxer::{Muxer, TICK_NANOS};
 pub use planes::{PlaneReader, SampleError};
@@ -33,4 +38,7 @@ pub struct Picture {
     pub stream_nanos: Option<i64>,
     /// Nanoseconds to the next picture as the container promises them, if it does.
     pub interval_nanos: Option<i64>,
+    /// When it was taken as its camera says, nanoseconds since 1970 (UTC), where the stream says it. RTSP cameras do in
+    /// sender reports, the first of which comes some seconds after the first frame.
+    pub reference_nanos: Option<i64>,
 }

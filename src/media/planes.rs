@@ -52,6 +52,7 @@ impl PlaneReader {
         let stream_time = segment.and_then(|segment| segment.to_stream_time(buffer.pts()));
         let stream_nanos = stream_time.and_then(|time| i64::try_from(time.nseconds()).ok());
         let promised = buffer.duration().and_then(|time| i64::try_from(time.nseconds()).ok());
+        let reference_nanos = reference_nanos(&buffer);
         let mut layout = format.layout;
         if let Some(meta) = buffer.meta::<gst_video::VideoMeta>() {
             place_planes(&mut layout, meta.offset(), meta.stride())?;
@@ -61,7 +62,8 @@ impl PlaneReader {
             .map_err(|_buffer: gst::Buffer| SampleError::Unusable("a buffer that cannot be read"))?;
         let image =
             YuvImage::new(layout, format.matrix, format.range, mapped).map_err(SampleError::Layout)?;
-        Ok(Picture { image, stream_nanos, interval_nanos: promised.or(format.interval_nanos) })
+        let interval_nanos = promised.or(format.interval_nanos);
+        Ok(Picture { image, stream_nanos, interval_nanos, reference_nanos })
     }
 }
 
@@ -81,6 +83,22 @@ impl Format {
         let interval_nanos = (frames > 0).then(|| 1_000_000_000 * secs / frames);
         Ok(Self { caps: caps.to_owned(), layout, matrix, range, interval_nanos })
     }
+}
+
+/// Seconds from 1900, where NTP begins, to 1970.
+const NTP_EPOCH_SECS: u64 = 2_208_988_800;
+
+/// When the picture in `buffer` was taken as its camera says, nanoseconds since 1970 (UTC).
+fn reference_nanos(buffer: &gst::BufferRef) -> Option<i64> {
+    buffer.iter_meta::<gst::ReferenceTimestampMeta>().find_map(|meta| {
+        let since_secs = match meta.reference().structure(0)?.name().as_str() {
+            "timestamp/x-ntp" => NTP_EPOCH_SECS,
+            "timestamp/x-unix" => 0,
+            _ => return None,
+        };
+        let nanos = meta.timestamp().nseconds().checked_sub(since_secs * 1_000_000_000)?;
+        i64::try_from(nanos).ok()
+    })
 }
 
 fn place_planes(layout: &mut YuvLayout, offsets: &[usize], strides: &[i32]) -> Result<(), SampleError> {

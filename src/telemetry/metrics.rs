@@ -43,11 +43,15 @@ pub enum DropReason {
     Overrun,
     /// Its time is not after that of the frame before it.
     OutOfOrder,
+    /// A newer frame of a live camera came before it was taken.
+    Replaced,
+    /// It could not be decoded whole.
+    Damaged,
 }
 
 impl DropReason {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::Overrun, Self::OutOfOrder];
+    pub const ALL: [Self; 4] = [Self::Overrun, Self::OutOfOrder, Self::Replaced, Self::Damaged];
 
     /// The label's value.
     #[must_use]
@@ -55,6 +59,8 @@ impl DropReason {
         match self {
             Self::Overrun => "overrun",
             Self::OutOfOrder => "out_of_order",
+            Self::Replaced => "replaced",
+            Self::Damaged => "damaged",
         }
     }
 }
@@ -298,9 +304,9 @@ impl Metrics {
         self.ingest_stage.with_label_values(&[camera, stage.as_str()]).observe(seconds);
     }
 
-    /// Notes a dropped frame.
-    pub fn count_dropped(&self, camera: &str, reason: DropReason) {
-        self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc();
+    /// Notes `n` dropped frames.
+    pub fn count_dropped(&self, camera: &str, reason: DropReason, n: u64) {
+        self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc_by(n);
     }
 
     /// Notes a frame that was to be recorded and was not.
@@ -456,7 +462,7 @@ mod tests {
     fn what_is_counted_is_told() {
         let metrics = used();
         metrics.ingest_frames.with_label_values(&["north"]).inc();
-        metrics.count_dropped("north", DropReason::Overrun);
+        metrics.count_dropped("north", DropReason::Overrun, 1);
         metrics.observe_stage("north", Stage::Segment, 0.003);
         let text = metrics.encode();
         for line in [

@@ -194,7 +194,7 @@ impl Cursor {
     fn open(camera: &CameraId, reading: Reading) -> Result<Self, ReplayError> {
         let (path, starts_at) = (reading.segment().path.clone(), reading.starts_at());
         let undecoded =
-            |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: reason_of(fault) };
+            |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: fault.to_string() };
         let input = Input::stream(reading).map_err(undecoded)?;
         let decoder = Decoder::start(&input, None).map_err(undecoded)?;
         Ok(Self {
@@ -245,7 +245,7 @@ impl Cursor {
                 return Ok(Some(PastFrame { image: Arc::new(picture.image), timestamp }));
             }
             if let Some(fault) = self.decoder.fault() {
-                return Err(undecoded(reason_of(fault)));
+                return Err(undecoded(fault.to_string()));
             }
             if self.decoder.has_ended() {
                 return Ok(None);
@@ -261,13 +261,5 @@ impl Cursor {
         let distances = [(self.before, shown), (shown, next)];
         let distances = distances.into_iter().filter_map(|(from, to)| Some(to?.nanos_since(from?)));
         distances.min().map_or(REACH_NANOS, |distance| REACH_NANOS.max(distance.saturating_mul(2)))
-    }
-}
-
-fn reason_of(fault: Fault) -> String {
-    match fault {
-        Fault::NotVideo(detail) | Fault::Damaged(detail) | Fault::Gstreamer { detail, .. } => detail,
-        Fault::MissingCodec { codec, package } => format!("there is no {codec}; {package} may have it"),
-        other => format!("{other:?}"),
     }
 }

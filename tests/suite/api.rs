@@ -142,8 +142,8 @@ async fn cameras_show_their_state() {
     assert_eq!(
         south,
         json!({
-            "id": "south", "name": "SOUTH", "state": "failed", "reason": "no such file", "size_px": [6, 4], "vision_size_px": [3, 2],
-            "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
+            "id": "south", "name": "SOUTH", "state": "failed", "reason": "no such file", "since": LAST.to_string(),
+            "retries": 2, "next_try": LAST.to_string(), "size_px": [6, 4], "vision_size_px": [3, 2], "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
             "scenes": ["plaza"],
         })
     );

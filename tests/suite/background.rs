@@ -2,7 +2,7 @@
 
 use crate::support::real_data;
 use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings, TrackSettings};
+use videofields::config::{BackgroundSettings, SegmentSettings, SourceSettings, TrackSettings};
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline};
 
@@ -10,7 +10,7 @@ use videofields::ingest::{self, MediaRoots, Pipeline};
 fn restart_in_the_middle_of_a_clip_changes_no_mask() {
     let Some(path) = real_data("pets2009_s2l1/vtest.avi") else { return };
     let roots = MediaRoots::folder_of(&path).unwrap();
-    let settings = SourceSettings { path, timing: None, rate_hz: 25.0, end: End::Stop, start: None };
+    let settings = SourceSettings::of_path(path);
     let mut source = ingest::open(&settings, &roots).unwrap();
     let mut frames = std::iter::from_fn(|| source.next_frame().unwrap()).map(|frame| Frame {
         camera: CameraId::new("campus").unwrap(),

@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
-use videofields::config::{self, Config, ConfigError, Learning, Settings, Timing};
+use videofields::config::{self, CameraUrl, Config, ConfigError, Learning, Settings, SourceSettings, Timing};
 use videofields::error::ErrorKind;
 
 const NO_VARIABLES: [(OsString, OsString); 0] = [];
@@ -54,7 +54,7 @@ fn the_example_parses_to_the_defaults() {
 #[test]
 fn the_example_s_camera_has_the_defaults_too() {
     let config = parse(&full_example()).expect("a configuration without faults");
-    let [camera] = config.settings().camera.as_slice() else { panic!("one camera") };
+    let [camera, yard, gate, desk] = config.settings().camera.as_slice() else { panic!("four cameras") };
     let minimal = parse("[[camera]]\nid = \"north\"\nsource.path = \"north.webm\"").expect("enough");
     let mut expected = minimal.settings().camera[0].clone();
     // The four that have no value to show as their default.
@@ -64,6 +64,24 @@ fn the_example_s_camera_has_the_defaults_too() {
     expected.background.clip = Some("/etc/videofields/north-empty.webm".into());
     assert_eq!(camera, &expected);
     assert_eq!(camera.name, "north");
+    let default = SourceSettings::default();
+    let user = Some("viewer".to_owned());
+    let yard_expected = SourceSettings {
+        url: Some(CameraUrl::new("rtsp://192.168.1.20/stream1")),
+        user: user.clone(),
+        password_file: Some("/etc/videofields/yard.password".into()),
+        ..default.clone()
+    };
+    assert_eq!(yard.source, yard_expected);
+    let gate_expected = SourceSettings {
+        url: Some(CameraUrl::new("http://192.168.1.21/video.mjpg")),
+        user,
+        password_env: Some("VIDEOFIELDS_GATE_PASSWORD".to_owned()),
+        ..default.clone()
+    };
+    assert_eq!(gate.source, gate_expected);
+    let (device, width_px, height_px) = (Some("/dev/video0".into()), Some(1280), Some(720));
+    assert_eq!(desk.source, SourceSettings { device, width_px, height_px, ..default });
     assert_eq!(config.settings().scene[0].file, Path::new("/etc/videofields/plaza.json"));
 }
 
@@ -89,7 +107,14 @@ fn the_example_names_every_key() {
     check(camera, "camera", "[[camera]]\nid = \"a\"\nsource.path = \"a\"\nzzz = 1");
     for part in ["source", "background", "segment", "track", "condition"] {
         let document = format!("[[camera]]\nid = \"a\"\nsource.path = \"a\"\n{part}.zzz = 1");
-        check(camera[part].as_table().expect("a table"), part, &document);
+        let mut written = camera[part].as_table().expect("a table").clone();
+        if part == "source" {
+            // Each kind of source has keys of its own, so they are spread over the cameras.
+            for other in example["camera"].as_array().expect("cameras") {
+                written.extend(other["source"].as_table().expect("a table").clone());
+            }
+        }
+        check(&written, part, &document);
     }
     let scene = example["scene"][0].as_table().expect("a table");
     check(scene, "scene", "[[scene]]\nid = \"a\"\nfile = \"a\"\nzzz = 1");
@@ -231,6 +256,82 @@ fn nothing_is_recorded_without_a_folder() {
     let config = parse("[archive]\nfolder = \"./tapes\"").expect("a configuration");
     assert!(config.settings().archive.is_on());
     assert_eq!(config.settings().archive.folder, Path::new("/etc/videofields/tapes"));
+}
+
+#[test]
+fn a_source_is_one_thing_and_has_its_own_keys_alone() {
+    let said = |source: &str| faults_of(&format!("[[camera]]\nid = \"a\"\n[camera.source]\n{source}"));
+    let check = |source: &str, expected: &str| {
+        let said = said(source);
+        assert!(said.len() == 1 && said[0].contains(expected), "{source}: {said:#?}");
+    };
+    let url = "url = \"rtsp://10.0.0.2/a\"\n";
+    let device = "device = \"/dev/video0\"\n";
+    for good in ["path = \"a\"", url, device, "url = \"https://cam/a\"\nstall_secs = 9"] {
+        assert_eq!(
+            parse(&format!("[[camera]]\nid = \"a\"\n[camera.source]\n{good}")).err().map(|e| e.to_string()),
+            None
+        );
+    }
+    check("", "exactly one of `path` (a file), `url` (a camera) and `device` (V4L2) is needed");
+    check("path = \"a\"\nurl = \"rtsp://10.0.0.2/a\"", "exactly one of");
+    check(
+        &format!("{url}end = \"loop\""),
+        "source.end: `end` belongs to a file, and this source is a camera's URL",
+    );
+    check(&format!("{url}rate_hz = 5"), "`rate_hz` belongs to");
+    check(&format!("{url}width_px = 640"), "`width_px` belongs to a device");
+    check(
+        &format!("{device}transport = \"udp\""),
+        "`transport` belongs to a camera's URL, and this source is a device",
+    );
+    check("path = \"a\"\nstall_secs = 3", "`stall_secs` belongs to");
+    check("url = \"http://10.0.0.2/a\"\ntransport = \"udp\"", "`transport` belongs to rtsp and rtsps URLs");
+    check(&format!("{url}transport = \"multicast\""), "allowed: tcp, udp");
+    check(&format!("{url}stall_secs = 0.4"), "0.5 to 60 seconds");
+    check(&format!("{url}stall_secs = 61"), "0.5 to 60 seconds");
+    check(&format!("{device}width_px = 15"), "16 to 8192 pixels");
+    check(&format!("{device}format = \"yuyv\""), "allowed: auto, mjpeg, raw, h264");
+    check(&format!("{url}user = \"a\""), "source.user: a user needs a password");
+    check(&format!("{url}password_env = \"A\""), "source.password_env: a password needs a `user`");
+    check(&format!("{url}user = \"a\"\npassword_env = \"A\"\npassword_file = \"b\""), "not both");
+    check(&format!("{url}user = \"a:b\"\npassword_env = \"A\""), "source.user: expected 1 to 200");
+}
+
+#[test]
+fn no_fault_repeats_a_password() {
+    let check = |source: &str, expected: &str| {
+        let said = faults_of(&format!("[[camera]]\nid = \"a\"\n[camera.source]\n{source}")).join("\n");
+        assert!(said.contains(expected), "{source}: {said}");
+        assert!(!said.contains("s3cret") && !said.contains("admin"), "{said}");
+    };
+    check(
+        "url = \"rtsp://admin:s3cret@10.0.0.2/a\"",
+        "name the keys `user`, and `password_file` or `password_env`",
+    );
+    check("url = \"admin:s3cret@10.0.0.2\"", "expected a URL such as");
+    check("url = \"file:///s3cret\"", "not \"file\"");
+    check("url = \"concat:s3cret\"", "not \"concat\"");
+    check("url = \"exec:s3cret\"", "not \"exec\"");
+    let url = "url = \"rtsp://10.0.0.2/a\"\nuser = \"b\"\n";
+    check(&format!("{url}password_env = \"s3cret!\""), "the name of an environment variable");
+    let good = parse("[[camera]]\nid = \"a\"\nsource.url = \"rtsp://10.0.0.2/user=admin&password=s3cret\"");
+    let shown = format!("{:?}", good.expect("a configuration"));
+    assert!(shown.contains("rtsp://10.0.0.2:554") && !shown.contains("s3cret"), "{shown}");
+}
+
+#[test]
+fn networks_are_blocks_of_addresses() {
+    let said = faults_of("[media]\nnetworks = [\"10.0.0.0/8\", \"lan\"]");
+    assert!(said[0].contains("media.networks[1]: expected an address or a block of addresses"), "{said:?}");
+    let networks = vec!["\"10.0.0.1\""; 65].join(",");
+    let said = faults_of(&format!("[media]\nnetworks = [{networks}]"));
+    assert!(said[0].contains("at most 64 are allowed, got 65"), "{said:?}");
+    let file = Path::new("/etc/videofields/site.toml");
+    let given = variables(&[("VIDEOFIELDS_MEDIA__NETWORKS", "[\"203.0.113.7\"]")]);
+    let config = config::parse("", file, given).expect("a configuration");
+    let [network] = config.settings().media.networks.as_slice() else { panic!("one network") };
+    assert!(network.contains("203.0.113.7".parse().expect("an address")));
 }
 
 #[test]

@@ -79,11 +79,10 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         id: CameraId::new(id).unwrap(),
         name: String::new(),
         source: SourceSettings {
-            path: path.into(),
-            timing: None,
             rate_hz: RATE_HZ,
             end,
             start: Some(Timestamp::from_nanos(0)),
+            ..SourceSettings::of_path(path)
         },
         record: true,
         background: Default::default(),

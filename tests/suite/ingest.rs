@@ -15,11 +15,11 @@ use videofields::ingest::{
 };
 
 fn settings(path: &Path) -> SourceSettings {
-    SourceSettings { path: path.to_path_buf(), timing: None, rate_hz: 25.0, end: End::Stop, start: None }
+    SourceSettings::of_path(path)
 }
 
 fn open(settings: &SourceSettings) -> Result<Box<dyn Source>, IngestError> {
-    ingest::open(settings, &MediaRoots::folder_of(&settings.path)?)
+    ingest::open(settings, &MediaRoots::folder_of(settings.path.as_deref().unwrap())?)
 }
 
 fn frames(settings: &SourceSettings) -> Vec<SourceFrame> {

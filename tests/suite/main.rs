@@ -15,6 +15,7 @@ mod engine;
 mod fuse;
 mod geometry;
 mod ingest;
+mod ingest_live;
 mod mapping;
 mod recording;
 mod render;

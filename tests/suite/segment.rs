@@ -6,19 +6,14 @@ use crate::support::real_data;
 use std::collections::BTreeMap;
 use std::path::Path;
 use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, End, Learning, SegmentSettings, SourceSettings, Timing};
+use videofields::config::{BackgroundSettings, Learning, SegmentSettings, SourceSettings, Timing};
 use videofields::frame::{CameraId, Frame};
 use videofields::ingest::{self, MediaRoots, Pipeline, Source};
 use videofields::segment::{MOVING, PixelRect};
 
 fn open(path: &Path) -> Box<dyn Source> {
-    let settings = SourceSettings {
-        path: path.to_path_buf(),
-        timing: Some(Timing::Index),
-        rate_hz: 10.0,
-        end: End::Stop,
-        start: None,
-    };
+    let settings =
+        SourceSettings { timing: Some(Timing::Index), rate_hz: 10.0, ..SourceSettings::of_path(path) };
     ingest::open(&settings, &MediaRoots::folder_of(path).unwrap()).unwrap()
 }
 

@@ -411,7 +411,11 @@ fn what_is_written_is_what_is_true() {
     let settings: videofields::config::Settings = toml::from_str(&text).unwrap();
     assert_eq!(settings.camera.len(), 3);
     for camera in &settings.camera {
-        assert!(options.out_dir.join(&camera.source.path).is_file(), "{}", camera.id);
+        assert!(
+            camera.source.path.as_ref().is_some_and(|path| options.out_dir.join(path).is_file()),
+            "{}",
+            camera.id
+        );
     }
     let scene = std::fs::read_to_string(options.out_dir.join(&settings.scene[0].file)).unwrap();
     assert_eq!(scene, world.scene_json(options.size_px).unwrap());

@@ -1,6 +1,7 @@
 //! What several tests share.
 
 pub(crate) mod golden;
+pub(crate) mod rtsp;
 pub(crate) mod video;
 
 use proptest::prelude::ProptestConfig;

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::Arc;
 use videofields::background::{Format, GaussianMixture, Hints, ReferenceMixture, simd_levels};
 use videofields::clock::{Clock, SystemClock};
-use videofields::config::{BackgroundSettings, End, SourceSettings, Timing};
+use videofields::config::{BackgroundSettings, SourceSettings, Timing};
 use videofields::frame::{YuvImage, YuvLayout};
 use videofields::ingest::{self, MediaRoots};
 use videofields::plan::Spread;
@@ -186,11 +186,9 @@ impl Background {
     /// The clip's first frames, scaled.
     fn frames(&self) -> Result<Vec<Arc<YuvImage>>> {
         let settings = SourceSettings {
-            path: self.input.clone(),
             timing: Some(Timing::Index),
             rate_hz: 1.0 / STEP_SECS,
-            end: End::Stop,
-            start: None,
+            ..SourceSettings::of_path(&self.input)
         };
         let mut source = ingest::open(&settings, &MediaRoots::folder_of(&self.input)?)?;
         let mut frames: Vec<Arc<YuvImage>> = Vec::new();

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use videofields::accuracy::{Figure, MaskScore, Point, Series, figure_page};
 use videofields::clock::{Clock as _, SystemClock, Timestamp};
-use videofields::config::{CameraSettings, End, SourceSettings};
+use videofields::config::{CameraSettings, SourceSettings};
 use videofields::frame::{CameraId, Frame, Mask, YuvImage};
 use videofields::ingest::{self, MediaRoots, Pipeline};
 use videofields::plan::Spread;
@@ -128,7 +128,7 @@ impl Quality {
 }
 
 fn clip_source(path: &Path) -> SourceSettings {
-    SourceSettings { path: path.to_owned(), timing: None, rate_hz: 25.0, end: End::Stop, start: None }
+    SourceSettings::of_path(path)
 }
 
 impl Form {
@@ -166,7 +166,7 @@ impl Clip {
             .find(|path| path.file_stem().is_some_and(|stem| stem == camera))
             .with_context(|| format!("{}: no clip of {camera}", folder.display()))?;
         let source = clip_source(&path);
-        let mut source = ingest::open(&source, &MediaRoots::folder_of(&source.path)?)?;
+        let mut source = ingest::open(&source, &MediaRoots::folder_of(&path)?)?;
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
         while let Some(next) = source.next_frame()? {
             let place =

@@ -6,7 +6,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, End, SegmentSettings, SourceSettings};
+use videofields::config::{BackgroundSettings, SegmentSettings, SourceSettings};
 use videofields::frame::{CameraId, Frame, YuvImage};
 use videofields::ingest::{self, MediaRoots, Pipeline};
 use videofields::plan::Spread;
@@ -89,13 +89,7 @@ impl Vision {
 
     /// Plays the clip once, as fast as it goes, before a camera or before nobody.
     fn play(&self, mut camera: Option<&mut Camera>) -> Result<Run> {
-        let source = SourceSettings {
-            path: self.input.clone(),
-            timing: None,
-            rate_hz: 25.0,
-            end: End::Stop,
-            start: None,
-        };
+        let source = SourceSettings::of_path(&self.input);
         let mut frames = ingest::open(&source, &MediaRoots::folder_of(Path::new(&self.input))?)?;
         let started = cpu_ms(ClockId::ProcessCPUTime);
         let mut run = Run { n_frames: 0, cpu_ms: 0.0, stages_ms: [0.0; Stage::ALL.len()] };

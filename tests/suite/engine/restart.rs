@@ -25,11 +25,8 @@ fn segment() -> SegmentSettings {
 /// The frames of a folder of pictures as a camera that has no lateness delivers them.
 fn frames(folder: &TempDir, name: &str) -> Vec<Frame> {
     let settings = SourceSettings {
-        path: folder.path().join(name).join("in%04d.png"),
-        timing: None,
         rate_hz: super::RATE_HZ,
-        end: End::Stop,
-        start: None,
+        ..SourceSettings::of_path(folder.path().join(name).join("in%04d.png"))
     };
     let roots = MediaRoots::new(&[folder.path().to_owned()]).unwrap();
     let mut source = ingest::open(&settings, &roots).unwrap();

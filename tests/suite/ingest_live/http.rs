@@ -1,0 +1,149 @@
+//! Cameras that send motion JPEG over HTTP.
+
+use super::*;
+
+/// A grey picture as JPEG.
+fn jpeg(level: u8) -> Vec<u8> {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let picture =
+        image::RgbImage::from_fn(160, 120, |x, y| image::Rgb([level, (x % 64) as u8, (y * 2) as u8]));
+    picture.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+    bytes.into_inner()
+}
+
+/// One part of an endless answer.
+fn part(jpeg: &[u8]) -> Vec<u8> {
+    let mut bytes =
+        format!("--next\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len()).into_bytes();
+    bytes.extend_from_slice(jpeg);
+    bytes.extend_from_slice(b"\r\n");
+    bytes
+}
+
+/// A camera whose connections send what `send` writes after the answer's head; the heads of the requests are kept.
+fn camera(
+    send: impl Fn(&mut TcpStream) -> std::io::Result<()> + Send + Sync + 'static,
+) -> (u16, Arc<Mutex<Vec<String>>>) {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let heads: Arc<Mutex<Vec<String>>> = Arc::default();
+    let (kept, send) = (Arc::clone(&heads), Arc::new(send));
+    let serve = move || {
+        for stream in listener.incoming() {
+            let (mut stream, kept, send) = (stream.unwrap(), Arc::clone(&kept), Arc::clone(&send));
+            let answer = move || {
+                let mut bytes = [0; 4096];
+                let n = stream.read(&mut bytes).unwrap_or(0);
+                kept.lock().unwrap().push(String::from_utf8_lossy(&bytes[..n]).into_owned());
+                let head =
+                    "HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=next\r\n\r\n";
+                // Whoever hangs up has seen enough.
+                if stream.write_all(head.as_bytes()).is_ok() {
+                    send(&mut stream).unwrap_or_default();
+                }
+            };
+            std::thread::Builder::new().name("connection".to_owned()).spawn(answer).unwrap();
+        }
+    };
+    std::thread::Builder::new().name("camera".to_owned()).spawn(serve).unwrap();
+    (port, heads)
+}
+
+fn pause(ms: u64) {
+    SystemClock::new().sleep(Duration::from_millis(ms));
+}
+
+#[test]
+fn pictures_come_and_the_camera_hears_its_own_name() {
+    let (port, heads) = camera(|stream| {
+        for n in 0..500 {
+            stream.write_all(&part(&jpeg(n as u8)))?;
+            pause(40);
+        }
+        Ok(())
+    });
+    let camera = Camera::connect(settings(&format!("http://localhost:{port}/video.mjpg?a=b")));
+    let status = camera.wait_frames(10);
+    assert_eq!((status.size, status.retries), (Some((160, 120)), 0));
+    let frames = camera.frames();
+    assert_grows(&frames);
+    let head = heads.lock().unwrap()[0].clone();
+    assert!(head.starts_with("GET /video.mjpg?a=b HTTP/1.1"), "{head}");
+    let hosts: Vec<_> = head.lines().filter(|line| line.to_lowercase().starts_with("host:")).collect();
+    assert_eq!(hosts, [format!("Host: localhost:{port}")]);
+}
+
+#[test]
+fn pictures_cut_short_are_left_out_and_the_camera_stays() {
+    let (port, _heads) = camera(|stream| {
+        let whole = jpeg(90);
+        for n in 0..500 {
+            let cut = match n % 5 {
+                1 => &whole[..whole.len() / 2],
+                2 => &whole[..30],
+                3 => b"no picture at all",
+                _ => &whole[..],
+            };
+            stream.write_all(&part(cut))?;
+            pause(30);
+        }
+        Ok(())
+    });
+    let camera = Camera::connect(settings(&format!("http://127.0.0.1:{port}/")));
+    let status = camera.wait_frames(30);
+    assert!(status.retries == 0 && status.dropped > 10, "{status:?}");
+    let lost = camera.kept.0.lock().unwrap().lost.clone();
+    let n_damaged: u64 =
+        lost.iter().filter(|(reason, _)| *reason == DropReason::Damaged).map(|(_, n)| n).sum();
+    assert!(n_damaged > 10, "{lost:?}");
+    assert_eq!(status.size, Some((160, 120)));
+    assert_grows(&camera.frames());
+}
+
+#[test]
+fn silence_is_a_stall_and_then_a_failure() {
+    let (port, _heads) = camera(|stream| {
+        for _ in 0..10 {
+            stream.write_all(&part(&jpeg(70)))?;
+            pause(40);
+        }
+        pause(1_500);
+        for _ in 0..25 {
+            stream.write_all(&part(&jpeg(80)))?;
+            pause(40);
+        }
+        pause(20_000);
+        Ok(())
+    });
+    let stalls = SourceSettings { stall_secs: 0.5, ..settings(&format!("http://127.0.0.1:{port}/")) };
+    let camera = Camera::connect(stalls);
+    camera.wait_frames(5);
+    let is_stalled = |status: &CameraStatus| status.state == CameraState::Stalled;
+    let stalled = camera.wait("the camera stalls", is_stalled);
+    assert!(stalled.reason.as_ref().unwrap().contains("sent no frame for 0.5 s"), "{stalled:?}");
+    let back = camera.wait_frames(1);
+    assert_eq!((back.retries, back.reason), (0, None), "the same connection");
+    assert!(back.since > stalled.since);
+    camera.wait("it stalls again", is_stalled);
+    let failed = camera.wait("it is given up", |status| status.state == CameraState::Failed);
+    assert!(failed.next_try.is_some(), "{failed:?}");
+    camera.wait_frames(5);
+}
+
+#[test]
+fn who_wants_a_password_is_told_apart() {
+    let port = answering(|head| {
+        let is_known = head.contains("Authorization: Basic dmlld2VyOnMzY3JldA==");
+        let status = if is_known { "404 Not Found" } else { "401 Unauthorized" };
+        format!("HTTP/1.1 {status}\r\nWWW-Authenticate: Basic realm=\"camera\"\r\nContent-Length: 0\r\n\r\n")
+    });
+    let url = format!("http://127.0.0.1:{port}/");
+    Camera::connect(settings(&url)).wait_failed("refuses the user or the password");
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("password");
+    std::fs::write(&path, "s3cret").unwrap();
+    let (user, password_file) = (Some("viewer".to_owned()), Some(path));
+    let known = Camera::connect(SourceSettings { user, password_file, ..settings(&url) });
+    let status = known.wait_failed("has no such stream");
+    assert!(!format!("{status:?}").contains("s3cret"), "{status:?}");
+}
