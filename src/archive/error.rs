@@ -56,6 +56,19 @@ pub enum ArchiveError {
 }
 
 impl ArchiveError {
+    /// What it says, without the places of files, which callers from elsewhere need not know.
+    pub(super) fn without_places(&self) -> String {
+        match self {
+            Self::Files { action, source, .. } => format!("cannot {action}: {source}"),
+            Self::NearlyFull { free_mib, least_mib, .. } => {
+                format!("the disk has {free_mib} MiB left, and archive.min_free_mib is {least_mib}")
+            }
+            Self::UnusableRow { what, .. } => format!("the row of a segment cannot be used: {what}"),
+            Self::Store(_) => "the database failed".to_owned(),
+            Self::NoRoom { .. } | Self::Unwritable { .. } => self.to_string(),
+        }
+    }
+
     /// What the caller can do about it.
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {

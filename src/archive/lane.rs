@@ -15,7 +15,7 @@ pub enum RecordingState {
     WaitingForKey,
     /// It cannot be recorded now; tried again every few seconds.
     Paused {
-        /// Why.
+        /// Why, without the places of files.
         reason: String,
     },
 }

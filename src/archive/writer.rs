@@ -301,10 +301,10 @@ impl Writer {
             recording.retry_at = retry_at;
             if recording.told.as_ref() != Some(&reason) {
                 tracing::error!(camera = %lane.camera(), reason, "recording is paused");
-                recording.told = Some(reason.clone());
+                recording.told = Some(reason);
             }
         }
-        lane.set_state(RecordingState::Paused { reason });
+        lane.set_state(RecordingState::Paused { reason: error.without_places() });
     }
 
     /// Does what is due.

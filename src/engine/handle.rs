@@ -1,6 +1,7 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{AccuracyStatus, EngineError, PlayheadState, SceneTimeline};
+use crate::archive::{CameraRecording, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::SegmentSettings;
 use crate::frame::{CameraId, RgbImage};
@@ -54,6 +55,8 @@ pub struct CameraSummary {
     pub size_px: Option<[u32; 2]>,
     /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
     pub vision_size_px: Option<[u32; 2]>,
+    /// How its recording goes; none where it is not recorded.
+    pub recording: Option<RecordingSummary>,
     /// Frames taken since the daemon started.
     pub frames: u64,
     /// Frames dropped: too late, replaced by newer ones, or damaged.
@@ -66,6 +69,34 @@ pub struct CameraSummary {
     pub age_secs: Option<f64>,
     /// Scenes that hold the camera.
     pub scenes: Vec<String>,
+}
+
+/// How a camera's recording goes, as the API shows it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct RecordingSummary {
+    /// `recording`, `waiting` (for the next key frame), `paused` or `off`.
+    pub state: &'static str,
+    /// Why it is paused.
+    pub reason: Option<String>,
+    /// Frames written since the daemon started.
+    pub frames: u64,
+    /// Bytes written since the daemon started.
+    pub bytes: u64,
+    /// Frames left out since the daemon started.
+    pub dropped: u64,
+}
+
+impl From<&CameraRecording> for RecordingSummary {
+    fn from(of: &CameraRecording) -> Self {
+        let (state, reason) = match &of.state {
+            RecordingState::Off => ("off", None),
+            RecordingState::Recording => ("recording", None),
+            RecordingState::WaitingForKey => ("waiting", None),
+            RecordingState::Paused { reason } => ("paused", Some(reason.clone())),
+        };
+        let dropped = of.dropped.iter().map(|(_, n)| n).sum();
+        Self { state, reason, frames: of.n_frames, bytes: of.n_bytes, dropped }
+    }
 }
 
 /// A scene as a list shows it.

@@ -23,8 +23,8 @@ pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::EngineError;
 pub use handle::{
-    At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, SceneSummary, SourceTime, ViewAnswer,
-    ViewRequest,
+    At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, RecordingSummary, SceneSummary,
+    SourceTime, ViewAnswer, ViewRequest,
 };
 pub use offline::view_once;
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};

@@ -2,7 +2,7 @@
 //!
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
-use crate::archive::ArchiveError;
+use crate::archive::{ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
 use crate::frame::{CameraId, Frame, Mask};
@@ -58,6 +58,11 @@ impl Past {
         let Some(replay) = &self.replay else { return Ok(Vec::new()) };
         let segments = self.runtime.block_on(replay.archive().segments(camera, from, to))?;
         Ok(segments.iter().map(|segment| (segment.first_at, segment.last_at)).collect())
+    }
+
+    /// How each camera's recording goes.
+    pub(super) fn recordings(&self) -> Vec<CameraRecording> {
+        self.replay.as_ref().map(|replay| replay.archive().status().cameras).unwrap_or_default()
     }
 
     /// How much moved before a camera between two instants.

@@ -5,7 +5,8 @@ use super::accuracy::{AccuracyBoard, AccuracyStatus};
 use super::checkpoint::StoreHealth;
 use super::chronicle::SceneTimeline;
 use super::handle::{
-    At, CameraSummary, Door, LocateMethod, Located, Readiness, SceneSummary, ViewAnswer, ViewRequest,
+    At, CameraSummary, Door, LocateMethod, Located, Readiness, RecordingSummary, SceneSummary, ViewAnswer,
+    ViewRequest,
 };
 use super::past::Past;
 use super::playheads::{Change, PlayheadState, Playheads};
@@ -259,6 +260,7 @@ fn live_of(newest: impl Iterator<Item = (Timestamp, bool)> + Clone) -> Option<Ti
 impl Door for Shared {
     fn cameras(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
+        let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
         let summary = |camera: &CameraEntry| {
             let status = camera.status.read();
             let range = camera.timeline.range();
@@ -277,6 +279,7 @@ impl Door for Shared {
                 next_try: status.next_try.map(|at| at.to_string()),
                 size_px: status.size.map(|(width, height)| [width, height]),
                 vision_size_px,
+                recording: recordings.iter().find(|of| of.camera == camera.id).map(RecordingSummary::from),
                 frames: status.frames,
                 dropped: status.dropped,
                 first: range.map(|(first, _)| first.to_string()),

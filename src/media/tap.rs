@@ -60,9 +60,9 @@ fn split(
     pipeline.add_many([decode, sink.upcast_ref()])?;
     gst::Element::link_many(&chain)?;
     let tee = &chain[chain.len() - 1];
-    // The decoder comes first: what is recorded should be no reason for it to wait.
-    tee.link(decode)?;
+    // The decoder comes second: a picture that is taken finds its encoded frame in the queue.
     tee.link(&sink)?;
+    tee.link(decode)?;
     sink.sync_state_with_parent()?;
     decode.sync_state_with_parent()?;
     for element in chain.iter().rev() {

@@ -118,7 +118,7 @@ impl Timeline {
         self.lock().observations.back().cloned().ok_or(TimelineError::Empty)
     }
 
-    /// The observation nearest to `at`, of two as near the earlier; one that is further away than [`REACH_NANOS`] and
+    /// The observation nearest to `at`, of two as near the earlier; one that is further away than a second and
     /// than twice the distance to the observation beside it shows another time, and is no answer.
     ///
     /// # Errors

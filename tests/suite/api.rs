@@ -137,13 +137,17 @@ async fn cameras_show_their_state() {
     let bench = Bench::new();
     let all = bench.get("/api/v1/cameras").await;
     assert_eq!((all.status, all.field("cache-control")), (StatusCode::OK, "no-store"));
+    assert_eq!(
+        all.json()["cameras"][0]["recording"],
+        json!({"state": "paused", "reason": "cannot write: no space", "frames": 5, "bytes": 4096, "dropped": 2})
+    );
     let south = bench.get("/api/v1/cameras/south").await.json();
     assert_eq!(all.json()["cameras"][1], south);
     assert_eq!(
         south,
         json!({
             "id": "south", "name": "SOUTH", "state": "failed", "reason": "no such file", "since": LAST.to_string(),
-            "retries": 2, "next_try": LAST.to_string(), "size_px": [6, 4], "vision_size_px": [3, 2], "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
+            "retries": 2, "next_try": LAST.to_string(), "size_px": [6, 4], "vision_size_px": [3, 2], "recording": null, "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
             "scenes": ["plaza"],
         })
     );

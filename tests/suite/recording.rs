@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
+use crate::support::rtsp::{RtspServer, ball};
 use crate::support::video::{Numbered, number_of};
 use crate::support::wait_for;
 use std::path::Path;
@@ -13,6 +14,7 @@ use videofields::config;
 use videofields::engine::{At, Engine, EngineError, Handle};
 use videofields::store::Store;
 use videofields::telemetry::Metrics;
+use videofields::timeline::Observation;
 
 const RATE_HZ: u32 = 20;
 const FRAME_NANOS: i64 = 1_000_000_000 / RATE_HZ as i64;
@@ -28,13 +30,20 @@ struct Running {
     handle: Handle,
 }
 
-/// Starts two cameras that play the same film, with so little memory that most of it is forgotten.
-fn start(folder: &Path) -> Running {
+/// Two cameras that play the same film.
+fn film() -> String {
+    format!(
+        "[[camera]]\nid = \"north\"\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n\
+         [[camera]]\nid = \"south\"\nrecord = false\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n"
+    )
+}
+
+/// Starts cameras with so little memory that most of what they show is forgotten.
+fn start(folder: &Path, cameras: &str) -> Running {
     let text = format!(
         "[storage]\ndatabase = \"v.sqlite\"\n[timeline]\nmib_per_camera = 8\n[accuracy]\nmeasure_at_start = false\n\
          [archive]\nfolder = \"recorded\"\nsegment_secs = 5\nmin_free_mib = 1\nmax_age_days = 36500.0\n\
-         [[camera]]\nid = \"north\"\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n\
-         [[camera]]\nid = \"south\"\nrecord = false\n[camera.source]\npath = \"film.mp4\"\nstart = \"{START}\"\n"
+         {cameras}"
     );
     std::fs::write(folder.join("v.toml"), text).unwrap();
     let config = config::load(&folder.join("v.toml")).unwrap();
@@ -81,7 +90,7 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
         muxer: "mp4mux",
     }
     .write(&folder.path().join("film.mp4"));
-    let mut running = start(folder.path());
+    let mut running = start(folder.path(), &film());
     wait_for("the film's end", || {
         let cameras = running.handle.cameras();
         cameras.iter().all(|camera| camera.state == "ended").then_some(())
@@ -122,7 +131,7 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
     // The recording outlives the daemon: another one, whose memory is empty, shows it too.
     running.stop();
     std::fs::remove_file(folder.path().join("film.mp4")).unwrap();
-    let mut running = start(folder.path());
+    let mut running = start(folder.path(), &film());
     for number in [0, 1, 77, N_FRAMES as i64 - 1] {
         assert_eq!(
             running.shown("north", number * FRAME_NANOS).unwrap(),
@@ -132,5 +141,36 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
     let last = START.saturating_add_nanos((N_FRAMES as i64 - 1) * FRAME_NANOS);
     let gap = running.shown("north", N_FRAMES as i64 * FRAME_NANOS + 2_000_000_000).unwrap_err();
     assert!(matches!(gap, EngineError::Gap { before: Some(before), .. } if before == last), "{gap}");
+    running.stop();
+}
+
+#[test]
+fn a_live_camera_is_recorded_as_it_was_sent() {
+    let server = RtspServer::start(0, &ball(320, 240), None);
+    let folder = tempfile::tempdir().unwrap();
+    let camera = format!("[[camera]]\nid = \"yard\"\n[camera.source]\nurl = \"{}\"\n", server.url());
+    let mut running = start(folder.path(), &camera);
+    // What was seen live: times, and pictures to the last bit.
+    let luma = |seen: &Observation| {
+        let plane = seen.frame.image.plane(0);
+        (0..plane.height).flat_map(|y| plane.row(y).to_vec()).collect::<Vec<u8>>()
+    };
+    let mut seen = Vec::new();
+    wait_for("two seconds of frames", || {
+        if let Ok(newest) = running.handle.observation("yard", At::Live)
+            && seen.last().is_none_or(|(at, _)| *at < newest.frame.timestamp)
+        {
+            seen.push((newest.frame.timestamp, luma(&newest)));
+        }
+        (seen.len() == 50).then_some(())
+    });
+    running.stop();
+    drop(server);
+    let mut running = start(folder.path(), &camera);
+    for (at, expected) in &seen {
+        let again = running.handle.observation("yard", At::Time(*at)).unwrap();
+        assert_eq!(again.frame.timestamp, *at);
+        assert!(luma(&again) == *expected, "another picture of {at}");
+    }
     running.stop();
 }

@@ -8,7 +8,8 @@ use videofields::clock::Timestamp;
 use videofields::config::{SegmentSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraSummary, CameraTimeline, Door, EngineError, LocateMethod,
-    Located, PlayheadState, Readiness, SceneSummary, SceneTimeline, SourceTime, ViewAnswer, ViewRequest,
+    Located, PlayheadState, Readiness, RecordingSummary, SceneSummary, SceneTimeline, SourceTime, ViewAnswer,
+    ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -78,6 +79,13 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         next_try: reason.map(|_| LAST.to_string()),
         size_px: Some([6, 4]),
         vision_size_px: Some([3, 2]),
+        recording: (camera == "north").then(|| RecordingSummary {
+            state: "paused",
+            reason: Some("cannot write: no space".to_owned()),
+            frames: 5,
+            bytes: 4096,
+            dropped: 2,
+        }),
         frames: 7,
         dropped: 1,
         first: Some(FIRST.to_string()),
