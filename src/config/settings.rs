@@ -78,11 +78,14 @@ impl Default for MediaSettings {
 pub struct TimelineSettings {
     /// MiB of observations kept for each camera, 8 to 65536; the oldest go first. Default 256.
     pub mib_per_camera: u32,
+    /// MiB of decoders that stand by where recordings are played, 32 to 65536: one takes about 33 MiB for 1280 x 720 and 75
+    /// for 1920 x 1080, and a camera without one is sought anew for each frame. Default 512.
+    pub replay_mib: u32,
 }
 
 impl Default for TimelineSettings {
     fn default() -> Self {
-        Self { mib_per_camera: 256 }
+        Self { mib_per_camera: 256, replay_mib: 512 }
     }
 }
 

@@ -168,7 +168,10 @@ impl Engine {
             cameras.push(entry(camera, timeline, tuning, &worker));
             workers.push(worker);
         }
-        let replay = archive.map(|archive| Replay::new(archive, runtime.clone(), Arc::clone(&clock)));
+        let replay = archive.map(|archive| {
+            let max_bytes = settings.timeline.replay_mib as usize * 1024 * 1024;
+            Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
+        });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
         let past = Past::new(replay, store.clone(), runtime.clone(), recorded);
         let (queue, jobs) = sync_channel(settings.render.queue_length);

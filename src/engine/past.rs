@@ -48,6 +48,13 @@ impl Past {
         Self { replay, store, runtime, cameras: cameras.map(camera).collect() }
     }
 
+    /// Lets go what nobody has asked for a while.
+    pub(super) fn tidy(&self) {
+        if let Some(replay) = &self.replay {
+            replay.tidy();
+        }
+    }
+
     /// From when to when a camera was recorded between two instants, in order.
     pub(super) fn recorded(
         &self,

@@ -38,6 +38,9 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
         if let Err(error) = thread.contained(|thread| thread.ensure_renderer().map(|_renderer| ())) {
             tracing::debug!(%error, "no renderer yet");
         }
+        if let Some(past) = &shared.past {
+            past.tidy();
+        }
         let job = match jobs.recv_timeout(DEVICE_RETRY) {
             Ok(job) => job,
             Err(RecvTimeoutError::Timeout) => continue,

@@ -15,8 +15,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
-/// Decoders that are kept at most: one a camera of a large scene. Each holds a few pictures.
-const MAX_CURSORS: usize = 24;
+/// Pictures that a decoder holds, as far as can be told: those that others refer to, those it works on, those that wait.
+/// With 24 a decoder of 1280 x 720 counts as 33 MB, which is what one was seen to take.
+const PICTURES_HELD: usize = 24;
 
 /// Time after which a decoder that nobody asked goes.
 const IDLE_TIME: Duration = Duration::from_secs(15);
@@ -80,6 +81,8 @@ pub struct Replay {
     archive: Arc<Archive>,
     runtime: Runtime,
     clock: Arc<dyn Clock>,
+    /// Bytes of decoders at rest.
+    max_bytes: usize,
     /// Decoders at rest, the one used longest ago first.
     resting: Mutex<Vec<(Cursor, Duration)>>,
 }
@@ -100,10 +103,25 @@ struct Cursor {
 }
 
 impl Replay {
-    /// Replays what `archive` holds; its database is asked on `runtime`.
+    /// Replays what `archive` holds; its database is asked on `runtime`. Decoders that stand by take at most about
+    /// `max_bytes`.
     #[must_use]
-    pub const fn new(archive: Arc<Archive>, runtime: Runtime, clock: Arc<dyn Clock>) -> Self {
-        Self { archive, runtime, clock, resting: Mutex::new(Vec::new()) }
+    pub const fn new(
+        archive: Arc<Archive>,
+        runtime: Runtime,
+        clock: Arc<dyn Clock>,
+        max_bytes: usize,
+    ) -> Self {
+        Self { archive, runtime, clock, max_bytes, resting: Mutex::new(Vec::new()) }
+    }
+
+    /// Ends the decoders that nobody has asked for a while.
+    pub fn tidy(&self) {
+        let now = self.clock.monotonic();
+        let gone: Vec<_> =
+            self.lock().extract_if(.., |(_, since)| now.saturating_sub(*since) > IDLE_TIME).collect();
+        // Ending a decoder takes a while, and nobody should wait for that.
+        drop(gone);
     }
 
     /// What is recorded.
@@ -159,16 +177,9 @@ impl Replay {
 
     /// A resting decoder of `camera` that stands at `at` or shortly before it.
     fn take(&self, camera: &CameraId, at: Timestamp) -> Option<Cursor> {
-        let now = self.clock.monotonic();
         let mut resting = self.lock();
-        let gone: Vec<_> =
-            resting.extract_if(.., |(_, since)| now.saturating_sub(*since) > IDLE_TIME).collect();
         let place = resting.iter().position(|(cursor, _)| cursor.camera == *camera && cursor.is_near(at));
-        let found = place.map(|place| resting.remove(place).0);
-        drop(resting);
-        // Ending a decoder takes a while, and nobody should wait for that.
-        drop(gone);
-        found
+        place.map(|place| resting.remove(place).0)
     }
 
     /// Keeps a decoder for the next who asks.
@@ -178,9 +189,21 @@ impl Replay {
             return;
         }
         let mut resting = self.lock();
-        let gone = (resting.len() == MAX_CURSORS).then(|| resting.remove(0));
         resting.push((cursor, self.clock.monotonic()));
+        // The newest that fit; the one just used at least stays as long as nobody else needs its place.
+        let mut n_bytes = 0;
+        let n_kept = resting
+            .iter()
+            .rev()
+            .take_while(|(cursor, _)| {
+                n_bytes += cursor.len_bytes();
+                n_bytes <= self.max_bytes
+            })
+            .count();
+        let n_gone = resting.len() - n_kept.max(1);
+        let gone: Vec<_> = resting.drain(..n_gone).collect();
         drop(resting);
+        // Ending a decoder takes a while, and nobody should wait for that.
         drop(gone);
     }
 
@@ -208,6 +231,12 @@ impl Cursor {
             next: None,
             has_ended: false,
         })
+    }
+
+    /// Bytes that the decoder takes, about.
+    fn len_bytes(&self) -> usize {
+        let shown = self.shown.as_ref().or(self.next.as_ref());
+        shown.map_or(0, |shown| shown.image.len_bytes().saturating_mul(PICTURES_HELD))
     }
 
     /// Whether playing on to `at` is cheaper than seeking it.

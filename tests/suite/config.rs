@@ -219,6 +219,7 @@ fn numbers_outside_their_range_are_refused() {
     check("archive", "folder = \"a\\u0000b\"", "archive.folder");
     check("timeline", "mib_per_camera = 7", "8 to 65536 MiB");
     check("timeline", "mib_per_camera = -1", "0 or more");
+    check("timeline", "replay_mib = 31", "32 to 65536 MiB");
     check("timeline", "mib_per_camera = 1e30", "0 or more");
     check("timeline", "mib_per_camera = 99999999999999999999", "63 bits");
     check("render", "samples = 2", "expected 1 or 4, got 2");
