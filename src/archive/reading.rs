@@ -3,13 +3,13 @@
 use super::folder::Folder;
 use super::{ArchiveError, keys, scan};
 use crate::clock::Timestamp;
-use crate::store::SegmentRecord;
+use crate::store::{SegmentRecord, SegmentState};
 use std::fs::File;
 use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 
-/// A segment from a key frame on: its header, then its clusters from that key frame's to the end of what was safe when
-/// it was opened. What decodes it as a stream counts time from the first frame that it meets: stream time 0 is
+/// A segment from a key frame on: its header, then its clusters from that key frame's to the end of what was
+/// written when it was opened. What decodes it as a stream counts time from the first frame that it meets: stream time 0 is
 /// [`Self::starts_at`], not the segment's beginning.
 #[derive(Debug)]
 pub struct Reading {
@@ -18,6 +18,8 @@ pub struct Reading {
     file: File,
     /// Where the key frame's cluster begins.
     from: u64,
+    /// Where the bytes end that were there when it was opened.
+    end: u64,
     /// Bytes of header and clusters that were read.
     n_read: u64,
 }
@@ -34,8 +36,15 @@ impl Reading {
         }
         let path = folder.path().join(&segment.path);
         let file = folder.open(&name).map_err(ArchiveError::files("read", &path))?;
+        // Of a segment that is being written, what is not on the disk yet can be read all the same; its last block may
+        // be cut, which costs its decoder that block.
+        let end = match segment.state {
+            SegmentState::Open => file.metadata().map_err(ArchiveError::files("read", &path))?.len(),
+            _ => segment.n_bytes,
+        };
+        let end = end.max(segment.n_bytes);
         let starts_at = scan::instant(&segment, key.nanos);
-        Ok(Self { segment, starts_at, file, from: key.offset, n_read: 0 })
+        Ok(Self { segment, starts_at, file, from: key.offset, end, n_read: 0 })
     }
 
     /// The segment.
@@ -50,7 +59,7 @@ impl Reading {
         self.starts_at
     }
 
-    /// Scene time of the newest frame.
+    /// Scene time of the newest frame on the disk.
     #[must_use]
     pub const fn last_at(&self) -> Timestamp {
         self.segment.last_at
@@ -63,7 +72,7 @@ impl Read for Reading {
         let (offset, end) = if self.n_read < header_bytes {
             (self.n_read, header_bytes)
         } else {
-            (self.from + (self.n_read - header_bytes), self.segment.n_bytes)
+            (self.from + (self.n_read - header_bytes), self.end)
         };
         let most = usize::try_from(end.saturating_sub(offset)).unwrap_or(usize::MAX).min(buffer.len());
         let n_bytes = self.file.read_at(&mut buffer[..most], offset)?;
