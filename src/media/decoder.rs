@@ -464,11 +464,16 @@ fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>) {
     });
 }
 
-/// Whether an element parses MPEG-4 (part 2) that a container has parted into frames already: it then joins or loses
-/// frames at the stream's ends (seen with 1.22). A bare stream has no size until it was parsed.
+/// Whether an element parses again what a container has parted into frames already (seen with 1.22): that of MPEG-4
+/// (part 2) joins or loses frames at the stream's ends, those of H.264 and H.265 lose nearly all of a file with broken
+/// times. A bare stream has neither a size nor the codec's header before it was parsed.
 fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
-    let is_framed = caps.structure(0).is_some_and(|structure| structure.has_field("width"));
-    factory.name() == "mpeg4videoparse" && is_framed
+    let has = |field| caps.structure(0).is_some_and(|structure| structure.has_field(field));
+    match factory.name().as_str() {
+        "mpeg4videoparse" => has("width"),
+        "h264parse" | "h265parse" => has("codec_data"),
+        _ => false,
+    }
 }
 
 fn is_beside_video(kind: &str) -> bool {
