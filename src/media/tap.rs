@@ -32,14 +32,13 @@ pub(super) fn split_first_video(
     parse.connect_pad_added(move |_parse, pad| {
         let Some(pipeline) = pipeline.upgrade() else { return };
         let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-        let Some(kind) = caps.structure(0).map(|structure| structure.name().as_str().to_owned()) else {
-            return;
-        };
+        let Some(structure) = caps.structure(0) else { return };
+        let kind = structure.name();
         let is_video = kind.starts_with("video/") || kind.starts_with("image/");
         if !is_video || is_linked.swap(true, Ordering::AcqRel) {
             return;
         }
-        if let Err(error) = split(pad, &kind, &pipeline, (&decode, &queue)) {
+        if let Err(error) = split(pad, structure, &pipeline, (&decode, &queue)) {
             tell(&faults, gstreamer_fault("split a stream", &*error));
         }
     });
@@ -48,13 +47,13 @@ pub(super) fn split_first_video(
 /// Builds what stands between a parsed stream and its two readers.
 fn split(
     pad: &gst::Pad,
-    kind: &str,
+    stream: &gst::StructureRef,
     pipeline: &gst::Pipeline,
     (decode, queue): (&gst::Element, &Arc<EncodedQueue>),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let tee = gst::ElementFactory::make("tee").build()?;
     let sink = make_sink(queue);
-    let mut chain = packaging(kind)?;
+    let mut chain = packaging(stream)?;
     chain.push(tee);
     pipeline.add_many(&chain)?;
     pipeline.add_many([decode, sink.upcast_ref()])?;
@@ -74,13 +73,18 @@ fn split(
 }
 
 /// What brings a codec's frames into the packaging that containers hold: whole pictures, the codec's header beside them.
-fn packaging(kind: &str) -> Result<Vec<gst::Element>, glib::BoolError> {
-    let (parser, packaging) = match kind {
+/// Nothing where they came from a container so: parsed once more, those of a file with broken times would be lost.
+fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::BoolError> {
+    let (parser, packaging) = match stream.name().as_str() {
         "video/x-h264" => ("h264parse", "avc"),
         "video/x-h265" => ("h265parse", "hvc1"),
         _ => return Ok(Vec::new()),
     };
-    let caps = gst::Caps::builder(kind).field("stream-format", packaging).field("alignment", "au").build();
+    if stream.has_field("codec_data") && stream.get::<&str>("stream-format") == Ok(packaging) {
+        return Ok(Vec::new());
+    }
+    let caps =
+        gst::Caps::builder(stream.name()).field("stream-format", packaging).field("alignment", "au").build();
     let filter = gst::ElementFactory::make("capsfilter").property("caps", caps).build()?;
     Ok(vec![gst::ElementFactory::make(parser).build()?, filter])
 }

@@ -14,14 +14,18 @@ fn write_video(path: &Path, encoder: &str, muxer: &str) {
          {encoder} ! {muxer} ! filesink location={}",
         path.display()
     );
-    let pipeline = gst::parse::launch(&description).unwrap();
+    run(&gst::parse::launch(&description).unwrap());
+}
+
+/// Runs `pipeline` to its end.
+fn run(pipeline: &gst::Element) {
     pipeline.set_state(gst::State::Playing).unwrap();
     let bus = pipeline.bus().unwrap();
     let end = bus.timed_pop_filtered(
         gst::ClockTime::from_seconds(60),
         &[gst::MessageType::Eos, gst::MessageType::Error],
     );
-    assert!(matches!(end.unwrap().view(), gst::MessageView::Eos(_)), "{description}");
+    assert!(matches!(end.unwrap().view(), gst::MessageView::Eos(_)));
     pipeline.set_state(gst::State::Null).unwrap();
 }
 
@@ -36,7 +40,9 @@ fn pictures(decoder: &Decoder) -> Vec<(Option<i64>, u64)> {
             let sum = (0..luma.height).flat_map(|y| luma.row(y)).map(|luma| u64::from(*luma)).sum();
             seen.push((stream_nanos, sum));
         }
-        assert!(decoder.fault().is_none());
+        if let Some(fault) = decoder.fault() {
+            panic!("{fault}");
+        }
     }
     seen
 }
@@ -80,5 +86,38 @@ fn encoded_frames_in_matroska_show_the_same_pictures_at_the_same_times() {
         let expected: Vec<_> =
             plain.iter().map(|(nanos, sum)| (nanos.map(|nanos| nanos - first), *sum)).collect();
         assert_eq!(back, expected, "{codec}");
+    }
+}
+
+/// So write some who hand an encoder pictures without times.
+#[test]
+fn files_whose_frames_all_bear_one_time_lose_none_of_them() {
+    gst::init().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for encoder in
+        ["x264enc bframes=0 key-int-max=10", "x265enc key-int-max=10 option-string=bframes=0 ! h265parse"]
+    {
+        let path = folder.path().join("video.mp4");
+        let description = format!(
+            "videotestsrc num-buffers=40 pattern=ball ! video/x-raw,format=I420,width=160,height=120,framerate=10/1 ! \
+             {encoder} ! identity name=stand ! mp4mux ! filesink location={}",
+            path.display()
+        );
+        let pipeline = gst::parse::launch(&description).unwrap();
+        let stand = pipeline.downcast_ref::<gst::Bin>().unwrap().by_name("stand").unwrap();
+        let first = std::sync::OnceLock::new();
+        stand.static_pad("src").unwrap().add_probe(gst::PadProbeType::BUFFER, move |_pad, info| {
+            let buffer = info.buffer_mut().unwrap().make_mut();
+            let time = *first.get_or_init(|| buffer.pts().unwrap());
+            buffer.set_pts(time);
+            buffer.set_dts(time);
+            gst::PadProbeReturn::Ok
+        });
+        run(&pipeline);
+        let plain = pictures(&Decoder::start(&Input::file(&path).unwrap(), None).unwrap());
+        let queue = Arc::new(EncodedQueue::new(1 << 20));
+        let tapped = pictures(&Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap());
+        let n_encoded = std::iter::from_fn(|| queue.take()).count();
+        assert_eq!((plain.len(), tapped.len(), n_encoded), (40, 40, 40), "{encoder}");
     }
 }
