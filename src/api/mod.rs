@@ -102,6 +102,10 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/cameras/{id}", get(cameras::one))
         .route("/api/v1/cameras/{id}/locate", get(locate::locate))
         .route("/api/v1/cameras/{id}/segment", get(tune::show).patch(tune::change).fallback(tune::no_method))
+        .route(
+            "/api/v1/cameras/{id}/source",
+            get(tune::show_source).patch(tune::change_source).fallback(tune::no_method),
+        )
         .route("/api/v1/cameras/{id}/accept-place", post(tune::accept_place).fallback(tune::post_only))
         .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
         .route("/api/v1/scenes", get(scenes::list))

@@ -1,10 +1,11 @@
-//! `/api/v1/cameras/{id}/segment` and `/api/v1/cameras/{id}/accept-place`: what is changed of a camera while it runs.
+//! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
 use super::Api;
 use super::cameras::problem_of;
 use super::error::Problem;
 use super::query::Query;
 use super::segments::Segments;
+use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::body::Bytes;
@@ -41,6 +42,37 @@ pub(super) async fn change(
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
 }
 
+/// What feeds a camera: whether frames are taken, from where, and what is wrong with its clock.
+pub(super) async fn show_source(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let feed = api.door.feed(&id).map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(feed.shown())).into_response())
+}
+
+/// Changes that by the members of a JSON object (RFC 7396), until the daemon ends; other cameras do not notice.
+pub(super) async fn change_source(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let change = read_body(&body)?;
+    // What fed the camera before must end first.
+    let (door, camera) = (api.door.clone(), id.clone());
+    let changed = tokio::task::spawn_blocking(move || door.change_feed(&camera, &change)).await;
+    let changed = changed
+        .unwrap_or_else(|panicked| Err(EngineError::Internal(format!("changing {id}: {panicked}"))))
+        .map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(changed.shown())).into_response())
+}
+
 /// Takes the place that a moved camera now shows for its place.
 pub(super) async fn accept_place(
     State(api): State<Api>,
@@ -54,7 +86,7 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
-/// A method that `/segment` does not take.
+/// A method that `/segment` and `/source` do not take.
 pub(super) async fn no_method() -> Response {
     let mut response = Problem::method("only GET, HEAD and PATCH are answered here").into_response();
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, PATCH"));

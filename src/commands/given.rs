@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
 use videofields::config::{
-    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, SegmentSettings, Settings,
-    SourceSettings, TrackSettings,
+    BackgroundSettings, CameraSettings, ClockSettings, ConditionSettings, Config, ConfigFault,
+    SegmentSettings, Settings, SourceSettings, TrackSettings,
 };
 use videofields::frame::CameraId;
 use videofields::ingest::Pipeline;
@@ -72,6 +72,7 @@ pub(crate) fn camera(tables: Tables, source: SourceSettings) -> Result<CameraSet
         id,
         name: String::new(),
         source,
+        clock: ClockSettings::default(),
         record: false,
         background,
         segment,

@@ -5,9 +5,11 @@
 //! there is found out when the camera starts, so that one missing file leaves the others working.
 
 mod archive;
+mod clock;
 mod document;
 mod environment;
 mod error;
+mod feed;
 mod network;
 mod resolution;
 mod settings;
@@ -17,7 +19,9 @@ mod url;
 mod validate;
 
 pub use archive::ArchiveSettings;
+pub use clock::ClockSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
+pub use feed::FeedSettings;
 pub use network::{Network, NetworkError};
 pub use resolution::Resolution;
 pub use settings::*;

@@ -1,6 +1,7 @@
 //! The settings as they are written: every key with its meaning, unit, range and default.
 
 use super::archive::ArchiveSettings;
+use super::clock::ClockSettings;
 use super::network::{self, Network};
 use super::resolution::Resolution;
 use super::source::SourceSettings;
@@ -145,6 +146,9 @@ pub struct CameraSettings {
     pub name: String,
     /// Where its frames come from.
     pub source: SourceSettings,
+    /// What is wrong with its clock.
+    #[serde(default)]
+    pub clock: ClockSettings,
     /// Whether its stream is recorded where `archive.folder` is set. Default true.
     #[serde(default = "default_record")]
     pub record: bool,

@@ -5,7 +5,7 @@ use super::validate::{check_path, range};
 use crate::clock::Timestamp;
 use crate::error::Gatherer;
 use serde::de::{self, Deserializer, Visitor};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ const MAX_USER_CHARS: usize = 200;
 
 /// Where frames come from: a file or numbered pictures, a camera's URL, or a device. Exactly one of `path`, `url` and
 /// `device` is named; the default names none, and is refused.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct SourceSettings {
     /// A video file in any container and codec that GStreamer knows, or a pattern of numbered pictures with one
@@ -32,8 +32,13 @@ pub struct SourceSettings {
     /// What follows a file's last frame. Default `stop`.
     pub end: End,
     /// Scene time of a file's first frame, RFC 3339 or nanoseconds. Default: when the daemon started.
-    #[serde(deserialize_with = "timestamp")]
+    #[serde(deserialize_with = "timestamp", serialize_with = "as_text")]
     pub start: Option<Timestamp>,
+    /// Where the part of a file begins that is played, seconds after its first frame, 0 to 1e7. Frames keep their times
+    /// where `start` is named; else the part's beginning counts as the file's. Default 0.
+    pub from_secs: f64,
+    /// Where that part ends. Default: with the file.
+    pub until_secs: Option<f64>,
     /// How an RTSP camera's frames travel. Default `tcp`.
     pub transport: Transport,
     /// The user for the URL, at most 200 characters. Default: nobody logs in.
@@ -63,6 +68,8 @@ impl Default for SourceSettings {
             rate_hz: 25.0,
             end: End::Stop,
             start: None,
+            from_secs: 0.0,
+            until_secs: None,
             transport: Transport::Tcp,
             user: None,
             password_file: None,
@@ -105,8 +112,16 @@ impl SourceSettings {
     }
 }
 
+/// An instant in RFC 3339.
+pub(super) fn as_text<S: Serializer>(instant: &Option<Timestamp>, serializer: S) -> Result<S::Ok, S::Error> {
+    match instant {
+        Some(instant) => serializer.collect_str(instant),
+        None => serializer.serialize_none(),
+    }
+}
+
 /// An instant as text, or as a whole number of nanoseconds.
-fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
+pub(super) fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timestamp>, D::Error> {
     struct InstantVisitor;
 
     impl Visitor<'_> for InstantVisitor {
@@ -133,7 +148,7 @@ fn timestamp<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Timest
 }
 
 /// Where frame times come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Timing {
     /// The file's own timestamps.
@@ -143,7 +158,7 @@ pub enum Timing {
 }
 
 /// What follows a file's last frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum End {
     /// Nothing: the camera keeps its last picture.
@@ -154,7 +169,7 @@ pub enum End {
 }
 
 /// How an RTSP camera's frames travel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Transport {
     /// Within the RTSP connection: nothing is lost, and firewalls let it through.
@@ -181,7 +196,7 @@ pub enum DeviceFormat {
 
 /// The keys of each kind of source, and what its people call it.
 const KINDS: [(&str, &str, &[&str]); 3] = [
-    ("path", "a file", &["path", "timing", "rate_hz", "end", "start"]),
+    ("path", "a file", &["path", "timing", "rate_hz", "end", "start", "from_secs", "until_secs"]),
     ("url", "a camera's URL", &["url", "transport", "user", "password_file", "password_env", "stall_secs"]),
     ("device", "a device", &["device", "rate_hz", "stall_secs", "width_px", "height_px", "format"]),
 ];
@@ -209,6 +224,19 @@ pub(super) fn check_keys(source: &serde_json::Value, place: &str, gatherer: &mut
     }
 }
 
+/// Whether sources such as `source` have the key.
+pub(super) fn is_of_kind(key: &str, source: &SourceSettings) -> bool {
+    let kind = match source.place() {
+        Some(Place::Path(_)) => "path",
+        Some(Place::Url(_)) => "url",
+        Some(Place::Device(_)) => "device",
+        None => return true,
+    };
+    let is_web = source.url.as_ref().and_then(|url| url.parse().ok()).is_some_and(|parts| !parts.is_rtsp());
+    KINDS.iter().any(|(named, _, keys)| *named == kind && keys.contains(&key))
+        && !(is_web && key == "transport")
+}
+
 const NOT_ONE: &str = "exactly one of `path` (a file), `url` (a camera) and `device` (V4L2) is needed";
 
 /// Checks what the types of the settings at `place` cannot say.
@@ -230,6 +258,13 @@ pub(super) fn check(source: &SourceSettings, place: &str, gatherer: &mut Gathere
     }
     range(gatherer, &at("rate_hz"), source.rate_hz, 0.01, 1000.0, "frames a second");
     range(gatherer, &at("stall_secs"), source.stall_secs, 0.5, 60.0, "seconds");
+    range(gatherer, &at("from_secs"), source.from_secs, 0.0, 1e7, "seconds");
+    if let Some(until_secs) = source.until_secs {
+        range(gatherer, &at("until_secs"), until_secs, 0.0, 1e7, "seconds");
+        if until_secs <= source.from_secs && !gatherer.is_faulty(&at("from_secs")) {
+            gatherer.fault(at("until_secs"), format!("expected more than `from_secs`, {}", source.from_secs));
+        }
+    }
     for (key, side) in [("width_px", source.width_px), ("height_px", source.height_px)] {
         range(gatherer, &at(key), f64::from(side.unwrap_or(16)), 16.0, 8192.0, "pixels");
     }

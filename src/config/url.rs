@@ -1,14 +1,14 @@
 //! A camera's URL: which are taken, and their parts. What follows the port is never shown, since cameras are known to
 //! want passwords there.
 
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::fmt;
 
 /// Most bytes of a URL.
 const MAX_URL_BYTES: usize = 2048;
 
 /// A camera's URL as it is written; validated settings hold only such as [`CameraUrl::parse`] takes.
-#[derive(Clone, PartialEq, Eq, Deserialize)]
+#[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct CameraUrl(String);
 
@@ -83,6 +83,14 @@ impl Scheme {
     #[must_use]
     pub const fn is_encrypted(self) -> bool {
         matches!(self, Self::Rtsps | Self::Https)
+    }
+}
+
+impl UrlParts {
+    /// Whether it is RTSP, within TLS or not.
+    #[must_use]
+    pub const fn is_rtsp(&self) -> bool {
+        matches!(self.scheme, Scheme::Rtsp | Scheme::Rtsps)
     }
 }
 

@@ -100,6 +100,7 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     }
     check_text(&camera.name, &format!("{place}/name"), gatherer);
     super::source::check(&camera.source, &format!("{place}/source"), gatherer);
+    super::clock::check(&camera.clock, &camera.source, &format!("{place}/clock"), gatherer);
 
     let background = &camera.background;
     let at = |key: &str| format!("{place}/background/{key}");

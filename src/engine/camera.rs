@@ -11,8 +11,11 @@ use crate::frame::Frame;
 use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag, Tap};
 use crate::media::EncodedFrame;
 use crate::telemetry::{DropReason, Metrics};
-use crate::timeline::{EventLog, Timeline};
+use crate::timeline::{EventLog, Observation, Timeline, TimelineError};
 use std::sync::Arc;
+
+/// Scene time that goes by, all of it older than what is kept, until that is let go.
+const SET_BACK_NANOS: i64 = 1_000_000_000;
 
 /// Takes a camera's frames: learns, segments, tracks, remembers.
 pub(super) struct CameraConsumer {
@@ -28,6 +31,8 @@ pub(super) struct CameraConsumer {
     clock: Arc<dyn Clock>,
     stop: StopFlag,
     is_prepared: bool,
+    /// Time of the first of the frames in hand that are older than what is kept.
+    set_back: Option<Timestamp>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
     /// What is wrong with the background although frames come.
@@ -63,6 +68,7 @@ impl CameraConsumer {
             clock,
             stop,
             is_prepared: false,
+            set_back: None,
             recorder: None,
             background_concern: None,
             concern: None,
@@ -97,6 +103,21 @@ impl CameraConsumer {
             }
         }
         true
+    }
+
+    /// Adds to the timeline. Where time was set back for good, by another source or by a clock that was corrected, what
+    /// was kept is let go: it would keep out all that comes, until time is where it was.
+    fn remember(&mut self, observation: Observation) -> Result<(), TimelineError> {
+        let at = observation.frame.timestamp;
+        let is_newer = self.timeline.range().is_none_or(|(_, last)| at > last);
+        let since = *self.set_back.get_or_insert(at);
+        if is_newer || at < since {
+            self.set_back = None;
+        } else if at.nanos_since(since) >= SET_BACK_NANOS {
+            self.timeline.clear();
+            self.set_back = None;
+        }
+        self.timeline.push(observation)
     }
 
     /// Passes on what happened.
@@ -153,7 +174,9 @@ impl FrameConsumer for CameraConsumer {
             started = ended;
         });
         self.activity.observe(&observation);
-        match self.timeline.push(observation) {
+        let remembered = self.remember(observation);
+        let id = self.settings.id.as_str();
+        match remembered {
             Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
             Err(error) => {
                 tracing::debug!(camera = id, %error, "frame out of order");

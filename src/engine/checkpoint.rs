@@ -63,6 +63,8 @@ pub(super) struct Checkpoints {
     due: Duration,
     /// None where no history is kept.
     history: Option<History>,
+    /// Whether what is stored is of another place.
+    is_afresh: bool,
 }
 
 impl Checkpoints {
@@ -78,7 +80,19 @@ impl Checkpoints {
     ) -> Self {
         let (camera, learning) = (camera.id.clone(), camera.background.learning);
         let due = Self::first_due(clock.monotonic(), interval, sooner);
-        Self { camera, learning, interval, store, runtime, health, metrics, clock, due, history: None }
+        Self {
+            camera,
+            learning,
+            interval,
+            store,
+            runtime,
+            health,
+            metrics,
+            clock,
+            due,
+            history: None,
+            is_afresh: false,
+        }
     }
 
     /// When a background is written for the first time. The clock may have begun with this program, so nothing is taken
@@ -93,8 +107,17 @@ impl Checkpoints {
         self
     }
 
+    /// The same, of a camera that looks at another place than the stored background was learned from.
+    pub(super) const fn afresh(mut self) -> Self {
+        self.is_afresh = true;
+        self
+    }
+
     /// Puts the stored background for pictures such as `first` into `pipeline`; false where there is none.
     pub(super) fn restore(&self, pipeline: &mut Pipeline, first: &YuvImage) -> bool {
+        if self.is_afresh {
+            return false;
+        }
         let camera = &self.camera;
         // By size and not by time: clips begin again, so what was written last need not be the latest.
         let (width, height) = pipeline.model_size_px(first.width(), first.height());

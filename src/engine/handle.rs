@@ -3,7 +3,7 @@
 use super::{AccuracyStatus, EngineError, PlayheadState, SceneTimeline};
 use crate::archive::{CameraRecording, RecordingState};
 use crate::clock::Timestamp;
-use crate::config::SegmentSettings;
+use crate::config::{FeedSettings, SegmentSettings};
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{EntityStyle, Plan};
 use crate::scene::{Scene, SceneView};
@@ -220,6 +220,19 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoCamera`], [`EngineError::Faults`].
     fn change_segment(&self, camera: &str, change: serde_json::Value)
     -> Result<SegmentSettings, EngineError>;
+
+    /// What feeds a camera.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError>;
+
+    /// Changes that as [`FeedSettings::changed`] has it, until the daemon ends; the settings then. Blocks for up to some
+    /// seconds, until what fed the camera before has ended.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Faults`]; [`EngineError::Unavailable`] while the daemon stops.
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
 
     /// Takes the place that a camera now shows for its place, though it has moved: its calibration was made anew, or is
     /// still good.

@@ -16,6 +16,7 @@ mod past;
 mod picture;
 mod playheads;
 mod renderer;
+mod roster;
 mod shared;
 mod tuning;
 
@@ -32,23 +33,20 @@ pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 use crate::archive::Archive;
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Config};
-use crate::ingest::{CameraWorker, IngestError, MediaRoots, StopFlag};
+use crate::ingest::{IngestError, MediaRoots, StopFlag};
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::telemetry::Metrics;
-use crate::timeline::{EventLog, Replay, Timeline};
-use activity::Activity;
-use camera::CameraConsumer;
-use checkpoint::{Checkpoints, StoreHealth};
-use history::History;
+use crate::timeline::{EventLog, Replay};
+use checkpoint::StoreHealth;
 use past::Past;
+use roster::{Roster, Surroundings};
 use shared::{CameraEntry, Shared};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
-use tuning::Tuning;
 
 /// Events that are kept, of all cameras together: about a megabyte.
 const MAX_EVENTS: usize = 8192;
@@ -80,7 +78,7 @@ pub enum StartError {
 /// The running engine: its threads, and what they share.
 pub struct Engine {
     shared: Arc<Shared>,
-    workers: Vec<CameraWorker>,
+    roster: Arc<Roster>,
     threads: Vec<(&'static str, JoinHandle<()>)>,
     /// Ends what cameras and maps do that takes long.
     stop: StopFlag,
@@ -119,55 +117,32 @@ impl Engine {
         let settings = config.settings();
         let runtime = Runtime::current();
         let roots = MediaRoots::usable(&settings.media.roots).with_networks(&settings.media.networks);
-        // One zero for all cameras that name no start, so that clips which belong together stay together.
-        let start = (clock.now(), clock.monotonic());
         let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
-        let interval = Duration::try_from_secs_f64(settings.storage.checkpoint_interval_secs)
-            .unwrap_or(Duration::from_secs(60));
         let stop = StopFlag::default();
         let store_health = Arc::new(StoreHealth::default());
         let events = Arc::new(EventLog::new(MAX_EVENTS));
-        let mut workers = Vec::new();
-        let mut cameras = Vec::new();
-        let n_cameras = settings.camera.len() as u32;
-        for (camera, place) in settings.camera.iter().zip(0..) {
-            metrics.announce_camera(camera.id.as_str());
-            let timeline = Arc::new(Timeline::new(capacity_bytes));
-            let tuning = Arc::new(Tuning::new(&camera.segment));
-            let checkpoints = Checkpoints::new(
-                camera,
-                // One after the other over the interval, not all at once: they share one database.
-                (interval, interval * place / n_cameras),
-                store.clone(),
-                runtime.clone(),
-                Arc::clone(&store_health),
-                Arc::clone(&metrics),
-                Arc::clone(&clock),
-            )
-            .with_history(History::new(&settings.storage));
-            let consumer = CameraConsumer::new(
-                camera.clone(),
-                roots.clone(),
-                (Arc::clone(&timeline), Arc::clone(&events), Arc::clone(&tuning)),
-                (checkpoints, Activity::new(camera.id.clone(), store.clone(), runtime.clone())),
-                Arc::clone(&metrics),
-                Arc::clone(&clock),
-                stop.clone(),
-            )
-            .with_recorder(
-                archive.as_ref().filter(|_| camera.record).map(|archive| archive.recorder(&camera.id)),
-            );
-            let worker = CameraWorker::spawn(
-                camera.id.clone(),
-                camera.source.clone(),
-                roots.clone(),
-                Arc::clone(&clock),
-                start,
-                Box::new(consumer),
-            )?;
-            cameras.push(entry(camera, timeline, tuning, &worker));
-            workers.push(worker);
-        }
+        let surroundings = Surroundings {
+            roots,
+            clock: Arc::clone(&clock),
+            metrics: Arc::clone(&metrics),
+            store: store.clone(),
+            runtime: runtime.clone(),
+            store_health: Arc::clone(&store_health),
+            storage: settings.storage.clone(),
+            archive: archive.clone(),
+            events: Arc::clone(&events),
+            stop: stop.clone(),
+            origin: (clock.now(), clock.monotonic()),
+        };
+        let roster = Arc::new(Roster::start(&settings.camera, surroundings, capacity_bytes)?);
+        let entry = |(camera, (timeline, tuning, status)): (&CameraSettings, _)| CameraEntry {
+            id: camera.id.clone(),
+            name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
+            timeline,
+            tuning,
+            status,
+        };
+        let cameras = settings.camera.iter().zip(roster.shared()).map(entry).collect();
         let replay = archive.map(|archive| {
             let max_bytes = settings.timeline.replay_mib as usize * 1024 * 1024;
             Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
@@ -178,9 +153,9 @@ impl Engine {
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
-            (cameras, events, Some(past)),
-            scenes,
-            settings.render.clone(),
+            (cameras, Some(Arc::clone(&roster))),
+            (events, Some(past)),
+            (scenes, settings.render.clone()),
             store_health,
             queue,
         ));
@@ -192,7 +167,7 @@ impl Engine {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
-        Ok(Self { shared, workers, threads: vec![renderer, builder], stop, stop_requested: OnceLock::new() })
+        Ok(Self { shared, roster, threads: vec![renderer, builder], stop, stop_requested: OnceLock::new() })
     }
 
     /// The door to the engine; it outlives it, and then answers that the daemon is stopping.
@@ -213,9 +188,7 @@ impl Engine {
         self.stop_requested.get_or_init(|| self.shared.clock.monotonic());
         self.stop.raise();
         self.shared.playheads.end();
-        for worker in &self.workers {
-            worker.request_stop();
-        }
+        self.roster.request_stop();
     }
 
     /// Stops every thread: cameras write their backgrounds, the renderer answers what waits. Blocks until all are
@@ -228,17 +201,7 @@ impl Engine {
         let clock = &self.shared.clock;
         let requested = self.stop_requested.get().copied().unwrap_or_else(|| clock.monotonic());
         let until = requested.saturating_add(CAMERA_FINISH_TIME);
-        for worker in self.workers {
-            while !worker.is_finished() && clock.monotonic() < until {
-                clock.sleep(Duration::from_millis(5));
-            }
-            if worker.is_finished() {
-                worker.stop();
-            } else {
-                tracing::error!(camera = %worker.id(), "a camera's thread does not end and is left");
-                worker.abandon();
-            }
-        }
+        self.roster.stop(until);
         let until = clock.monotonic().saturating_add(FINISH_TIME);
         for (name, thread) in self.threads {
             while !thread.is_finished() && clock.monotonic() < until {
@@ -250,21 +213,6 @@ impl Engine {
                 tracing::error!(name, "a thread panicked");
             }
         }
-    }
-}
-
-fn entry(
-    camera: &CameraSettings,
-    timeline: Arc<Timeline>,
-    tuning: Arc<Tuning>,
-    worker: &CameraWorker,
-) -> CameraEntry {
-    CameraEntry {
-        id: camera.id.clone(),
-        name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
-        timeline,
-        tuning,
-        status: worker.status_reader(),
     }
 }
 

@@ -217,9 +217,9 @@ mod tests {
         let shared = Shared::new(
             clock,
             metrics,
-            (Vec::new(), Arc::new(EventLog::new(1)), None),
-            Vec::new(),
-            RenderSettings::default(),
+            (Vec::new(), None),
+            (Arc::new(EventLog::new(1)), None),
+            (Vec::new(), RenderSettings::default()),
             Arc::default(),
             queue,
         );

@@ -11,9 +11,10 @@ use super::handle::{
 use super::past::Past;
 use super::playheads::{Change, PlayheadState, Playheads};
 use super::renderer::Job;
+use super::roster::Roster;
 use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
-use crate::config::{self, RenderSettings, SegmentSettings};
+use crate::config::{self, FeedSettings, RenderSettings, SegmentSettings};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::SurfaceId;
@@ -74,6 +75,8 @@ pub(super) struct Shared {
     pub(super) metrics: Arc<Metrics>,
     pub(super) cameras: Vec<CameraEntry>,
     pub(super) events: Arc<EventLog>,
+    /// What runs the cameras, where something does.
+    roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
     pub(super) past: Option<Past>,
     pub(super) scenes: Vec<Arc<Scene>>,
@@ -99,9 +102,9 @@ impl Shared {
     pub(super) fn new(
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
-        (cameras, events, past): (Vec<CameraEntry>, Arc<EventLog>, Option<Past>),
-        scenes: Vec<Arc<Scene>>,
-        render_settings: RenderSettings,
+        (cameras, roster): (Vec<CameraEntry>, Option<Arc<Roster>>),
+        (events, past): (Arc<EventLog>, Option<Past>),
+        (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
         store_health: Arc<StoreHealth>,
         queue: SyncSender<Job>,
     ) -> Self {
@@ -116,6 +119,7 @@ impl Shared {
             metrics,
             cameras,
             events,
+            roster,
             past,
             scenes,
             render_settings,
@@ -155,6 +159,10 @@ impl Shared {
     fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
         let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
+    }
+
+    fn running(&self, camera: &str) -> Result<&Roster, EngineError> {
+        self.roster.as_deref().ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
     }
 
     /// The newest instant that all live cameras of a scene have reached, those left out that lag behind the newest by
@@ -344,6 +352,14 @@ impl Door for Shared {
         tracing::info!(camera, segment = ?changed, "segmentation settings changed");
         tuning.set_segment(changed.clone());
         Ok(changed)
+    }
+
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.feed(camera)
+    }
+
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.change_feed(camera, change)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {

@@ -137,6 +137,14 @@ pub enum IngestError {
         /// The path as asked for.
         path: PathBuf,
     },
+    /// A video that has ended before the part of it begins that is to be played.
+    #[error("{path:?} has {n_pictures} frames, and none of them lies in the part that is to be played")]
+    CutAway {
+        /// The path as asked for.
+        path: PathBuf,
+        /// Its frames, as far as they were looked at.
+        n_pictures: i64,
+    },
     /// Decoding broke off.
     #[error("{path:?} cannot be decoded further: {detail}")]
     Damaged {
@@ -222,6 +230,7 @@ impl IngestError {
             | Self::Rate { .. }
             | Self::NotVideo { .. }
             | Self::Empty { .. }
+            | Self::CutAway { .. }
             | Self::Damaged { .. } => ErrorKind::Invalid,
             Self::NotFound { .. } | Self::NoPictures { .. } => ErrorKind::NotFound,
             Self::MissingCodec { .. } => ErrorKind::Unsupported,

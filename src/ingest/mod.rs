@@ -36,7 +36,7 @@ pub use reach::CameraError;
 pub use roots::MediaRoots;
 pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
-pub use worker::{CameraWorker, FrameConsumer};
+pub use worker::{CameraWorker, Feed, FrameConsumer};
 
 use crate::clock::Timestamp;
 use crate::config::{Place, Scheme, SourceSettings, Timing};
@@ -187,14 +187,18 @@ pub fn open_tapped(
             return Err(IngestError::PictureTimes { path: path.to_path_buf() });
         }
         let pictures = images::NumberedPictures::open(path, roots, stop)?;
-        return Ok(Box::new(timed::TimedSource::new(
-            pictures,
-            Timing::Index,
-            settings.rate_hz,
-            settings.end,
-        )));
+        let timed = timed::TimedSource::new(pictures, Timing::Index, settings.rate_hz, settings.end);
+        return Ok(Box::new(timed.with_cut(cut_of(settings))));
     }
     let file = file::VideoFile::open(path, roots, stop, tap)?;
     let timing = settings.timing.unwrap_or(Timing::Pts);
-    Ok(Box::new(timed::TimedSource::new(file, timing, settings.rate_hz, settings.end)))
+    let timed = timed::TimedSource::new(file, timing, settings.rate_hz, settings.end);
+    Ok(Box::new(timed.with_cut(cut_of(settings))))
+}
+
+/// The part of a file that is played.
+fn cut_of(settings: &SourceSettings) -> timed::Cut {
+    // Checked with the configuration; a cast from float saturates.
+    let nanos = |secs: f64| (secs * 1e9).round() as i64;
+    timed::Cut { from_nanos: nanos(settings.from_secs), until_nanos: settings.until_secs.map(nanos) }
 }

@@ -63,8 +63,8 @@ impl Pacer {
         let is_first_source = !self.has_begun;
         let mut offset_nanos = *self.offset_nanos.get_or_insert_with(|| {
             let next_nanos = self.stream_nanos.saturating_add(self.interval_nanos.max(1));
-            let start_nanos = if is_first_source { 0 } else { elapsed_nanos.max(next_nanos) };
-            start_nanos.saturating_sub(source_nanos)
+            // What begins with the daemon is due at its own times; one that is opened later goes on from there.
+            if is_first_source { 0 } else { elapsed_nanos.max(next_nanos).saturating_sub(source_nanos) }
         });
         self.has_begun = true;
         let late_nanos = elapsed_nanos.saturating_sub(offset_nanos.saturating_add(source_nanos));

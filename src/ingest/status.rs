@@ -109,6 +109,18 @@ impl StatusReader {
     pub fn read(&self) -> CameraStatus {
         self.0.read()
     }
+
+    /// Tells that the camera was switched off: the thread that told its status has ended.
+    pub fn switch_off(&self, now: Timestamp) {
+        let mut status = self.0.lock();
+        status.enter(CameraState::Ended, now);
+        status.reason = Some("switched off".to_owned());
+    }
+
+    /// What is read here, to be told on.
+    pub(super) fn shared(self) -> SharedStatus {
+        self.0
+    }
 }
 
 /// A camera's status with one writer, its thread, and any number of readers. Cheap to clone.

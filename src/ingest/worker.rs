@@ -13,13 +13,13 @@ use super::pacing::{Pacer, Turn};
 use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
 use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::clock::{Clock, Timestamp};
-use crate::config::{End, SourceSettings};
+use crate::config::{ClockSettings, End, SourceSettings};
 use crate::frame::{CameraId, Frame};
 use crate::media::{EncodedFrame, TICK_NANOS};
 use crate::telemetry::DropReason;
 use std::hash::BuildHasher;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -73,27 +73,29 @@ pub struct CameraWorker {
     id: CameraId,
     stop: StopFlag,
     status: SharedStatus,
+    clock: SharedClock,
     thread: Option<JoinHandle<()>>,
 }
 
 impl CameraWorker {
     /// Starts the camera `id`. Stream time 0 is monotonic time `began`, the same for cameras that belong together; its
-    /// scene time is `settings.start`, or `origin` if there is none.
+    /// scene time is that of the file's `start`, or `origin` if there is none.
     ///
     /// # Errors
     /// When no thread can be started. Whatever is wrong with the source shows in the status.
     pub fn spawn(
         id: CameraId,
-        settings: SourceSettings,
+        feed: impl Into<Feed>,
         roots: MediaRoots,
         clock: Arc<dyn Clock>,
         (origin, began): (Timestamp, Duration),
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
-        let start = Start { scene: settings.start.unwrap_or(origin), began };
-        let (end, stall, tap) = (settings.end, settings.stall_secs, consumer.tap());
+        let feed = feed.into();
+        let start = feed.start(origin, began);
+        let (end, stall, tap) = (feed.source.end, feed.source.stall_secs, consumer.tap());
         let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
-        let open = move |stop: &StopFlag| open_tapped(&settings, &roots, stop, tap);
+        let open = move |stop: &StopFlag| open_tapped(&feed.source, &roots, stop, tap);
         Self::spawn_with(id, open, (end, stall), clock, start, consumer)
     }
 
@@ -105,11 +107,15 @@ impl CameraWorker {
         start: Start,
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
-        let (stop, status) = (StopFlag::default(), SharedStatus::new(clock.now()));
+        let stop = StopFlag::default();
+        let status = start.status.map_or_else(|| SharedStatus::new(clock.now()), |status| status.shared());
+        let counted = status.read();
         let camera = Camera {
             id: id.clone(),
             clock,
             scene_start: start.scene,
+            own_clock: start.clock.clone(),
+            corrected: start.corrected,
             end,
             stall,
             stop: stop.clone(),
@@ -121,13 +127,13 @@ impl CameraWorker {
             steady_since: None,
             rate: RateMeter::default(),
             ticked: None,
-            next_number: 0,
+            next_number: counted.frames + counted.dropped,
         };
         let thread = std::thread::Builder::new()
             .name(format!("camera-{id}"))
             .spawn(move || camera.run_contained(open))
             .map_err(|source| IngestError::Thread { camera: id.clone(), source })?;
-        Ok(Self { id, stop, status, thread: Some(thread) })
+        Ok(Self { id, stop, status, clock: start.clock, thread: Some(thread) })
     }
 
     /// The camera.
@@ -146,6 +152,12 @@ impl CameraWorker {
     #[must_use]
     pub fn status_reader(&self) -> StatusReader {
         self.status.reader()
+    }
+
+    /// Corrects the camera's clock from its next frame on. Where that sets time back, frames come for a while whose times
+    /// were there already.
+    pub fn set_clock(&self, clock: ClockSettings) {
+        self.clock.set(clock);
     }
 
     /// Asks the camera to end and returns at once; it ends within half a second, or when its consumer returns.
@@ -186,13 +198,77 @@ impl Drop for CameraWorker {
     }
 }
 
-/// Where stream time 0 lies.
-#[derive(Clone, Copy)]
+/// What a camera is fed from.
+#[derive(Clone, Debug, Default)]
+pub struct Feed {
+    /// Where its frames come from.
+    pub source: SourceSettings,
+    /// What is wrong with its clock.
+    pub clock: ClockSettings,
+    /// The status of the worker that stood here before: it is told on, and its counts go on.
+    pub status: Option<StatusReader>,
+}
+
+impl From<SourceSettings> for Feed {
+    fn from(source: SourceSettings) -> Self {
+        Self { source, ..Self::default() }
+    }
+}
+
+impl Feed {
+    /// Where stream time 0 lies, if the daemon began at `origin`.
+    fn start(&self, origin: Timestamp, began: Duration) -> Start {
+        let from_nanos = (self.source.from_secs * 1e9).round() as i64;
+        let is_file = self.source.path.is_some();
+        Start {
+            scene: self.source.start.map_or(origin, |start| start.saturating_add_nanos(from_nanos)),
+            began,
+            clock: SharedClock(Arc::new(Mutex::new(self.clock))),
+            corrected: match self.source.start {
+                Some(since) => Corrected::SceneTime { since },
+                None if is_file => Corrected::StreamTime,
+                None => Corrected::SceneTime { since: origin },
+            },
+            status: self.status.clone(),
+        }
+    }
+}
+
+/// What is wrong with a camera's clock; may be changed while the camera runs.
+#[derive(Clone, Debug, Default)]
+struct SharedClock(Arc<Mutex<ClockSettings>>);
+
+impl SharedClock {
+    fn get(&self) -> ClockSettings {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn set(&self, clock: ClockSettings) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = clock;
+    }
+}
+
+/// Which time the camera's clock is corrected in.
+#[derive(Clone, Copy, Debug, Default)]
+enum Corrected {
+    /// A file that begins with the daemon is moved against the others that do: it plays later, or what lies before their
+    /// beginning is left out.
+    #[default]
+    StreamTime,
+    /// All else is played as it comes, and bears another time; `since` is the instant from which on drift counts.
+    SceneTime { since: Timestamp },
+}
+
+/// Where stream time 0 lies, and how what follows from it becomes scene time.
+#[derive(Clone, Default)]
 struct Start {
-    /// In scene time.
+    /// In scene time, before the correction.
     scene: Timestamp,
     /// In monotonic time.
     began: Duration,
+    clock: SharedClock,
+    corrected: Corrected,
+    status: Option<StatusReader>,
 }
 
 /// What lives on the camera's thread.
@@ -200,6 +276,8 @@ struct Camera {
     id: CameraId,
     clock: Arc<dyn Clock>,
     scene_start: Timestamp,
+    own_clock: SharedClock,
+    corrected: Corrected,
     end: End,
     /// Silence after which a live source is stalled.
     stall: Duration,
@@ -277,7 +355,16 @@ impl Camera {
         self.pacer.begin();
         let first_number = self.next_number;
         while let Some(frame) = source.next_frame()? {
-            let due = self.pacer.due(self.clock.monotonic(), frame.stream_nanos);
+            let stream_nanos = self.stream_time(frame.stream_nanos);
+            if stream_nanos < 0 {
+                // Before the beginning that is common to all.
+                self.hand_on_encoded(source, self.file_offset_nanos());
+                if self.stop.is_raised() {
+                    break;
+                }
+                continue;
+            }
+            let due = self.pacer.due(self.clock.monotonic(), stream_nanos);
             self.sleep_until(due);
             if self.stop.is_raised() {
                 break;
@@ -309,20 +396,39 @@ impl Camera {
             return;
         }
         while let Some(frame) = source.take_encoded() {
-            let stream_nanos = frame.stream_nanos.unwrap_or(0);
+            let stream_nanos = self.stream_time(frame.stream_nanos.unwrap_or(0));
+            if stream_nanos < 0 {
+                continue;
+            }
             let time = self.scene_time(Timestamp::from_nanos(offset_nanos.saturating_add(stream_nanos)));
             self.consumer.record(&frame, time);
         }
     }
 
-    /// What is added to a file's own stream time.
+    /// Stream time once the camera's clock is corrected, where that is what it corrects.
+    fn stream_time(&self, stream_nanos: i64) -> i64 {
+        let zero = Timestamp::from_nanos(0);
+        match self.corrected {
+            Corrected::SceneTime { .. } => stream_nanos,
+            Corrected::StreamTime => {
+                let clock = ClockSettings { since: None, ..self.own_clock.get() };
+                clock.scene_time(Timestamp::from_nanos(stream_nanos), zero).as_nanos()
+            }
+        }
+    }
+
+    /// What is added to a file's stream time.
     fn file_offset_nanos(&self) -> i64 {
         self.scene_start.as_nanos().saturating_add(self.pacer.offset_nanos())
     }
 
-    /// `time` as it is kept: of a camera that is recorded, in the unit that recordings hold, so that memory and recordings
-    /// say the same.
+    /// What `time` is once the camera's clock is corrected, as it is kept: of a camera that is recorded, in the unit that
+    /// recordings hold, so that memory and recordings say the same.
     fn scene_time(&self, time: Timestamp) -> Timestamp {
+        let time = match self.corrected {
+            Corrected::StreamTime => time,
+            Corrected::SceneTime { since } => self.own_clock.get().scene_time(time, since),
+        };
         let nanos = time.as_nanos();
         Timestamp::from_nanos(match self.tap {
             Tap::Closed => nanos,

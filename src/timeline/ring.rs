@@ -110,6 +110,12 @@ impl Timeline {
         Ok(())
     }
 
+    /// Lets go of all there is.
+    pub fn clear(&self) {
+        let gone = std::mem::take(&mut *self.lock());
+        drop(gone);
+    }
+
     /// The newest observation.
     ///
     /// # Errors

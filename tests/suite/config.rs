@@ -57,9 +57,11 @@ fn the_example_s_camera_has_the_defaults_too() {
     let [camera, yard, gate, desk] = config.settings().camera.as_slice() else { panic!("four cameras") };
     let minimal = parse("[[camera]]\nid = \"north\"\nsource.path = \"north.webm\"").expect("enough");
     let mut expected = minimal.settings().camera[0].clone();
-    // The four that have no value to show as their default.
+    // Those that have no value to show as their default.
     expected.source.timing = Some(Timing::Pts);
     expected.source.start = "2026-03-01T12:00:00Z".parse().ok();
+    expected.source.until_secs = Some(3600.0);
+    expected.clock.since = expected.source.start;
     expected.segment.blur_sigma_px = Some(1.5);
     expected.background.clip = Some("/etc/videofields/north-empty.webm".into());
     assert_eq!(camera, &expected);
@@ -105,7 +107,7 @@ fn the_example_names_every_key() {
     }
     let camera = example["camera"][0].as_table().expect("a table");
     check(camera, "camera", "[[camera]]\nid = \"a\"\nsource.path = \"a\"\nzzz = 1");
-    for part in ["source", "background", "segment", "track", "condition"] {
+    for part in ["source", "clock", "background", "segment", "track", "condition"] {
         let document = format!("[[camera]]\nid = \"a\"\nsource.path = \"a\"\n{part}.zzz = 1");
         let mut written = camera[part].as_table().expect("a table").clone();
         if part == "source" {

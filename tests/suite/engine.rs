@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
 mod costs;
+mod feed;
 mod mutations;
 mod restart;
 
@@ -15,7 +16,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{
-    CameraSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
+    CameraSettings, ClockSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
 };
 use videofields::engine::{
     At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewRequest,
@@ -84,6 +85,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
             start: Some(Timestamp::from_nanos(0)),
             ..SourceSettings::of_path(path)
         },
+        clock: ClockSettings::default(),
         record: true,
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },

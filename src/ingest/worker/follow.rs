@@ -51,7 +51,7 @@ impl Camera {
                     let arrival = Arrival { now, monotonic: heard, stream_nanos, reference };
                     let stamped = self.arrivals.stamp(&arrival);
                     let timestamp = self.scene_time(stamped);
-                    self.hand_on_encoded(source, timestamp.as_nanos().saturating_sub(stream_nanos));
+                    self.hand_on_encoded(source, stamped.as_nanos().saturating_sub(stream_nanos));
                     self.deliver(frame, timestamp, first_number);
                 }
             }

@@ -101,6 +101,8 @@ struct Bench {
     panics_at: Option<u64>,
     end: End,
     tap: Tap,
+    own_clock: ClockSettings,
+    corrected: Corrected,
 }
 
 impl Bench {
@@ -115,6 +117,8 @@ impl Bench {
             panics_at: None,
             end: End::Loop,
             tap: Tap::Closed,
+            own_clock: ClockSettings::default(),
+            corrected: Corrected::StreamTime,
         }
     }
 
@@ -143,7 +147,13 @@ impl Bench {
             }) as Box<dyn Source>)
         };
         let id = CameraId::new("gate").unwrap();
-        let start = Start { scene: Timestamp::from_nanos(1_000), began: clock.monotonic() };
+        let start = Start {
+            scene: Timestamp::from_nanos(1_000),
+            began: clock.monotonic(),
+            clock: SharedClock(Arc::new(Mutex::new(self.own_clock))),
+            corrected: self.corrected,
+            status: None,
+        };
         let kind = (self.end, Duration::from_secs(5));
         CameraWorker::spawn_with(id, open, kind, clock, start, Box::new(recorder)).unwrap()
     }
@@ -291,4 +301,52 @@ fn retries_wait_1_to_30_seconds_and_differ() {
         assert!(delays.iter().all(|ms| (longest_ms / 2..=longest_ms).contains(ms)), "{delays:?}");
         assert_ne!(delays[0], delays[2]);
     }
+}
+
+/// Scene times after the beginning, and when they came.
+fn shown(events: &[Event]) -> Vec<(i64, i64)> {
+    let shown = |event: &Event| match event {
+        Event::Frame { nanos, at, .. } => Some((*nanos - 1_000, i64::try_from(at.as_nanos()).unwrap())),
+        _ => None,
+    };
+    events.iter().filter_map(shown).collect()
+}
+
+#[test]
+fn a_clip_that_began_sooner_leaves_out_what_the_others_did_not_see() {
+    let own_clock = ClockSettings { offset_secs: -0.1, ..ClockSettings::default() };
+    let bench = Bench { own_clock, ..Bench::new() };
+    let began = bench.clock.monotonic().as_nanos() as i64;
+    let (events, _) = bench.run(&[5]);
+    assert_eq!(numbers(&events), [3, 4]);
+    let due = [20_000_000, 60_000_000];
+    assert_eq!(
+        shown(&events),
+        due.map(|nanos| (nanos, began + nanos)),
+        "when the others show the same instant"
+    );
+    let (events, _) = Bench { own_clock, tap: Tap::Open, ..Bench::new() }.run(&[5]);
+    let encoded = |event: &Event| if let Event::Encoded(nanos) = event { Some(*nanos) } else { None };
+    assert_eq!(events.iter().filter_map(encoded).collect::<Vec<_>>(), due, "in whole ticks");
+}
+
+#[test]
+fn a_clip_that_began_later_waits_and_one_that_drifts_is_stretched() {
+    let own_clock = ClockSettings { offset_secs: 2.0, drift_ppm: 50_000.0, since: None };
+    let bench = Bench { own_clock, ..Bench::new() };
+    let began = bench.clock.monotonic().as_nanos() as i64;
+    let (events, _) = bench.run(&[3]);
+    let due = [2_000_000_000, 2_042_000_000, 2_084_000_000];
+    assert_eq!(shown(&events), due.map(|nanos| (nanos, began + nanos)));
+}
+
+#[test]
+fn what_begins_at_an_instant_of_its_own_is_played_at_once_and_bears_another_time() {
+    let own_clock = ClockSettings { offset_secs: -3600.0, ..ClockSettings::default() };
+    let corrected = Corrected::SceneTime { since: Timestamp::from_nanos(1_000) };
+    let bench = Bench { own_clock, corrected, ..Bench::new() };
+    let began = bench.clock.monotonic().as_nanos() as i64;
+    let (events, _) = bench.run(&[2]);
+    let hour = 3_600_000_000_000;
+    assert_eq!(shown(&events), [0, FRAME_NANOS].map(|nanos| (nanos - hour, began + nanos)));
 }

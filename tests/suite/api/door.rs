@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
 use videofields::clock::Timestamp;
-use videofields::config::{SegmentSettings, changed_segment};
+use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraSummary, CameraTimeline, Door, EngineError, LocateMethod,
     Located, PlayheadState, Readiness, RecordingSummary, SceneSummary, SceneTimeline, SourceTime, ViewAnswer,
@@ -229,6 +229,16 @@ impl Door for FakeDoor {
     ) -> Result<SegmentSettings, EngineError> {
         Self::has_camera(camera)?;
         changed_segment(&SegmentSettings::default(), change).map_err(EngineError::Faults)
+    }
+
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError> {
+        Self::has_camera(camera)?;
+        let source = SourceSettings::of_path("/films/north.mp4");
+        Ok(FeedSettings { enabled: true, source, clock: ClockSettings::default() })
+    }
+
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.feed(camera)?.changed(change).map_err(EngineError::Faults)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {

@@ -82,3 +82,38 @@ async fn a_moved_camera_s_place_is_accepted() {
     other.problem(405, path);
     assert_eq!(other.field("allow"), "POST");
 }
+
+#[tokio::test]
+async fn what_feeds_a_camera_is_shown_and_changed() {
+    let bench = Bench::new();
+    let path = "/api/v1/cameras/north/source";
+    let shown = bench.get(path).await;
+    assert_eq!((shown.status.as_u16(), shown.field("cache-control")), (200, "no-store"));
+    assert_eq!(
+        shown.json(),
+        json!({
+            "enabled": true,
+            "source": {"path": "/films/north.mp4", "rate_hz": 25.0, "end": "stop", "from_secs": 0.0},
+            "clock": {"offset_secs": 0.0, "drift_ppm": 0.0},
+        })
+    );
+    let change = |body: &str| bench.send(request(Method::PATCH, path, body));
+    let changed = change(r#"{"clock": {"offset_secs": -2.5}, "source": {"end": "loop"}}"#).await;
+    assert_eq!(changed.status.as_u16(), 200);
+    assert_eq!(changed.json()["clock"]["offset_secs"], json!(-2.5));
+    assert_eq!(changed.json()["source"]["end"], json!("loop"));
+    for (body, pointer) in [
+        (r#"{"clock": {"offset_secs": "soon"}}"#, "/clock/offset_secs"),
+        (r#"{"source": {"url": "exec:ls"}}"#, "/source"),
+        (r#"{"source": {"password_file": "/etc/shadow"}}"#, "/source/password_file"),
+        ("[1]", ""),
+        ("{", ""),
+    ] {
+        let problem = change(body).await.problem(400, path);
+        let pointers: Vec<_> =
+            problem["errors"].as_array().unwrap().iter().map(|of| &of["pointer"]).collect();
+        assert!(pointers.contains(&&json!(pointer)), "{body}: {problem}");
+    }
+    bench.get("/api/v1/cameras/east/source").await.problem(404, "/api/v1/cameras/east/source");
+    bench.send(request(Method::PUT, path, "{}")).await.problem(405, path);
+}
