@@ -5,6 +5,7 @@
 //! HEAD show; what changes something has a method of its own, and is refused where a page of another site asks for it.
 
 mod accuracy;
+mod alignment;
 mod cameras;
 mod error;
 mod events;
@@ -111,6 +112,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
         .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
+        .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))
         .route("/api/v1/playheads", get(playheads::list))

@@ -39,6 +39,32 @@ impl ClockSettings {
         time.saturating_add_nanos(self.offset_nanos()).saturating_add_nanos(drift_nanos)
     }
 
+    /// The settings that bring into step a camera which these leave ahead by `ahead_secs` at the scene time `now`, and which
+    /// runs fast by `drift` then. `since` is when its drift counts from where the settings name no instant; none for a live camera,
+    /// where they come to name one.
+    #[must_use]
+    pub fn corrected(
+        &self,
+        now: Timestamp,
+        (ahead_secs, drift): (f64, f64),
+        since: Option<Timestamp>,
+    ) -> Self {
+        // A live camera's drift may count from anywhere: from now.
+        let own_now = now.saturating_add_nanos(-self.offset_nanos());
+        let own_since = self.since.or(since).unwrap_or(own_now);
+        let scene_since = self.scene_time(own_since, own_since);
+        let passed_secs = scene_since.nanos_since(now) as f64 * 1e-9;
+        let offset_secs = self.offset_secs - (ahead_secs + drift * passed_secs);
+        let drift_ppm = ((1.0 + self.drift_ppm * 1e-6) * (1.0 - drift) - 1.0) * 1e6;
+        let is_named = self.since.is_some() || since.is_none();
+        // To the microsecond and to a thousandth: more digits than anything here is known to.
+        Self {
+            offset_secs: (offset_secs * 1e6).round() / 1e6,
+            drift_ppm: (drift_ppm * 1e3).round() / 1e3,
+            since: is_named.then_some(own_since),
+        }
+    }
+
     /// The offset, nanoseconds.
     #[must_use]
     pub fn offset_nanos(&self) -> i64 {
@@ -76,6 +102,20 @@ mod tests {
         assert_eq!(moved(clock(-10.000_000_001, 0.0), 5), -9_999_999_996);
         assert_eq!(moved(clock(0.0, 100.0), 3_600_000_000_000), 3_600_360_000_000);
         assert_eq!(moved(clock(1e9 + 0.25, 0.0), 0), 1_000_000_000_250_000_000);
+        // What is ahead by a known line is in step once that is corrected, whatever was set before.
+        for before in [clock(0.0, 0.0), clock(7.25, -40.0)] {
+            for since in [None, Some(origin)] {
+                let now = origin.saturating_add_nanos(2_000_000_000_000);
+                let corrected = before.corrected(now, (10.5, 100e-6), since);
+                for own_secs in [0, 500, 3600] {
+                    let own = origin.saturating_add_nanos(own_secs * 1_000_000_000);
+                    let was = before.scene_time(own, origin);
+                    let ahead = 10.5 + 100e-6 * was.nanos_since(now) as f64 * 1e-9;
+                    let wrong = corrected.scene_time(own, origin).nanos_since(was) as f64 * 1e-9 + ahead;
+                    assert!(wrong.abs() < 1e-5, "{before:?} {since:?}: {wrong}");
+                }
+            }
+        }
         let since = ClockSettings { since: Some(at(0)), ..clock(0.0, -1.0) };
         assert_eq!(since.scene_time(at(2_000_000), origin), at(1_999_998));
         for time in [i64::MIN, i64::MAX] {

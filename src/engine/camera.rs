@@ -2,6 +2,7 @@
 
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
+use super::sightings::Sightings;
 use super::tuning::Tuning;
 use crate::archive::Recorder;
 use crate::clock::{Clock, Timestamp};
@@ -25,6 +26,7 @@ pub(super) struct CameraConsumer {
     timeline: Arc<Timeline>,
     events: Arc<EventLog>,
     tuning: Arc<Tuning>,
+    sightings: Arc<Sightings>,
     checkpoints: Checkpoints,
     activity: Activity,
     metrics: Arc<Metrics>,
@@ -46,7 +48,7 @@ impl CameraConsumer {
     pub(super) fn new(
         settings: CameraSettings,
         roots: MediaRoots,
-        (timeline, events, tuning): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>),
+        (timeline, events, tuning, sightings): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>, Arc<Sightings>),
         (checkpoints, activity): (Checkpoints, Activity),
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
@@ -62,6 +64,7 @@ impl CameraConsumer {
             timeline,
             events,
             tuning,
+            sightings,
             checkpoints,
             activity,
             metrics,
@@ -174,6 +177,7 @@ impl FrameConsumer for CameraConsumer {
             started = ended;
         });
         self.activity.observe(&observation);
+        self.sightings.observe(&observation);
         let remembered = self.remember(observation);
         let id = self.settings.id.as_str();
         match remembered {

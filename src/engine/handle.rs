@@ -1,6 +1,6 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::{AccuracyStatus, EngineError, PlayheadState, SceneTimeline};
+use super::{AccuracyStatus, EngineError, PlayheadState, SceneAlignment, SceneTimeline};
 use crate::archive::{CameraRecording, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
@@ -285,6 +285,12 @@ pub trait Door: Send + Sync {
         span: (Timestamp, Timestamp),
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError>;
+
+    /// How far the clocks of a scene's cameras are apart, from what they saw of late. Takes up to some seconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`].
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
 
     /// Every playhead, in the order in which they were made.
     fn playheads(&self) -> Vec<PlayheadState>;

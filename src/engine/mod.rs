@@ -3,6 +3,7 @@
 
 mod accuracy;
 mod activity;
+mod alignment;
 mod camera;
 mod checkpoint;
 mod chronicle;
@@ -18,9 +19,11 @@ mod playheads;
 mod renderer;
 mod roster;
 mod shared;
+mod sightings;
 mod tuning;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
+pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::EngineError;
 pub use handle::{

@@ -9,10 +9,11 @@ use super::activity::Activity;
 use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
+use super::sightings::{Seen, Sightings};
 use super::tuning::Tuning;
 use crate::archive::Archive;
 use crate::clock::{Clock, Timestamp};
-use crate::config::{CameraSettings, FeedSettings, StorageSettings};
+use crate::config::{CameraSettings, ClockSettings, FeedSettings, StorageSettings};
 use crate::frame::CameraId;
 use crate::ingest::{CameraWorker, Feed, IngestError, MediaRoots, StatusReader, StopFlag};
 use crate::store::Store;
@@ -54,6 +55,7 @@ struct Post {
     id: CameraId,
     timeline: Arc<Timeline>,
     tuning: Arc<Tuning>,
+    sightings: Arc<Sightings>,
     status: StatusReader,
     /// Its part of the time between two checkpoints, so that not all are written at once.
     sooner: Duration,
@@ -72,6 +74,8 @@ struct Anew<'a> {
 struct Held {
     settings: CameraSettings,
     is_enabled: bool,
+    /// Scene time of its zero, if it names no start.
+    origin: Timestamp,
     worker: Option<CameraWorker>,
 }
 
@@ -89,16 +93,23 @@ impl Roster {
             surroundings.metrics.announce_camera(camera.id.as_str());
             let timeline = Arc::new(Timeline::new(timeline_bytes));
             let tuning = Arc::new(Tuning::new(&camera.segment));
+            let sightings = Arc::<Sightings>::default();
             // One after the other over the interval, not all at once: they share one database.
             let sooner = interval * place / n_cameras;
-            let worker = surroundings.spawn(camera, (&timeline, &tuning), sooner, None)?;
+            let worker = surroundings.spawn(camera, (&timeline, &tuning, &sightings), sooner, None)?;
             posts.push(Post {
                 id: camera.id.clone(),
                 timeline,
                 tuning,
+                sightings,
                 status: worker.status_reader(),
                 sooner,
-                held: Mutex::new(Held { settings: camera.clone(), is_enabled: true, worker: Some(worker) }),
+                held: Mutex::new(Held {
+                    settings: camera.clone(),
+                    is_enabled: true,
+                    origin: surroundings.origin.0,
+                    worker: Some(worker),
+                }),
             });
         }
         Ok(Self { surroundings, posts })
@@ -138,11 +149,13 @@ impl Roster {
             && (changed.enabled, &changed.source) == (before.enabled, &before.source)
         {
             worker.set_clock(changed.clock);
+            post.sightings.clear();
             return Ok(changed);
         }
         if let Some(worker) = held.worker.take() {
             self.end(worker);
         }
+        post.sightings.clear();
         let is_elsewhere = held.settings.source.place() != changed.source.place();
         held.settings.source = changed.source.clone();
         held.settings.segment = post.tuning.segment();
@@ -150,9 +163,10 @@ impl Roster {
         if changed.enabled {
             // What begins now begins at its beginning.
             let now = (self.surroundings.clock.now(), self.surroundings.clock.monotonic());
+            held.origin = now.0;
             let spawned = self.surroundings.spawn(
                 &held.settings,
-                (&post.timeline, &post.tuning),
+                (&post.timeline, &post.tuning, &post.sightings),
                 post.sooner,
                 Some(Anew { origin: now, status: &post.status, is_elsewhere }),
             );
@@ -161,6 +175,25 @@ impl Roster {
             post.status.switch_off(self.surroundings.clock.now());
         }
         Ok(changed)
+    }
+
+    /// Where a camera saw things stand lately.
+    pub(super) fn sightings(&self, camera: &str) -> Option<Vec<Seen>> {
+        Some(self.post(camera).ok()?.sightings.all())
+    }
+
+    /// The settings of a camera's clock that bring it into step, if it is ahead by that many seconds at `now` and runs fast
+    /// by that much.
+    pub(super) fn corrected_clock(
+        &self,
+        camera: &str,
+        now: Timestamp,
+        ahead: (f64, f64),
+    ) -> Option<ClockSettings> {
+        let held = self.post(camera).ok()?.lock();
+        let source = &held.settings.source;
+        let since = source.start.or(source.path.as_ref().map(|_file| held.origin));
+        Some(held.settings.clock.corrected(now, ahead, since))
     }
 
     /// Asks every camera to end and returns at once.
@@ -220,7 +253,7 @@ impl Surroundings {
     fn spawn(
         &self,
         camera: &CameraSettings,
-        (timeline, tuning): (&Arc<Timeline>, &Arc<Tuning>),
+        (timeline, tuning, sightings): (&Arc<Timeline>, &Arc<Tuning>, &Arc<Sightings>),
         sooner: Duration,
         anew: Option<Anew<'_>>,
     ) -> Result<CameraWorker, IngestError> {
@@ -243,7 +276,7 @@ impl Surroundings {
         let consumer = CameraConsumer::new(
             camera.clone(),
             self.roots.clone(),
-            (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning)),
+            (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
             (checkpoints, Activity::new(camera.id.clone(), self.store.clone(), self.runtime.clone())),
             Arc::clone(&self.metrics),
             Arc::clone(&self.clock),

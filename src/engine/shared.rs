@@ -2,6 +2,7 @@
 
 use super::EngineError;
 use super::accuracy::{AccuracyBoard, AccuracyStatus};
+use super::alignment::SceneAlignment;
 use super::checkpoint::StoreHealth;
 use super::chronicle::SceneTimeline;
 use super::handle::{
@@ -12,9 +13,10 @@ use super::past::Past;
 use super::playheads::{Change, PlayheadState, Playheads};
 use super::renderer::Job;
 use super::roster::Roster;
+use super::sightings::Seen;
 use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
-use crate::config::{self, FeedSettings, RenderSettings, SegmentSettings};
+use crate::config::{self, ClockSettings, FeedSettings, RenderSettings, SegmentSettings};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::SurfaceId;
@@ -163,6 +165,22 @@ impl Shared {
 
     fn running(&self, camera: &str) -> Result<&Roster, EngineError> {
         self.roster.as_deref().ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
+    }
+
+    /// Where a camera saw things stand lately, if it is configured.
+    pub(super) fn sightings_of(&self, camera: &str) -> Option<Vec<Seen>> {
+        self.roster.as_deref()?.sightings(camera)
+    }
+
+    /// The settings of a camera's clock once it is corrected; it is ahead by that much at `now` and runs that much faster.
+    pub(super) fn corrected_clock(
+        &self,
+        camera: &str,
+        now: Timestamp,
+        ahead_secs: f64,
+        drift: f64,
+    ) -> Option<ClockSettings> {
+        self.roster.as_deref()?.corrected_clock(camera, now, (ahead_secs, drift))
     }
 
     /// The newest instant that all live cameras of a scene have reached, those left out that lag behind the newest by
@@ -469,6 +487,10 @@ impl Door for Shared {
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError> {
         self.chronicle(scene, span, minutes_each)
+    }
+
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
+        self.align_scene(scene)
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

@@ -4,6 +4,7 @@
 mod support;
 
 mod accuracy;
+mod alignment;
 mod api;
 mod archive;
 mod background;

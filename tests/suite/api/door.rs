@@ -7,9 +7,9 @@ use tokio::sync::{oneshot, watch};
 use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
-    AccuracyState, AccuracyStatus, At, CameraSummary, CameraTimeline, Door, EngineError, LocateMethod,
-    Located, PlayheadState, Readiness, RecordingSummary, SceneSummary, SceneTimeline, SourceTime, ViewAnswer,
-    ViewRequest,
+    AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
+    LocateMethod, Located, PairAlignment, PlayheadState, Readiness, RecordingSummary, SceneAlignment,
+    SceneSummary, SceneTimeline, SourceTime, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -17,7 +17,7 @@ use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, 
 use videofields::scene::{Scene, SceneView};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
-use videofields::timeline::{Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
+use videofields::timeline::{Alignment, Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
@@ -118,6 +118,35 @@ impl Door for FakeDoor {
         let camera =
             CameraTimeline { camera: id("north"), ranges: vec![(from, to)], activity: vec![activity] };
         Ok(SceneTimeline { cameras: vec![camera], events: Vec::new() })
+    }
+
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        let alignment = Alignment {
+            offset_secs: 10.0,
+            offset_error_secs: 0.01,
+            drift_ppm: 100.0,
+            drift_error_ppm: 5.0,
+            since: FIRST,
+            confidence: 0.9,
+            n_meetings: 7,
+        };
+        let clock = ClockSettings { offset_secs: -10.0, drift_ppm: -100.0, since: None };
+        let camera = |name: &str, confidence, ahead_secs, clock| CameraAlignment {
+            camera: id(name),
+            confidence,
+            ahead_secs,
+            clock,
+        };
+        Ok(SceneAlignment {
+            cameras: vec![
+                camera("north", Some(0.9), Some(10.0), Some(clock)),
+                camera("south", None, None, None),
+            ],
+            pairs: vec![PairAlignment { first: id("south"), second: id("north"), alignment }],
+            n_left_out: 0,
+        })
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

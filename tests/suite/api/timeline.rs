@@ -54,3 +54,31 @@ async fn a_span_that_makes_no_sense_is_refused_at_its_place() {
         assert!(problem["errors"][0]["detail"].as_str().unwrap().contains(said), "{query}: {problem}");
     }
 }
+
+#[tokio::test]
+async fn clocks_are_compared() {
+    let bench = Bench::new();
+    let path = "/api/v1/scenes/plaza/alignment";
+    let answer = bench.get(path).await;
+    assert_eq!((answer.status.as_u16(), answer.field("cache-control")), (200, "no-store"));
+    assert_eq!(
+        answer.json(),
+        json!({
+            "cameras": [
+                {
+                    "camera": "north", "confidence": 0.9, "ahead_secs": 10.0,
+                    "clock": {"offset_secs": -10.0, "drift_ppm": -100.0, "since": null},
+                },
+                {"camera": "south", "confidence": null, "ahead_secs": null, "clock": null},
+            ],
+            "pairs": [{
+                "first": "south", "second": "north", "offset_secs": 10.0, "offset_error_secs": 0.01,
+                "drift_ppm": 100.0, "drift_error_ppm": 5.0, "since": super::FIRST.to_string(),
+                "confidence": 0.9, "meetings": 7,
+            }],
+            "pairs_left_out": 0,
+        })
+    );
+    bench.get("/api/v1/scenes/none/alignment").await.problem(404, "/api/v1/scenes/none/alignment");
+    bench.get("/api/v1/scenes/plaza/alignment?x=1").await.problem(400, path);
+}

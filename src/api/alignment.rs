@@ -1,0 +1,57 @@
+//! `/api/v1/scenes/{id}/alignment`: how far the clocks of a scene's cameras are apart.
+
+use super::Api;
+use super::error::Problem;
+use super::query::Query;
+use super::scenes::problem_of;
+use super::segments::Segments;
+use crate::engine::{CameraAlignment, EngineError, PairAlignment};
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+/// What the cameras saw in common, and what follows for their clocks.
+pub(super) async fn show(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let (door, scene) = (api.door.clone(), id);
+    let asked = tokio::task::spawn_blocking(move || door.alignment(&scene)).await;
+    let found =
+        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("comparing clocks: {panicked}"))));
+    let found = found.map_err(|error| problem_of(&api, error))?;
+    let body = json!({
+        "cameras": found.cameras.iter().map(camera).collect::<Vec<_>>(),
+        "pairs": found.pairs.iter().map(pair).collect::<Vec<_>>(),
+        "pairs_left_out": found.n_left_out,
+    });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+fn camera(of: &CameraAlignment) -> Value {
+    json!({
+        "camera": of.camera.as_str(),
+        "confidence": of.confidence,
+        "ahead_secs": of.ahead_secs,
+        "clock": of.clock,
+    })
+}
+
+fn pair(of: &PairAlignment) -> Value {
+    let found = &of.alignment;
+    json!({
+        "first": of.first.as_str(),
+        "second": of.second.as_str(),
+        "offset_secs": found.offset_secs,
+        "offset_error_secs": found.offset_error_secs,
+        "drift_ppm": found.drift_ppm,
+        "drift_error_ppm": found.drift_error_ppm,
+        "since": found.since.to_string(),
+        "confidence": found.confidence,
+        "meetings": found.n_meetings,
+    })
+}
