@@ -8,15 +8,16 @@
 use super::connection::{Guard, connection_fault, unanswered};
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec};
 use super::input::{Keep, make};
+use super::losses::Losses;
 use super::{EncodedQueue, Fault, Input, jpeg, tap};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
 use gstreamer_video as gst_video;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// Most columns and rows of a video: beyond it lies what no camera makes and no memory holds.
 const MAX_SIDE: u32 = 8192;
@@ -308,7 +309,9 @@ fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {
     factory.is_some_and(|factory| factory.has_type(kind))
 }
 
-/// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps broken JPEG from it.
+/// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
+/// and, once packets were lost, all that builds on what they held: a decoder would make smears of it that look like
+/// something that moves.
 fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
     if !is_decoder(element.upcast_ref()) {
         return;
@@ -318,14 +321,21 @@ fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
         element.set_property("max-errors", -1_i32);
     }
     let n_damaged = Arc::clone(n_damaged);
+    let losses = Mutex::new(Losses::default());
     let Some(pad) = element.static_pad("sink") else { return };
     pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
         let caps = pad.current_caps();
         let kind = caps.as_ref().and_then(|caps| caps.structure(0)).map(gst::StructureRef::name);
-        let Some(buffer) = info.buffer().filter(|_| kind.is_some_and(|kind| kind == "image/jpeg")) else {
-            return gst::PadProbeReturn::Ok;
+        let Some(buffer) = info.buffer() else { return gst::PadProbeReturn::Ok };
+        let is_good = if kind.is_some_and(|kind| kind == "image/jpeg") {
+            buffer.map_readable().is_ok_and(|bytes| jpeg::is_whole(&bytes))
+        } else {
+            losses
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .is_good(buffer.flags(), gst::get_timestamp())
         };
-        if buffer.map_readable().is_ok_and(|bytes| jpeg::is_whole(&bytes)) {
+        if is_good {
             return gst::PadProbeReturn::Ok;
         }
         n_damaged.fetch_add(1, Ordering::Relaxed);

@@ -11,6 +11,7 @@ mod encoded;
 mod fault;
 mod input;
 mod jpeg;
+mod losses;
 mod muxer;
 mod planes;
 mod tap;

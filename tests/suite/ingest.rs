@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
+mod mutations;
+
 use crate::support::real_data;
 use gstreamer::prelude::*;
 use std::path::{Path, PathBuf};

@@ -4,7 +4,7 @@
 
 mod http;
 
-use crate::support::rtsp::{RtspServer, ball};
+use crate::support::rtsp::{RtspServer, ball, jpeg_ball};
 use crate::support::wait_for;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -202,6 +202,44 @@ fn another_size_within_the_stream_goes_on_without_a_new_connection() {
     let status = camera.wait("the new size", |status| status.size == Some((480, 360)));
     assert_eq!((status.retries, status.state), (0, CameraState::Live));
     camera.wait_frames(5);
+    assert_grows(&camera.frames());
+}
+
+#[test]
+fn packets_that_are_lost_cost_pictures_and_not_the_camera() {
+    // Several packets a picture, so that pictures come in parts.
+    let noise = ball(320, 240).replace("pattern=ball", "pattern=snow");
+    let server = RtspServer::start(0, &noise, None);
+    let transport = Transport::Udp;
+    let camera = Camera::connect(SourceSettings { transport, ..settings(&server.url()) });
+    camera.wait_frames(10);
+    server.lose_every(50);
+    let n_before = camera.worker.status().frames;
+    wait_for("lost pictures to be counted", || {
+        let lost = &camera.kept.0.lock().unwrap().lost;
+        lost.iter().any(|(reason, _)| *reason == DropReason::Damaged).then_some(())
+    });
+    // The clock does not move on by itself: these frames have come meanwhile and after.
+    let status = camera.wait_frames(25);
+    assert!(status.frames > n_before && status.dropped > 0, "{status:?}");
+    assert_eq!((status.retries, status.reason), (0, None), "the camera stays connected");
+    assert_grows(&camera.frames());
+}
+
+#[test]
+fn a_camera_that_comes_back_with_another_codec_is_live_again() {
+    let mut server = Some(RtspServer::start(0, &ball(320, 240), None));
+    let (port, url) = (server.as_ref().unwrap().port(), server.as_ref().unwrap().url());
+    let camera = Camera::connect(settings(&url));
+    camera.wait_frames(3);
+    for (launch, size) in [(jpeg_ball(400, 304), (400, 304)), (ball(320, 240), (320, 240))] {
+        drop(server.take());
+        camera.wait("the camera is given up", |status| !status.state.delivers());
+        server = Some(RtspServer::start(port, &launch, None));
+        let is_back = |status: &CameraStatus| status.state == CameraState::Live && status.size == Some(size);
+        camera.wait("the camera is live again", is_back);
+        camera.wait_frames(3);
+    }
     assert_grows(&camera.frames());
 }
 

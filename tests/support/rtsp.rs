@@ -6,6 +6,8 @@ use gst::glib;
 use gstreamer as gst;
 use gstreamer_rtsp_server as gst_rtsp_server;
 use gstreamer_rtsp_server::prelude::*;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 
@@ -17,6 +19,14 @@ pub(crate) fn ball(width: u32, height: u32) -> String {
     format!(
         "( videotestsrc is-live=true pattern=ball ! capsfilter name=size caps=video/x-raw,format=I420,width={width},height={height},framerate=25/1 ! \
          x264enc tune=zerolatency speed-preset=ultrafast key-int-max=10 threads=1 ! rtph264pay name=pay0 pt=96 config-interval=-1 )"
+    )
+}
+
+/// The same as motion JPEG.
+pub(crate) fn jpeg_ball(width: u32, height: u32) -> String {
+    format!(
+        "( videotestsrc is-live=true pattern=ball ! video/x-raw,format=I420,width={width},height={height},framerate=25/1 ! \
+         jpegenc ! rtpjpegpay name=pay0 pt=26 )"
     )
 }
 
@@ -95,6 +105,27 @@ impl RtspServer {
         let caps = gst::Caps::builder("video/x-raw").field("format", "I420").field("width", width);
         let caps = caps.field("height", height).field("framerate", gst::Fraction::new(25, 1)).build();
         filter.set_property("caps", caps);
+    }
+}
+
+impl RtspServer {
+    /// Loses every `n`th packet from now on.
+    pub(crate) fn lose_every(&self, n: u64) {
+        let element = self.media.lock().unwrap().clone().unwrap();
+        let payloader = element.downcast::<gst::Bin>().unwrap().by_name("pay0").unwrap();
+        let n_sent = AtomicU64::new(0);
+        let kinds = gst::PadProbeType::BUFFER | gst::PadProbeType::BUFFER_LIST;
+        payloader.static_pad("src").unwrap().add_probe(kinds, move |_pad, info| {
+            let is_next = || n_sent.fetch_add(1, Ordering::Relaxed) % n == n - 1;
+            if let Some(list) = info.buffer_list_mut() {
+                // Packets of one picture come as a list.
+                list.make_mut().foreach_mut(|buffer, _idx| {
+                    ControlFlow::Continue(Some(buffer).filter(|_buffer| !is_next()))
+                });
+                return gst::PadProbeReturn::Ok;
+            }
+            if is_next() { gst::PadProbeReturn::Drop } else { gst::PadProbeReturn::Ok }
+        });
     }
 }
 
