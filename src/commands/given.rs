@@ -74,6 +74,7 @@ pub(crate) fn camera(tables: Tables, source: SourceSettings) -> Result<CameraSet
         source,
         clock: ClockSettings::default(),
         record: false,
+        vision: true,
         background,
         segment,
         track,

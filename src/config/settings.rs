@@ -152,6 +152,10 @@ pub struct CameraSettings {
     /// Whether its stream is recorded where `archive.folder` is set. Default true.
     #[serde(default = "default_record")]
     pub record: bool,
+    /// Whether its background is learned and what moves is found; without, its pictures are shown and recorded as they are,
+    /// at no other cost. Default true.
+    #[serde(default = "default_vision")]
+    pub vision: bool,
     /// How its background is learned.
     #[serde(default)]
     pub background: BackgroundSettings,
@@ -164,6 +168,10 @@ pub struct CameraSettings {
     /// How its picture is watched for what makes it useless.
     #[serde(default)]
     pub condition: ConditionSettings,
+}
+
+const fn default_vision() -> bool {
+    true
 }
 
 const fn default_record() -> bool {

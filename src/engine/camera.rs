@@ -57,6 +57,7 @@ impl CameraConsumer {
         let pipeline = Pipeline::new(&settings.background, &settings.segment)
             .with_track(&settings.track)
             .with_condition(&settings.condition);
+        let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
         Self {
             settings,
             roots,
@@ -87,6 +88,9 @@ impl CameraConsumer {
     /// learned anew, so that another clip takes effect; one that adapts learns a clip that was named since. False
     /// where the camera was stopped meanwhile.
     fn prepare(&mut self, first: &Frame) -> bool {
+        if !self.pipeline.has_vision() {
+            return true;
+        }
         let id = &self.settings.id;
         let is_held = self.settings.background.learning == Learning::Hold;
         let is_restored = !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image);

@@ -42,6 +42,7 @@ impl Past {
     ) -> Self {
         let camera = |settings: CameraSettings| {
             let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
+            let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
             let id = settings.id.clone();
             (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
         };

@@ -8,7 +8,7 @@ use crate::background::{BackgroundError, Detail, Format, GaussianMixture, Hints}
 use crate::clock::Timestamp;
 use crate::condition::{Condition, ConditionKind, Conditions, Phase};
 use crate::config::{BackgroundSettings, ConditionSettings, Learning, SegmentSettings, TrackSettings};
-use crate::frame::{BitMask, CameraId, Frame, YuvImage};
+use crate::frame::{BitMask, CameraId, Frame, Mask, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind, Observation};
@@ -54,6 +54,10 @@ pub struct Pipeline {
     picture: Option<(Timestamp, Arc<YuvImage>)>,
     /// Whether frames of the past are looked at: backgrounds stay as they were restored, and nothing is told.
     is_review: bool,
+    /// Whether anything is looked for; else pictures are passed on as they are.
+    has_vision: bool,
+    /// The mask of pictures in which nothing is looked for, which frames share.
+    blank: Option<Arc<Mask>>,
 }
 
 /// One model and what its next step depends on.
@@ -89,6 +93,8 @@ impl Pipeline {
             aside: Vec::new(),
             picture: None,
             is_review: false,
+            has_vision: true,
+            blank: None,
         }
     }
 
@@ -98,6 +104,34 @@ impl Pipeline {
     pub const fn for_review(mut self) -> Self {
         self.is_review = true;
         self
+    }
+
+    /// The same pipeline, which looks for nothing: each picture is its own background.
+    #[must_use]
+    pub const fn without_vision(mut self) -> Self {
+        self.has_vision = false;
+        self
+    }
+
+    /// Whether anything is looked for.
+    #[must_use]
+    pub const fn has_vision(&self) -> bool {
+        self.has_vision
+    }
+
+    fn passed_on(&mut self, frame: Frame) -> Observation {
+        let (width, height) = (frame.image.width(), frame.image.height());
+        let fits = self.blank.take().filter(|mask| (mask.width, mask.height) == (width, height));
+        let mask = fits.unwrap_or_else(|| Arc::new(Mask::filled(width, height, 0)));
+        self.blank = Some(Arc::clone(&mask));
+        Observation {
+            background: Arc::clone(&frame.image),
+            frame,
+            soft_mask: Arc::clone(&mask),
+            labels: mask,
+            blobs: [].into(),
+            tracks: [].into(),
+        }
     }
 
     /// The same pipeline, which follows what moves by these settings instead of the default ones.
@@ -194,6 +228,9 @@ impl Pipeline {
 
     /// As [`Self::process`]; `done` is told each stage as it ends, so that a caller with a clock can time them.
     pub fn process_staged(&mut self, frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
+        if !self.has_vision {
+            return self.passed_on(frame);
+        }
         let size_px = (frame.image.width(), frame.image.height());
         let factor = self.factor(size_px);
         let reduced = self.reduced(&frame.image);

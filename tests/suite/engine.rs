@@ -87,6 +87,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         },
         clock: ClockSettings::default(),
         record: true,
+        vision: true,
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
         track: TrackSettings::default(),

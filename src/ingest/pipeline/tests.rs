@@ -268,3 +268,18 @@ fn bytes_that_are_no_checkpoint_change_nothing() {
     assert_eq!(one.checkpoint().unwrap(), good);
     one.restore(&good).unwrap();
 }
+
+#[test]
+fn without_vision_pictures_are_passed_on_and_nothing_is_kept_or_copied() {
+    let mut pipeline = pipeline().without_vision();
+    let seen: Vec<_> = (0..10).map(|number| pipeline.process(frame(96, 64, number))).collect();
+    for observation in &seen {
+        assert!(Arc::ptr_eq(&observation.background, &observation.frame.image));
+        assert!(observation.blobs.is_empty() && observation.tracks.is_empty());
+        assert!(Arc::ptr_eq(&observation.labels, &seen[0].soft_mask), "all share one mask");
+    }
+    assert!(seen[0].labels.data.iter().all(|label| *label == 0));
+    assert_eq!((pipeline.model_bytes(), pipeline.checkpoint()), (0, None));
+    let other = pipeline.process(frame(64, 48, 11));
+    assert_eq!((other.labels.width, other.labels.height), (64, 48));
+}
