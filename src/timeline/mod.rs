@@ -2,6 +2,7 @@
 
 mod alignment;
 mod event;
+mod passed;
 mod playhead;
 mod replay;
 mod ring;

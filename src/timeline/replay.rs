@@ -4,6 +4,7 @@
 //! in. Decoders that stand behind an instant are kept for a while, so that playing on costs a frame and not a group of
 //! pictures. Blocks; knows nothing of backgrounds and masks.
 
+use super::passed::{Passed, PassedPictures};
 use super::ring::{REACH_NANOS, edges};
 use crate::archive::{Archive, ArchiveError, Reading};
 use crate::clock::{Clock, Timestamp};
@@ -11,6 +12,7 @@ use crate::error::ErrorKind;
 use crate::frame::{CameraId, YuvImage};
 use crate::media::{Decoder, Fault, Input, PlaneReader};
 use gstreamer::ClockTime;
+use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
@@ -85,6 +87,9 @@ pub struct Replay {
     max_bytes: usize,
     /// Decoders at rest, the one used longest ago first.
     resting: Mutex<Vec<(Cursor, Duration)>>,
+    passed: Mutex<PassedPictures>,
+    /// One turn a camera: what one asks for, the next often finds among what was passed.
+    turns: Mutex<HashMap<CameraId, Arc<Mutex<()>>>>,
 }
 
 /// A decoder within a segment.
@@ -103,16 +108,13 @@ struct Cursor {
 }
 
 impl Replay {
-    /// Replays what `archive` holds; its database is asked on `runtime`. Decoders that stand by take at most about
-    /// `max_bytes`.
+    /// Replays what `archive` holds; its database is asked on `runtime`. Decoders that stand by and pictures that they passed
+    /// take at most about `max_bytes`, half of it each.
     #[must_use]
-    pub const fn new(
-        archive: Arc<Archive>,
-        runtime: Runtime,
-        clock: Arc<dyn Clock>,
-        max_bytes: usize,
-    ) -> Self {
-        Self { archive, runtime, clock, max_bytes, resting: Mutex::new(Vec::new()) }
+    pub fn new(archive: Arc<Archive>, runtime: Runtime, clock: Arc<dyn Clock>, max_bytes: usize) -> Self {
+        let passed = Mutex::new(PassedPictures::new(max_bytes / 2));
+        let (resting, turns) = (Mutex::default(), Mutex::default());
+        Self { archive, runtime, clock, max_bytes: max_bytes / 2, resting, passed, turns }
     }
 
     /// Ends the decoders that nobody has asked for a while.
@@ -122,6 +124,7 @@ impl Replay {
             self.lock().extract_if(.., |(_, since)| now.saturating_sub(*since) > IDLE_TIME).collect();
         // Ending a decoder takes a while, and nobody should wait for that.
         drop(gone);
+        lock(&self.passed).tidy(now.saturating_sub(IDLE_TIME));
     }
 
     /// What is recorded.
@@ -133,18 +136,31 @@ impl Replay {
     /// The recorded frame of `camera` nearest to `at`. Must not be called on a thread of the runtime.
     ///
     /// **Cost** decoding from the key frame before the instant, some tens of milliseconds; a frame where the instant
-    /// lies just behind the one asked for before.
+    /// lies just behind the one asked for before, and none where that was passed of late. Who asks for a camera while
+    /// another does waits for its turn.
     ///
     /// # Errors
     /// When none is near, or the archive or the decoder fails.
     pub fn frame_at(&self, camera: &CameraId, at: Timestamp) -> Result<PastFrame, ReplayError> {
+        let turn = Arc::clone(lock(&self.turns).entry(camera.clone()).or_default());
+        let _turn = lock(&turn);
+        let found = lock(&self.passed).find(camera, at, self.clock.monotonic());
+        found.map_or_else(|| self.sought(camera, at), Ok)
+    }
+
+    fn sought(&self, camera: &CameraId, at: Timestamp) -> Result<PastFrame, ReplayError> {
         let cursor = match self.take(camera, at) {
             Some(cursor) => Some(cursor),
             None => self.open(camera, at)?,
         };
         let (mut shown, mut next, mut reach_nanos) = (None, None, REACH_NANOS);
         if let Some(mut cursor) = cursor {
-            cursor.play_to(at)?;
+            let room = |n_bytes| lock(&self.passed).room(camera, n_bytes);
+            let passed = cursor.play_to(at, &room)?;
+            // Who plays on asks for nothing twice.
+            if passed.len() > 1 {
+                lock(&self.passed).add(camera, passed.into_iter(), self.clock.monotonic());
+            }
             (shown, next) = (cursor.shown.clone(), cursor.next.clone());
             reach_nanos = cursor.reach_nanos();
             self.rest(cursor);
@@ -165,7 +181,7 @@ impl Replay {
         match (nearest, after) {
             (Some(frame), _) => Ok(frame),
             // The first of the segment that follows.
-            (None, Some(after)) => self.frame_at(camera, after),
+            (None, Some(after)) => self.sought(camera, after),
             (None, None) => Err(ReplayError::Gap { at, before, after }),
         }
     }
@@ -208,9 +224,13 @@ impl Replay {
     }
 
     fn lock(&self) -> MutexGuard<'_, Vec<(Cursor, Duration)>> {
-        // A panic leaves a list that is whole.
-        self.resting.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.resting)
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // A panic leaves lists that are whole.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Cursor {
@@ -245,22 +265,37 @@ impl Cursor {
         behind.is_some_and(|behind| (0..=FORWARD_NANOS).contains(&behind))
     }
 
-    /// Plays until the frame after `at` is known, or there is none.
-    fn play_to(&mut self, at: Timestamp) -> Result<(), ReplayError> {
+    /// Plays until the frame after `at` is known, or there is none. The last of the frames on the way, the one shown among
+    /// them: as many as there is `room` for of so many bytes each.
+    fn play_to(
+        &mut self,
+        at: Timestamp,
+        room: &dyn Fn(usize) -> usize,
+    ) -> Result<VecDeque<Passed>, ReplayError> {
+        let mut passed = VecDeque::new();
+        let mut most = None;
         while self.next.as_ref().is_none_or(|next| next.timestamp <= at) {
             if let Some(next) = self.next.take() {
                 self.before = self.shown.as_ref().map(|shown| shown.timestamp);
                 self.shown = Some(next);
             }
             if self.has_ended {
-                return Ok(());
+                break;
             }
-            match self.pull()? {
-                Some(next) => self.next = Some(next),
-                None => self.has_ended = true,
+            let Some(next) = self.pull()? else {
+                self.has_ended = true;
+                continue;
+            };
+            if let Some(shown) = &self.shown {
+                let most = *most.get_or_insert_with(|| room(shown.image.len_bytes()));
+                passed.push_back(Passed { frame: shown.clone(), next_at: next.timestamp });
+                if passed.len() > most {
+                    passed.pop_front();
+                }
             }
+            self.next = Some(next);
         }
-        Ok(())
+        Ok(passed)
     }
 
     fn pull(&mut self) -> Result<Option<PastFrame>, ReplayError> {

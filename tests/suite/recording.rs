@@ -102,7 +102,7 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
     assert!(range("north") > 20 * FRAME_NANOS, "memory has forgotten the beginning");
 
     let mut nanos = 12_345_678;
-    for _ in 0..200 {
+    for _ in 0..500 {
         // Instants in no order, none of them half-way between two frames.
         nanos = (nanos * 7919 + 1_234_567) % (FRAME_NANOS * (N_FRAMES as i64 - 1));
         let (away, expected) = (nanos % FRAME_NANOS, (nanos + FRAME_NANOS / 2) / FRAME_NANOS);
