@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
-use crate::engine::{ENDED, EngineError};
+use crate::engine::{ENDED, EngineError, Handle, PlayheadState};
 use crate::error::Fault;
 use crate::frame::is_id;
 use axum::Json;
@@ -54,7 +54,8 @@ pub(super) async fn put(
         let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
         return Err(EngineError::Request(Fault::new("id", message)).into());
     }
-    let state = api.door.put_playhead(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
+    let change = read_body(&body)?;
+    let state = changed(&api, move |door| door.put_playhead(&id, change)).await?;
     // The first change is the one that makes it.
     let status = if state.version == 1 { StatusCode::CREATED } else { StatusCode::OK };
     Ok((status, [(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
@@ -70,8 +71,21 @@ pub(super) async fn change(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let state = api.door.change_playhead(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
+    let change = read_body(&body)?;
+    let state = changed(&api, move |door| door.change_playhead(&id, change)).await?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+}
+
+/// What a change comes to. A step may lead to what must be decoded first.
+async fn changed(
+    api: &Api,
+    change: impl FnOnce(Handle) -> Result<PlayheadState, EngineError> + Send + 'static,
+) -> Result<PlayheadState, Problem> {
+    let door = api.door.clone();
+    let done = tokio::task::spawn_blocking(move || change(door)).await;
+    let done =
+        done.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("moving a playhead: {panicked}"))));
+    done.map_err(|error| problem_of(api, error))
 }
 
 /// Removes a playhead.

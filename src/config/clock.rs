@@ -103,17 +103,23 @@ mod tests {
         assert_eq!(moved(clock(0.0, 100.0), 3_600_000_000_000), 3_600_360_000_000);
         assert_eq!(moved(clock(1e9 + 0.25, 0.0), 0), 1_000_000_000_250_000_000);
         // What is ahead by a known line is in step once that is corrected, whatever was set before.
-        for before in [clock(0.0, 0.0), clock(7.25, -40.0)] {
-            for since in [None, Some(origin)] {
-                let now = origin.saturating_add_nanos(2_000_000_000_000);
-                let corrected = before.corrected(now, (10.5, 100e-6), since);
-                for own_secs in [0, 500, 3600] {
-                    let own = origin.saturating_add_nanos(own_secs * 1_000_000_000);
-                    let was = before.scene_time(own, origin);
-                    let ahead = 10.5 + 100e-6 * was.nanos_since(now) as f64 * 1e-9;
-                    let wrong = corrected.scene_time(own, origin).nanos_since(was) as f64 * 1e-9 + ahead;
-                    assert!(wrong.abs() < 1e-5, "{before:?} {since:?}: {wrong}");
-                }
+        // What drifts says since when, or is a file that does so from its beginning.
+        let drifting = ClockSettings { since: Some(origin), ..clock(7.25, -40.0) };
+        let cases = [
+            (clock(0.0, 0.0), None),
+            (clock(0.0, 0.0), Some(origin)),
+            (clock(7.25, -40.0), Some(origin)),
+            (drifting, None),
+        ];
+        for (before, since) in cases {
+            let now = origin.saturating_add_nanos(2_000_000_000_000);
+            let corrected = before.corrected(now, (10.5, 100e-6), since);
+            for own_secs in [0, 500, 3600] {
+                let own = origin.saturating_add_nanos(own_secs * 1_000_000_000);
+                let was = before.scene_time(own, origin);
+                let ahead = 10.5 + 100e-6 * was.nanos_since(now) as f64 * 1e-9;
+                let wrong = corrected.scene_time(own, origin).nanos_since(was) as f64 * 1e-9 + ahead;
+                assert!(wrong.abs() < 1e-5, "{before:?} {since:?}: {wrong}");
             }
         }
         let since = ClockSettings { since: Some(at(0)), ..clock(0.0, -1.0) };

@@ -3,7 +3,7 @@
 use super::EngineError;
 use super::handle::Door;
 use super::playheads::{Change, Entry, PlayheadState, Step};
-use super::shared::Shared;
+use super::shared::{CameraEntry, Shared};
 use crate::clock::Timestamp;
 use crate::scene::Scene;
 use crate::timeline::Extent;
@@ -13,16 +13,34 @@ impl Shared {
     /// What there is of a scene's time.
     fn extent(&self, scene: &Scene) -> Extent {
         let live = self.live_instant(scene).unwrap_or_else(|_nothing_yet| self.clock.now());
-        let firsts = self.timelines(scene).filter_map(|timeline| Some(timeline.range()?.0));
-        Extent { first: firsts.min(), live }
+        let first = |camera: &CameraEntry| {
+            let recorded = self.past.as_ref().and_then(|past| past.first(&camera.id));
+            [recorded, camera.timeline.range().map(|(first, _)| first)].into_iter().flatten().min()
+        };
+        Extent { first: self.members(scene).filter_map(first).min(), live }
     }
 
-    /// The frame nearest to `from` on one side of it, of any of the scene's cameras.
+    /// The frame nearest to `from` on one side of it, of any of the scene's cameras. Blocks where memory does not hold it.
     fn stepped(&self, scene: &Scene, step: Step, from: Timestamp) -> Option<Timestamp> {
+        let times = self.members(scene).filter_map(|camera| self.neighbour(camera, step, from));
         match step {
-            Step::On => self.timelines(scene).filter_map(|timeline| timeline.next_after(from)).min(),
-            Step::Back => self.timelines(scene).filter_map(|timeline| timeline.last_before(from)).max(),
+            Step::On => times.min(),
+            Step::Back => times.max(),
         }
+    }
+
+    fn neighbour(&self, camera: &CameraEntry, step: Step, from: Timestamp) -> Option<Timestamp> {
+        let timeline = &camera.timeline;
+        let (kept, is_whole) = match step {
+            // Between the oldest kept and what is asked may lie what was recorded.
+            Step::On => (timeline.next_after(from), timeline.range().is_some_and(|(first, _)| first <= from)),
+            Step::Back => {
+                let kept = timeline.last_before(from);
+                (kept, kept.is_some())
+            }
+        };
+        let recorded = || self.past.as_ref()?.neighbour(&camera.id, from, step);
+        if is_whole { kept } else { recorded().or(kept) }
     }
 
     /// A playhead as callers see it now.

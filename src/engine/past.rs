@@ -2,6 +2,7 @@
 //!
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
+use super::playheads::Step;
 use crate::archive::{ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
@@ -9,8 +10,8 @@ use crate::frame::{CameraId, Frame, Mask};
 use crate::ingest::Pipeline;
 use crate::store::{ActivityRecord, Store, StoreError};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::runtime::Handle as Runtime;
 
 /// The past of all cameras that are recorded.
@@ -20,6 +21,8 @@ pub(super) struct Past {
     store: Store,
     runtime: Runtime,
     cameras: HashMap<CameraId, Mutex<PastCamera>>,
+    /// When the oldest recorded frame of each camera was seen.
+    firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
 }
 
 /// One camera's segmentation of its past.
@@ -46,7 +49,7 @@ impl Past {
             let id = settings.id.clone();
             (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
         };
-        Self { replay, store, runtime, cameras: cameras.map(camera).collect() }
+        Self { replay, store, runtime, cameras: cameras.map(camera).collect(), firsts: Mutex::default() }
     }
 
     /// Lets go what nobody has asked for a while.
@@ -54,6 +57,45 @@ impl Past {
         if let Some(replay) = &self.replay {
             replay.tidy();
         }
+    }
+
+    /// Looks where recordings begin now. Blocks for a short question of the database for each camera.
+    pub(super) fn look(&self) {
+        let Some(replay) = &self.replay else { return };
+        let mut cameras: Vec<&CameraId> = self.cameras.keys().collect();
+        cameras.sort_unstable();
+        for camera in cameras {
+            let first = replay.archive().next_segment(camera, Timestamp::from_nanos(i64::MIN));
+            match self.runtime.block_on(first) {
+                Ok(Some(segment)) => drop(self.lock_firsts().insert(camera.clone(), segment.first_at)),
+                Ok(None) => drop(self.lock_firsts().remove(camera)),
+                Err(error) => {
+                    tracing::warn!(%camera, %error, "the beginning of what is recorded is not known");
+                }
+            }
+        }
+    }
+
+    /// When the oldest recorded frame of a camera was seen, as it was known a moment ago. Never blocks.
+    pub(super) fn first(&self, camera: &CameraId) -> Option<Timestamp> {
+        self.lock_firsts().get(camera).copied()
+    }
+
+    /// Time of the recorded frame that follows `at`, or that is before it.
+    pub(super) fn neighbour(&self, camera: &CameraId, at: Timestamp, step: Step) -> Option<Timestamp> {
+        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        let found = match step {
+            Step::On => replay.next_after(camera, at),
+            Step::Back => replay.last_before(camera, at),
+        };
+        found.unwrap_or_else(|error| {
+            tracing::warn!(%camera, %error, "no step into what is recorded");
+            None
+        })
+    }
+
+    fn lock_firsts(&self) -> MutexGuard<'_, BTreeMap<CameraId, Timestamp>> {
+        self.firsts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// From when to when a camera was recorded between two instants, in order.

@@ -25,6 +25,9 @@ pub(super) struct Job {
 /// After a device could not be had, it is not tried again for this long.
 const DEVICE_RETRY: Duration = Duration::from_secs(5);
 
+/// Time between two looks at where recordings begin; retention and new recordings move that slowly.
+const LOOK_INTERVAL: Duration = Duration::from_secs(5);
+
 /// A live view shows what moved before a camera that lags, until its newest picture is this much older than the instant
 /// shown; then its background alone, since whom it saw last may be long gone.
 const STALE_NANOS: i64 = 5_000_000_000;
@@ -32,6 +35,7 @@ const STALE_NANOS: i64 = 5_000_000_000;
 /// Serves `jobs` until every sender is gone.
 pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
     let mut thread = RenderThread { shared, renderer: None, failed_at: None, last: None };
+    let mut looked = None;
     loop {
         // Opening the device before it is asked for takes the wait out of the first request; readiness tells how it
         // went, and comes back without anybody asking for a picture.
@@ -40,6 +44,11 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
         }
         if let Some(past) = &shared.past {
             past.tidy();
+            let now = shared.clock.monotonic();
+            if looked.is_none_or(|looked: Duration| now.saturating_sub(looked) >= LOOK_INTERVAL) {
+                looked = Some(now);
+                past.look();
+            }
         }
         let job = match jobs.recv_timeout(DEVICE_RETRY) {
             Ok(job) => job,

@@ -211,11 +211,6 @@ impl Shared {
         self.cameras.iter().filter(move |camera| members.contains(&camera.id))
     }
 
-    /// What the scene's cameras saw.
-    pub(super) fn timelines(&self, scene: &Scene) -> impl Iterator<Item = &Timeline> {
-        self.members(scene).map(|camera| &*camera.timeline)
-    }
-
     /// What was known of a camera at `instant`: its newest observation until then, however old.
     pub(super) fn known_at(&self, camera: &str, instant: Timestamp) -> Result<Observation, EngineError> {
         let entry = self.camera(camera)?;

@@ -24,7 +24,7 @@ const PICTURES_HELD: usize = 24;
 /// Time after which a decoder that nobody asked goes.
 const IDLE_TIME: Duration = Duration::from_secs(15);
 
-/// A decoder that stands no further behind an instant than this plays on to it; what is further is sought anew.
+/// A decoder that stands no further behind an instant than this plays on to it without a look at the rows.
 const FORWARD_NANOS: i64 = 2_000_000_000;
 
 /// How long one look for a picture lasts, and how many there are before a recording counts as unreadable.
@@ -92,6 +92,18 @@ pub struct Replay {
     turns: Mutex<HashMap<CameraId, Arc<Mutex<()>>>>,
 }
 
+/// What was recorded on both sides of an instant.
+struct Around {
+    /// The frame at or before it.
+    shown: Option<PastFrame>,
+    /// The frame after it, within the same segment.
+    next: Option<PastFrame>,
+    /// Time of the frame after it.
+    after: Option<Timestamp>,
+    /// How far from a frame an instant may lie and still be shown by it.
+    reach_nanos: i64,
+}
+
 /// A decoder within a segment.
 #[derive(Debug)]
 struct Cursor {
@@ -142,14 +154,56 @@ impl Replay {
     /// # Errors
     /// When none is near, or the archive or the decoder fails.
     pub fn frame_at(&self, camera: &CameraId, at: Timestamp) -> Result<PastFrame, ReplayError> {
-        let turn = Arc::clone(lock(&self.turns).entry(camera.clone()).or_default());
+        let turn = self.turn(camera);
         let _turn = lock(&turn);
         let found = lock(&self.passed).find(camera, at, self.clock.monotonic());
         found.map_or_else(|| self.sought(camera, at), Ok)
     }
 
+    /// Time of the recorded frame of `camera` that follows `at`. As [`Self::frame_at`], but what lies behind a gap counts.
+    ///
+    /// # Errors
+    /// When the archive or the decoder fails.
+    pub fn next_after(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Timestamp>, ReplayError> {
+        let turn = self.turn(camera);
+        let _turn = lock(&turn);
+        Ok(self.around(camera, at)?.after)
+    }
+
+    /// Time of the recorded frame of `camera` before `at`; as [`Self::next_after`].
+    ///
+    /// # Errors
+    /// As [`Self::next_after`].
+    pub fn last_before(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Timestamp>, ReplayError> {
+        let turn = self.turn(camera);
+        let _turn = lock(&turn);
+        let around = self.around(camera, at.saturating_add_nanos(-1))?;
+        Ok(around.shown.map(|shown| shown.timestamp))
+    }
+
+    fn turn(&self, camera: &CameraId) -> Arc<Mutex<()>> {
+        Arc::clone(lock(&self.turns).entry(camera.clone()).or_default())
+    }
+
     fn sought(&self, camera: &CameraId, at: Timestamp) -> Result<PastFrame, ReplayError> {
-        let cursor = match self.take(camera, at) {
+        let Around { shown, next, after, reach_nanos } = self.around(camera, at)?;
+        let before = shown.as_ref().map(|shown| shown.timestamp);
+        let away =
+            |time: Option<Timestamp>| time.map_or(i64::MAX, |time| time.nanos_since(at).saturating_abs());
+        if away(before).min(away(after)) > reach_nanos {
+            return Err(ReplayError::Gap { at, before, after });
+        }
+        let nearest = if away(before) <= away(after) { shown } else { next };
+        match (nearest, after) {
+            (Some(frame), _) => Ok(frame),
+            // The first of the segment that follows.
+            (None, Some(after)) => self.sought(camera, after),
+            (None, None) => Err(ReplayError::Gap { at, before, after }),
+        }
+    }
+
+    fn around(&self, camera: &CameraId, at: Timestamp) -> Result<Around, ReplayError> {
+        let cursor = match self.take(camera, |cursor| cursor.is_near(at)) {
             Some(cursor) => Some(cursor),
             None => self.open(camera, at)?,
         };
@@ -171,30 +225,25 @@ impl Replay {
             let following = self.runtime.block_on(self.archive.next_segment(camera, at))?;
             after = following.map(|segment| segment.first_at);
         }
-        let before = shown.as_ref().map(|shown| shown.timestamp);
-        let away =
-            |time: Option<Timestamp>| time.map_or(i64::MAX, |time| time.nanos_since(at).saturating_abs());
-        if away(before).min(away(after)) > reach_nanos {
-            return Err(ReplayError::Gap { at, before, after });
-        }
-        let nearest = if away(before) <= away(after) { shown } else { next };
-        match (nearest, after) {
-            (Some(frame), _) => Ok(frame),
-            // The first of the segment that follows.
-            (None, Some(after)) => self.sought(camera, after),
-            (None, None) => Err(ReplayError::Gap { at, before, after }),
-        }
+        Ok(Around { shown, next, after, reach_nanos })
     }
 
     fn open(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Cursor>, ReplayError> {
-        let reading = self.runtime.block_on(self.archive.open_at(camera, at))?;
-        reading.map(|reading| Cursor::open(camera, reading)).transpose()
+        let Some(reading) = self.runtime.block_on(self.archive.open_at(camera, at))? else { return Ok(None) };
+        // One that has the key frame behind it already has less to decode.
+        let is_ahead = |cursor: &Cursor| {
+            cursor.path == reading.segment().path && cursor.stands_within(reading.starts_at(), at)
+        };
+        if let Some(cursor) = self.take(camera, is_ahead) {
+            return Ok(Some(cursor));
+        }
+        Cursor::open(camera, reading).map(Some)
     }
 
-    /// A resting decoder of `camera` that stands at `at` or shortly before it.
-    fn take(&self, camera: &CameraId, at: Timestamp) -> Option<Cursor> {
+    /// A resting decoder of `camera` that is as `wanted`.
+    fn take(&self, camera: &CameraId, wanted: impl Fn(&Cursor) -> bool) -> Option<Cursor> {
         let mut resting = self.lock();
-        let place = resting.iter().position(|(cursor, _)| cursor.camera == *camera && cursor.is_near(at));
+        let place = resting.iter().position(|(cursor, _)| cursor.camera == *camera && wanted(cursor));
         place.map(|place| resting.remove(place).0)
     }
 
@@ -263,6 +312,10 @@ impl Cursor {
     fn is_near(&self, at: Timestamp) -> bool {
         let behind = self.shown.as_ref().map(|shown| at.nanos_since(shown.timestamp));
         behind.is_some_and(|behind| (0..=FORWARD_NANOS).contains(&behind))
+    }
+
+    fn stands_within(&self, from: Timestamp, to: Timestamp) -> bool {
+        self.shown.as_ref().is_some_and(|shown| (from..=to).contains(&shown.timestamp))
     }
 
     /// Plays until the frame after `at` is known, or there is none. The last of the frames on the way, the one shown among

@@ -5,6 +5,7 @@
 use crate::support::rtsp::{RtspServer, ball};
 use crate::support::video::{Numbered, number_of};
 use crate::support::wait_for;
+use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 use tokio::runtime::Runtime;
@@ -12,6 +13,9 @@ use videofields::archive::{Archive, RecordingState};
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config;
 use videofields::engine::{At, Engine, EngineError, Handle};
+use videofields::frame::CameraId;
+use videofields::scene::{self, Scene};
+use videofields::simulate::World;
 use videofields::store::Store;
 use videofields::telemetry::Metrics;
 use videofields::timeline::Observation;
@@ -38,6 +42,15 @@ fn film() -> String {
     )
 }
 
+/// A scene in which only the camera that is recorded stands.
+fn scene() -> Scene {
+    let text = World::named("yard").unwrap().scene_json((320, 180)).unwrap();
+    let mut scene = scene::parse("yard", &text, scene::no_imports).unwrap().scene;
+    scene.cameras.truncate(1);
+    scene.cameras[0].id = CameraId::new("north").unwrap();
+    scene
+}
+
 /// Starts cameras with so little memory that most of what they show is forgotten.
 fn start(folder: &Path, cameras: &str) -> Running {
     let text = format!(
@@ -58,7 +71,8 @@ fn start(folder: &Path, cameras: &str) -> Running {
     let archive = Arc::new(runtime.block_on(archive).unwrap());
     let recorded = Some(Arc::clone(&archive));
     let engine =
-        Engine::start_recording(&config, Vec::new(), store.clone(), metrics, clock, recorded).unwrap();
+        Engine::start_recording(&config, vec![Arc::new(scene())], store.clone(), metrics, clock, recorded)
+            .unwrap();
     let handle = engine.handle();
     Running { runtime, engine: Some(engine), archive, store: Some(store), handle }
 }
@@ -112,6 +126,19 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
         let (number, at) = running.shown("north", nanos).unwrap();
         assert_eq!((number as i64, at), (expected, expected * FRAME_NANOS), "{nanos}");
     }
+    // Playheads go where memory has forgotten, and step there.
+    let at = |number: i64| START.saturating_add_nanos(number * FRAME_NANOS).to_string();
+    let moved = |change: serde_json::Value| running.handle.put_playhead("p", change).unwrap().position;
+    wait_for("the recording's beginning to be known", || {
+        Some(()).filter(|()| moved(json!({"at": at(1), "paused": true})) == at(1))
+    });
+    for (step, expected) in [(1, 2), (1, 3), (-1, 2), (-1, 1), (-1, 0), (-1, 0)] {
+        assert_eq!(moved(json!({ "step": step })), at(expected), "{step}");
+    }
+    // Over a segment's end.
+    assert_eq!(moved(json!({"at": at(104), "step": 1})), at(105));
+    assert_eq!(moved(json!({"step": -1})), at(104));
+
     // Playing on, frame by frame, over the segments' ends.
     for number in 0..N_FRAMES as i64 {
         assert_eq!(
