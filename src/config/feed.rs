@@ -2,6 +2,7 @@
 
 use super::clock::{self, ClockSettings};
 use super::source::{self, Place, SourceSettings};
+use super::url::CameraUrl;
 use crate::error::{Fault, Gatherer};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -19,9 +20,21 @@ pub struct FeedSettings {
 }
 
 impl FeedSettings {
-    /// As it is shown: of the source those keys that belong to its kind and say something.
+    /// As it is shown: of the source those keys that belong to its kind and say something, without the user, and of a URL
+    /// nothing behind the host, since cameras want passwords there.
     #[must_use]
     pub fn shown(&self) -> Value {
+        let mut shown = self.whole();
+        if let Some(Value::Object(keys)) = shown.get_mut("source") {
+            keys.remove("user");
+            if let Some(url) = &self.source.url {
+                keys.insert("url".to_owned(), Value::String(shown_url(url)));
+            }
+        }
+        shown
+    }
+
+    fn whole(&self) -> Value {
         let mut shown = serde_json::to_value(self).unwrap_or_default();
         if let Some(Value::Object(keys)) = shown.get_mut("source") {
             keys.retain(|key, value| !value.is_null() && source::is_of_kind(key, &self.source));
@@ -44,8 +57,14 @@ impl FeedSettings {
             return Err(vec![Fault::new("", "expected an object with `enabled`, `source` or `clock`")]);
         }
         let mut gatherer = Gatherer::default();
-        let mut whole = self.shown();
+        let mut whole = self.whole();
         merge(&mut whole, change);
+        // Who sends back what was shown changes nothing by it.
+        if let (Some(url), Some(written)) = (&self.source.url, whole.pointer_mut("/source/url"))
+            && written.as_str() == Some(&shown_url(url))
+        {
+            *written = serde_json::to_value(url).unwrap_or_default();
+        }
         if let Some(source) = whole.get("source") {
             source::check_keys(source, "/source", &mut gatherer);
         }
@@ -92,6 +111,14 @@ impl FeedSettings {
     }
 }
 
+/// A URL as far as it holds no secret.
+fn shown_url(url: &CameraUrl) -> String {
+    url.parse().map_or_else(
+        |_not_a_url| "…".to_owned(),
+        |parts| format!("{}://{}:{}/…", parts.scheme.as_str(), parts.host, parts.port),
+    )
+}
+
 /// Merges `change` into `target` as RFC 7396 has it.
 fn merge(target: &mut Value, change: &Value) {
     let Value::Object(members) = change else {
@@ -114,7 +141,6 @@ fn merge(target: &mut Value, change: &Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::CameraUrl;
     use serde_json::json;
 
     fn feed(source: SourceSettings) -> FeedSettings {
@@ -172,6 +198,10 @@ mod tests {
             ..SourceSettings::default()
         };
         let camera = feed(source);
+        let shown = camera.shown();
+        assert_eq!(shown["source"]["url"], "rtsp://10.0.0.7:554/…", "what follows the host may be a secret");
+        assert!(shown["source"].get("user").is_none(), "{shown}");
+        assert_eq!(camera.changed(&shown).unwrap(), camera, "what was shown may be sent back");
         let url = |url: &str| json!({"source": {"url": url}});
         assert!(camera.changed(&url("rtsp://10.0.0.7/other")).is_ok());
         for elsewhere in ["rtsp://10.0.0.8/live", "rtsp://10.0.0.7:555/live", "rtsps://10.0.0.7:554/live"] {
