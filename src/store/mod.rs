@@ -1,5 +1,5 @@
 //! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
-//! recorded segments and how much moved, one file a table.
+//! recorded segments, how much moved and where it went, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -17,6 +17,7 @@ mod open;
 mod scene;
 mod segment;
 mod texture_map;
+mod track;
 
 pub use activity::ActivityRecord;
 pub use background::BackgroundRecord;
@@ -26,6 +27,7 @@ pub use migrate::SCHEMA_VERSION;
 pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};
 pub use texture_map::TextureMapRecord;
+pub use track::TrackRecord;
 
 use sqlx::SqlitePool;
 use std::path::{Path, PathBuf};

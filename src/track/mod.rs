@@ -5,10 +5,11 @@
 //!
 //! The parts, one file each: rectangles with real edges (`extent`), how a place moves (`motion`), what a blob says of
 //! a place (`sighting`), one tracked thing (`target`), who gets which blob (`assign`), people who touch (`group`),
-//! and their order (`tracker`).
+//! their order (`tracker`), and where a thing went, thinned out and in few bytes (`foot_path`).
 
 mod assign;
 mod extent;
+mod foot_path;
 mod group;
 mod motion;
 mod sighting;
@@ -17,6 +18,7 @@ mod target;
 mod tests;
 mod tracker;
 
+pub use foot_path::{FootPath, MAX_PATH_POINTS, PathError, PathPoint};
 pub use tracker::{MAX_TRACKS, Tracker};
 
 use crate::clock::Timestamp;
