@@ -21,6 +21,7 @@ mod scenes;
 mod segments;
 mod serve;
 mod timeline;
+mod tracks;
 mod tune;
 mod view;
 
@@ -112,6 +113,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
         .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
+        .route("/api/v1/scenes/{id}/tracks", get(tracks::list))
         .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))

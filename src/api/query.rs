@@ -63,7 +63,12 @@ impl Query {
     }
 
     /// The value of `name` as `read` understands it; if it understands nothing, a fault says what is `allowed`.
-    fn value<T>(&mut self, name: &str, allowed: &str, read: impl FnOnce(&str) -> Option<T>) -> Option<T> {
+    pub(super) fn value<T>(
+        &mut self,
+        name: &str,
+        allowed: &str,
+        read: impl FnOnce(&str) -> Option<T>,
+    ) -> Option<T> {
         let (_, text) = self.pairs.iter().find(|(other, _)| other == name)?;
         let value = read(text);
         if value.is_none() {

@@ -112,9 +112,8 @@ impl Shared {
 fn places(scene: &Scene, member: &SceneCamera, seen: &[Seen]) -> Vec<Sighting> {
     let place = |seen: &Seen| {
         let [u, v] = seen.foot_in_texture.map(f64::from);
-        let found = mapping::locate(&member.camera, &scene.surfaces, DVec2::new(u, v))?;
-        let place_m = found.point_in_world.truncate();
-        found.is_reliable.then_some(Sighting { at: seen.at, track: seen.track.into(), place_m })
+        let found = mapping::place(&member.camera, &scene.surfaces, DVec2::new(u, v))?;
+        Some(Sighting { at: seen.at, track: seen.track.into(), place_m: found.truncate() })
     };
     seen.iter().filter_map(place).collect()
 }

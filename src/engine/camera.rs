@@ -3,6 +3,7 @@
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
 use super::sightings::Sightings;
+use super::tracks::Tracks;
 use super::tuning::Tuning;
 use crate::archive::Recorder;
 use crate::clock::{Clock, Timestamp};
@@ -29,6 +30,7 @@ pub(super) struct CameraConsumer {
     sightings: Arc<Sightings>,
     checkpoints: Checkpoints,
     activity: Activity,
+    tracks: Tracks,
     metrics: Arc<Metrics>,
     clock: Arc<dyn Clock>,
     stop: StopFlag,
@@ -49,7 +51,7 @@ impl CameraConsumer {
         settings: CameraSettings,
         roots: MediaRoots,
         (timeline, events, tuning, sightings): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>, Arc<Sightings>),
-        (checkpoints, activity): (Checkpoints, Activity),
+        (checkpoints, activity, tracks): (Checkpoints, Activity, Tracks),
         metrics: Arc<Metrics>,
         clock: Arc<dyn Clock>,
         stop: StopFlag,
@@ -68,6 +70,7 @@ impl CameraConsumer {
             sightings,
             checkpoints,
             activity,
+            tracks,
             metrics,
             clock,
             stop,
@@ -181,6 +184,7 @@ impl FrameConsumer for CameraConsumer {
             started = ended;
         });
         self.activity.observe(&observation);
+        self.tracks.observe(&observation);
         self.sightings.observe(&observation);
         let remembered = self.remember(observation);
         let id = self.settings.id.as_str();
@@ -221,6 +225,7 @@ impl FrameConsumer for CameraConsumer {
         if self.is_prepared {
             self.checkpoints.write_if_due(&self.pipeline);
             self.activity.write();
+            self.tracks.write();
         }
     }
 
@@ -228,6 +233,7 @@ impl FrameConsumer for CameraConsumer {
         if self.is_prepared {
             self.checkpoints.write_finally(&self.pipeline);
             self.activity.write_finally();
+            self.tracks.write_finally();
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
-use super::{AccuracyStatus, EngineError, PlayheadState, SceneAlignment, SceneTimeline};
+use super::{
+    AccuracyStatus, EngineError, FoundTracks, PlayheadState, SceneAlignment, SceneTimeline, TrackQuery,
+};
 use crate::archive::{CameraRecording, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
@@ -190,7 +192,7 @@ pub struct Readiness {
 }
 
 /// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`],
-/// [`Door::scene_timeline`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
+/// [`Door::scene_timeline`], [`Door::search_tracks`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
 pub trait Door: Send + Sync {
     /// Every camera, in the configuration's order.
     fn cameras(&self) -> Vec<CameraSummary>;
@@ -285,6 +287,14 @@ pub trait Door: Send + Sync {
         span: (Timestamp, Timestamp),
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError>;
+
+    /// What moved before a scene's cameras in a span of time, and where in the world it went by their present
+    /// calibrations; what began last first. Blocks for the database, and for up to some seconds of work.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; [`EngineError::Request`] for a camera that is not part of the scene;
+    /// [`EngineError::Unavailable`] where the database fails.
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError>;
 
     /// How far the clocks of a scene's cameras are apart, from what they saw of late. Takes up to some seconds.
     ///

@@ -20,6 +20,8 @@ mod renderer;
 mod roster;
 mod shared;
 mod sightings;
+mod track_search;
+mod tracks;
 mod tuning;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
@@ -32,6 +34,7 @@ pub use handle::{
 };
 pub use offline::view_once;
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
+pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 
 use crate::archive::Archive;
 use crate::clock::Clock;

@@ -8,7 +8,7 @@ use crate::clock::Timestamp;
 use crate::config::CameraSettings;
 use crate::frame::{CameraId, Frame, Mask};
 use crate::ingest::Pipeline;
-use crate::store::{ActivityRecord, Store, StoreError};
+use crate::store::{ActivityRecord, Store, StoreError, TrackRecord};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -124,6 +124,17 @@ impl Past {
         minutes_each: u32,
     ) -> Result<Vec<ActivityRecord>, StoreError> {
         self.runtime.block_on(self.store.activity(camera, from, to, minutes_each))
+    }
+
+    /// What moved before a camera in a span of time, as [`Store::tracks`] has it.
+    pub(super) fn tracks(
+        &self,
+        camera: &CameraId,
+        span: (Timestamp, Timestamp),
+        before: Option<(Timestamp, u64)>,
+        limit: u32,
+    ) -> Result<Vec<TrackRecord>, StoreError> {
+        self.runtime.block_on(self.store.tracks(camera, span, before, limit))
     }
 
     /// What `camera` saw nearest to `at`; none where it is not recorded.

@@ -10,6 +10,7 @@ use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
 use super::sightings::{Seen, Sightings};
+use super::tracks::Tracks;
 use super::tuning::Tuning;
 use crate::archive::Archive;
 use crate::clock::{Clock, Timestamp};
@@ -277,7 +278,7 @@ impl Surroundings {
             camera.clone(),
             self.roots.clone(),
             (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
-            (checkpoints, Activity::new(camera.id.clone(), self.store.clone(), self.runtime.clone())),
+            (checkpoints, self.activity(&camera.id), self.tracks(&camera.id)),
             Arc::clone(&self.metrics),
             Arc::clone(&self.clock),
             self.stop.clone(),
@@ -293,6 +294,14 @@ impl Surroundings {
             anew.map_or(self.origin, |anew| anew.origin),
             Box::new(consumer),
         )
+    }
+
+    fn activity(&self, camera: &CameraId) -> Activity {
+        Activity::new(camera.clone(), self.store.clone(), self.runtime.clone())
+    }
+
+    fn tracks(&self, camera: &CameraId) -> Tracks {
+        Tracks::new(camera.clone(), self.store.clone(), self.runtime.clone())
     }
 
     /// Waits for a camera's thread until the monotonic clock says `until`, then leaves it.

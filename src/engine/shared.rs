@@ -14,6 +14,7 @@ use super::playheads::{Change, PlayheadState, Playheads};
 use super::renderer::Job;
 use super::roster::Roster;
 use super::sightings::Seen;
+use super::track_search::{FoundTracks, TrackQuery};
 use super::tuning::Tuning;
 use crate::clock::{Clock, Timestamp};
 use crate::config::{self, ClockSettings, FeedSettings, RenderSettings, SegmentSettings};
@@ -482,6 +483,10 @@ impl Door for Shared {
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError> {
         self.chronicle(scene, span, minutes_each)
+    }
+
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+        self.find_tracks(scene, query)
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {

@@ -111,6 +111,27 @@ impl GroundPolygon {
         is_inside
     }
 
+    /// Between which shares of the way from `start` to `end`, 0 to 1, lies all of it that the polygon covers; `None` where
+    /// it covers nothing of the way. What lies between the first and the last need not be covered.
+    #[must_use]
+    pub fn covered_part(&self, start: DVec2, end: DVec2) -> Option<(f64, f64)> {
+        let way = end - start;
+        let crossing = |(a, b): (DVec2, DVec2)| {
+            let edge = b - a;
+            // 0 along the edge, where its neighbours are crossed.
+            let turn = way.perp_dot(edge);
+            let (share, along_edge) = ((a - start).perp_dot(edge) / turn, (a - start).perp_dot(way) / turn);
+            let is_met = (0.0..=1.0).contains(&share) && (0.0..=1.0).contains(&along_edge);
+            is_met.then_some(share)
+        };
+        let ends = [(start, 0.0), (end, 1.0)].into_iter();
+        let shares = ends.filter(|(point, _)| self.covers(*point)).map(|(_, share)| share);
+        shares.chain(edges(&self.corners).filter_map(crossing)).fold(None, |part, share| {
+            let (first, last) = part.unwrap_or((share, share));
+            Some((first.min(share), last.max(share)))
+        })
+    }
+
     fn hit(&self, ray: &Ray) -> Option<(f64, DVec3, Face)> {
         let distance = ray.distance_to_plane(DVec3::new(0.0, 0.0, self.height_m), DVec3::Z)?;
         if !self.covers(ray.at(distance).truncate()) {
@@ -366,6 +387,40 @@ mod tests {
         ));
         assert_eq!(OrientedBox::new(DVec3::ZERO, DVec3::new(1.0, 0.0, 1.0), 0.0), Err(SurfaceError::BoxSize));
         assert_eq!(OrientedBox::new(DVec3::ZERO, DVec3::NAN, 0.0), Err(SurfaceError::BoxSize));
+    }
+
+    #[test]
+    fn the_covered_part_of_a_way_runs_from_its_first_to_its_last_place_within() {
+        let corners =
+            [[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [4.0, 6.0], [4.0, 2.0], [2.0, 2.0], [2.0, 6.0], [0.0, 6.0]];
+        for offset in [DVec2::ZERO, DVec2::new(5e5, 5e6)] {
+            let corners = corners.map(|corner| DVec2::from_array(corner) + offset);
+            let u = GroundPolygon::new(corners.to_vec(), 0.0).expect("a U");
+            let check = |start: [f64; 2], end: [f64; 2], expected: Option<(f64, f64)>| {
+                let [start, end] = [start, end].map(|point| DVec2::from_array(point) + offset);
+                let near =
+                    |(a, b): (f64, f64), (c, d): (f64, f64)| (a - c).abs() < 1e-9 && (b - d).abs() < 1e-9;
+                let found = u.covered_part(start, end);
+                let is_right = match (found, expected) {
+                    (Some(found), Some(expected)) => near(found, expected),
+                    (found, expected) => found.is_none() && expected.is_none(),
+                };
+                assert!(is_right, "{start} to {end}: {found:?}");
+                let back = u.covered_part(end, start).map(|(first, last)| (1.0 - last, 1.0 - first));
+                assert_eq!(back.is_some(), found.is_some(), "{start} to {end}");
+            };
+            check([1.0, 1.0], [5.0, 1.0], Some((0.0, 1.0)));
+            // Through both arms, and what lies between them.
+            check([-2.0, 4.0], [8.0, 4.0], Some((0.2, 0.8)));
+            check([-2.0, 4.0], [3.0, 4.0], Some((0.4, 0.8)));
+            check([3.0, 4.0], [3.0, -1.0], Some((0.4, 0.8)));
+            check([3.0, 5.0], [3.0, 3.0], None);
+            check([-1.0, 9.0], [7.0, 9.0], None);
+            // Who stands.
+            check([1.0, 1.0], [1.0, 1.0], Some((0.0, 1.0)));
+            check([3.0, 4.0], [3.0, 4.0], None);
+            check([f64::NAN, 1.0], [1.0, f64::NAN], None);
+        }
     }
 
     #[test]

@@ -146,13 +146,28 @@ pub fn locate(camera: &Camera, surfaces: &Surfaces, texture: DVec2) -> Option<Lo
     locate_hit(camera, surfaces, texture, texel).map(|(location, _)| location)
 }
 
-/// As [`locate`], with the footprint of a texel of the given size in texture coordinates, and what was hit.
-fn locate_hit(camera: &Camera, surfaces: &Surfaces, texture: DVec2, texel: DVec2) -> Option<(Location, Hit)> {
+/// Where a texture coordinate lies in the world, by its own ray, metres, where that can be trusted: as
+/// [`Location::point_in_world`] of what [`locate`] answers, if it is reliable. A fifth of the cost.
+#[must_use]
+pub fn place(camera: &Camera, surfaces: &Surfaces, texture: DVec2) -> Option<DVec3> {
+    let (ray, hit) = meet(camera, surfaces, texture)?;
+    let is_reliable = hit.angle_to_surface_rad(&ray) >= RELIABLE_THETA_RAD;
+    (is_reliable && hit.point_in_world.is_finite()).then_some(hit.point_in_world)
+}
+
+/// The ray of a texture coordinate, and what it hits.
+fn meet(camera: &Camera, surfaces: &Surfaces, texture: DVec2) -> Option<(Ray, Hit)> {
     if !(texture.cmpge(DVec2::ZERO).all() && texture.cmple(DVec2::ONE).all()) {
         return None;
     }
     let ray = camera.ray(texture)?;
     let hit = surfaces.hit(&ray, 0.0)?;
+    Some((ray, hit))
+}
+
+/// As [`locate`], with the footprint of a texel of the given size in texture coordinates, and what was hit.
+fn locate_hit(camera: &Camera, surfaces: &Surfaces, texture: DVec2, texel: DVec2) -> Option<(Location, Hit)> {
+    let (ray, hit) = meet(camera, surfaces, texture)?;
     let theta_rad = hit.angle_to_surface_rad(&ray);
     let location = Location {
         point_in_world: hit.point_in_world,

@@ -7,6 +7,7 @@ mod playheads;
 mod refusals;
 mod server;
 mod timeline;
+mod tracks;
 mod tune;
 
 use axum::Router;

@@ -6,6 +6,7 @@ mod costs;
 mod feed;
 mod mutations;
 mod restart;
+mod tracks;
 
 use crate::support::wait_for;
 use glam::{DVec2, DVec3};

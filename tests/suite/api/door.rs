@@ -8,8 +8,9 @@ use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    LocateMethod, Located, PairAlignment, PlayheadState, Readiness, RecordingSummary, SceneAlignment,
-    SceneSummary, SceneTimeline, SourceTime, ViewAnswer, ViewRequest,
+    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, PairAlignment, PlayheadState, Readiness,
+    RecordingSummary, SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
+    ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -40,6 +41,7 @@ pub(super) struct State {
     /// What was asked last.
     pub(super) view: Option<ViewRequest>,
     pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
+    pub(super) searched: Option<TrackQuery>,
     /// Every answer counted: route, status, duration.
     pub(super) counted: Vec<(String, u16, Duration)>,
     pub(super) playheads: Vec<PlayheadState>,
@@ -118,6 +120,26 @@ impl Door for FakeDoor {
         let camera =
             CameraTimeline { camera: id("north"), ranges: vec![(from, to)], activity: vec![activity] };
         Ok(SceneTimeline { cameras: vec![camera], events: Vec::new() })
+    }
+
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        self.0.lock().unwrap().searched = Some(query.clone());
+        let (from, to) = query.span;
+        let point = |at, u, point_m| FoundPoint { at, texture: [u, 0.75], point_m };
+        let track = FoundTrack {
+            camera: id("north"),
+            number: 17,
+            began_at: from,
+            ended_at: to,
+            height_share: 1.0 / 3.0,
+            in_region: query.region.as_ref().map(|_| (from, to)),
+            path: vec![point(from, 0.5, Some([1.5, -2.000_000_4, -1e-9])), point(to, 2.0 / 3.0, None)],
+        };
+        let next =
+            (query.limit == 1).then(|| TrackCursor { began_at: from, camera: id("north"), number: 17 });
+        Ok(FoundTracks { tracks: vec![track], next })
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {

@@ -1,0 +1,111 @@
+//! `/api/v1/scenes/{id}/tracks`: what moved before a scene's cameras, by time, camera and place.
+
+use super::Api;
+use super::error::Problem;
+use super::query::{MAX_COORDINATE_M, Query};
+use super::scenes::problem_of;
+use super::segments::Segments;
+use crate::engine::{EngineError, FoundPoint, FoundTrack, TrackQuery};
+use crate::error::{ErrorKind, Fault};
+use crate::frame::CameraId;
+use crate::geometry::GroundPolygon;
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use glam::DVec2;
+use serde_json::{Value, json};
+
+/// Most tracks of one answer.
+const MAX_LIMIT: u32 = 1000;
+
+/// Tracks of one answer, unless more or fewer are asked for.
+const LIMIT: u32 = 100;
+
+/// Most corners of a region.
+const MAX_CORNERS: usize = 64;
+
+/// The newest tracks of a span of time, the one that began last first.
+pub(super) async fn list(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let query = read(raw.as_deref())?;
+    let (from, to) = query.span;
+    let (door, scene) = (api.door.clone(), id);
+    let asked = tokio::task::spawn_blocking(move || door.search_tracks(&scene, &query)).await;
+    let found =
+        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("searching tracks: {panicked}"))));
+    let found = found.map_err(|error| problem_of(&api, error))?;
+    let body = json!({
+        "from": from.to_string(),
+        "to": to.to_string(),
+        "tracks": found.tracks.iter().map(track).collect::<Vec<_>>(),
+        "is_complete": found.next.is_none(),
+        "next": found.next.map(|next| next.to_string()),
+    });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
+    let known = ["from", "to", "cameras", "region", "limit", "before"];
+    let mut query = Query::parse(raw, &known);
+    query.require("from");
+    query.require("to");
+    let (from, to) = (query.instant("from"), query.instant("to"));
+    let cameras = query.value("cameras", "ids of cameras with commas between them", cameras);
+    let around = format!(
+        "x,y;x,y;x,y: 3 to {MAX_CORNERS} corners of two numbers of metres, each within +-{MAX_COORDINATE_M:e}, around an \
+         area of at least 1e-6 m2 and without edges that cross"
+    );
+    let region = query.value("region", &around, region);
+    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT) as usize;
+    let before = query.value("before", "what an answer gave as next", |text| text.parse().ok());
+    let span = query.finish(from.zip(to))?;
+    if span.0 >= span.1 {
+        let fault = Fault::new("to", format!("must be after from, which is {}", span.0));
+        return Err(Problem::at(ErrorKind::Invalid, vec![fault]));
+    }
+    Ok(TrackQuery { span, cameras, region, before, limit })
+}
+
+fn cameras(text: &str) -> Option<Vec<CameraId>> {
+    text.split(',').map(|id| CameraId::new(id).ok()).collect()
+}
+
+fn region(text: &str) -> Option<GroundPolygon> {
+    let corner = |text: &str| {
+        let (x, y) = text.split_once(',')?;
+        Some(DVec2::new(x.parse().ok()?, y.parse().ok()?))
+    };
+    // No more are read than may be.
+    let corners: Vec<DVec2> = text.split(';').take(MAX_CORNERS + 1).map(corner).collect::<Option<_>>()?;
+    // The polygon refuses what is not finite, too far off, without area or crossed by itself.
+    (corners.len() <= MAX_CORNERS).then(|| GroundPolygon::new(corners, 0.0).ok())?
+}
+
+fn track(of: &FoundTrack) -> Value {
+    json!({
+        "camera": of.camera.as_str(),
+        "track": of.number,
+        "began": of.began_at.to_string(),
+        "ended": of.ended_at.to_string(),
+        "height": rounded(of.height_share, 1e5),
+        "first_in_region": of.in_region.map(|(first, _)| first.to_string()),
+        "last_in_region": of.in_region.map(|(_, last)| last.to_string()),
+        "path": of.path.iter().map(point).collect::<Vec<_>>(),
+    })
+}
+
+fn point(of: &FoundPoint) -> Value {
+    let [u, v] = of.texture.map(|value| rounded(value, 1e5));
+    // What is kept of a foot's place is no finer.
+    let point_m = of.point_m.map(|point| point.map(|value| rounded(value, 1e3)));
+    json!({ "at": of.at.to_string(), "u": u, "v": v, "point_m": point_m })
+}
+
+/// To whole parts of which `parts` make one; never -0.
+fn rounded(value: f64, parts: f64) -> f64 {
+    (value * parts).round() / parts + 0.0
+}
