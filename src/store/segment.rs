@@ -114,7 +114,8 @@ impl Store {
     pub async fn put_segment(&self, record: &SegmentRecord) -> Result<i64, StoreError> {
         check_size("a segment's index", &record.keys)?;
         let number = |n: u64| i64::try_from(n).unwrap_or(i64::MAX);
-        sqlx::query_scalar(
+        // All rows, though there is one: whoever takes the first and leaves is not told that its commit failed.
+        let ids: Result<Vec<i64>, sqlx::Error> = sqlx::query_scalar(
             "insert into segment (camera, path, first_at, last_at, n_frames, n_bytes, header_bytes, codec, width, height,
                                   state, keys)
              values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)
@@ -136,9 +137,10 @@ impl Store {
         .bind(record.size_px.1)
         .bind(record.state.as_str())
         .bind(record.keys.as_slice())
-        .fetch_one(&self.cache)
-        .await
-        .map_err(|error| self.classify(error))
+        .fetch_all(&self.cache)
+        .await;
+        let ids = ids.map_err(|error| self.classify(error))?;
+        ids.first().copied().ok_or_else(|| self.classify(sqlx::Error::RowNotFound))
     }
 
     /// Changes what a row says of its file.
@@ -319,5 +321,43 @@ impl Store {
         .await
         .map_err(|error| self.classify(error))?;
         Ok(u64::try_from(bytes).unwrap_or(0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_row_whose_commit_fails_does_not_count_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::open(&folder.path().join("test.sqlite")).await.unwrap();
+        let record = SegmentRecord {
+            id: 0,
+            camera: CameraId::new("gate").unwrap(),
+            path: "gate/1970-01-01/000001.000000000Z.mkv".to_owned(),
+            first_at: Timestamp::from_nanos(1_000_000_000),
+            last_at: Timestamp::from_nanos(2_000_000_000),
+            n_frames: 10,
+            n_bytes: 1000,
+            header_bytes: 100,
+            codec: "image/jpeg".to_owned(),
+            size_px: (8, 4),
+            state: SegmentState::Open,
+            keys: vec![1, 2, 3],
+        };
+        let id = store.put_segment(&record).await.unwrap();
+        // As a disk does that is full when the row is to be made safe.
+        let mut held = Vec::new();
+        for _ in 0..store.cache.options().get_max_connections() {
+            let mut connection = store.cache.acquire().await.unwrap();
+            connection.lock_handle().await.unwrap().set_commit_hook(|| false);
+            held.push(connection);
+        }
+        drop(held);
+        let closed = SegmentRecord { state: SegmentState::Closed, n_frames: 20, ..record.clone() };
+        store.put_segment(&closed).await.unwrap_err();
+        let kept = store.segment_at_path(&record.path).await.unwrap().unwrap();
+        assert_eq!(kept, SegmentRecord { id, ..record });
     }
 }
