@@ -4,6 +4,7 @@
 
 mod costs;
 mod feed;
+mod frozen;
 mod mutations;
 mod restart;
 mod tracks;
