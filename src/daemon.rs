@@ -77,6 +77,9 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
             _some = interrupt.recv() => tracing::info!("stopping on SIGINT"),
         }
         keeper.request_stop();
+        if let Some(archive) = &archive {
+            archive.end_exports();
+        }
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };

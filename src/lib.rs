@@ -18,9 +18,13 @@ pub mod error;
 
 pub mod clock;
 
+pub mod memory;
+
 pub mod geometry;
 
 pub mod frame;
+
+pub mod encode;
 
 pub mod config;
 
@@ -57,8 +61,6 @@ pub mod fuse;
 pub mod plan;
 
 pub mod render;
-
-pub mod encode;
 
 pub mod engine;
 

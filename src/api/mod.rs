@@ -9,6 +9,7 @@ mod alignment;
 mod cameras;
 mod error;
 mod events;
+mod exports;
 mod guard;
 mod health;
 mod locate;
@@ -20,6 +21,7 @@ mod query;
 mod scenes;
 mod segments;
 mod serve;
+mod strip;
 mod timeline;
 mod tracks;
 mod tune;
@@ -80,6 +82,7 @@ struct Api {
     limits: Limits,
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
+    strips: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
     /// Names by which the daemon may be addressed, beside IP addresses and `localhost`.
@@ -96,8 +99,9 @@ pub fn router(door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
 pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
+    let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
     let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
-    let api = Api { door, clock, limits, requests, encoders, answers, hosts: hosts.into() };
+    let api = Api { door, clock, limits, requests, encoders, strips, answers, hosts: hosts.into() };
     let limited = Router::new()
         .merge(page::routes())
         .route("/api/v1/cameras", get(cameras::list))
@@ -109,6 +113,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
             get(tune::show_source).patch(tune::change_source).fallback(tune::no_method),
         )
         .route("/api/v1/cameras/{id}/accept-place", post(tune::accept_place).fallback(tune::post_only))
+        .route("/api/v1/cameras/{id}/strip.jpg", get(strip::show))
         .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
         .route("/api/v1/scenes", get(scenes::list))
         .route("/api/v1/scenes/{id}", get(scenes::one))
@@ -117,6 +122,12 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))
+        .route("/api/v1/exports", get(exports::list).post(exports::ask).fallback(exports::no_method))
+        .route(
+            "/api/v1/exports/{id}",
+            get(exports::one).delete(exports::remove).fallback(exports::no_method_of_one),
+        )
+        .route("/api/v1/exports/{id}/{file}", get(exports::file))
         .route("/api/v1/playheads", get(playheads::list))
         .route(
             "/api/v1/playheads/{id}",

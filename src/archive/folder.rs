@@ -60,37 +60,31 @@ impl Folder {
     /// Makes a segment's file, which must not be there, and sees to it that a power cut leaves its name.
     pub(super) fn create(&self, name: &SegmentName) -> io::Result<File> {
         let [camera, day, file] = name.parts();
-        let camera = self.enter_or_make(&self.root, &camera)?;
-        let day = self.enter_or_make(&camera, &day)?;
-        let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
-        let file = rustix::fs::openat(&day, &file, flags, FILE_MODE)?;
-        day.sync_all()?;
-        Ok(file.into())
+        let camera = self.enter_or_make(&camera)?;
+        let day = enter_or_make(&camera, &day)?;
+        create_file(&day, &file)
     }
 
-    fn enter_or_make(&self, parent: &File, name: &str) -> io::Result<File> {
-        match rustix::fs::mkdirat(parent, name, FOLDER_MODE) {
-            Ok(()) => parent.sync_all()?,
-            Err(rustix::io::Errno::EXIST) => {}
-            Err(error) => return Err(error.into()),
-        }
-        enter(parent, name)
+    /// Opens the folder of that name beneath this one.
+    pub(super) fn enter(&self, name: &str) -> io::Result<File> {
+        enter(&self.root, name)
+    }
+
+    /// Opens the folder of that name beneath this one, and makes it if it is not there.
+    pub(super) fn enter_or_make(&self, name: &str) -> io::Result<File> {
+        enter_or_make(&self.root, name)
     }
 
     /// Opens a segment's file for reading; only a regular file is one.
     pub(super) fn open(&self, name: &SegmentName) -> io::Result<File> {
         let [camera, day, file] = name.parts();
         let day = enter(&enter(&self.root, &camera)?, &day)?;
-        // A pipe would otherwise be waited for.
-        let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
-        let file = File::from(rustix::fs::openat(&day, &file, flags, Mode::empty())?);
-        if file.metadata()?.is_file() { Ok(file) } else { Err(io::ErrorKind::InvalidInput.into()) }
+        open_file(&day, &file)
     }
 
     /// Removes a segment's file, and its day's folder where it was the last. One that is gone already is no failure.
     pub(super) fn remove(&self, name: &SegmentName) -> io::Result<()> {
         let [camera, day, file] = name.parts();
-        let is_gone = |error: &rustix::io::Errno| *error == rustix::io::Errno::NOENT;
         let camera = match enter(&self.root, &camera) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
             other => other?,
@@ -99,10 +93,7 @@ impl Folder {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
             other => other?,
         };
-        match rustix::fs::unlinkat(&folder, &file, AtFlags::empty()) {
-            Err(error) if !is_gone(&error) => return Err(error.into()),
-            _ => {}
-        }
+        remove_file(&folder, &file)?;
         match rustix::fs::unlinkat(&camera, &day, AtFlags::REMOVEDIR) {
             Ok(()) | Err(rustix::io::Errno::NOTEMPTY | rustix::io::Errno::NOENT) => {}
             Err(error) => tracing::debug!(%error, day, "an empty folder was left"),
@@ -114,7 +105,7 @@ impl Folder {
     pub(super) fn quarantine(&self, name: &SegmentName) -> io::Result<String> {
         let [camera, day, file] = name.parts();
         let from = enter(&enter(&self.root, &camera)?, &day)?;
-        let aside = self.enter_or_make(&self.root, QUARANTINE)?;
+        let aside = self.enter_or_make(QUARANTINE)?;
         let plain = format!("{camera}-{day}-{file}");
         for number in 0..1000 {
             let to = if number == 0 { plain.clone() } else { format!("{plain}.{number}") };
@@ -171,13 +162,64 @@ pub(super) fn is_nothing(error: &io::Error) -> bool {
         || error.raw_os_error() == Some(rustix::io::Errno::LOOP.raw_os_error())
 }
 
-fn enter(parent: &File, name: &str) -> io::Result<File> {
+/// Opens a folder.
+pub(super) fn enter(parent: &File, name: &str) -> io::Result<File> {
     let folder: OwnedFd = rustix::fs::openat(parent, name, FOLDER_FLAGS, Mode::empty())?;
     Ok(folder.into())
 }
 
+/// Makes a folder, which must not be there, and sees to it that a power cut leaves its name.
+pub(super) fn make(parent: &File, name: &str) -> io::Result<()> {
+    rustix::fs::mkdirat(parent, name, FOLDER_MODE)?;
+    parent.sync_all()
+}
+
+fn enter_or_make(parent: &File, name: &str) -> io::Result<File> {
+    match make(parent, name) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => return Err(error),
+        _ => {}
+    }
+    enter(parent, name)
+}
+
+/// Makes a file, which must not be there, and sees to it that a power cut leaves its name.
+pub(super) fn create_file(folder: &File, name: &str) -> io::Result<File> {
+    let flags = OFlags::WRONLY | OFlags::CREATE | OFlags::EXCL | OFlags::NOFOLLOW | OFlags::CLOEXEC;
+    let file = rustix::fs::openat(folder, name, flags, FILE_MODE)?;
+    folder.sync_all()?;
+    Ok(file.into())
+}
+
+/// Opens a file for reading; only a regular file is one.
+pub(super) fn open_file(folder: &File, name: &str) -> io::Result<File> {
+    // A pipe would otherwise be waited for.
+    let flags = OFlags::RDONLY | OFlags::NOFOLLOW | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let file = File::from(rustix::fs::openat(folder, name, flags, Mode::empty())?);
+    if file.metadata()?.is_file() { Ok(file) } else { Err(io::ErrorKind::InvalidInput.into()) }
+}
+
+/// Removes a file. One that is gone already is no failure.
+pub(super) fn remove_file(folder: &File, name: &str) -> io::Result<()> {
+    match rustix::fs::unlinkat(folder, name, AtFlags::empty()) {
+        Err(error) if error != rustix::io::Errno::NOENT => Err(error.into()),
+        _ => Ok(()),
+    }
+}
+
+/// Removes an empty folder.
+pub(super) fn remove_folder(parent: &File, name: &str) -> io::Result<()> {
+    rustix::fs::unlinkat(parent, name, AtFlags::REMOVEDIR)?;
+    Ok(())
+}
+
+/// Gives a file another name, in place of what has it, and sees to it that a power cut leaves it.
+pub(super) fn rename(folder: &File, from: &str, to: &str) -> io::Result<()> {
+    rustix::fs::renameat(folder, from, folder, to)?;
+    folder.sync_all()
+}
+
 /// The names in a folder, in order.
-fn names(folder: File) -> io::Result<Vec<String>> {
+pub(super) fn names(folder: File) -> io::Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in rustix::fs::Dir::read_from(&folder)? {
         if let Ok(name) = entry?.file_name().to_str()

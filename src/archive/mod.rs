@@ -1,11 +1,13 @@
 //! Recorded segments: their files, their rows, how long they are kept, and what is read of an instant.
 //!
 //! In: encoded frames of cameras with their scene times, by one [`Recorder`] a camera. Out: segments of a span, and a
-//! [`Reading`] of an instant, whose bytes `media::Decoder` decodes. One thread writes for all cameras, so that no camera waits for the disk. Knows no sources and no pixels.
+//! [`Reading`] of an instant, whose bytes `media::Decoder` decodes; clips for people to keep (`export`). One thread writes
+//! for all cameras, so that no camera waits for the disk. Knows no sources and no pixels.
 
 mod boundaries;
 mod check;
 mod error;
+mod export;
 mod folder;
 mod keys;
 mod lane;
@@ -27,6 +29,10 @@ mod tests;
 
 pub use check::{Checked, check, repair};
 pub use error::ArchiveError;
+pub use export::{
+    Clip, ExportCamera, ExportFile, ExportRequest, ExportState, ExportStatus, ExportedCamera, Exports,
+    Manifest, Unreadable,
+};
 pub use lane::{CameraRecording, RecordingState};
 pub use reading::Reading;
 pub use reconcile::Reconciled;
@@ -37,7 +43,6 @@ use crate::config::ArchiveSettings;
 use crate::frame::CameraId;
 use crate::store::{SegmentRecord, Store};
 use crate::telemetry::Metrics;
-use folder::Folder;
 use shared::Shared;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -65,6 +70,8 @@ pub struct ArchiveStatus {
     pub kept_bytes: u64,
     /// What was done about rows and files that did not fit together, so far.
     pub reconciled: Reconciled,
+    /// Whether the database took the row that was written last; what it does not take is written later.
+    pub takes_rows: bool,
 }
 
 impl Archive {
@@ -93,6 +100,8 @@ impl Archive {
         }
         let writer = Writer::new(Arc::clone(&shared));
         shared.start_thread("archive", move || writer.run())?;
+        let exporting = Arc::clone(&shared);
+        shared.start_thread("archive-export", move || export::run(&exporting))?;
         Ok(Self { shared, have_ended: Mutex::new(have_ended) })
     }
 
@@ -109,6 +118,7 @@ impl Archive {
             cameras: self.shared.recordings(),
             kept_bytes: self.shared.kept_bytes(),
             reconciled: self.shared.reconciled(),
+            takes_rows: self.shared.takes_rows(),
         }
     }
 
@@ -145,16 +155,35 @@ impl Archive {
     /// # Errors
     /// When the file cannot be read, or the database fails.
     pub async fn open_at(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Reading>, ArchiveError> {
-        let Some(segment) = self.shared.store.segment_before(camera, at).await? else { return Ok(None) };
-        let folder = match self.shared.folder() {
-            Some(folder) => folder,
-            // What was recorded can be read where nothing can be written.
-            None => {
-                let path = &self.shared.settings.folder;
-                Arc::new(Folder::look(path).map_err(ArchiveError::files("read", path))?)
-            }
-        };
-        Reading::open(&folder, segment, at).map(Some)
+        let segment = self.shared.store.segment_before(camera, at).await?;
+        segment.map(|segment| self.shared.open(segment, at)).transpose()
+    }
+
+    /// What was exported or is to be.
+    #[must_use]
+    pub fn exports(&self) -> &Exports {
+        &self.shared.exports
+    }
+
+    /// Asks for clips of what was recorded. Answers none where as many wait as may, or the folder cannot be used yet.
+    ///
+    /// # Errors
+    /// When the export's folder cannot be made.
+    pub fn export(&self, request: ExportRequest) -> Result<Option<ExportStatus>, ArchiveError> {
+        self.shared.exports.ask(request, self.shared.clock.now())
+    }
+
+    /// Breaks off what is being exported: all is to end. What is recorded goes on.
+    pub fn end_exports(&self) {
+        self.shared.exports.end();
+    }
+
+    /// Takes an export back or removes it, however far it is; false where there is none of that id.
+    ///
+    /// # Errors
+    /// When its files cannot be removed.
+    pub fn remove_export(&self, id: &str) -> Result<bool, ArchiveError> {
+        self.shared.exports.remove(id)
     }
 
     /// Closes what is open and ends the threads; within a second, whatever the disk does. Frames that still wait are

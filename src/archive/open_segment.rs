@@ -1,9 +1,10 @@
 //! The segment that is being written: frames in, bytes of its file out, and what its row may say of it.
 
+use super::ArchiveError;
+use super::folder::Folder;
 use super::matroska::{Block, Walker};
 use super::name::SegmentName;
 use super::scan::Progress;
-use super::{ArchiveError, Folder};
 use crate::clock::Timestamp;
 use crate::media::{EncodedFormat, EncodedFrame, Muxer, TICK_NANOS};
 use crate::store::{SegmentRecord, SegmentState};

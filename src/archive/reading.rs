@@ -9,8 +9,9 @@ use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 
 /// A segment from a key frame on: its header, then its clusters from that key frame's to the end of what was
-/// written when it was opened. What decodes it as a stream counts time from the first frame that it meets: stream time 0 is
-/// [`Self::starts_at`], not the segment's beginning.
+/// written when it was opened. Times as they are written (`media::Times::Written`) count from the segment's first frame,
+/// wherever the reading begins. Pictures of before [`Self::starts_at`] may come and cannot be decoded: they build on what was
+/// before the key frame.
 #[derive(Debug)]
 pub struct Reading {
     segment: SegmentRecord,
@@ -53,10 +54,16 @@ impl Reading {
         &self.segment
     }
 
-    /// Scene time of stream time 0: of the key frame with which the frames begin.
+    /// Scene time of the key frame with which the frames begin.
     #[must_use]
     pub const fn starts_at(&self) -> Timestamp {
         self.starts_at
+    }
+
+    /// The instant that a time in the file stands for.
+    #[must_use]
+    pub const fn instant(&self, written_nanos: i64) -> Timestamp {
+        scan::instant(&self.segment, written_nanos)
     }
 
     /// Scene time of the newest frame on the disk.

@@ -5,8 +5,8 @@ use super::lane::Lane;
 use super::name::SegmentName;
 use super::queue::Queue;
 use super::reconcile::Reconciled;
-use super::{ArchiveError, CameraRecording, RecordingState};
-use crate::clock::Clock;
+use super::{ArchiveError, CameraRecording, Exports, Reading, RecordingState};
+use crate::clock::{Clock, Timestamp};
 use crate::config::ArchiveSettings;
 use crate::frame::CameraId;
 use crate::store::{SegmentRecord, Store};
@@ -37,6 +37,7 @@ pub(super) struct Shared {
     pub metrics: Arc<Metrics>,
     pub clock: Arc<dyn Clock>,
     pub queue: Queue,
+    pub exports: Exports,
     /// Set when all is to end; long work looks at it.
     pub stop: AtomicBool,
     /// None while the folder cannot be used.
@@ -49,6 +50,8 @@ pub(super) struct Shared {
     /// Held by every thread for as long as it runs, and here for those to come.
     alive: Mutex<Option<SyncSender<()>>>,
     kept_bytes: AtomicU64,
+    /// Whether the database did not take the row that was written last.
+    fails_rows: AtomicBool,
 }
 
 impl Shared {
@@ -66,6 +69,7 @@ impl Shared {
             metrics,
             clock,
             queue: Queue::new(QUEUE_BYTES),
+            exports: Exports::default(),
             stop: AtomicBool::new(false),
             folder: Mutex::default(),
             lanes: Mutex::default(),
@@ -74,6 +78,7 @@ impl Shared {
             threads: Mutex::default(),
             alive: Mutex::new(Some(alive)),
             kept_bytes: AtomicU64::new(0),
+            fails_rows: AtomicBool::new(false),
         };
         (shared, have_ended)
     }
@@ -181,10 +186,30 @@ impl Shared {
         self.metrics.archive_kept.set(i64::try_from(self.kept_bytes()).unwrap_or(i64::MAX));
     }
 
+    /// The bytes of a segment from which what is seen at `at` is decoded.
+    pub(super) fn open(&self, segment: SegmentRecord, at: Timestamp) -> Result<Reading, ArchiveError> {
+        let folder = match self.folder() {
+            Some(folder) => folder,
+            // What was recorded can be read where nothing can be written.
+            None => {
+                let path = &self.settings.folder;
+                Arc::new(Folder::look(path).map_err(ArchiveError::files("read", path))?)
+            }
+        };
+        Reading::open(&folder, segment, at)
+    }
+
     /// Writes a row.
     pub(super) fn put(&self, record: &SegmentRecord) -> Result<(), ArchiveError> {
-        self.runtime.block_on(self.store.put_segment(record))?;
+        let put = self.runtime.block_on(self.store.put_segment(record));
+        self.fails_rows.store(put.is_err(), Ordering::Relaxed);
+        put?;
         Ok(())
+    }
+
+    /// Whether the database took the row that was written last.
+    pub(super) fn takes_rows(&self) -> bool {
+        !self.fails_rows.load(Ordering::Relaxed)
     }
 
     pub(super) fn max_bytes(&self) -> u64 {

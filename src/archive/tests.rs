@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::clock::SimulatedClock;
-use crate::media::{Decoder, EncodedFrame, EncodedQueue, Input, PlaneReader, TICK_NANOS};
+use crate::media::{Decoder, EncodedFrame, EncodedQueue, Input, PlaneReader, TICK_NANOS, Times};
 use crate::store::SegmentState;
 use crate::telemetry::RecordingDrop;
 use gst::prelude::*;
@@ -11,7 +11,7 @@ use proptest::prelude::ProptestConfig;
 use proptest::test_runner::RngSeed;
 use std::io::{Cursor, Read};
 
-const SECOND: i64 = 1_000_000_000;
+pub(super) const SECOND: i64 = 1_000_000_000;
 
 /// Settings of a property test: the same cases in every run, and nothing written beside the tests.
 pub(super) fn seeded(cases: u32) -> ProptestConfig {
@@ -20,7 +20,7 @@ pub(super) fn seeded(cases: u32) -> ProptestConfig {
 }
 
 /// Frames of a test picture at 20 a second, a key frame every ten.
-fn frames(encoder: &str, n: u32) -> Vec<EncodedFrame> {
+pub(super) fn frames(encoder: &str, n: u32) -> Vec<EncodedFrame> {
     gst::init().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mkv");
@@ -54,24 +54,24 @@ fn instant(start: i64, frame: &EncodedFrame, first: &EncodedFrame) -> Timestamp 
     Timestamp::from_nanos(start + (nanos + TICK_NANOS / 2).div_euclid(TICK_NANOS) * TICK_NANOS)
 }
 
-fn north() -> CameraId {
+pub(super) fn north() -> CameraId {
     CameraId::new("north").unwrap()
 }
 
-fn at(nanos: i64) -> Timestamp {
+pub(super) fn at(nanos: i64) -> Timestamp {
     Timestamp::from_nanos(nanos)
 }
 
-struct Stage {
+pub(super) struct Stage {
     place: tempfile::TempDir,
-    clock: Arc<SimulatedClock>,
-    settings: ArchiveSettings,
+    pub(super) clock: Arc<SimulatedClock>,
+    pub(super) settings: ArchiveSettings,
     store: Store,
     metrics: Arc<Metrics>,
 }
 
 impl Stage {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::open(&folder.path().join("a.sqlite")).await.unwrap();
         let settings = ArchiveSettings {
@@ -84,7 +84,7 @@ impl Stage {
         Self { place: folder, clock, settings, store, metrics: Arc::new(Metrics::new()) }
     }
 
-    async fn archive(&self) -> Archive {
+    pub(super) async fn archive(&self) -> Archive {
         let clock = Arc::clone(&self.clock) as Arc<dyn Clock>;
         Archive::start(self.settings.clone(), self.store.clone(), Arc::clone(&self.metrics), clock)
             .await
@@ -92,7 +92,7 @@ impl Stage {
     }
 
     /// Records and closes; waits in real time alone.
-    async fn record(&self, start: i64, frames: &[EncodedFrame]) {
+    pub(super) async fn record(&self, start: i64, frames: &[EncodedFrame]) {
         let archive = self.archive().await;
         let mut recorder = archive.recorder(&north());
         for frame in frames {
@@ -104,19 +104,19 @@ impl Stage {
         assert_eq!(status.cameras[0].state, RecordingState::Off);
     }
 
-    async fn rows(&self) -> Vec<SegmentRecord> {
+    pub(super) async fn rows(&self) -> Vec<SegmentRecord> {
         self.store.segments(&north(), at(i64::MIN), at(i64::MAX)).await.unwrap()
     }
 
-    fn path(&self, record: &SegmentRecord) -> std::path::PathBuf {
+    pub(super) fn path(&self, record: &SegmentRecord) -> std::path::PathBuf {
         self.settings.folder.join(&record.path)
     }
 }
 
-/// What a decoder gives of a reading: stream times and sums of luma.
-fn decoded(input: &Input) -> Vec<(i64, u64)> {
+/// What a decoder gives of an input: times and sums of luma.
+pub(super) fn decoded(input: &Input, times: Times) -> Vec<(i64, u64)> {
     let decoder = Decoder::start(input, None).unwrap();
-    let mut reader = PlaneReader::default();
+    let mut reader = PlaneReader::new(times);
     let mut seen = Vec::new();
     while !decoder.has_ended() {
         if let Some(sample) = decoder.pull(gst::ClockTime::from_mseconds(50)) {
@@ -128,6 +128,27 @@ fn decoded(input: &Input) -> Vec<(i64, u64)> {
         assert!(decoder.fault().is_none());
     }
     seen
+}
+
+/// Pictures that are shown before the key frame that they follow in the file.
+pub(super) const OPEN_GROUPS: &str = "x265enc key-int-max=10 ! h265parse";
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pictures_shown_before_their_key_frame_shift_nothing() {
+    let stage = Stage::new().await;
+    stage.record(0, &frames(OPEN_GROUPS, 60)).await;
+    let archive = stage.archive().await;
+    let whole = archive.open_at(&north(), at(0)).await.unwrap().unwrap();
+    let all = decoded(&Input::stream(whole).unwrap(), Times::Written);
+    assert_eq!(all.len(), 60);
+    for i in 0..60 {
+        let reading = archive.open_at(&north(), at(i * SECOND / 20)).await.unwrap().unwrap();
+        let key = i / 10 * 10;
+        assert_eq!(reading.starts_at(), at(key * SECOND / 20));
+        let part = decoded(&Input::stream(reading).unwrap(), Times::Written);
+        let part: Vec<_> = part.into_iter().filter(|(nanos, _)| *nanos >= key * SECOND / 20).collect();
+        assert_eq!(part, all[key as usize..], "frame {i}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -155,7 +176,7 @@ async fn what_was_recorded_is_decoded_from_any_instant_with_its_time() {
 
         let archive = stage.archive().await;
         let whole = archive.open_at(&north(), at(start)).await.unwrap().unwrap();
-        let all = decoded(&Input::stream(whole).unwrap());
+        let all = decoded(&Input::stream(whole).unwrap(), Times::Written);
         let times: Vec<_> = all.iter().map(|(nanos, _)| *nanos).collect();
         assert_eq!(times, (0..100).map(|i| i * SECOND / 20).collect::<Vec<_>>(), "{encoder}");
         // A frame before each key frame, on it, and after it. What is read as a stream begins at 0 wherever it begins.
@@ -164,10 +185,10 @@ async fn what_was_recorded_is_decoded_from_any_instant_with_its_time() {
             let key = if encoder == "jpegenc" { i } else { i / 10 * 10 };
             assert_eq!(reading.starts_at(), at(start + key * SECOND / 20), "{encoder}: {i}");
             assert_eq!((reading.segment().first_at, reading.last_at()), (at(start), rows[0].last_at));
-            let part = decoded(&Input::stream(reading).unwrap());
-            let shifted = |(nanos, sum): &(i64, u64)| (nanos - key * SECOND / 20, *sum);
-            let expected: Vec<_> = all[key as usize..].iter().map(shifted).collect();
-            assert_eq!(part, expected, "{encoder}: frame {i}");
+            let part = decoded(&Input::stream(reading).unwrap(), Times::Written);
+            // What is shown before the key frame is nobody's.
+            let part: Vec<_> = part.into_iter().filter(|(nanos, _)| *nanos >= key * SECOND / 20).collect();
+            assert_eq!(part, all[key as usize..], "{encoder}: frame {i}");
         }
         assert!(archive.open_at(&north(), at(start - 1)).await.unwrap().is_none());
         let last = archive.open_at(&north(), at(start + 900 * SECOND)).await.unwrap().unwrap();
@@ -497,10 +518,10 @@ async fn a_file_cut_anywhere_is_kept_up_to_its_last_whole_frame() {
         let checked = checked.await.unwrap().unwrap();
         assert_eq!((checked.faults.as_slice(), checked.n_frames), ([].as_slice(), last), "{end}");
         if turn % 10 == 0 {
-            let folder = Folder::look(&stage.settings.folder).unwrap();
+            let folder = folder::Folder::look(&stage.settings.folder).unwrap();
             let row = stage.store.segment_at_path(&whole.path).await.unwrap().unwrap();
             let reading = Reading::open(&folder, row, at(0)).unwrap();
-            assert_eq!(decoded(&Input::stream(reading).unwrap()).len() as u64, last, "{end}");
+            assert_eq!(decoded(&Input::stream(reading).unwrap(), Times::Written).len() as u64, last, "{end}");
         }
     }
     assert!(last >= 28, "{last}");
@@ -520,18 +541,18 @@ async fn an_open_segment_is_read_as_far_as_it_is_written_and_told_as_far_as_it_i
     assert_eq!((reading.segment().state, reading.segment().n_frames), (SegmentState::Open, 1));
     let mut bytes = Vec::new();
     reading.read_to_end(&mut bytes).unwrap();
-    assert_eq!(decoded(&Input::stream(Cursor::new(bytes.clone())).unwrap()).len(), 60);
+    assert_eq!(decoded(&Input::stream(Cursor::new(bytes.clone())).unwrap(), Times::Written).len(), 60);
     // Whoever reads while it is written may find half a block at its end; that costs this block alone.
     for n_missing in [1, 2, 7, 30, bytes.len() / 3] {
         let cut = bytes[..bytes.len() - n_missing].to_vec();
-        let n_seen = decoded(&Input::stream(Cursor::new(cut)).unwrap()).len();
+        let n_seen = decoded(&Input::stream(Cursor::new(cut)).unwrap(), Times::Written).len();
         assert!(n_seen < 60 && (n_missing > 30 || n_seen >= 57), "{n_missing}: {n_seen}");
     }
     stage.clock.advance(writer::SYNC_INTERVAL);
     for _ in 0..1000 {
         let reading = archive.open_at(&north(), at(0)).await.unwrap().unwrap();
         if reading.segment().n_frames == 60 {
-            assert_eq!(decoded(&Input::stream(reading).unwrap()).len(), 60);
+            assert_eq!(decoded(&Input::stream(reading).unwrap(), Times::Written).len(), 60);
             return;
         }
         tokio::time::sleep(Duration::from_millis(5)).await;

@@ -19,6 +19,10 @@ pub struct ArchiveSettings {
     pub max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, recording pauses. Default 1024.
     pub min_free_mib: u32,
+    /// Most GiB of all exported clips together, 0.01 to 1048576; the oldest go first. Default 10.
+    pub export_gib: f64,
+    /// Days after which exported clips go, 0.001 to 36500. Default 7.
+    pub export_days: f64,
 }
 
 impl Default for ArchiveSettings {
@@ -29,6 +33,8 @@ impl Default for ArchiveSettings {
             max_gib: 100.0,
             max_age_days: 30.0,
             min_free_mib: 1024,
+            export_gib: 10.0,
+            export_days: 7.0,
         }
     }
 }
@@ -51,6 +57,8 @@ pub(super) fn check(archive: &ArchiveSettings, gatherer: &mut Gatherer) {
         ("max_gib", archive.max_gib, 0.01, 1_048_576.0, "GiB"),
         ("max_age_days", archive.max_age_days, 0.001, 36_500.0, "days"),
         ("min_free_mib", f64::from(archive.min_free_mib), 0.0, 1_073_741_824.0, "MiB"),
+        ("export_gib", archive.export_gib, 0.01, 1_048_576.0, "GiB"),
+        ("export_days", archive.export_days, 0.001, 36_500.0, "days"),
     ];
     for (key, value, least, most, unit) in numbers {
         super::validate::range(gatherer, &format!("/archive/{key}"), value, least, most, unit);

@@ -48,7 +48,8 @@ impl Shared {
             let mut ranges = Vec::new();
             let mut activity = Vec::new();
             if let Some(past) = &self.past {
-                ranges = past.recorded(&camera.id, from, to).map_err(unavailable)?;
+                let kept_from = camera.timeline.range().map(|(first, _)| first);
+                ranges = past.recorded(&camera.id, (from, to), kept_from).map_err(unavailable)?;
                 activity = past.activity(&camera.id, from, to, minutes_each).map_err(unavailable)?;
             }
             ranges.extend(camera.timeline.range());

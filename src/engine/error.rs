@@ -25,6 +25,20 @@ pub enum EngineError {
         /// The name asked for.
         id: String,
     },
+    /// No export has that id.
+    #[error("there is no export {id:?}")]
+    NoExport {
+        /// The id asked for.
+        id: String,
+    },
+    /// An export has no such file, or is not done.
+    #[error("export {id} has no file {file:?}")]
+    NoExportFile {
+        /// The export.
+        id: String,
+        /// The file asked for.
+        file: String,
+    },
     /// A parameter is wrong.
     #[error("{0}")]
     Request(Fault),
@@ -79,6 +93,8 @@ impl EngineError {
             Self::NoCamera { .. }
             | Self::NoScene { .. }
             | Self::NoPlayhead { .. }
+            | Self::NoExport { .. }
+            | Self::NoExportFile { .. }
             | Self::Gap { .. }
             | Self::NoSurface(_) => ErrorKind::NotFound,
             Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,

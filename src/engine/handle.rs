@@ -3,15 +3,16 @@
 use super::{
     AccuracyStatus, EngineError, FoundTracks, PlayheadState, SceneAlignment, SceneTimeline, TrackQuery,
 };
-use crate::archive::{CameraRecording, RecordingState};
+use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
-use crate::frame::{CameraId, RgbImage};
+use crate::frame::{CameraId, RgbImage, YuvImage};
 use crate::plan::{EntityStyle, Plan};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::{LoggedEvent, Observation};
 use glam::{DVec2, DVec3};
 use serde::Serialize;
+use std::fs::File;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
@@ -178,6 +179,15 @@ pub struct ViewAnswer {
     pub timings: Vec<(&'static str, Duration)>,
 }
 
+/// What a camera showed about a time.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// The picture.
+    pub image: Arc<YuvImage>,
+    /// Its scene time.
+    pub timestamp: Timestamp,
+}
+
 /// Whether the daemon can answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Readiness {
@@ -202,6 +212,13 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::Gap`].
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError>;
+
+    /// What a camera showed within `reach` of an instant, or nearest to it, and when: what is cheapest to have. Blocks where
+    /// it must be decoded.
+    ///
+    /// # Errors
+    /// As [`Door::observation`].
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError>;
 
     /// The newest `limit` events after number `after`, of one camera or of all, in the order in which they came.
     ///
@@ -338,6 +355,28 @@ pub trait Door: Send + Sync {
 
     /// Changes with every change of any playhead; [`ENDED`](super::ENDED) once the engine stops.
     fn watch_playheads(&self) -> watch::Receiver<u64>;
+
+    /// Asks for clips of what was recorded, as [`ExportAsked`](super::ExportAsked) has it. Blocks for the disk.
+    ///
+    /// # Errors
+    /// [`EngineError::Faults`], [`EngineError::NoCamera`], [`EngineError::NoScene`]; [`EngineError::Unavailable`] where
+    /// nothing is recorded, too many wait, or the disk does not take it.
+    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError>;
+
+    /// Every export, in the order in which they were asked for.
+    fn exports(&self) -> Vec<ExportStatus>;
+
+    /// Takes an export back or removes it, however far it is. Blocks for the disk.
+    ///
+    /// # Errors
+    /// [`EngineError::NoExport`]; [`EngineError::Unavailable`] where its files cannot be removed.
+    fn remove_export(&self, id: &str) -> Result<(), EngineError>;
+
+    /// A file of an export that is done, opened for reading.
+    ///
+    /// # Errors
+    /// [`EngineError::NoExport`], [`EngineError::NoExportFile`]; [`EngineError::Unavailable`] where it cannot be opened.
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError>;
 
     /// What each step of accuracy costs on this machine, as far as it was measured.
     fn accuracy(&self) -> AccuracyStatus;

@@ -8,6 +8,7 @@ mod camera;
 mod checkpoint;
 mod chronicle;
 mod error;
+mod exports;
 mod handle;
 mod history;
 mod maps;
@@ -28,9 +29,10 @@ pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::EngineError;
+pub use exports::ExportAsked;
 pub use handle::{
-    At, CameraSummary, Door, Handle, LocateMethod, Located, Readiness, RecordingSummary, SceneSummary,
-    SourceTime, ViewAnswer, ViewRequest,
+    At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
+    SceneSummary, SourceTime, ViewAnswer, ViewRequest,
 };
 pub use offline::view_once;
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};

@@ -3,16 +3,20 @@
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
 use super::playheads::Step;
-use crate::archive::{ArchiveError, CameraRecording};
+use crate::archive::{Archive, ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
 use crate::frame::{CameraId, Frame, Mask};
 use crate::ingest::Pipeline;
-use crate::store::{ActivityRecord, Store, StoreError, TrackRecord};
+use crate::store::{ActivityRecord, SegmentRecord, SegmentState, Store, StoreError, TrackRecord};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
+
+/// How far the row of a segment may be behind what is written of it; a longer gap would have ended the segment.
+const ROW_LAG_NANOS: i64 = 5_000_000_000;
 
 /// The past of all cameras that are recorded.
 pub(super) struct Past {
@@ -52,6 +56,11 @@ impl Past {
         Self { replay, store, runtime, cameras: cameras.map(camera).collect(), firsts: Mutex::default() }
     }
 
+    /// What is recorded, where anything is.
+    pub(super) fn archive(&self) -> Option<&Archive> {
+        self.replay.as_ref().map(|replay| &**replay.archive())
+    }
+
     /// Lets go what nobody has asked for a while.
     pub(super) fn tidy(&self) {
         if let Some(replay) = &self.replay {
@@ -59,9 +68,11 @@ impl Past {
         }
     }
 
-    /// Looks where recordings begin now. Blocks for a short question of the database for each camera.
+    /// Looks where recordings begin now, and gives freed memory back. Blocks for a short question of the database for each
+    /// camera.
     pub(super) fn look(&self) {
         let Some(replay) = &self.replay else { return };
+        replay.give_back_memory();
         let mut cameras: Vec<&CameraId> = self.cameras.keys().collect();
         cameras.sort_unstable();
         for camera in cameras {
@@ -98,16 +109,24 @@ impl Past {
         self.firsts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// From when to when a camera was recorded between two instants, in order.
+    /// From when to when a camera was recorded between two instants, in order. The row of what is being written is some
+    /// seconds behind its frames: it reaches to `kept_from`, the oldest frame in memory, where that is no further away.
     pub(super) fn recorded(
         &self,
         camera: &CameraId,
-        from: Timestamp,
-        to: Timestamp,
+        (from, to): (Timestamp, Timestamp),
+        kept_from: Option<Timestamp>,
     ) -> Result<Vec<(Timestamp, Timestamp)>, ArchiveError> {
         let Some(replay) = &self.replay else { return Ok(Vec::new()) };
         let segments = self.runtime.block_on(replay.archive().segments(camera, from, to))?;
-        Ok(segments.iter().map(|segment| (segment.first_at, segment.last_at)).collect())
+        let range = |segment: &SegmentRecord| {
+            let goes_on = |kept: &Timestamp| {
+                segment.state == SegmentState::Open
+                    && (0..=ROW_LAG_NANOS).contains(&kept.nanos_since(segment.last_at))
+            };
+            (segment.first_at, kept_from.filter(goes_on).unwrap_or(segment.last_at))
+        };
+        Ok(segments.iter().map(range).collect())
     }
 
     /// How each camera's recording goes.
@@ -153,6 +172,17 @@ impl Past {
             });
             self.segmented(&mut of, frame)
         }))
+    }
+
+    /// A recorded frame of `camera` within `reach` of `at`, or the nearest; none where it is not recorded.
+    pub(super) fn frame_near(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+        reach: Duration,
+    ) -> Option<Result<PastFrame, ReplayError>> {
+        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        Some(replay.frame_near(camera, at, reach))
     }
 
     fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> Observation {

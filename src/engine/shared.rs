@@ -6,8 +6,8 @@ use super::alignment::SceneAlignment;
 use super::checkpoint::StoreHealth;
 use super::chronicle::SceneTimeline;
 use super::handle::{
-    At, CameraSummary, Door, LocateMethod, Located, Readiness, RecordingSummary, SceneSummary, ViewAnswer,
-    ViewRequest,
+    At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
+    ViewAnswer, ViewRequest,
 };
 use super::past::Past;
 use super::playheads::{Change, PlayheadState, Playheads};
@@ -16,6 +16,7 @@ use super::roster::Roster;
 use super::sightings::Seen;
 use super::track_search::{FoundTracks, TrackQuery};
 use super::tuning::Tuning;
+use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::{Clock, Timestamp};
 use crate::config::{self, ClockSettings, FeedSettings, RenderSettings, SegmentSettings};
 use crate::error::{ErrorKind, Fault};
@@ -25,9 +26,10 @@ use crate::ingest::StatusReader;
 use crate::mapping::{self, Location, WorldMap};
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
-use crate::timeline::{EventLog, LoggedEvent, Observation, ReplayError, Timeline, TimelineError};
+use crate::timeline::{EventLog, LoggedEvent, Observation, PastFrame, ReplayError, Timeline, TimelineError};
 use glam::DVec2;
 use std::collections::HashMap;
+use std::fs::File;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{SyncSender, TrySendError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -159,7 +161,7 @@ impl Shared {
         lock(&self.maps).insert((scene.to_owned(), camera.clone()), state);
     }
 
-    fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
+    pub(super) fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
         let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
     }
@@ -243,6 +245,27 @@ impl Shared {
     }
 }
 
+/// Why nothing that was recorded answers, of which memory says `kept`.
+fn past_failure(entry: &CameraEntry, error: &ReplayError, kept: &TimelineError) -> EngineError {
+    let (seen_before, seen_after) = match kept {
+        TimelineError::Gap { before, after, .. } => (*before, *after),
+        TimelineError::Empty | TimelineError::NotNewer { .. } => (None, None),
+    };
+    match error {
+        // The nearer ends of both.
+        ReplayError::Gap { at, before, after } => EngineError::Gap {
+            camera: entry.id.to_string(),
+            asked: *at,
+            before: (*before).max(seen_before),
+            after: [*after, seen_after].into_iter().flatten().min(),
+        },
+        error => match error.kind() {
+            ErrorKind::Internal => EngineError::Internal(error.to_string()),
+            _ => EngineError::Unavailable(error.to_string()),
+        },
+    }
+}
+
 /// What was recorded of an instant that memory does not hold.
 fn past_or(
     entry: &CameraEntry,
@@ -250,24 +273,10 @@ fn past_or(
     instant: Timestamp,
     kept: &TimelineError,
 ) -> Result<Observation, EngineError> {
-    let (seen_before, seen_after) = match kept {
-        TimelineError::Gap { before, after, .. } => (*before, *after),
-        TimelineError::Empty | TimelineError::NotNewer { .. } => (None, None),
-    };
     match past.observation(&entry.id, instant) {
         None => Err(entry.failure(kept)),
         Some(Ok(observation)) => Ok(observation),
-        // The nearer ends of both.
-        Some(Err(ReplayError::Gap { at, before, after })) => Err(EngineError::Gap {
-            camera: entry.id.to_string(),
-            asked: at,
-            before: before.max(seen_before),
-            after: [after, seen_after].into_iter().flatten().min(),
-        }),
-        Some(Err(error)) => Err(match error.kind() {
-            ErrorKind::Internal => EngineError::Internal(error.to_string()),
-            _ => EngineError::Unavailable(error.to_string()),
-        }),
+        Some(Err(error)) => Err(past_failure(entry, &error, kept)),
     }
 }
 
@@ -332,6 +341,30 @@ impl Door for Shared {
             },
         }
         .map_err(|error| entry.failure(&error))
+    }
+
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError> {
+        let entry = self.camera(camera)?;
+        let away = |of: &Preview| of.timestamp.nanos_since(at).unsigned_abs();
+        let kept = entry.timeline.at(at);
+        let kept =
+            kept.map(|Observation { frame, .. }| Preview { image: frame.image, timestamp: frame.timestamp });
+        // Before the oldest that memory holds may lie one that is nearer.
+        if let Ok(kept) = &kept
+            && u128::from(away(kept)) <= reach.as_nanos()
+        {
+            return Ok(kept.clone());
+        }
+        let recorded = self.past.as_ref().and_then(|past| past.frame_near(&entry.id, at, reach));
+        let recorded =
+            recorded.map(|found| found.map(|PastFrame { image, timestamp }| Preview { image, timestamp }));
+        match (recorded, kept) {
+            (Some(Ok(recorded)), Ok(kept)) if away(&kept) < away(&recorded) => Ok(kept),
+            (Some(Ok(recorded)), _) => Ok(recorded),
+            (_, Ok(kept)) => Ok(kept),
+            (None, Err(kept)) => Err(entry.failure(&kept)),
+            (Some(Err(error)), Err(kept)) => Err(past_failure(entry, &error, &kept)),
+        }
     }
 
     fn events(
@@ -525,6 +558,22 @@ impl Door for Shared {
         self.playheads.subscribe()
     }
 
+    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+        self.asked_export(body)
+    }
+
+    fn exports(&self) -> Vec<ExportStatus> {
+        self.all_exports()
+    }
+
+    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+        self.removed_export(id)
+    }
+
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
+        self.file_of_export(id, file)
+    }
+
     fn accuracy(&self) -> AccuracyStatus {
         self.accuracy.status()
     }
@@ -536,7 +585,9 @@ impl Door for Shared {
     fn readiness(&self) -> Readiness {
         let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
         let renderer = lock(&self.renderer).clone();
-        let (store_is_good, _) = self.store_health.read();
+        let (takes_backgrounds, _) = self.store_health.read();
+        let archive = self.past.as_ref().and_then(Past::archive);
+        let store_is_good = takes_backgrounds && archive.is_none_or(|archive| archive.status().takes_rows);
         Readiness {
             ready: renderer.is_ok() && store_is_good,
             store: store_is_good,

@@ -4,10 +4,12 @@
 //! because seeking back depends on an index that many surveillance files lack. What is read is the file that was
 //! opened beneath the media roots, whatever became of its path since.
 
+use super::jpeg::push_as_jpeg;
 use super::medium::Medium;
-use super::roots::descriptor_path;
 use super::{IngestError, MediaRoots, StopFlag, Tap};
-use crate::media::{Decoder, EncodedFrame, EncodedQueue, Fault, Input, Picture, PlaneReader, SampleError};
+use crate::media::{
+    Decoder, EncodedFrame, EncodedQueue, Fault, Input, Picture, PlaneReader, SampleError, descriptor_path,
+};
 use gstreamer as gst;
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -115,6 +117,9 @@ impl Medium for VideoFile {
             }
         })?;
         self.pass = Some((decoder, reader));
+        if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
+            push_as_jpeg(queue, &picture);
+        }
         Ok(Some(picture))
     }
 }

@@ -6,16 +6,19 @@
 
 use super::medium::Medium;
 use super::pattern::Pattern;
-use super::{IngestError, MediaRoots, StopFlag};
+use super::{IngestError, MediaRoots, StopFlag, Tap, jpeg};
 use crate::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
-use crate::media::Picture;
-use image::{ImageDecoder, ImageReader, Limits};
+use crate::media::{EncodedFrame, Picture};
+use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
-use std::io::BufReader;
+use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 /// Most columns and rows of a picture.
 pub(super) const MAX_SIDE: u32 = 8192;
+
+/// What is longer is cut, and then no picture: uncompressed, the largest one is smaller.
+const MAX_FILE_BYTES: u64 = 512 << 20;
 
 /// A folder of numbered pictures.
 pub(super) struct NumberedPictures {
@@ -23,26 +26,40 @@ pub(super) struct NumberedPictures {
     pattern: Pattern,
     roots: MediaRoots,
     stop: StopFlag,
+    tap: Tap,
     numbers: std::ops::RangeInclusive<u64>,
     next: Option<u64>,
+    /// The newest picture as it is recorded.
+    encoded: Option<EncodedFrame>,
 }
 
 impl NumberedPictures {
     /// Finds the pictures that fit the pattern `path`.
-    pub(super) fn open(path: &Path, roots: &MediaRoots, stop: &StopFlag) -> Result<Self, IngestError> {
+    pub(super) fn open(
+        path: &Path,
+        roots: &MediaRoots,
+        stop: &StopFlag,
+        tap: Tap,
+    ) -> Result<Self, IngestError> {
         let pattern = Pattern::parse(path)?;
         let numbers = find_numbers(path, &pattern, roots)?;
         let (path, roots, stop) = (path.to_path_buf(), roots.clone(), stop.clone());
-        Ok(Self { path, pattern, roots, stop, next: None, numbers })
+        Ok(Self { path, pattern, roots, stop, tap, next: None, numbers, encoded: None })
     }
 
-    fn read(&self, number: u64) -> Result<YuvImage, IngestError> {
+    /// The picture of that number, and the file as it is if that is a JPEG.
+    fn read(&self, number: u64) -> Result<(YuvImage, Option<Vec<u8>>), IngestError> {
         let path = self.pattern.path(number);
-        let file = self.roots.open(&path)?;
-        let rgb = decode(file).map_err(|source| IngestError::Picture { path: path.clone(), source })?;
+        let mut file = self.roots.open(&path)?;
+        let mut bytes = Vec::new();
+        let unreadable = |source: io::Error| IngestError::Unreadable { path: path.clone(), source };
+        file.by_ref().take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(unreadable)?;
+        let (rgb, format) =
+            decode(&bytes).map_err(|source| IngestError::Picture { path: path.clone(), source })?;
         // JPEG's own colours are full-range BT.601 (JFIF); PNG pictures take the same way.
-        YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full)
-            .map_err(|source| IngestError::Layout { path, source })
+        let image = YuvImage::from_rgb(&rgb, ColorMatrix::Bt601, ColorRange::Full)
+            .map_err(|source| IngestError::Layout { path, source })?;
+        Ok((image, (format == Some(ImageFormat::Jpeg)).then_some(bytes)))
     }
 }
 
@@ -61,9 +78,19 @@ impl Medium for NumberedPictures {
             return Err(IngestError::Stopped);
         }
         let Some(number) = self.next.filter(|number| self.numbers.contains(number)) else { return Ok(None) };
-        let image = self.read(number)?;
+        let (image, jpeg) = self.read(number)?;
         self.next = number.checked_add(1);
-        Ok(Some(Picture { image, stream_nanos: None, interval_nanos: None, reference_nanos: None }))
+        // They have no times; what is recorded is paired with its picture by the order.
+        let stream_nanos = i64::try_from(number - self.numbers.start()).ok();
+        let picture = Picture { image, stream_nanos, interval_nanos: None, reference_nanos: None };
+        if self.tap == Tap::Open {
+            self.encoded = jpeg::frame(&picture, jpeg);
+        }
+        Ok(Some(picture))
+    }
+
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        self.encoded.take()
     }
 }
 
@@ -90,15 +117,16 @@ fn find_numbers(
     }
 }
 
-fn decode(file: fs::File) -> Result<RgbImage, image::ImageError> {
-    let mut reader = ImageReader::new(BufReader::new(file)).with_guessed_format()?;
+fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageError> {
+    let mut reader = ImageReader::new(Cursor::new(bytes)).with_guessed_format()?;
+    let format = reader.format();
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
     reader.limits(limits);
     let decoder = reader.into_decoder()?;
     let (width, height) = decoder.dimensions();
     let picture = image::DynamicImage::from_decoder(decoder)?;
-    Ok(RgbImage { width, height, data: picture.into_rgb8().into_raw() })
+    Ok((RgbImage { width, height, data: picture.into_rgb8().into_raw() }, format))
 }
 
 #[cfg(test)]
@@ -112,7 +140,7 @@ mod tests {
 
     fn open(folder: &Path, pattern: &str) -> Result<NumberedPictures, IngestError> {
         let roots = MediaRoots::new(&[folder.to_path_buf()]).unwrap();
-        NumberedPictures::open(&folder.join(pattern), &roots, &StopFlag::default())
+        NumberedPictures::open(&folder.join(pattern), &roots, &StopFlag::default(), Tap::Open)
     }
 
     #[test]
@@ -135,6 +163,36 @@ mod tests {
             }
             assert!(pictures.next_picture().unwrap().is_none());
         }
+    }
+
+    #[test]
+    fn pictures_are_recorded_as_the_jpeg_they_are_or_become() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["in1.jpg", "in2.png"] {
+            write(folder.path(), name, [200, 60, 90]);
+        }
+        fs::copy(folder.path().join("in2.png"), folder.path().join("png1.png")).unwrap();
+        for (pattern, original) in [("in%d.jpg", Some("in1.jpg")), ("png%d.png", None)] {
+            let mut pictures = open(folder.path(), pattern).unwrap();
+            pictures.begin().unwrap();
+            let picture = pictures.next_picture().unwrap().unwrap();
+            let frame = pictures.take_encoded().unwrap();
+            assert_eq!((frame.format.codec(), frame.format.size_px()), ("image/jpeg", Some((6, 4))));
+            assert_eq!((frame.stream_nanos, frame.is_key), (picture.stream_nanos, true));
+            if let Some(original) = original {
+                assert_eq!(
+                    frame.len_bytes() as u64,
+                    fs::metadata(folder.path().join(original)).unwrap().len()
+                );
+            }
+            assert!(pictures.take_encoded().is_none());
+        }
+        let roots = MediaRoots::new(&[folder.path().to_path_buf()]).unwrap();
+        let (path, stop) = (folder.path().join("in%d.jpg"), StopFlag::default());
+        let mut closed = NumberedPictures::open(&path, &roots, &stop, Tap::Closed).unwrap();
+        closed.begin().unwrap();
+        closed.next_picture().unwrap().unwrap();
+        assert!(closed.take_encoded().is_none());
     }
 
     #[test]

@@ -4,6 +4,7 @@
 //! camera is connected (`rtsp`, `http`, `device`).
 
 use super::file::ENCODED_BYTES;
+use super::jpeg::push_as_jpeg;
 use super::pairing::Pairing;
 use super::{CameraError, IngestError, Lost, Polled, Source, SourceFrame, StopFlag, Tap};
 use crate::clock::Timestamp;
@@ -66,6 +67,9 @@ impl LiveSource {
             // A decoder that goes over to another form of pictures: connected anew, it is converted.
             SampleError::Unusable(detail) => IngestError::Damaged { path: path(), detail: detail.to_owned() },
         })?;
+        if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
+            push_as_jpeg(queue, &picture);
+        }
         let least_nanos = if self.next_number == 0 { 0 } else { self.latest_nanos + 1 };
         let stream_nanos = picture.stream_nanos.map_or(least_nanos, |nanos| {
             let told = self.first_nanos.map(|first| nanos.saturating_sub(first));

@@ -12,6 +12,7 @@ mod error;
 mod file;
 mod http;
 mod images;
+mod jpeg;
 mod live;
 mod medium;
 mod pacing;
@@ -154,8 +155,8 @@ pub fn open_stoppable(
     open_tapped(settings, roots, stop, Tap::Closed)
 }
 
-/// As [`open_stoppable`], with the frames that the pictures are decoded from where `tap` is open. Numbered pictures have
-/// none.
+/// As [`open_stoppable`], with the frames that the pictures are decoded from where `tap` is open: as JPEG where they come
+/// unencoded, or in a form that is not recorded.
 ///
 /// # Errors
 /// As [`open`].
@@ -186,7 +187,7 @@ pub fn open_tapped(
         if settings.timing == Some(Timing::Pts) {
             return Err(IngestError::PictureTimes { path: path.to_path_buf() });
         }
-        let pictures = images::NumberedPictures::open(path, roots, stop)?;
+        let pictures = images::NumberedPictures::open(path, roots, stop, tap)?;
         let timed = timed::TimedSource::new(pictures, Timing::Index, settings.rate_hz, settings.end);
         return Ok(Box::new(timed.with_cut(cut_of(settings))));
     }

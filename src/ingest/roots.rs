@@ -7,9 +7,9 @@
 
 use super::IngestError;
 use crate::config::{MediaSettings, Network};
+use crate::media::descriptor_path;
 use std::fs::{self, File};
 use std::io;
-use std::os::fd::AsRawFd;
 use std::path::{Component, Path, PathBuf};
 
 /// Folders beneath which files may be opened, and networks in which cameras may be reached.
@@ -136,12 +136,6 @@ impl MediaRoots {
         }
         self.configured.iter().map(|root| format!("{root:?}")).collect::<Vec<_>>().join(", ")
     }
-}
-
-/// The name under which Linux shows an open file, and under which it can be opened again: the same file, whatever
-/// became of its path.
-pub(super) fn descriptor_path(file: &File) -> PathBuf {
-    PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
 #[cfg(test)]

@@ -128,7 +128,8 @@ fn rank(kind: &str, format: DeviceFormat) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::{Decoder, PlaneReader};
+    use crate::media::{Decoder, EncodedQueue, PlaneReader};
+    use std::sync::Arc;
 
     /// As a usual USB camera lists them: large pictures fast as JPEG alone.
     const LISTED: &str = "video/x-raw,format=YUY2,width=640,height=480,framerate={30/1,15/1}; \
@@ -189,6 +190,12 @@ mod tests {
         let picture = PlaneReader::default().picture(&picture).unwrap();
         assert_eq!((picture.image.width(), picture.image.height()), (320, 240));
         assert_eq!(picture.interval_nanos, Some(20_000_000));
+        // What is recorded of it is made from its pictures.
+        let input = capture(source(), &wish(DeviceFormat::Raw, Some((320, 240)), 50.0)).unwrap();
+        let queue = Arc::new(EncodedQueue::new(1 << 20));
+        let decoder = Decoder::start(&input, Some(&queue)).unwrap();
+        (0..100).find_map(|_| decoder.pull(gst::ClockTime::from_mseconds(100))).unwrap();
+        assert!(queue.wants_pictures() && queue.take().is_none());
         let none = capture(source(), &wish(DeviceFormat::H264, None, 25.0)).unwrap_err();
         assert!(matches!(none, Fault::Connection(ConnectionFault::NoFormat)), "{none:?}");
         let missing = Input::v4l2(Path::new("/dev/video-none"), &wish(DeviceFormat::Auto, None, 25.0));

@@ -3,9 +3,11 @@
 //! One streaming thread pushes, one thread takes. The queue is bounded in bytes: when it is full, the frames up to the
 //! next key frame are left out and counted, so that what is taken can always be decoded and decoding never waits.
 
+use super::Times;
 use gstreamer as gst;
 use std::collections::VecDeque;
 use std::fmt;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What all encoded frames of a stretch of stream have in common: codec, size, the codec's own header.
@@ -34,6 +36,8 @@ pub struct EncodedFrame {
 pub struct EncodedQueue {
     waiting: Mutex<Waiting>,
     max_bytes: usize,
+    /// Set once it is known that the stream comes in a form that is not recorded.
+    wants_pictures: AtomicBool,
 }
 
 #[derive(Debug, Default)]
@@ -85,15 +89,36 @@ impl fmt::Debug for EncodedFormat {
 }
 
 impl EncodedFrame {
-    /// The frame in `sample`; none where a part is missing.
-    pub(super) fn of(sample: &gst::Sample, format: Arc<EncodedFormat>) -> Option<Self> {
+    /// The frame in `sample`, its time counted as `times` has it; none where a part is missing.
+    pub(super) fn of(sample: &gst::Sample, format: Arc<EncodedFormat>, times: Times) -> Option<Self> {
         let buffer = sample.buffer_owned()?;
-        let segment = sample.segment().and_then(|segment| segment.downcast_ref::<gst::ClockTime>());
-        let stream_time = segment.and_then(|segment| segment.to_stream_time(buffer.pts()));
-        let nanos = |time: Option<gst::ClockTime>| time.and_then(|time| i64::try_from(time.nseconds()).ok());
         let is_key = !buffer.flags().contains(gst::BufferFlags::DELTA_UNIT);
-        let (stream_nanos, interval_nanos) = (nanos(stream_time), nanos(buffer.duration()));
+        let stream_nanos = times.nanos(sample, &buffer);
+        let interval_nanos = buffer.duration().and_then(|time| i64::try_from(time.nseconds()).ok());
         Some(Self { format, stream_nanos, interval_nanos, is_key, buffer })
+    }
+
+    /// A picture of that size as JPEG, of a stream that came without being encoded.
+    #[must_use]
+    pub fn jpeg(
+        bytes: Vec<u8>,
+        (width, height): (u32, u32),
+        stream_nanos: Option<i64>,
+        interval_nanos: Option<i64>,
+    ) -> Self {
+        let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
+        let caps = gst::Caps::builder("image/jpeg")
+            .field("width", side(width))
+            .field("height", side(height))
+            .build();
+        let format = Arc::new(EncodedFormat::new(caps));
+        Self {
+            format,
+            stream_nanos,
+            interval_nanos,
+            is_key: true,
+            buffer: gst::Buffer::from_mut_slice(bytes),
+        }
     }
 
     /// A key frame of no bytes, for tests.
@@ -121,7 +146,7 @@ impl EncodedQueue {
     /// An empty queue for at most `max_bytes` of frames.
     #[must_use]
     pub fn new(max_bytes: usize) -> Self {
-        Self { waiting: Mutex::default(), max_bytes }
+        Self { waiting: Mutex::default(), max_bytes, wants_pictures: AtomicBool::new(false) }
     }
 
     /// Adds a frame, or leaves it out where there is no room or one before it was left out.
@@ -145,6 +170,18 @@ impl EncodedQueue {
         let frame = waiting.frames.pop_front()?;
         waiting.n_bytes -= frame.len_bytes();
         Some(frame)
+    }
+
+    /// From now on nothing comes but what is made from the stream's pictures.
+    pub(super) fn want_pictures(&self) {
+        self.wants_pictures.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the stream comes unencoded, or in a codec that Matroska does not hold: whoever has its pictures pushes them
+    /// as JPEG.
+    #[must_use]
+    pub fn wants_pictures(&self) -> bool {
+        self.wants_pictures.load(Ordering::Relaxed)
     }
 
     /// Frames that were left out so far.
@@ -175,7 +212,7 @@ mod tests {
         let caps = gst::Caps::builder("video/x-h264").field("width", 64_i32).field("height", 48_i32).build();
         let segment = gst::FormattedSegment::<gst::ClockTime>::new();
         let sample = gst::Sample::builder().buffer(&buffer).caps(&caps).segment(&segment).build();
-        EncodedFrame::of(&sample, Arc::new(EncodedFormat::new(caps))).unwrap()
+        EncodedFrame::of(&sample, Arc::new(EncodedFormat::new(caps)), Times::Played).unwrap()
     }
 
     #[test]

@@ -7,8 +7,10 @@ use gst::glib;
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
+use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -127,6 +129,13 @@ impl Input {
     pub(super) const fn keep(&self) -> Keep {
         self.keep
     }
+}
+
+/// The name under which Linux shows an open file, and under which it can be opened again: the same file, whatever
+/// became of its path.
+#[must_use]
+pub fn descriptor_path(file: &File) -> PathBuf {
+    PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
 /// A new element; starts `GStreamer` if nobody has.

@@ -4,8 +4,10 @@
 //! stream's own times, and a [`Fault`] where the stream ends other than by its end. Knows no camera, no scene time, no
 //! file's place.
 
+mod clip;
 mod connection;
 mod decoder;
+mod demuxer;
 mod device;
 mod encoded;
 mod fault;
@@ -16,14 +18,16 @@ mod muxer;
 mod planes;
 mod tap;
 
+pub use clip::{ClipContainer, ClipWriter};
 pub use connection::Login;
 pub use decoder::Decoder;
+pub use demuxer::Demuxer;
 pub use device::DeviceWish;
 pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
 pub use fault::{ConnectionFault, Fault};
-pub use input::Input;
+pub use input::{Input, descriptor_path};
 pub use muxer::{Muxer, TICK_NANOS};
-pub use planes::{PlaneReader, SampleError};
+pub use planes::{PlaneReader, SampleError, Times};
 
 use crate::frame::YuvImage;
 

@@ -72,6 +72,19 @@ impl Muxer {
         Ok(muxer)
     }
 
+    /// Whether Matroska holds streams of that media type, encoded.
+    pub(super) fn takes(kind: &str) -> bool {
+        if kind == "video/x-raw" {
+            return false;
+        }
+        let template = gst::ElementFactory::find("matroskamux").and_then(|factory| {
+            let templates = factory.static_pad_templates();
+            let video = templates.iter().find(|template| template.name_template() == "video_%u");
+            video.map(gst::StaticPadTemplate::caps)
+        });
+        template.is_some_and(|caps| caps.can_intersect(&gst::Caps::new_empty_simple(kind)))
+    }
+
     /// Appends to `bytes` what `frame` comes to, seen `nanos` after the stretch's beginning.
     ///
     /// # Errors

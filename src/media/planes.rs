@@ -23,6 +23,32 @@ pub enum SampleError {
 #[derive(Debug, Default)]
 pub struct PlaneReader {
     format: Option<Format>,
+    times: Times,
+}
+
+/// Where the times of pictures count from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Times {
+    /// From where playing begins, as the container's own lists and maps have it.
+    #[default]
+    Played,
+    /// From the file's zero, as they are written. Of a recording that is read on from a key frame in its midst, what is
+    /// played would count from the key frame or from a picture that is shown before it, and that changes on the way.
+    Written,
+}
+
+impl Times {
+    /// The time of a sample's buffer.
+    pub(super) fn nanos(self, sample: &gst::SampleRef, buffer: &gst::BufferRef) -> Option<i64> {
+        let time = match self {
+            Self::Written => buffer.pts(),
+            Self::Played => {
+                let segment = sample.segment().and_then(|segment| segment.downcast_ref::<gst::ClockTime>());
+                segment.and_then(|segment| segment.to_stream_time(buffer.pts()))
+            }
+        };
+        time.and_then(|time| i64::try_from(time.nseconds()).ok())
+    }
 }
 
 #[derive(Debug)]
@@ -35,6 +61,12 @@ struct Format {
 }
 
 impl PlaneReader {
+    /// One whose pictures' times count as `times` has it.
+    #[must_use]
+    pub const fn new(times: Times) -> Self {
+        Self { format: None, times }
+    }
+
     /// The picture of `sample`: the decoder's buffer itself, held mapped for as long as the picture lives.
     ///
     /// # Errors
@@ -48,9 +80,7 @@ impl PlaneReader {
         };
         let format = self.format.insert(format);
         let buffer = sample.buffer_owned().ok_or(SampleError::Unusable("a sample without a buffer"))?;
-        let segment = sample.segment().and_then(|segment| segment.downcast_ref::<gst::ClockTime>());
-        let stream_time = segment.and_then(|segment| segment.to_stream_time(buffer.pts()));
-        let stream_nanos = stream_time.and_then(|time| i64::try_from(time.nseconds()).ok());
+        let stream_nanos = self.times.nanos(sample, &buffer);
         let promised = buffer.duration().and_then(|time| i64::try_from(time.nseconds()).ok());
         let reference_nanos = reference_nanos(&buffer);
         let mut layout = format.layout;

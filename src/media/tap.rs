@@ -1,11 +1,12 @@
 //! Splits a stream before its decoder, so that its frames can be recorded as they came.
 //!
 //! `parsebin ! [parser ! capsfilter !] tee ! decodebin`, and `tee ! appsink` into an [`EncodedQueue`]. The sink's callback
-//! runs on the stream's own thread and never waits.
+//! runs on the stream's own thread and never waits. A stream that Matroska does not hold goes to `decodebin` alone, and the
+//! queue says that pictures are wanted instead.
 
 use super::decoder::tell;
 use super::fault::gstreamer_fault;
-use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault};
+use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault, Muxer, Times};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -38,10 +39,28 @@ pub(super) fn split_first_video(
         if !is_video || is_linked.swap(true, Ordering::AcqRel) {
             return;
         }
-        if let Err(error) = split(pad, structure, &pipeline, (&decode, &queue)) {
+        let linked = if Muxer::takes(kind) {
+            split(pad, structure, &pipeline, (&decode, &queue))
+        } else {
+            queue.want_pictures();
+            pass_on(pad, &pipeline, &decode)
+        };
+        if let Err(error) = linked {
             tell(&faults, gstreamer_fault("split a stream", &*error));
         }
     });
+}
+
+/// Links a stream that is not recorded as it comes to its decoder alone.
+fn pass_on(
+    pad: &gst::Pad,
+    pipeline: &gst::Pipeline,
+    decode: &gst::Element,
+) -> Result<(), Box<dyn std::error::Error>> {
+    pipeline.add(decode)?;
+    decode.sync_state_with_parent()?;
+    pad.link(&decode.static_pad("sink").ok_or("a decoder without a sink pad")?)?;
+    Ok(())
 }
 
 /// Builds what stands between a parsed stream and its two readers.
@@ -100,7 +119,7 @@ fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
         let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
         let known = format.take().filter(|known| *known.caps() == caps);
         let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));
-        if let Some(frame) = EncodedFrame::of(&sample, Arc::clone(known)) {
+        if let Some(frame) = EncodedFrame::of(&sample, Arc::clone(known), Times::Played) {
             queue.push(frame);
         }
         Ok(gst::FlowSuccess::Ok)

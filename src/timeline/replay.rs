@@ -10,9 +10,11 @@ use crate::archive::{Archive, ArchiveError, Reading};
 use crate::clock::{Clock, Timestamp};
 use crate::error::ErrorKind;
 use crate::frame::{CameraId, YuvImage};
-use crate::media::{Decoder, Fault, Input, PlaneReader};
+use crate::media::{Decoder, Fault, Input, PlaneReader, Times};
+use crate::memory;
 use gstreamer::ClockTime;
 use std::collections::{HashMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
@@ -90,6 +92,8 @@ pub struct Replay {
     passed: Mutex<PassedPictures>,
     /// One turn a camera: what one asks for, the next often finds among what was passed.
     turns: Mutex<HashMap<CameraId, Arc<Mutex<()>>>>,
+    /// Whether anything was decoded since memory was given back.
+    has_decoded: AtomicBool,
 }
 
 /// What was recorded on both sides of an instant.
@@ -109,6 +113,9 @@ struct Around {
 struct Cursor {
     camera: CameraId,
     path: String,
+    /// Scene time of the segment's first frame, from which times in the file count.
+    first_at: Timestamp,
+    /// Scene time of the key frame with which decoding began.
     starts_at: Timestamp,
     decoder: Decoder,
     reader: PlaneReader,
@@ -126,7 +133,8 @@ impl Replay {
     pub fn new(archive: Arc<Archive>, runtime: Runtime, clock: Arc<dyn Clock>, max_bytes: usize) -> Self {
         let passed = Mutex::new(PassedPictures::new(max_bytes / 2));
         let (resting, turns) = (Mutex::default(), Mutex::default());
-        Self { archive, runtime, clock, max_bytes: max_bytes / 2, resting, passed, turns }
+        let has_decoded = AtomicBool::new(false);
+        Self { archive, runtime, clock, max_bytes: max_bytes / 2, resting, passed, turns, has_decoded }
     }
 
     /// Ends the decoders that nobody has asked for a while.
@@ -137,6 +145,14 @@ impl Replay {
         // Ending a decoder takes a while, and nobody should wait for that.
         drop(gone);
         lock(&self.passed).tidy(now.saturating_sub(IDLE_TIME));
+    }
+
+    /// Gives what decoders have freed back to the system, if any has worked since the last time. To be called now and then;
+    /// takes some milliseconds.
+    pub fn give_back_memory(&self) {
+        if self.has_decoded.swap(false, Ordering::Relaxed) {
+            memory::give_back();
+        }
     }
 
     /// What is recorded.
@@ -158,6 +174,37 @@ impl Replay {
         let _turn = lock(&turn);
         let found = lock(&self.passed).find(camera, at, self.clock.monotonic());
         found.map_or_else(|| self.sought(camera, at), Ok)
+    }
+
+    /// A recorded frame of `camera` no further than `reach` from `at`: the key frame before it where that is near enough,
+    /// which costs one frame's decoding, else the nearest frame as [`Self::frame_at`] has it.
+    ///
+    /// # Errors
+    /// As [`Self::frame_at`].
+    pub fn frame_near(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+        reach: Duration,
+    ) -> Result<PastFrame, ReplayError> {
+        let reach_nanos = i64::try_from(reach.as_nanos()).unwrap_or(i64::MAX);
+        {
+            let turn = self.turn(camera);
+            let _turn = lock(&turn);
+            self.has_decoded.store(true, Ordering::Relaxed);
+            let reading = self.runtime.block_on(self.archive.open_at(camera, at))?;
+            if let Some(reading) = reading.filter(|key| at.nanos_since(key.starts_at()) <= reach_nanos)
+                && let Some(frame) = Cursor::open(camera, reading)?.pull()?
+            {
+                return Ok(frame);
+            }
+        }
+        match self.frame_at(camera, at) {
+            Err(ReplayError::Gap { after: Some(after), .. }) if after.nanos_since(at) <= reach_nanos => {
+                self.frame_at(camera, after)
+            }
+            found => found,
+        }
     }
 
     /// Time of the recorded frame of `camera` that follows `at`. As [`Self::frame_at`], but what lies behind a gap counts.
@@ -229,6 +276,7 @@ impl Replay {
     }
 
     fn open(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Cursor>, ReplayError> {
+        self.has_decoded.store(true, Ordering::Relaxed);
         let Some(reading) = self.runtime.block_on(self.archive.open_at(camera, at))? else { return Ok(None) };
         // One that has the key frame behind it already has less to decode.
         let is_ahead = |cursor: &Cursor| {
@@ -284,7 +332,8 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Cursor {
     fn open(camera: &CameraId, reading: Reading) -> Result<Self, ReplayError> {
-        let (path, starts_at) = (reading.segment().path.clone(), reading.starts_at());
+        let (path, first_at) = (reading.segment().path.clone(), reading.segment().first_at);
+        let starts_at = reading.starts_at();
         let undecoded =
             |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: fault.to_string() };
         let input = Input::stream(reading).map_err(undecoded)?;
@@ -292,9 +341,10 @@ impl Cursor {
         Ok(Self {
             camera: camera.clone(),
             path,
+            first_at,
             starts_at,
             decoder,
-            reader: PlaneReader::default(),
+            reader: PlaneReader::new(Times::Written),
             before: None,
             shown: None,
             next: None,
@@ -358,7 +408,11 @@ impl Cursor {
                 let picture = self.reader.picture(&sample).map_err(|error| undecoded(error.to_string()))?;
                 let stream_nanos =
                     picture.stream_nanos.ok_or_else(|| undecoded("a frame without a time".to_owned()))?;
-                let timestamp = self.starts_at.saturating_add_nanos(stream_nanos);
+                let timestamp = self.first_at.saturating_add_nanos(stream_nanos);
+                // Shown before the key frame: built on pictures that were not decoded.
+                if timestamp < self.starts_at {
+                    continue;
+                }
                 return Ok(Some(PastFrame { image: Arc::new(picture.image), timestamp }));
             }
             if let Some(fault) = self.decoder.fault() {

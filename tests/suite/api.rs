@@ -3,9 +3,11 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod door;
+mod exports;
 mod playheads;
 mod refusals;
 mod server;
+mod strip;
 mod timeline;
 mod tracks;
 mod tune;

@@ -1,16 +1,19 @@
 //! A stand-in for the engine: two cameras and one scene, and whatever failure a test asks for.
 
 use glam::{DVec2, DVec3};
+use std::fs::File;
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
+use videofields::archive::{ExportFile, ExportState, ExportStatus};
 use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, PairAlignment, PlayheadState, Readiness,
-    RecordingSummary, SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
-    ViewAnswer, ViewRequest,
+    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, PairAlignment, PlayheadState, Preview,
+    Readiness, RecordingSummary, SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor,
+    TrackQuery, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -46,6 +49,11 @@ pub(super) struct State {
     pub(super) counted: Vec<(String, u16, Duration)>,
     pub(super) playheads: Vec<PlayheadState>,
     pub(super) changes: watch::Sender<u64>,
+    pub(super) exports: Vec<ExportStatus>,
+    /// Where their files lie.
+    pub(super) export_folder: PathBuf,
+    /// How far from its instant the last preview might lie.
+    pub(super) reach: Option<Duration>,
 }
 
 #[derive(Default)]
@@ -251,6 +259,55 @@ impl Door for FakeDoor {
             blobs: Arc::new([]),
             tracks: Arc::new([]),
         })
+    }
+
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError> {
+        self.0.lock().unwrap().reach = Some(reach);
+        let Observation { frame, .. } = self.observation(camera, At::Time(at))?;
+        Ok(Preview { image: frame.image, timestamp: frame.timestamp })
+    }
+
+    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+        self.failure()?;
+        let status = ExportStatus {
+            id: "20260301t120000z".to_owned(),
+            state: ExportState::Waiting,
+            reason: None,
+            progress: 0.0,
+            made_at: LAST.to_string(),
+            from: FIRST.to_string(),
+            to: LAST.to_string(),
+            cameras: vec!["north".to_owned()],
+            note: body["note"].as_str().unwrap_or_default().to_owned(),
+            bytes: 0,
+            files: Vec::new(),
+        };
+        self.0.lock().unwrap().exports.push(status.clone());
+        Ok(status)
+    }
+
+    fn exports(&self) -> Vec<ExportStatus> {
+        self.0.lock().unwrap().exports.clone()
+    }
+
+    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+        let mut state = self.0.lock().unwrap();
+        let n_before = state.exports.len();
+        state.exports.retain(|export| export.id != id);
+        let was_there = state.exports.len() < n_before;
+        was_there.then_some(()).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })
+    }
+
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
+        let state = self.0.lock().unwrap();
+        let found = state.exports.iter().find(|export| export.id == id);
+        let export = found.ok_or_else(|| EngineError::NoExport { id: id.to_owned() })?;
+        let known = export.files.iter().find(|known| known.file == file);
+        let missing = || EngineError::NoExportFile { id: id.to_owned(), file: file.to_owned() };
+        let known = known.ok_or_else(missing)?;
+        let opened = File::open(state.export_folder.join(&known.file));
+        let gone = |error: std::io::Error| EngineError::Unavailable(error.to_string());
+        Ok((opened.map_err(gone)?, known.clone()))
     }
 
     fn events(

@@ -1,0 +1,144 @@
+//! `/api/v1/exports`: clips of what was recorded, asked for, watched and taken away.
+
+use super::Api;
+use super::error::Problem;
+use super::query::Query;
+use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use crate::archive::ExportStatus;
+use crate::engine::{EngineError, Handle};
+use crate::error::ErrorKind;
+use crate::media::descriptor_path;
+use axum::Json;
+use axum::body::{Body, Bytes};
+use axum::extract::{RawQuery, Request, State};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::json;
+use tower_http::services::ServeFile;
+
+const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
+
+/// All exports.
+pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Ok((NO_STORE, Json(json!({ "exports": api.door.exports() }))).into_response())
+}
+
+/// Asks for an export.
+pub(super) async fn ask(
+    State(api): State<Api>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let body = read_body(&body)?;
+    let status: ExportStatus = blocking(&api, move |door| door.ask_export(body)).await?;
+    let location = format!("/api/v1/exports/{}", status.id);
+    Ok((StatusCode::ACCEPTED, NO_STORE, [(header::LOCATION, location)], Json(status)).into_response())
+}
+
+/// How far an export is.
+pub(super) async fn one(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let found = api.door.exports().into_iter().find(|status| status.id == id);
+    let status = found.ok_or_else(|| problem_of(&api, EngineError::NoExport { id }))?;
+    Ok((NO_STORE, Json(status)).into_response())
+}
+
+/// Takes an export back, or removes it.
+pub(super) async fn remove(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    blocking(&api, move |door| door.remove_export(&id)).await?;
+    Ok((StatusCode::NO_CONTENT, NO_STORE).into_response())
+}
+
+/// A file of an export, whole or in ranges.
+pub(super) async fn file(
+    State(api): State<Api>,
+    Segments((id, name)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+    request: Request,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let asked = (id.clone(), name);
+    let (opened, file) = blocking(&api, move |door| door.export_file(&asked.0, &asked.1)).await?;
+    let gone = |error: std::io::Error| {
+        Problem::new(ErrorKind::Unavailable, format!("the file cannot be read: {}", error.kind()))
+    };
+    // The file that was opened, whatever its name leads to by now.
+    let mut response =
+        ServeFile::new(descriptor_path(&opened)).try_call(request).await.map_err(gone)?.map(Body::new);
+    if response.status() == StatusCode::NOT_FOUND {
+        return Err(gone(std::io::ErrorKind::NotFound.into()));
+    }
+    let headers = response.headers_mut();
+    if let Ok(kind) = HeaderValue::try_from(&file.media_type) {
+        headers.insert(header::CONTENT_TYPE, kind);
+    }
+    // Names of files are ours: letters, digits and `-._`.
+    let name = format!("attachment; filename=\"{id}-{}\"", file.file);
+    if let Ok(name) = HeaderValue::try_from(name) {
+        headers.insert(header::CONTENT_DISPOSITION, name);
+    }
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
+    Ok(response)
+}
+
+/// A method that `/exports` does not take.
+pub(super) async fn no_method() -> Response {
+    refused("only GET, HEAD and POST are answered here", "GET, HEAD, POST")
+}
+
+/// A method that `/exports/{id}` does not take.
+pub(super) async fn no_method_of_one() -> Response {
+    refused("only GET, HEAD and DELETE are answered here", "GET, HEAD, DELETE")
+}
+
+fn refused(detail: &str, allowed: &'static str) -> Response {
+    let mut response = Problem::method(detail).into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static(allowed));
+    response
+}
+
+/// What waits for the disk is done where it may.
+async fn blocking<T: Send + 'static>(
+    api: &Api,
+    work: impl FnOnce(Handle) -> Result<T, EngineError> + Send + 'static,
+) -> Result<T, Problem> {
+    let door = api.door.clone();
+    let done = tokio::task::spawn_blocking(move || work(door)).await;
+    let done = done.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("exporting: {panicked}"))));
+    done.map_err(|error| problem_of(api, error))
+}
+
+fn problem_of(api: &Api, error: EngineError) -> Problem {
+    match error {
+        EngineError::NoExport { id } => {
+            let exports = api.door.exports();
+            let ids: Vec<&str> = exports.iter().map(|export| export.id.as_str()).collect();
+            Problem::missing("export", &id, &ids)
+        }
+        EngineError::NoExportFile { id, file } => {
+            let exports = api.door.exports();
+            let export = exports.iter().find(|export| export.id == id);
+            let files: Vec<&str> =
+                export.iter().flat_map(|export| &export.files).map(|file| file.file.as_str()).collect();
+            Problem::missing("file", &file, &files)
+        }
+        EngineError::NoScene { .. } => super::scenes::problem_of(api, error),
+        other => super::cameras::problem_of(api, other),
+    }
+}

@@ -1,0 +1,218 @@
+//! `/api/v1/cameras/{id}/strip.jpg`: a stretch of a camera's time as one row of small pictures, for finding a place in it.
+//!
+//! A tile stands for an equal part of the stretch and shows a picture from within it: the key frame before its middle where
+//! one is near enough, which costs one frame's decoding. Header fields tell each picture's own time.
+
+use super::Api;
+use super::cameras::problem_of;
+use super::error::Problem;
+use super::picture::{server_timing, write_rgb};
+use super::query::Query;
+use super::segments::Segments;
+use crate::clock::{Clock, Timestamp};
+use crate::encode::PictureFormat;
+use crate::engine::{EngineError, Handle, Preview};
+use crate::error::{ErrorKind, Fault};
+use crate::frame::{RgbImage, YuvImage};
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use image::imageops::thumbnail;
+use image::{ImageBuffer, Rgb};
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Tiles of a strip, unless others are asked for.
+const N_TILES: u32 = 12;
+const TILES: RangeInclusive<u32> = 1..=48;
+
+/// Rows of a strip, unless others are asked for.
+const HEIGHT_PX: u32 = 90;
+const HEIGHTS_PX: RangeInclusive<u32> = 32..=360;
+
+/// Strips that are decoded at once; more wait.
+pub(super) const AT_ONCE: usize = 2;
+
+/// Columns and rows of a picture where none tells.
+const ASPECT: (u32, u32) = (16, 9);
+
+/// Columns of one tile at most, for each row: a picture that is wider is cut.
+const MAX_ASPECT: u32 = 3;
+
+/// Grey where there is no picture, 8-bit sRGB.
+const NOTHING_SRGB: u8 = 32;
+
+/// Time for decoding: the answer must begin within the limit of a request.
+const DECODING_TIME: Duration = Duration::from_secs(7);
+
+/// What of a stretch there is a picture of.
+enum Tile {
+    /// A small picture, and the scene time of what it shows.
+    Picture(Rgb8, Timestamp),
+    /// Nothing was seen then.
+    Gap,
+    /// What was recorded then cannot be read.
+    Unreadable,
+    /// There was no time left.
+    Late,
+}
+
+/// 8-bit sRGB.
+type Rgb8 = ImageBuffer<Rgb<u8>, Vec<u8>>;
+
+/// The strip.
+pub(super) async fn show(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), &["from", "to", "count", "height"]);
+    query.require("from");
+    query.require("to");
+    let (from, to) = (query.instant("from"), query.instant("to"));
+    let n_tiles = query.whole("count", &TILES).unwrap_or(N_TILES);
+    let height_px = query.whole("height", &HEIGHTS_PX).unwrap_or(HEIGHT_PX);
+    let (from, to) = query.finish(from.zip(to))?;
+    if from >= to {
+        let fault = Fault::new("to", format!("must be after from, which is {from}"));
+        return Err(Problem::at(ErrorKind::Invalid, vec![fault]));
+    }
+    let started = api.clock.monotonic();
+    let (door, clock) = (api.door.clone(), Arc::clone(&api.clock));
+    // Held until the last picture is decoded, though nobody waits for it any more.
+    let turn = Arc::clone(&api.strips).acquire_owned().await.expect("the semaphore is never closed");
+    let look = move || {
+        let found = tiles(&door, &*clock, &id, (from, to), (n_tiles, height_px));
+        drop(turn);
+        found
+    };
+    let found = tokio::task::spawn_blocking(look).await;
+    let found =
+        found.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))));
+    let found = found.map_err(|error| problem_of(&api, error))?;
+    let decoding_time = api.clock.monotonic().saturating_sub(started);
+    let times: Vec<String> = found.iter().map(Tile::time).collect();
+    let (bytes, encoding_time) = api
+        .encoded(move || {
+            let picture = joined(&found, height_px);
+            write_rgb(PictureFormat::Jpeg, &picture)
+        })
+        .await?;
+    let mut response = bytes.into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(PictureFormat::Jpeg.content_type()));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=10"));
+    let timing = server_timing(&[("decode", decoding_time), ("encode", encoding_time)]);
+    for (name, value) in [("videofields-times", times.join(",")), ("server-timing", timing)] {
+        if let Ok(value) = HeaderValue::try_from(value) {
+            headers.insert(name, value);
+        }
+    }
+    Ok(response)
+}
+
+/// A small picture of each part of the stretch, as far as there is one.
+fn tiles(
+    door: &Handle,
+    clock: &dyn Clock,
+    camera: &str,
+    (from, to): (Timestamp, Timestamp),
+    (n_tiles, height_px): (u32, u32),
+) -> Result<Vec<Tile>, EngineError> {
+    let until = clock.monotonic().saturating_add(DECODING_TIME);
+    let length_nanos = i128::from(to.as_nanos()) - i128::from(from.as_nanos());
+    let halves_nanos = |n: i128| length_nanos * n / (2 * i128::from(n_tiles));
+    let reach = Duration::from_nanos(u64::try_from(halves_nanos(1)).unwrap_or(u64::MAX));
+    let mut tiles = Vec::with_capacity(n_tiles as usize);
+    let mut width_px = None;
+    for idx in 0..i128::from(n_tiles) {
+        if clock.monotonic() > until {
+            tiles.push(Tile::Late);
+            continue;
+        }
+        // Between two instants, so an instant.
+        let nanos = i64::try_from(i128::from(from.as_nanos()) + halves_nanos(2 * idx + 1));
+        let middle = nanos.map_or(to, Timestamp::from_nanos);
+        tiles.push(match door.preview(camera, middle, reach) {
+            Ok(Preview { image, timestamp }) => {
+                let size_px = (image.width(), image.height());
+                let width_px = *width_px.get_or_insert_with(|| tile_width_px(size_px, height_px));
+                Tile::Picture(small(&image, (width_px, height_px)), timestamp)
+            }
+            Err(EngineError::Gap { .. } | EngineError::NoFrame { .. }) => Tile::Gap,
+            Err(EngineError::Unavailable(_) | EngineError::Internal(_)) => Tile::Unreadable,
+            Err(error) => return Err(error),
+        });
+    }
+    Ok(tiles)
+}
+
+/// Columns of a tile for pictures of that shape.
+fn tile_width_px((columns, rows): (u32, u32), height_px: u32) -> u32 {
+    (height_px * columns).div_ceil(rows.max(1)).clamp(1, MAX_ASPECT * height_px)
+}
+
+fn small(image: &YuvImage, (width_px, height_px): (u32, u32)) -> Rgb8 {
+    let RgbImage { width, height, data } = image.to_rgb();
+    // Always: a picture has as many bytes as its size says.
+    let full = Rgb8::from_raw(width, height, data);
+    full.map_or_else(|| Rgb8::new(width_px, height_px), |full| thumbnail(&full, width_px, height_px))
+}
+
+impl Tile {
+    /// As the header field tells it.
+    fn time(&self) -> String {
+        match self {
+            Self::Picture(_, timestamp) => timestamp.to_string(),
+            Self::Gap => "gap".to_owned(),
+            Self::Unreadable => "unreadable".to_owned(),
+            Self::Late => "late".to_owned(),
+        }
+    }
+}
+
+/// All tiles beside one another.
+fn joined(tiles: &[Tile], height_px: u32) -> RgbImage {
+    let width_px = tiles.iter().find_map(|tile| match tile {
+        Tile::Picture(small, _) => Some(small.width()),
+        _ => None,
+    });
+    let width_px = width_px.unwrap_or_else(|| tile_width_px(ASPECT, height_px));
+    let mut strip = Rgb8::from_pixel(width_px * tiles.len() as u32, height_px, Rgb([NOTHING_SRGB; 3]));
+    for (tile, idx) in tiles.iter().zip(0_i64..) {
+        if let Tile::Picture(small, _) = tile {
+            image::imageops::replace(&mut strip, small, idx * i64::from(width_px), 0);
+        }
+    }
+    RgbImage { width: strip.width(), height: strip.height(), data: strip.into_raw() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange};
+
+    fn picture(luma: u8, size_px: (u32, u32)) -> Tile {
+        let image =
+            YuvImage::filled(size_px.0, size_px.1, [luma, 128, 128], ColorMatrix::Bt601, ColorRange::Full);
+        Tile::Picture(small(&image, (48, 36)), Timestamp::from_nanos(0))
+    }
+
+    #[test]
+    fn tiles_stand_beside_one_another_and_gaps_are_dark() {
+        let strip = joined(&[Tile::Gap, picture(200, (64, 48)), picture(90, (32, 48)), Tile::Late], 36);
+        assert_eq!((strip.width, strip.height), (4 * 48, 36));
+        for (column, expected) in [(0, 32), (47, 32), (48, 200), (95, 200), (96, 90), (143, 90), (144, 32)] {
+            for row in [0, 35] {
+                let pixel = &strip.data[(row * 192 + column) * 3..][..3];
+                assert!(pixel.iter().all(|value| value.abs_diff(expected) <= 1), "{column}: {pixel:?}");
+            }
+        }
+        let nothing = joined(&[Tile::Gap, Tile::Gap], 90);
+        assert_eq!((nothing.width, nothing.height), (320, 90));
+        // One row of a thousand columns makes no strip of millions.
+        assert_eq!(tile_width_px((1000, 1), 360), 1080);
+        assert_eq!((tile_width_px((64, 48), 36), tile_width_px((1, 8192), 32)), (48, 1));
+    }
+}

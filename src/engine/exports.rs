@@ -1,0 +1,200 @@
+//! Clips of what was recorded: what a caller may ask for, and what is put down of each camera.
+
+use super::EngineError;
+use super::shared::Shared;
+use crate::archive::{Archive, ArchiveError, ExportCamera, ExportFile, ExportRequest, ExportStatus};
+use crate::calibrate::CameraDocument;
+use crate::clock::Timestamp;
+use crate::error::{ErrorKind, Fault, Gatherer};
+use serde::Deserialize;
+use serde_json::Value;
+use std::fs::File;
+
+/// Cameras of one export.
+const MAX_CAMERAS: usize = 256;
+
+/// Characters of a note.
+const MAX_NOTE_CHARS: usize = 1000;
+
+/// What a caller asks for.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExportAsked {
+    /// The scene whose cameras are exported, where none are named.
+    #[serde(default)]
+    pub scene: Option<String>,
+    /// The cameras' ids.
+    #[serde(default)]
+    pub cameras: Vec<String>,
+    /// Scene time from which: RFC 3339 or nanoseconds.
+    pub from: String,
+    /// Scene time until which.
+    pub to: String,
+    /// What is to be known of it, at most 1000 characters.
+    #[serde(default)]
+    pub note: String,
+}
+
+/// What was asked for, once it was read.
+struct Asked {
+    scene: Option<String>,
+    cameras: Vec<String>,
+    span: (Timestamp, Timestamp),
+    note: String,
+}
+
+impl Asked {
+    /// Reads `body`.
+    ///
+    /// # Errors
+    /// With every fault, each at its JSON pointer.
+    fn read(body: Value) -> Result<Self, EngineError> {
+        // serde would take a list for an object's members in their order.
+        if !body.is_object() {
+            return Err(EngineError::Faults(vec![Fault::new("", "expected an object")]));
+        }
+        let mut gatherer = Gatherer::default();
+        let asked = gatherer.read::<ExportAsked>(body, "").and_then(|asked| Self::of(asked, &mut gatherer));
+        let faults = gatherer.into_faults();
+        asked.filter(|_| faults.is_empty()).ok_or(EngineError::Faults(faults))
+    }
+
+    fn of(asked: ExportAsked, gatherer: &mut Gatherer) -> Option<Self> {
+        let ExportAsked { scene, cameras, from, to, note } = asked;
+        let mut instant = |text: &str, place: &str| {
+            text.parse::<Timestamp>().map_err(|error| gatherer.fault(place, error.to_string())).ok()
+        };
+        let span = (instant(&from, "/from"), instant(&to, "/to"));
+        if let (Some(from), Some(to)) = span
+            && from >= to
+        {
+            gatherer.fault("/to", format!("must be after from, which is {from}"));
+        }
+        if cameras.is_empty() && scene.is_none() {
+            gatherer.fault("/cameras", "name the cameras, or a scene for all of its cameras");
+        }
+        if cameras.len() > MAX_CAMERAS {
+            gatherer.fault("/cameras", format!("at most {MAX_CAMERAS}"));
+        }
+        for (idx, camera) in cameras.iter().enumerate() {
+            if cameras[..idx].contains(camera) {
+                gatherer.fault(format!("/cameras/{idx}"), "is named more than once");
+            }
+        }
+        if note.chars().count() > MAX_NOTE_CHARS {
+            gatherer.fault("/note", format!("at most {MAX_NOTE_CHARS} characters"));
+        }
+        Some(Self { scene, cameras, span: (span.0?, span.1?), note })
+    }
+}
+
+impl Shared {
+    fn archive(&self) -> Result<&Archive, EngineError> {
+        let archive = self.past.as_ref().and_then(|past| past.archive());
+        archive.ok_or_else(|| {
+            EngineError::Unavailable("nothing is recorded: archive.folder is empty".to_owned())
+        })
+    }
+
+    /// Asks for clips.
+    pub(super) fn asked_export(&self, body: Value) -> Result<ExportStatus, EngineError> {
+        use super::handle::Door as _;
+        let Asked { scene, mut cameras, span: (from, to), note } = Asked::read(body)?;
+        if let Some(scene) = &scene {
+            let scene = self.scene(scene)?;
+            if cameras.is_empty() {
+                cameras = self.members(&scene).map(|camera| camera.id.to_string()).collect();
+            }
+        }
+        let cameras = cameras.iter().map(|camera| self.exported_camera(camera)).collect::<Result<_, _>>()?;
+        let request = ExportRequest { cameras, from, to, note };
+        let asked = self.archive()?.export(request).map_err(|error| failure(&error))?;
+        asked.ok_or_else(|| {
+            EngineError::Unavailable("too many exports wait already, or the archive is not ready".to_owned())
+        })
+    }
+
+    /// What is put down of a camera.
+    fn exported_camera(&self, camera: &str) -> Result<ExportCamera, EngineError> {
+        use super::handle::Door as _;
+        let entry = self.camera(camera)?;
+        let clock = self.feed(camera)?.clock;
+        let written =
+            |error: serde_json::Error| EngineError::Internal(format!("writing down {camera}: {error}"));
+        let calibrations = self
+            .scenes
+            .iter()
+            .filter_map(|scene| {
+                let member = scene.cameras.iter().find(|member| member.id == entry.id)?;
+                let document = serde_json::to_value(CameraDocument::from_camera(&member.camera));
+                Some(document.map(|document| (scene.id.clone(), document)))
+            })
+            .collect::<Result<_, _>>()
+            .map_err(written)?;
+        Ok(ExportCamera {
+            id: entry.id.clone(),
+            name: entry.name.clone(),
+            clock: serde_json::to_value(clock).map_err(written)?,
+            calibrations,
+        })
+    }
+
+    /// Every export; none where nothing is recorded.
+    pub(super) fn all_exports(&self) -> Vec<ExportStatus> {
+        self.archive().map(|archive| archive.exports().list()).unwrap_or_default()
+    }
+
+    /// Takes an export back, or removes it.
+    pub(super) fn removed_export(&self, id: &str) -> Result<(), EngineError> {
+        let was_there = self.archive()?.remove_export(id).map_err(|error| failure(&error))?;
+        was_there.then_some(()).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })
+    }
+
+    /// A file of an export that is done, opened for reading.
+    pub(super) fn file_of_export(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
+        let exports = self.archive()?.exports();
+        exports.one(id).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })?;
+        let found = exports.open(id, file).map_err(|error| failure(&error))?;
+        found.ok_or_else(|| EngineError::NoExportFile { id: id.to_owned(), file: file.to_owned() })
+    }
+}
+
+fn failure(error: &ArchiveError) -> EngineError {
+    match error.kind() {
+        ErrorKind::Internal => EngineError::Internal(error.to_string()),
+        _ => EngineError::Unavailable(error.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn everything_wrong_with_what_is_asked_for_is_told_at_its_place() {
+        let check = |body: Value, expected: &[&str]| {
+            let faults = match Asked::read(body) {
+                Err(EngineError::Faults(faults)) => faults,
+                other => panic!("{:?}", other.map(|asked| asked.note)),
+            };
+            let told: Vec<_> = faults.iter().map(ToString::to_string).collect();
+            assert_eq!(told.len(), expected.len(), "{told:?}");
+            for (told, expected) in told.iter().zip(expected) {
+                assert!(told.starts_with(expected), "{told}");
+            }
+        };
+        let (from, to) = ("2026-03-01T12:00:00Z", "2026-03-01T12:05:00Z");
+        check(json!([]), &["(document): expected an object"]);
+        check(json!({"cameras": ["a"], "to": to}), &["(document): the key `from` is missing"]);
+        check(json!({"from": from, "to": to}), &["/cameras: name the cameras"]);
+        check(json!({"cameras": ["a"], "from": to, "to": from}), &["/to: must be after from"]);
+        check(json!({"cameras": ["a", "b", "a"], "from": from, "to": to}), &["/cameras/2: is named more"]);
+        check(
+            json!({"cameras": ["a"], "from": "noon", "to": to, "note": "x".repeat(1001)}),
+            &["/from", "/note"],
+        );
+        check(json!({"cameras": ["a"], "from": from, "to": to, "speed": 2}), &["/speed: unknown key"]);
+        assert!(Asked::read(json!({"scene": "plaza", "from": from, "to": to})).is_ok());
+    }
+}
