@@ -2,6 +2,7 @@
 
 use crate::frame::CameraId;
 use crate::telemetry::{Metrics, RecordingDrop};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Whether a camera is recorded.
@@ -41,6 +42,8 @@ pub(super) struct Lane {
     camera: CameraId,
     metrics: Arc<Metrics>,
     recording: Mutex<CameraRecording>,
+    /// Frames that were handed over and neither written nor left out yet.
+    n_waiting: AtomicU64,
 }
 
 impl Lane {
@@ -53,7 +56,7 @@ impl Lane {
             n_frames: 0,
             dropped: RecordingDrop::ALL.map(|reason| (reason, 0)),
         };
-        Self { camera, metrics, recording: Mutex::new(recording) }
+        Self { camera, metrics, recording: Mutex::new(recording), n_waiting: AtomicU64::new(0) }
     }
 
     pub(super) const fn camera(&self) -> &CameraId {
@@ -62,6 +65,21 @@ impl Lane {
 
     pub(super) fn recording(&self) -> CameraRecording {
         self.lock().clone()
+    }
+
+    /// A frame is about to be handed over.
+    pub(super) fn hand_over(&self) {
+        self.n_waiting.fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// A frame that was handed over is written or left out.
+    pub(super) fn settle(&self) {
+        self.n_waiting.fetch_sub(1, Ordering::AcqRel);
+    }
+
+    /// Whether frames that were handed over are not written yet.
+    pub(super) fn is_behind(&self) -> bool {
+        self.n_waiting.load(Ordering::Acquire) > 0
     }
 
     pub(super) fn is_paused(&self) -> bool {

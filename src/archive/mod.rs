@@ -136,6 +136,12 @@ impl Archive {
         Ok(self.shared.store.segments(camera, from, to).await?)
     }
 
+    /// Whether frames of a camera were handed over and are not in its file yet.
+    #[must_use]
+    pub fn is_behind(&self, camera: &CameraId) -> bool {
+        self.shared.known_lane(camera).is_some_and(|lane| lane.is_behind())
+    }
+
     /// A camera's segment that begins first after an instant, without looking into it.
     ///
     /// # Errors

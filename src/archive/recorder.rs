@@ -36,8 +36,10 @@ impl Recorder {
             self.lane.count_dropped(RecordingDrop::NoKeyFrame);
         } else {
             let job = Job::Frame(Arc::clone(&self.lane), frame.clone(), at);
+            self.lane.hand_over();
             self.is_broken = !self.shared.queue.push(job);
             if self.is_broken {
+                self.lane.settle();
                 let is_over = self.shared.queue.is_closed();
                 self.lane.count_dropped(if is_over {
                     RecordingDrop::Stopping

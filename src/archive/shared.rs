@@ -150,6 +150,11 @@ impl Shared {
         Arc::clone(lane)
     }
 
+    /// The camera's lane, if it was ever used.
+    pub(super) fn known_lane(&self, camera: &CameraId) -> Option<Arc<Lane>> {
+        lock(&self.lanes).get(camera).cloned()
+    }
+
     /// Nobody records any more.
     pub(super) fn switch_lanes_off(&self) {
         lock(&self.lanes).values().for_each(|lane| lane.set_state(RecordingState::Off));

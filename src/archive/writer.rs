@@ -93,6 +93,7 @@ impl Writer {
                     } else {
                         self.take(&lane, &frame, at);
                     }
+                    lane.settle();
                 }
                 Taken::Job(Job::End(lane)) => self.end(&lane, RecordingState::Off),
                 Taken::Nothing => {}

@@ -12,6 +12,7 @@ use crate::error::ErrorKind;
 use crate::frame::{CameraId, YuvImage};
 use crate::media::{Decoder, Fault, Input, PlaneReader, Times};
 use crate::memory;
+use crate::store::SegmentState;
 use gstreamer::ClockTime;
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -32,6 +33,13 @@ const FORWARD_NANOS: i64 = 2_000_000_000;
 /// How long one look for a picture lasts, and how many there are before a recording counts as unreadable.
 const LOOK: ClockTime = ClockTime::from_mseconds(50);
 const MAX_LOOKS: u32 = 100;
+
+/// Pictures that a codec puts out of their order, at most.
+const REORDERED: usize = 16;
+
+/// How long one wait for the disk lasts, and how many there are before what is there must do: a second.
+const WAIT: Duration = Duration::from_millis(10);
+const MAX_WAITS: u32 = 100;
 
 /// Why there is no frame of an instant.
 #[derive(Debug, thiserror::Error)]
@@ -108,11 +116,22 @@ struct Around {
     reach_nanos: i64,
 }
 
+/// Which decoders will do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Age {
+    /// Also one that stood by.
+    Any,
+    /// Only one that has just opened its file.
+    New,
+}
+
 /// A decoder within a segment.
 #[derive(Debug)]
 struct Cursor {
     camera: CameraId,
     path: String,
+    /// Whether the segment was being written when it was opened, so that its end is not where this one's is.
+    is_growing: bool,
     /// Scene time of the segment's first frame, from which times in the file count.
     first_at: Timestamp,
     /// Scene time of the key frame with which decoding began.
@@ -250,14 +269,20 @@ impl Replay {
     }
 
     fn around(&self, camera: &CameraId, at: Timestamp) -> Result<Around, ReplayError> {
-        let cursor = match self.take(camera, |cursor| cursor.is_near(at)) {
-            Some(cursor) => Some(cursor),
-            None => self.open(camera, at)?,
-        };
         let (mut shown, mut next, mut reach_nanos) = (None, None, REACH_NANOS);
-        if let Some(mut cursor) = cursor {
+        let mut age = Age::Any;
+        while let Some((mut cursor, is_of)) = self.cursor(camera, at, age)? {
             let room = |n_bytes| lock(&self.passed).room(camera, n_bytes);
-            let passed = cursor.play_to(at, &room)?;
+            let mut passed = cursor.play_to(at, &room)?;
+            if cursor.is_growing && cursor.has_ended {
+                // At the end of what is there, pictures may follow one another between which others are still to come.
+                passed.truncate(passed.len().saturating_sub(REORDERED));
+            }
+            // What stood by knows the file as it was then.
+            if is_of == Age::Any && cursor.has_run_dry() && self.goes_on_elsewhere(&cursor, at)? {
+                age = Age::New;
+                continue;
+            }
             // Who plays on asks for nothing twice.
             if passed.len() > 1 {
                 lock(&self.passed).add(camera, passed.into_iter(), self.clock.monotonic());
@@ -265,6 +290,7 @@ impl Replay {
             (shown, next) = (cursor.shown.clone(), cursor.next.clone());
             reach_nanos = cursor.reach_nanos();
             self.rest(cursor);
+            break;
         }
         let mut after = next.as_ref().map(|next| next.timestamp);
         if after.is_none() {
@@ -275,17 +301,54 @@ impl Replay {
         Ok(Around { shown, next, after, reach_nanos })
     }
 
-    fn open(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Cursor>, ReplayError> {
+    /// Whether what was recorded until `at` is more than what a decoder that came to its end could give.
+    fn goes_on_elsewhere(&self, cursor: &Cursor, at: Timestamp) -> Result<bool, ReplayError> {
+        let Some(shown) = cursor.shown.as_ref().filter(|_| !cursor.is_growing) else { return Ok(true) };
+        let following = self.runtime.block_on(self.archive.next_segment(&cursor.camera, shown.timestamp))?;
+        Ok(following.is_some_and(|segment| segment.first_at <= at))
+    }
+
+    /// A decoder from which `at` is played to, and whether it stood by or is new.
+    fn cursor(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+        age: Age,
+    ) -> Result<Option<(Cursor, Age)>, ReplayError> {
         self.has_decoded.store(true, Ordering::Relaxed);
-        let Some(reading) = self.runtime.block_on(self.archive.open_at(camera, at))? else { return Ok(None) };
+        if age == Age::Any
+            && let Some(cursor) = self.take(camera, |cursor| cursor.is_near(at))
+        {
+            return Ok(Some((cursor, Age::Any)));
+        }
+        let Some(reading) = self.reading(camera, at)? else { return Ok(None) };
         // One that has the key frame behind it already has less to decode.
         let is_ahead = |cursor: &Cursor| {
             cursor.path == reading.segment().path && cursor.stands_within(reading.starts_at(), at)
         };
-        if let Some(cursor) = self.take(camera, is_ahead) {
-            return Ok(Some(cursor));
+        if age == Age::Any
+            && let Some(cursor) = self.take(camera, is_ahead)
+        {
+            return Ok(Some((cursor, Age::Any)));
         }
-        Cursor::open(camera, reading).map(Some)
+        Ok(Some((Cursor::open(camera, reading)?, Age::New)))
+    }
+
+    /// What was recorded from the key frame before `at` on. Of what is being written right now, all that the camera handed
+    /// over until now: what memory forgets may still be on its way to the disk.
+    fn reading(&self, camera: &CameraId, at: Timestamp) -> Result<Option<Reading>, ReplayError> {
+        let open = || self.runtime.block_on(self.archive.open_at(camera, at));
+        let reading = open()?;
+        if reading.as_ref().is_some_and(|reading| at <= reading.last_at()) {
+            return Ok(reading);
+        }
+        for _ in 0..MAX_WAITS {
+            if !self.archive.is_behind(camera) {
+                break;
+            }
+            std::thread::sleep(WAIT);
+        }
+        Ok(open()?)
     }
 
     /// A resting decoder of `camera` that is as `wanted`.
@@ -334,6 +397,7 @@ impl Cursor {
     fn open(camera: &CameraId, reading: Reading) -> Result<Self, ReplayError> {
         let (path, first_at) = (reading.segment().path.clone(), reading.segment().first_at);
         let starts_at = reading.starts_at();
+        let is_growing = reading.segment().state == SegmentState::Open;
         let undecoded =
             |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: fault.to_string() };
         let input = Input::stream(reading).map_err(undecoded)?;
@@ -341,6 +405,7 @@ impl Cursor {
         Ok(Self {
             camera: camera.clone(),
             path,
+            is_growing,
             first_at,
             starts_at,
             decoder,
@@ -362,6 +427,11 @@ impl Cursor {
     fn is_near(&self, at: Timestamp) -> bool {
         let behind = self.shown.as_ref().map(|shown| at.nanos_since(shown.timestamp));
         behind.is_some_and(|behind| (0..=FORWARD_NANOS).contains(&behind))
+    }
+
+    /// Whether it came to the end of what it read.
+    const fn has_run_dry(&self) -> bool {
+        self.has_ended && self.next.is_none()
     }
 
     fn stands_within(&self, from: Timestamp, to: Timestamp) -> bool {

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::runtime::Handle as Runtime;
 use videofields::archive::{Archive, RecordingState, check, repair};
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::ArchiveSettings;
@@ -18,6 +19,7 @@ use videofields::frame::CameraId;
 use videofields::media::{Decoder, EncodedFrame, EncodedQueue, Input, TICK_NANOS};
 use videofields::store::{SegmentRecord, Store};
 use videofields::telemetry::Metrics;
+use videofields::timeline::Replay;
 
 const SECOND: i64 = 1_000_000_000;
 
@@ -292,6 +294,42 @@ impl Drop for SmallDisk {
         let done = Command::new("umount").args(["--lazy"]).arg(&self.0).status();
         assert!(done.is_ok_and(|status| status.success()), "the small disk stays mounted");
     }
+}
+
+/// What is written while it is looked at is never shown by an older picture.
+#[tokio::test(flavor = "multi_thread")]
+async fn who_looks_back_at_what_is_being_written_sees_each_frame_as_soon_as_it_was_handed_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = frames(folder.path());
+    let (store, archive) = open(folder.path()).await;
+    let archive = Arc::new(archive);
+    let (gate, start) = (camera("gate"), now());
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let replay = Replay::new(Arc::clone(&archive), Runtime::current(), clock, 256 << 20);
+    let mut recorder = archive.recorder(&gate);
+    let handed: Vec<_> = (0..3)
+        .flat_map(|turn| frames.iter().map(move |frame| (turn, frame)))
+        .map(|(turn, frame)| (frame, instant(start, turn, frame, &frames[0])))
+        .collect();
+    let looked = tokio::task::block_in_place(|| {
+        let mut looked = 0;
+        for (idx, (frame, at)) in handed.iter().enumerate() {
+            recorder.push(frame, *at);
+            // Frames come out of their order by three at most: those before are whole.
+            let Some(place) = idx.checked_sub(6) else { continue };
+            let mut times: Vec<_> = handed[..place + 3].iter().map(|(_, at)| *at).collect();
+            times.sort_unstable();
+            let asked = times[times.len() - 3];
+            let shown = replay.frame_at(&gate, asked).unwrap();
+            assert_eq!(shown.timestamp.nanos_since(asked), 0, "frame {idx}");
+            looked += 1;
+        }
+        looked
+    });
+    assert_eq!(looked, 3 * frames.len() - 6);
+    drop((recorder, replay));
+    archive.stop();
+    store.close().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
