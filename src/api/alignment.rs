@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
-use crate::engine::{CameraAlignment, EngineError, PairAlignment};
+use crate::engine::{CameraAlignment, PairAlignment};
 use axum::Json;
 use axum::extract::{RawQuery, State};
 use axum::http::header;
@@ -19,10 +19,7 @@ pub(super) async fn show(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
-    let (door, scene) = (api.door.clone(), id);
-    let asked = tokio::task::spawn_blocking(move || door.alignment(&scene)).await;
-    let found =
-        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("comparing clocks: {panicked}"))));
+    let found = api.ask("comparing clocks", move |door| door.alignment(&id)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "cameras": found.cameras.iter().map(camera).collect::<Vec<_>>(),

@@ -58,9 +58,8 @@ pub(super) async fn picture(
         At::Live => api.door.observation(&id, at),
         // The past may have to be decoded.
         At::Time(_) => {
-            let (door, id) = (api.door.clone(), id.clone());
-            let asked = tokio::task::spawn_blocking(move || door.observation(&id, at)).await;
-            asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))))
+            let id = id.clone();
+            api.ask("looking back", move |door| door.observation(&id, at)).await
         }
     };
     let observation = observation.map_err(|error| problem_of(&api, error))?;

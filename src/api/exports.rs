@@ -6,7 +6,7 @@ use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use crate::archive::ExportStatus;
-use crate::engine::{EngineError, Handle};
+use crate::engine::EngineError;
 use crate::error::ErrorKind;
 use crate::media::descriptor_path;
 use axum::Json;
@@ -35,7 +35,10 @@ pub(super) async fn ask(
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let body = read_body(&body)?;
-    let status: ExportStatus = blocking(&api, move |door| door.ask_export(body)).await?;
+    let status: ExportStatus = api
+        .ask("exporting", move |door| door.ask_export(body))
+        .await
+        .map_err(|error| problem_of(&api, error))?;
     let location = format!("/api/v1/exports/{}", status.id);
     Ok((StatusCode::ACCEPTED, NO_STORE, [(header::LOCATION, location)], Json(status)).into_response())
 }
@@ -61,7 +64,8 @@ pub(super) async fn remove(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    blocking(&api, move |door| door.remove_export(&id)).await?;
+    let removed = api.ask("removing an export", move |door| door.remove_export(&id)).await;
+    removed.map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, NO_STORE).into_response())
 }
 
@@ -74,7 +78,8 @@ pub(super) async fn file(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     let asked = (id.clone(), name);
-    let (opened, file) = blocking(&api, move |door| door.export_file(&asked.0, &asked.1)).await?;
+    let opened = api.ask("opening an export", move |door| door.export_file(&asked.0, &asked.1)).await;
+    let (opened, file) = opened.map_err(|error| problem_of(&api, error))?;
     let gone = |error: std::io::Error| {
         Problem::new(ErrorKind::Unavailable, format!("the file cannot be read: {}", error.kind()))
     };
@@ -111,17 +116,6 @@ fn refused(detail: &str, allowed: &'static str) -> Response {
     let mut response = Problem::method(detail).into_response();
     response.headers_mut().insert(header::ALLOW, HeaderValue::from_static(allowed));
     response
-}
-
-/// What waits for the disk is done where it may.
-async fn blocking<T: Send + 'static>(
-    api: &Api,
-    work: impl FnOnce(Handle) -> Result<T, EngineError> + Send + 'static,
-) -> Result<T, Problem> {
-    let door = api.door.clone();
-    let done = tokio::task::spawn_blocking(move || work(door)).await;
-    let done = done.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("exporting: {panicked}"))));
-    done.map_err(|error| problem_of(api, error))
 }
 
 fn problem_of(api: &Api, error: EngineError) -> Problem {

@@ -31,7 +31,7 @@ pub use serve::serve;
 pub use view::read_view_request;
 
 use crate::clock::Clock;
-use crate::engine::Handle;
+use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
 use axum::Router;
 use axum::http::{HeaderValue, Uri, header};
@@ -87,6 +87,19 @@ struct Api {
     answers: Arc<Semaphore>,
     /// Names by which the daemon may be addressed, beside IP addresses and `localhost`.
     hosts: Arc<[String]>,
+}
+
+impl Api {
+    /// Asks the engine what may take a while, on a thread that may block; `action` is what a panic broke off.
+    async fn ask<T: Send + 'static>(
+        &self,
+        action: &'static str,
+        question: impl FnOnce(Handle) -> Result<T, EngineError> + Send + 'static,
+    ) -> Result<T, EngineError> {
+        let door = self.door.clone();
+        let asked = tokio::task::spawn_blocking(move || question(door)).await;
+        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("{action}: {panicked}"))))
+    }
 }
 
 /// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be

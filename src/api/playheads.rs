@@ -81,11 +81,7 @@ async fn changed(
     api: &Api,
     change: impl FnOnce(Handle) -> Result<PlayheadState, EngineError> + Send + 'static,
 ) -> Result<PlayheadState, Problem> {
-    let door = api.door.clone();
-    let done = tokio::task::spawn_blocking(move || change(door)).await;
-    let done =
-        done.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("moving a playhead: {panicked}"))));
-    done.map_err(|error| problem_of(api, error))
+    api.ask("moving a playhead", change).await.map_err(|error| problem_of(api, error))
 }
 
 /// Removes a playhead.

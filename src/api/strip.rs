@@ -79,17 +79,15 @@ pub(super) async fn show(
         return Err(Problem::at(ErrorKind::Invalid, vec![fault]));
     }
     let started = api.clock.monotonic();
-    let (door, clock) = (api.door.clone(), Arc::clone(&api.clock));
+    let clock = Arc::clone(&api.clock);
     // Held until the last picture is decoded, though nobody waits for it any more.
     let turn = Arc::clone(&api.strips).acquire_owned().await.expect("the semaphore is never closed");
-    let look = move || {
+    let look = move |door: Handle| {
         let found = tiles(&door, &*clock, &id, (from, to), (n_tiles, height_px));
         drop(turn);
         found
     };
-    let found = tokio::task::spawn_blocking(look).await;
-    let found =
-        found.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))));
+    let found = api.ask("looking back", look).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let decoding_time = api.clock.monotonic().saturating_sub(started);
     let times: Vec<String> = found.iter().map(Tile::time).collect();

@@ -6,7 +6,7 @@ use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use crate::clock::Timestamp;
-use crate::engine::{CameraTimeline, EngineError};
+use crate::engine::CameraTimeline;
 use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::{RawQuery, State};
@@ -36,12 +36,8 @@ pub(super) async fn show(
         query.whole("resolution", &(RESOLUTION_SECS..=31_622_400)).unwrap_or(RESOLUTION_SECS);
     let (from, to) = query.finish(from.zip(to))?;
     check(from, to, resolution_secs)?;
-    let (door, scene) = (api.door.clone(), id);
     let minutes_each = resolution_secs.div_ceil(RESOLUTION_SECS);
-    let asked =
-        tokio::task::spawn_blocking(move || door.scene_timeline(&scene, (from, to), minutes_each)).await;
-    let found =
-        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("looking back: {panicked}"))));
+    let found = api.ask("looking back", move |door| door.scene_timeline(&id, (from, to), minutes_each)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "from": from.to_string(),

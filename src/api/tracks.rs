@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::query::{MAX_COORDINATE_M, Query};
 use super::scenes::problem_of;
 use super::segments::Segments;
-use crate::engine::{EngineError, FoundPoint, FoundTrack, TrackQuery};
+use crate::engine::{FoundPoint, FoundTrack, TrackQuery};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::GroundPolygon;
@@ -33,10 +33,7 @@ pub(super) async fn list(
 ) -> Result<Response, Problem> {
     let query = read(raw.as_deref())?;
     let (from, to) = query.span;
-    let (door, scene) = (api.door.clone(), id);
-    let asked = tokio::task::spawn_blocking(move || door.search_tracks(&scene, &query)).await;
-    let found =
-        asked.unwrap_or_else(|panicked| Err(EngineError::Internal(format!("searching tracks: {panicked}"))));
+    let found = api.ask("searching tracks", move |door| door.search_tracks(&id, &query)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "from": from.to_string(),

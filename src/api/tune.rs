@@ -5,7 +5,6 @@ use super::cameras::problem_of;
 use super::error::Problem;
 use super::query::Query;
 use super::segments::Segments;
-use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::body::Bytes;
@@ -65,11 +64,8 @@ pub(super) async fn change_source(
     refuse_foreign(&headers)?;
     let change = read_body(&body)?;
     // What fed the camera before must end first.
-    let (door, camera) = (api.door.clone(), id.clone());
-    let changed = tokio::task::spawn_blocking(move || door.change_feed(&camera, &change)).await;
-    let changed = changed
-        .unwrap_or_else(|panicked| Err(EngineError::Internal(format!("changing {id}: {panicked}"))))
-        .map_err(|error| problem_of(&api, error))?;
+    let changed = api.ask("changing a camera", move |door| door.change_feed(&id, &change)).await;
+    let changed = changed.map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(changed.shown())).into_response())
 }
 

@@ -152,15 +152,6 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
             (number as u64, number * FRAME_NANOS)
         );
     }
-    // Leaping over a segment's end: the decoder that stands before it has nothing of what lies behind.
-    for (from, to) in [(104, 107), (103, 106), (102, 108)] {
-        for number in [from, to] {
-            assert_eq!(
-                running.shown("north", number * FRAME_NANOS).unwrap(),
-                (number as u64, number * FRAME_NANOS)
-            );
-        }
-    }
     let gap = running.shown("north", -3_000_000_000).unwrap_err();
     assert!(matches!(gap, EngineError::Gap { before: None, after: Some(START), .. }), "{gap}");
     // The other is not recorded.
@@ -174,7 +165,9 @@ fn every_instant_shows_its_frame_though_memory_has_forgotten_it() {
     running.stop();
     std::fs::remove_file(folder.path().join("film.mp4")).unwrap();
     let mut running = start(folder.path(), &film());
-    for number in [0, 1, 77, N_FRAMES as i64 - 1] {
+    // First a leap over a segment's end, before its frames are at hand: the decoder that stands there has nothing of what
+    // lies behind.
+    for number in [102, 107, 0, 1, 77, N_FRAMES as i64 - 1] {
         assert_eq!(
             running.shown("north", number * FRAME_NANOS).unwrap(),
             (number as u64, number * FRAME_NANOS)

@@ -1,0 +1,361 @@
+//! The door's answers, from what the engine's threads share.
+
+use super::super::EngineError;
+use super::super::accuracy::AccuracyStatus;
+use super::super::alignment::SceneAlignment;
+use super::super::chronicle::SceneTimeline;
+use super::super::handle::{
+    At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
+    ViewAnswer, ViewRequest,
+};
+use super::super::past::Past;
+use super::super::playheads::{Change, PlayheadState};
+use super::super::renderer::Job;
+use super::super::track_search::{FoundTracks, TrackQuery};
+use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
+use crate::archive::{ExportFile, ExportStatus};
+use crate::clock::Timestamp;
+use crate::config::{self, FeedSettings, SegmentSettings};
+use crate::error::Fault;
+use crate::frame::CameraId;
+use crate::geometry::SurfaceId;
+use crate::mapping::{self, Location};
+use crate::scene::Scene;
+use crate::timeline::{LoggedEvent, Observation, PastFrame};
+use glam::DVec2;
+use std::fs::File;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::TrySendError;
+use std::time::Duration;
+use tokio::sync::{oneshot, watch};
+
+impl Door for Shared {
+    fn cameras(&self) -> Vec<CameraSummary> {
+        let now = self.clock.monotonic();
+        let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
+        let summary = |camera: &CameraEntry| {
+            let status = camera.status.read();
+            let range = camera.timeline.range();
+            let vision_size_px = status.size.map(|(width, height)| {
+                let factor = camera.tuning.segment().resolution.factor_in((width, height));
+                [width.div_ceil(factor), height.div_ceil(factor)]
+            });
+            let holds = |scene: &&Arc<Scene>| scene.cameras.iter().any(|member| member.id == camera.id);
+            CameraSummary {
+                id: camera.id.clone(),
+                name: camera.name.clone(),
+                state: status.state.as_str().to_owned(),
+                reason: status.reason,
+                since: status.since.to_string(),
+                retries: status.retries,
+                next_try: status.next_try.map(|at| at.to_string()),
+                size_px: status.size.map(|(width, height)| [width, height]),
+                vision_size_px,
+                recording: recordings.iter().find(|of| of.camera == camera.id).map(RecordingSummary::from),
+                frames: status.frames,
+                dropped: status.dropped,
+                first: range.map(|(first, _)| first.to_string()),
+                last: range.map(|(_, last)| last.to_string()),
+                age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
+                scenes: self.scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
+            }
+        };
+        self.cameras.iter().map(summary).collect()
+    }
+
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
+        let entry = self.camera(camera)?;
+        match at {
+            At::Live => entry.timeline.latest(),
+            At::Time(instant) => match (entry.timeline.at(instant), &self.past) {
+                (Err(error), Some(past)) => return past_or(entry, past, instant, &error),
+                // Before the oldest that memory holds may lie one that is nearer, which was recorded.
+                (Ok(oldest), Some(past))
+                    if oldest.frame.timestamp > instant && entry.timeline.last_before(instant).is_none() =>
+                {
+                    let away =
+                        |seen: &Observation| seen.frame.timestamp.nanos_since(instant).saturating_abs();
+                    let recorded = past.observation(&entry.id, instant).and_then(Result::ok);
+                    Ok(recorded.filter(|recorded| away(recorded) < away(&oldest)).unwrap_or(oldest))
+                }
+                (found, _) => found,
+            },
+        }
+        .map_err(|error| entry.failure(&error))
+    }
+
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError> {
+        let entry = self.camera(camera)?;
+        let away = |of: &Preview| of.timestamp.nanos_since(at).unsigned_abs();
+        let kept = entry.timeline.at(at);
+        let kept =
+            kept.map(|Observation { frame, .. }| Preview { image: frame.image, timestamp: frame.timestamp });
+        // Before the oldest that memory holds may lie one that is nearer.
+        if let Ok(kept) = &kept
+            && u128::from(away(kept)) <= reach.as_nanos()
+        {
+            return Ok(kept.clone());
+        }
+        let recorded = self.past.as_ref().and_then(|past| past.frame_near(&entry.id, at, reach));
+        let recorded =
+            recorded.map(|found| found.map(|PastFrame { image, timestamp }| Preview { image, timestamp }));
+        match (recorded, kept) {
+            (Some(Ok(recorded)), Ok(kept)) if away(&kept) < away(&recorded) => Ok(kept),
+            (Some(Ok(recorded)), _) => Ok(recorded),
+            (_, Ok(kept)) => Ok(kept),
+            (None, Err(kept)) => Err(entry.failure(&kept)),
+            (Some(Err(error)), Err(kept)) => Err(past_failure(entry, &error, &kept)),
+        }
+    }
+
+    fn events(
+        &self,
+        camera: Option<&str>,
+        after: u64,
+        limit: usize,
+    ) -> Result<Vec<LoggedEvent>, EngineError> {
+        if let Some(camera) = camera {
+            self.camera(camera)?;
+        }
+        let is_wanted = |of: &CameraId| camera.is_none_or(|camera| of.as_str() == camera);
+        Ok(self.events.after(after, limit, |event| is_wanted(&event.camera)))
+    }
+
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError> {
+        Ok(self.camera(camera)?.tuning.segment())
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        let tuning = &self.camera(camera)?.tuning;
+        let current = tuning.segment();
+        let changed = config::changed_segment(&current, change).map_err(EngineError::Faults)?;
+        if changed.resolution != current.resolution {
+            let message = "cannot be changed while the camera runs: the background is learned at this size";
+            return Err(EngineError::Faults(vec![Fault::new("/resolution", message)]));
+        }
+        tracing::info!(camera, segment = ?changed, "segmentation settings changed");
+        tuning.set_segment(changed.clone());
+        Ok(changed)
+    }
+
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.feed(camera)
+    }
+
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.change_feed(camera, change)
+    }
+
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
+        self.camera(camera)?.tuning.accept_place();
+        Ok(())
+    }
+
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError> {
+        let is_inside = |value: f64| (0.0..=1.0).contains(&value);
+        for (name, value) in [("u", texture.x), ("v", texture.y)] {
+            if !is_inside(value) {
+                let fault = Fault::new(name, "expected a number from 0 to 1");
+                return Err(EngineError::Request(fault));
+            }
+        }
+        let (scene, member) = self.member(camera, scene)?;
+        let found: Option<Location> = match method {
+            LocateMethod::Ray => mapping::locate(&member.camera, &scene.surfaces, texture),
+            LocateMethod::Map => {
+                let key = (scene.id.clone(), member.id.clone());
+                let state = lock(&self.maps).get(&key).cloned();
+                match state {
+                    Some(MapState::Ready(map)) => map.locate(texture),
+                    Some(MapState::Failed(error)) => return Err(error),
+                    Some(MapState::Building) | None => {
+                        return Err(EngineError::Unavailable(format!(
+                            "the map of camera {camera} is being built"
+                        )));
+                    }
+                }
+            }
+        };
+        let Some(location) = found else {
+            let text = format!(
+                "camera {camera} shows no surface of scene {} at u {}, v {}: above the horizon or beside every surface",
+                scene.id, texture.x, texture.y
+            );
+            return Err(EngineError::NoSurface(text));
+        };
+        let (surface, surface_idx) = match location.surface {
+            SurfaceId::Ground(idx) => ("ground", idx),
+            SurfaceId::Box(idx) => ("box", idx),
+        };
+        Ok(Located {
+            point_m: location.point_in_world.to_array(),
+            theta_rad: location.theta_rad,
+            reliable: location.is_reliable,
+            footprint_m: location.footprint_m,
+            surface,
+            surface_idx,
+        })
+    }
+
+    fn scenes(&self) -> Vec<SceneSummary> {
+        let summary = |scene: &Arc<Scene>| SceneSummary {
+            id: scene.id.clone(),
+            name: scene.name.clone(),
+            cameras: scene.cameras.iter().map(|member| member.id.clone()).collect(),
+        };
+        self.scenes.iter().map(summary).collect()
+    }
+
+    fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
+        let found = self.scenes.iter().find(|scene| scene.id == id);
+        found.cloned().ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
+    }
+
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError> {
+        let queue = lock(&self.queue);
+        let Some(queue) = &*queue else {
+            return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
+        };
+        self.accuracy.note_asked();
+        let waiting = self.waiting.fetch_add(1, Ordering::Relaxed) + 1;
+        match queue.try_send(Job { request, reply }) {
+            Ok(()) => {
+                self.metrics.render_queue_length.set(waiting as i64);
+                Ok(())
+            }
+            Err(error) => {
+                self.waiting.fetch_sub(1, Ordering::Relaxed);
+                self.accuracy.note_answered();
+                Err(match error {
+                    TrySendError::Full(_) => EngineError::Busy { waiting: waiting - 1 },
+                    TrySendError::Disconnected(_) => {
+                        EngineError::Unavailable("the renderer stopped".to_owned())
+                    }
+                })
+            }
+        }
+    }
+
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError> {
+        self.chronicle(scene, span, minutes_each)
+    }
+
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+        self.find_tracks(scene, query)
+    }
+
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
+        self.align_scene(scene)
+    }
+
+    fn playheads(&self) -> Vec<PlayheadState> {
+        // One whose scene is gone is not told of.
+        self.playheads.all().iter().filter_map(|entry| self.playhead_state(entry).ok()).collect()
+    }
+
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
+        self.playhead_state(&self.playheads.find(id)?)
+    }
+
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
+        self.playhead_position(id)
+    }
+
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        let change = Change::read(change)?;
+        let first = self.scenes.first().map(|scene| scene.id.clone());
+        let scene = change.scene.clone().or(first).unwrap_or_default();
+        self.change_playhead_of(id, &change, Some(&scene))
+    }
+
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        self.change_playhead_of(id, &Change::read(change)?, None)
+    }
+
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
+        self.playheads.remove(id)
+    }
+
+    fn watch_playheads(&self) -> watch::Receiver<u64> {
+        self.playheads.subscribe()
+    }
+
+    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+        self.asked_export(body)
+    }
+
+    fn exports(&self) -> Vec<ExportStatus> {
+        self.all_exports()
+    }
+
+    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+        self.removed_export(id)
+    }
+
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
+        self.file_of_export(id, file)
+    }
+
+    fn accuracy(&self) -> AccuracyStatus {
+        self.accuracy.status()
+    }
+
+    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+        self.accuracy.refresh()
+    }
+
+    fn readiness(&self) -> Readiness {
+        let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
+        let renderer = lock(&self.renderer).clone();
+        let (takes_backgrounds, _) = self.store_health.read();
+        let archive = self.past.as_ref().and_then(Past::archive);
+        let store_is_good = takes_backgrounds && archive.is_none_or(|archive| archive.status().takes_rows);
+        Readiness {
+            ready: renderer.is_ok() && store_is_good,
+            store: store_is_good,
+            renderer: renderer.unwrap_or_else(|reason| format!("not ready: {reason}")),
+            cameras_with_frames: [with_frames, self.cameras.len()],
+        }
+    }
+
+    fn metrics_text(&self) -> String {
+        for camera in &self.cameras {
+            let id = camera.id.as_str();
+            if let Some(at) = camera.status.read().last_frame_at {
+                let age = self.clock.monotonic().saturating_sub(at);
+                self.metrics.ingest_frame_age.with_label_values(&[id]).set(age.as_secs_f64());
+            }
+            let kept = i64::try_from(camera.timeline.len_bytes()).unwrap_or(i64::MAX);
+            self.metrics.timeline_kept.with_label_values(&[id]).set(kept);
+        }
+        if let (_, Some(at)) = self.store_health.read() {
+            let age = self.clock.monotonic().saturating_sub(at);
+            self.metrics.store_checkpoint_age.set(age.as_secs_f64());
+        }
+        self.metrics.encode()
+    }
+
+    fn count_http(&self, route: &str, status: u16, duration: Duration) {
+        self.metrics.observe_request(route, status, duration.as_secs_f64());
+    }
+}
