@@ -31,6 +31,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
+    videofields::memory::settle();
     let result = match Arguments::parse().command {
         Command::Serve(serve) => serve.run(),
         Command::Demo(demo) => demo.run(),

@@ -7,7 +7,7 @@
 
 use super::connection::{Guard, connection_fault, unanswered};
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec};
-use super::input::{Keep, make};
+use super::input::{Keep, Memory, make};
 use super::losses::Losses;
 use super::{EncodedQueue, Fault, Input, jpeg, tap};
 use gst::glib;
@@ -57,10 +57,10 @@ impl Decoder {
         let n_arrived = count_arrivals(&sink);
         let pipeline = gst::Pipeline::new();
         pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        let (keep, n_damaged) = (input.keep(), Arc::<AtomicU64>::default());
+        let (keep, memory, n_damaged) = (input.keep(), input.memory(), Arc::<AtomicU64>::default());
         let counter = Arc::clone(&n_damaged);
         pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
-            cap_threads(element);
+            set_up(element, memory);
             if keep == Keep::Newest {
                 be_patient(element, &counter);
             }
@@ -346,8 +346,10 @@ fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
     });
 }
 
-/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads. The property's name and type depend on the decoder.
-fn cap_threads(element: &gst::Element) {
+/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads (the property's name and type depend on the decoder), and
+/// says where its pictures go. A picture that libav also needs for the next ones cannot be handed on: GStreamer copies it,
+/// with "direct rendering" into memory allocated for it alone, without into a pool's.
+fn set_up(element: &gst::Element, memory: Memory) {
     if !is_decoder(element.upcast_ref()) {
         return;
     }
@@ -359,6 +361,9 @@ fn cap_threads(element: &gst::Element) {
             Some(glib::Type::U32) => element.set_property(name, threads),
             _ => {}
         }
+    }
+    if element.find_property("direct-rendering").is_some() {
+        element.set_property("direct-rendering", memory == Memory::Own);
     }
 }
 

@@ -27,6 +27,18 @@ pub struct Input {
     keep: Keep,
     links: Link,
     guard: Option<Arc<Guard>>,
+    memory: Memory,
+}
+
+/// Where the memory of decoded pictures comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Memory {
+    /// From the decoder's pool, for as long as it lives: nothing is allocated once as many pictures were in use as ever
+    /// will be. For what runs on and on.
+    Pooled,
+    /// Every picture's is its own and ends with it: of a decoder that rests, nothing stays but what is held. For looking
+    /// back, where a whole group of pictures may be held for a while.
+    Own,
 }
 
 /// When an input's source pads are there.
@@ -59,7 +71,7 @@ impl Input {
     }
 
     pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep, links: Link) -> Self {
-        Self { elements, keep, links, guard: None }
+        Self { elements, keep, links, guard: None, memory: Memory::Pooled }
     }
 
     /// The same, kept from going elsewhere than to `location`.
@@ -95,7 +107,7 @@ impl Input {
             }
         };
         source.set_callbacks(gst_app::AppSrcCallbacks::builder().need_data(need_data).build());
-        Ok(Self::new(vec![element], Keep::All, Link::Now))
+        Ok(Self { memory: Memory::Own, ..Self::new(vec![element], Keep::All, Link::Now) })
     }
 
     /// Puts the input into `pipeline`, and links its first video to `reader`, now or when it comes.
@@ -124,6 +136,10 @@ impl Input {
 
     pub(super) const fn guard(&self) -> Option<&Arc<Guard>> {
         self.guard.as_ref()
+    }
+
+    pub(super) const fn memory(&self) -> Memory {
+        self.memory
     }
 
     pub(super) const fn keep(&self) -> Keep {

@@ -76,6 +76,9 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
             .idle_timeout(None)
             .max_lifetime(None)
             .acquire_timeout(BUSY_TIMEOUT * 2)
+            // On a full disk SQLite rolls back by itself. The pool does not hear of that: its own roll-back fails, and the
+            // connection would count as within a transaction, and take no other, for ever.
+            .before_acquire(|connection, _| Box::pin(async { Ok(!connection.is_in_transaction()) }))
             .connect_with(options)
     };
     let durable = pool(1, options.clone().synchronous(SqliteSynchronous::Full)).await.map_err(classify)?;

@@ -2,7 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use crate::support::wait_for;
+use crate::support::small_disk::SmallDisk;
+use crate::support::{say_skipped, wait_for};
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use std::collections::BTreeMap;
@@ -276,26 +277,6 @@ async fn come_back(folder: &Path, said: [Said; CAMERAS.len()]) -> Cost {
     Cost { opened, n_lost }
 }
 
-/// A small disk of its own, for as long as it lives; none where this process may not mount one.
-struct SmallDisk(PathBuf);
-
-impl SmallDisk {
-    fn mount(place: &Path, mib: u32) -> Option<Self> {
-        std::fs::create_dir(place).unwrap();
-        let size = format!("size={mib}m");
-        let done =
-            Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(place).output().ok()?;
-        done.status.success().then(|| Self(place.to_owned()))
-    }
-}
-
-impl Drop for SmallDisk {
-    fn drop(&mut self) {
-        let done = Command::new("umount").args(["--lazy"]).arg(&self.0).status();
-        assert!(done.is_ok_and(|status| status.success()), "the small disk stays mounted");
-    }
-}
-
 /// What is written while it is looked at is never shown by an older picture.
 #[tokio::test(flavor = "multi_thread")]
 async fn who_looks_back_at_what_is_being_written_sees_each_frame_as_soon_as_it_was_handed_over() {
@@ -337,7 +318,7 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let frames = frames(folder.path());
     let Some(disk) = SmallDisk::mount(&folder.path().join("archive"), 1) else {
-        say("skipped: this process may not mount a small disk");
+        say_skipped("this process may not mount a small disk");
         return;
     };
     let (store, archive) = open(folder.path()).await;

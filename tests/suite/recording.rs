@@ -19,7 +19,7 @@ use videofields::frame::CameraId;
 use videofields::scene::{self, Scene};
 use videofields::simulate::World;
 use videofields::store::Store;
-use videofields::telemetry::Metrics;
+use videofields::telemetry::{Metrics, RecordingDrop};
 use videofields::timeline::Observation;
 
 const RATE_HZ: u32 = 20;
@@ -199,10 +199,21 @@ fn a_live_camera_is_recorded_as_it_was_sent() {
         }
         (seen.len() == 100).then_some(())
     });
+    // On a busy machine the server's first key frame may be gone before it is asked to play: what comes before the next
+    // is shown as far as it can be, and counted, but not recorded.
+    let yard = CameraId::new("yard").unwrap();
+    let before_all = Timestamp::from_nanos(0);
+    let first = running.runtime.block_on(running.archive.next_segment(&yard, before_all)).unwrap().unwrap();
+    let n_seen = seen.len();
+    seen.retain(|(at, _)| *at >= first.first_at);
+    let recorded = &running.archive.status().cameras[0];
+    let (_, n_without_key) =
+        recorded.dropped.iter().find(|(reason, _)| *reason == RecordingDrop::NoKeyFrame).unwrap();
+    assert!((n_seen - seen.len()) as u64 <= *n_without_key && seen.len() > 50, "{recorded:?}");
     // Memory holds about a second of it; what lies before was written, if not yet synced to the disk.
     for (at, expected) in &seen {
         let again = running.handle.observation("yard", At::Time(*at)).unwrap();
-        assert_eq!((again.frame.timestamp, luma(&again) == *expected), (*at, true));
+        assert_eq!((again.frame.timestamp, luma(&again) == *expected), (*at, true), "{recorded:?}");
     }
     running.stop();
     drop(server);

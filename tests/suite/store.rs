@@ -2,6 +2,7 @@
 
 mod history;
 
+use crate::support::small_disk::SmallDisk;
 use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
 use std::os::unix::fs::PermissionsExt;
@@ -375,4 +376,41 @@ async fn measured_costs_are_kept_for_each_machine_and_a_few_machines() {
     assert_eq!((kept(0).await.as_deref(), kept(2).await), (Some("{}"), None));
     assert!(store.put_measured_cost(&machine(0), "no json", at(9)).await.is_err());
     assert_eq!(kept(0).await.as_deref(), Some("{}"), "what was there stays");
+}
+
+/// Every connection that met the full disk is of use again.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_disk_is_told_and_what_is_written_once_there_is_room_is_kept() {
+    let folder = folder();
+    let place = folder.path().join("disk");
+    let Some(_disk) = SmallDisk::mount(&place, 4) else {
+        crate::support::say_skipped("this process may not mount a small disk");
+        return;
+    };
+    let store = open(&place.join("v.sqlite")).await;
+    store.put_background(&background("north", 640, 1)).await.expect("written");
+    let filler = place.join("filler");
+    let filled = std::fs::write(&filler, vec![1; 8 << 20]);
+    assert_eq!(filled.expect_err("no room").kind(), std::io::ErrorKind::StorageFull);
+    let all = |saved_at: i64| {
+        let turns = (0..8).map(|turn| {
+            let store = store.clone();
+            let record = background(&format!("camera{turn}"), 640, saved_at);
+            tokio::spawn(async move { store.put_background(&record).await })
+        });
+        turns.collect::<Vec<_>>()
+    };
+    for turn in all(2) {
+        let error = turn.await.expect("no panic").expect_err("the disk is full");
+        assert!(error.to_string().contains("full"), "{error}");
+    }
+    std::fs::remove_file(&filler).expect("removed");
+    for saved_at in 3..6 {
+        for turn in all(saved_at) {
+            turn.await.expect("no panic").expect("there is room again");
+        }
+    }
+    let kept = store.background(&camera("camera7"), 640, 480).await;
+    assert_eq!(kept.expect("read").map(|found| found.saved_at), Some(at(5)));
+    store.close().await.expect("closed");
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod golden;
 pub(crate) mod rtsp;
+pub(crate) mod small_disk;
 pub(crate) mod video;
 
 use proptest::prelude::ProptestConfig;
@@ -11,16 +12,21 @@ use std::time::Duration;
 use videofields::clock::{Clock, SystemClock};
 use videofields::gpu::{Gpu, GpuError};
 
-/// Says what is skipped and why, where a person looks; with CI=true nothing may be.
+/// Says what is skipped and why, where a person looks.
+pub(crate) fn say_skipped(why: &str) {
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: {why}");
+    }
+}
+
+/// Says what is skipped and why; with CI=true nothing may be.
 ///
 /// # Panics
 /// With CI=true in the environment.
 pub(crate) fn skip_for_want_of_an_adapter(why: &str) {
     assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs an adapter: {why}");
-    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
-    {
-        eprintln!("skipped: {why}");
-    }
+    say_skipped(why);
 }
 
 /// The GPU of that name, or `None` (and a line on standard error) where there is none; with CI=true there must be.
@@ -48,10 +54,7 @@ pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
     }
     let is_required = std::env::var("VIDEOFIELDS_DATA").as_deref() == Ok("required");
     assert!(!is_required, "VIDEOFIELDS_DATA=required: no real footage at ../shared/data/{path}");
-    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
-    {
-        eprintln!("skipped: no real footage at ../shared/data/{path}");
-    }
+    say_skipped(&format!("no real footage at ../shared/data/{path}"));
     None
 }
 
