@@ -54,13 +54,16 @@ impl Decoder {
     pub fn start(input: &Input, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
         let decode = make("decodebin")?;
         let sink = make_sink(input.keep());
+        if input.memory() == Memory::Own {
+            free_with_the_last_user(&sink);
+        }
         let n_arrived = count_arrivals(&sink);
         let pipeline = gst::Pipeline::new();
         pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        let (keep, memory, n_damaged) = (input.keep(), input.memory(), Arc::<AtomicU64>::default());
+        let (keep, n_damaged) = (input.keep(), Arc::<AtomicU64>::default());
         let counter = Arc::clone(&n_damaged);
         pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
-            set_up(element, memory);
+            set_up(element);
             if keep == Keep::Newest {
                 be_patient(element, &counter);
             }
@@ -230,7 +233,7 @@ impl Drop for Decoder {
 }
 
 /// The end of the pipeline.
-fn make_sink(keep: Keep) -> gst_app::AppSink {
+pub(super) fn make_sink(keep: Keep) -> gst_app::AppSink {
     let caps = gst::Caps::builder("video/x-raw")
         .field("format", "I420")
         .field("width", gst::IntRange::new(1, MAX_SIDE as i32))
@@ -256,6 +259,19 @@ fn make_sink(keep: Keep) -> gst_app::AppSink {
         });
     }
     sink
+}
+
+/// Has each picture's memory freed with its last user. A pool takes back what it gave, for its next pictures, as long as it
+/// lives: whoever held a whole group of pictures once would leave all of their memory with a decoder that rests. What bears
+/// this flag is taken for changed, and is not taken back.
+fn free_with_the_last_user(sink: &gst_app::AppSink) {
+    let Some(pad) = sink.static_pad("sink") else { return };
+    pad.add_probe(gst::PadProbeType::BUFFER, |_pad, info| {
+        if let Some(buffer) = info.buffer_mut() {
+            buffer.make_mut().set_flags(gst::BufferFlags::TAG_MEMORY);
+        }
+        gst::PadProbeReturn::Ok
+    });
 }
 
 /// Counts the pictures that reach the sink.
@@ -346,10 +362,10 @@ fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
     });
 }
 
-/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads (the property's name and type depend on the decoder), and
-/// says where its pictures go. A picture that libav also needs for the next ones cannot be handed on: GStreamer copies it,
-/// with "direct rendering" into memory allocated for it alone, without into a pool's.
-fn set_up(element: &gst::Element, memory: Memory) {
+/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads (the property's name and type depend on the decoder). A
+/// picture that libav also needs for the next ones cannot be handed on, and is copied: with "direct rendering" into memory
+/// allocated for it alone, without into a pool's.
+fn set_up(element: &gst::Element) {
     if !is_decoder(element.upcast_ref()) {
         return;
     }
@@ -363,7 +379,7 @@ fn set_up(element: &gst::Element, memory: Memory) {
         }
     }
     if element.find_property("direct-rendering").is_some() {
-        element.set_property("direct-rendering", memory == Memory::Own);
+        element.set_property("direct-rendering", false);
     }
 }
 

@@ -199,6 +199,35 @@ mod tests {
     }
 
     #[test]
+    fn padded_rows_are_taken_as_they_lie() {
+        gst::init().unwrap();
+        // 16 bytes a row of luma and 8 of the others, for 8 x 4 pixels; padding is 255.
+        let (offsets, strides, rows) = ([0, 64, 80], [16, 8, 8], [4, 2, 2]);
+        let mut bytes = vec![255_u8; 96];
+        let places = (0..3).flat_map(|plane| (0..rows[plane]).map(move |row| (plane, row)));
+        for (plane, row) in places {
+            let from: usize = offsets[plane] + row * strides[plane];
+            bytes[from..from + strides[plane] / 2].fill((plane * 10 + row) as u8);
+        }
+        let mut buffer = gst::Buffer::from_mut_slice(bytes);
+        let (flags, format) = (gst_video::VideoFrameFlags::empty(), gst_video::VideoFormat::I420);
+        let strides = strides.map(|stride| stride as i32);
+        let buffer_ref = buffer.make_mut();
+        gst_video::VideoMeta::add_full(buffer_ref, flags, format, 8, 4, &offsets, &strides).unwrap();
+        let caps: gst::Caps = "video/x-raw,format=I420,width=8,height=4".parse().unwrap();
+        let sample = gst::Sample::builder().buffer(&buffer).caps(&caps).build();
+        let image = PlaneReader::new(Times::Written).picture(&sample).unwrap().image;
+        for plane in 0..3 {
+            let found = image.plane(plane);
+            assert_eq!((found.stride, found.height), (strides[plane] as usize, rows[plane] as u32));
+            for y in 0..found.height {
+                let expected = vec![(plane * 10) as u8 + y as u8; found.width as usize];
+                assert_eq!(found.row(y), expected, "plane {plane}, row {y}");
+            }
+        }
+    }
+
+    #[test]
     fn stream_time_is_mapped_by_the_segment() {
         let caps = "video/x-raw,format=I420,width=8,height=4";
         let picture = PlaneReader::default().picture(&sample(caps, 48)).unwrap();

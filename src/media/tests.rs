@@ -89,6 +89,35 @@ fn encoded_frames_in_matroska_show_the_same_pictures_at_the_same_times() {
     }
 }
 
+/// A pool keeps what it is given back for as long as its decoder lives, but for what bears this flag.
+#[test]
+fn pictures_of_a_stream_are_freed_and_those_of_a_camera_go_back_to_their_pool() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("video");
+    write_video(&path, "x264enc bframes=2 key-int-max=10 tune=0", "matroskamux");
+    let n_freed = |input: Input| {
+        let decoder = Decoder::start(&input, None).unwrap();
+        let samples = std::iter::repeat_with(|| decoder.pull(gst::ClockTime::from_seconds(10))).take(40);
+        let is_freed =
+            |sample: &gst::Sample| sample.buffer().unwrap().flags().contains(gst::BufferFlags::TAG_MEMORY);
+        samples.map(Option::unwrap).filter(is_freed).count()
+    };
+    assert_eq!(n_freed(Input::stream(std::fs::File::open(&path).unwrap()).unwrap()), 40);
+    assert_eq!(n_freed(Input::file(&path).unwrap()), 0);
+}
+
+#[test]
+fn who_pads_rows_is_not_made_to_copy_them() {
+    gst::init().unwrap();
+    let caps: gst::Caps = "video/x-raw,format=I420,width=160,height=120".parse().unwrap();
+    for keep in [input::Keep::All, input::Keep::Newest] {
+        let mut question = gst::query::Allocation::new(Some(&caps), false);
+        let sink = decoder::make_sink(keep);
+        let _ = sink.static_pad("sink").unwrap().query(question.query_mut());
+        assert!(question.find_allocation_meta::<gstreamer_video::VideoMeta>().is_some(), "{keep:?}");
+    }
+}
+
 /// So write some who hand an encoder pictures without times.
 #[test]
 fn files_whose_frames_all_bear_one_time_lose_none_of_them() {

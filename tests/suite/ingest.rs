@@ -5,7 +5,6 @@
 mod mutations;
 
 use crate::support::real_data;
-use crate::support::video::Numbered;
 use gstreamer::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +15,6 @@ use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame};
 use videofields::ingest::{
     self, CameraState, CameraWorker, FrameConsumer, IngestError, MediaRoots, Source, SourceFrame,
 };
-use videofields::media::{Decoder, Input, PlaneReader, Times};
 
 fn settings(path: &Path) -> SourceSettings {
     SourceSettings::of_path(path)
@@ -97,26 +95,6 @@ fn a_clip_with_broken_times_is_timed_by_index() {
         assert_eq!(own.len(), n);
         assert!(own.windows(2).all(|pair| pair[0].stream_nanos < pair[1].stream_nanos));
         assert_ne!(own[1].stream_nanos - own[0].stream_nanos, own[2].stream_nanos - own[1].stream_nanos);
-    }
-}
-
-#[test]
-fn padded_rows_are_taken_as_the_decoder_wrote_them() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("film.mkv");
-    let (encoder, muxer) = ("x264enc bframes=2 key-int-max=15", "matroskamux");
-    Numbered { n_frames: 20, rate_hz: 20, encoder, muxer }.write(&path);
-    // Pictures of a camera come from its decoder's pool, without padding; of a stream, as they were decoded.
-    let pooled = open(&settings(&path)).unwrap().next_frame().unwrap().unwrap().image;
-    let input = Input::stream(std::fs::File::open(&path).unwrap()).unwrap();
-    let decoder = Decoder::start(&input, None).unwrap();
-    let sample = decoder.pull(gstreamer::ClockTime::from_seconds(10)).unwrap();
-    let padded = PlaneReader::new(Times::Written).picture(&sample).unwrap().image;
-    let stride = padded.plane(0).stride;
-    assert!(stride > padded.plane(0).width as usize, "a decoder that pads rows was made to copy them");
-    for plane in 0..3 {
-        let (pooled, padded) = (pooled.plane(plane), padded.plane(plane));
-        assert!((0..pooled.height).all(|y| pooled.row(y) == padded.row(y)), "plane {plane}");
     }
 }
 
