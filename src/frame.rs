@@ -1,15 +1,17 @@
 //! Pictures as cameras deliver them: identified, timed, in the decoder's own YUV planes.
 //!
-//! Owns `Frame`, `YuvImage`, `Mask`, `BitMask`, `RgbImage` and the one conversion between YUV and sRGB. Knows nothing of
+//! Owns `Frame`, `YuvImage`, `Mask`, `BitMask`, `RgbImage`, the buffers that their memory goes round in, and the one conversion between YUV and sRGB. Knows nothing of
 //! where frames come from or what is done with them.
 
 mod bits;
+mod buffer;
 mod color;
 mod mask;
 mod reduce;
 mod yuv;
 
 pub use bits::{BitMask, WORD_PIXELS, inside};
+pub use buffer::{Buffer, BufferPool};
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};
 pub use mask::Mask;
 pub use yuv::{Plane, YuvError, YuvImage, YuvLayout};

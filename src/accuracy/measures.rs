@@ -328,7 +328,7 @@ mod tests {
     #[test]
     fn seams_count_steps_that_the_truth_does_not_have() {
         // Owners change between columns 2 and 3; the truth steps there by 10, the picture by 30 and by 5.
-        let owners = Mask { width: 4, height: 2, data: vec![0, 0, 1, 1, 0, 0, 1, 1] };
+        let owners = Mask { width: 4, height: 2, data: vec![0, 0, 1, 1, 0, 0, 1, 1].into() };
         let truth = picture(&[&[50, 50, 60, 60], &[50, 50, 60, 60]]);
         let drawn = picture(&[&[50, 50, 80, 60], &[50, 90, 95, 60]]);
         let everywhere = Mask::filled(4, 2, 255);
@@ -341,7 +341,7 @@ mod tests {
         add_seam_energy(&mut none, &drawn, &truth, &owners, &Mask::filled(4, 2, 0));
         assert_eq!(none.value(), None);
         // Rows are neighbours too.
-        let stacked = Mask { width: 1, height: 2, data: vec![0, 1] };
+        let stacked = Mask { width: 1, height: 2, data: vec![0, 1].into() };
         let mut sum = Mean::default();
         add_seam_energy(
             &mut sum,

@@ -434,6 +434,6 @@ mod tests {
         assert_eq!(found.get(23, 16), 1);
         // Beyond the ground there is nothing to own.
         assert_eq!(found.get(0, 0), NO_OWNER);
-        assert_eq!(owners(&surfaces, &[], &view).data, vec![NO_OWNER; 1024]);
+        assert_eq!(owners(&surfaces, &[], &view).data, vec![NO_OWNER; 1024].into());
     }
 }

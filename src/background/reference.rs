@@ -82,7 +82,7 @@ impl ReferenceMixture {
 
     /// Bytes that the model and its pictures take.
     #[must_use]
-    pub const fn len_bytes(&self) -> usize {
+    pub fn len_bytes(&self) -> usize {
         self.modes.len() * size_of::<Mode>() + self.foreground.data.len() + self.background.len()
     }
 

@@ -46,5 +46,5 @@ fn read_rgb(path: &Path) -> Result<RgbImage> {
 
 fn read_mask(path: &Path) -> Result<Mask> {
     let image = open(path)?.into_luma8();
-    Ok(Mask { width: image.width(), height: image.height(), data: image.into_raw() })
+    Ok(Mask { width: image.width(), height: image.height(), data: image.into_raw().into() })
 }

@@ -50,16 +50,16 @@ mod tests {
         let read = image::load_from_memory(&png_rgb(&rgb).unwrap()).unwrap();
         assert_eq!(read.as_rgb8().unwrap().as_raw(), &data);
 
-        let mask = Mask { width: 7, height: 5, data: data[..35].to_vec() };
+        let mask = Mask { width: 7, height: 5, data: data[..35].to_vec().into() };
         let read = image::load_from_memory(&png_gray(&mask).unwrap()).unwrap();
-        assert_eq!(read.as_luma8().unwrap().as_raw(), &mask.data);
+        assert_eq!(read.as_luma8().unwrap().as_raw(), &*mask.data);
     }
 
     #[test]
     fn pictures_that_are_none_are_refused() {
         let error = |width, height, n: usize| {
             let rgb = png_rgb(&RgbImage { width, height, data: vec![0; 3 * n] }).unwrap_err();
-            let gray = png_gray(&Mask { width, height, data: vec![0; n] }).unwrap_err();
+            let gray = png_gray(&Mask { width, height, data: vec![0; n].into() }).unwrap_err();
             assert_eq!(rgb.kind(), gray.kind());
             rgb.kind()
         };

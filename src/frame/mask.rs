@@ -1,5 +1,8 @@
 //! One byte a pixel: how much of it is foreground.
 
+use super::buffer::{Buffer, BufferPool};
+use std::sync::Arc;
+
 /// Foreground share of every pixel.
 ///
 /// **Shape** `height * width` bytes, row-major, rows from the top, no padding. **Range** 0 background to 255
@@ -11,14 +14,20 @@ pub struct Mask {
     /// Rows.
     pub height: u32,
     /// `height * width` values.
-    pub data: Vec<u8>,
+    pub data: Buffer,
 }
 
 impl Mask {
     /// A mask with every value `value`.
     #[must_use]
     pub fn filled(width: u32, height: u32, value: u8) -> Self {
-        Self { width, height, data: vec![value; width as usize * height as usize] }
+        Self { width, height, data: vec![value; width as usize * height as usize].into() }
+    }
+
+    /// The same, in memory of `pool`.
+    #[must_use]
+    pub fn filled_of(pool: &Arc<BufferPool>, (width, height): (u32, u32), value: u8) -> Self {
+        Self { width, height, data: pool.filled(width as usize * height as usize, value) }
     }
 
     /// Row `y`, `width` values.

@@ -1,8 +1,10 @@
 //! A picture at a fraction of its size, for stages that need fewer pixels.
 
+use super::buffer::BufferPool;
 use super::yuv::{Plane, YuvImage, YuvLayout};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Rows that one thread takes at least.
 const MIN_ROWS: usize = 16;
@@ -11,19 +13,29 @@ const MIN_ROWS: usize = 16;
 const STRETCH: usize = 32;
 
 impl YuvImage {
-    /// The picture at 1/`factor` of its sides, rounded up: each sample is the rounded mean of the `factor` x `factor`
-    /// samples of its plane that it stands for (of those that exist at the right and lower edges).
-    ///
-    /// `factor` is 1 to 16; what lies outside is taken as the nearest. **Cost** one pass over the samples.
+    /// As [`Self::reduced_of`], in memory of its own.
     ///
     /// # Panics
     /// Never: every picture has a pixel.
     #[must_use]
     pub fn reduced(&self, factor: u32) -> Self {
+        self.reduced_of(&BufferPool::new(0), factor)
+    }
+
+    /// The picture at 1/`factor` of its sides, rounded up: each sample is the rounded mean of the `factor` x `factor`
+    /// samples of its plane that it stands for (of those that exist at the right and lower edges).
+    ///
+    /// `factor` is 1 to 16; what lies outside is taken as the nearest. Its memory is of `pool`. **Cost** one pass over the
+    /// samples.
+    ///
+    /// # Panics
+    /// Never: every picture has a pixel.
+    #[must_use]
+    pub fn reduced_of(&self, pool: &Arc<BufferPool>, factor: u32) -> Self {
         let factor = factor.clamp(1, 16) as usize;
         let (width, height) = (self.width().div_ceil(factor as u32), self.height().div_ceil(factor as u32));
         let (layout, level) = (YuvLayout::packed(width, height), Level::new());
-        let mut data = vec![0; YuvLayout::packed_len(width, height)];
+        let mut data = pool.filled(YuvLayout::packed_len(width, height), 0);
         for (index, plane) in layout.split_mut(&mut data).into_iter().enumerate() {
             let source = self.plane(index);
             let rows = plane.par_chunks_mut(layout.strides[index]).enumerate().with_min_len(MIN_ROWS);

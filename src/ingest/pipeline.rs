@@ -8,7 +8,7 @@ use crate::background::{BackgroundError, Detail, Format, GaussianMixture, Hints}
 use crate::clock::Timestamp;
 use crate::condition::{Condition, ConditionKind, Conditions, Phase};
 use crate::config::{BackgroundSettings, ConditionSettings, Learning, SegmentSettings, TrackSettings};
-use crate::frame::{BitMask, CameraId, Frame, Mask, YuvImage};
+use crate::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind, Observation};
@@ -20,6 +20,9 @@ const MAX_ASIDE: usize = 2;
 
 /// Events that are kept until they are taken; what happens beyond that is lost.
 const MAX_EVENTS: usize = 64;
+
+/// Reduced pictures whose memory waits for the next: one is worked on, and one stays for what it may repeat.
+const MAX_SPARE: usize = 2;
 
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
@@ -58,6 +61,8 @@ pub struct Pipeline {
     has_vision: bool,
     /// The mask of pictures in which nothing is looked for, which frames share.
     blank: Option<Arc<Mask>>,
+    /// Memory of reduced pictures.
+    pool: Arc<BufferPool>,
 }
 
 /// One model and what its next step depends on.
@@ -95,6 +100,7 @@ impl Pipeline {
             is_review: false,
             has_vision: true,
             blank: None,
+            pool: BufferPool::new(MAX_SPARE),
         }
     }
 
@@ -192,7 +198,7 @@ impl Pipeline {
     /// The picture that is worked on: reduced, where the resolution is.
     fn reduced(&self, image: &YuvImage) -> Option<Arc<YuvImage>> {
         let factor = self.factor((image.width(), image.height()));
-        (factor > 1).then(|| Arc::new(image.reduced(factor)))
+        (factor > 1).then(|| Arc::new(image.reduced_of(&self.pool, factor)))
     }
 
     /// Learns a picture of the background clip, `dt_secs` after the one before it.

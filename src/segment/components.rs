@@ -228,7 +228,7 @@ mod tests {
     fn mask_of(bytes: &[u8], width: usize) -> BitMask {
         let (width, height) = (width as u32, (bytes.len() / width) as u32);
         let mut bits = BitMask::default();
-        bits.take(&Mask { width, height, data: bytes.to_vec() }, 1);
+        bits.take(&Mask { width, height, data: bytes.to_vec().into() }, 1);
         bits
     }
 

@@ -367,7 +367,7 @@ mod tests {
             transform.compute(mask, is_moving);
             transform.write_weights(&mut weights);
             assert_eq!((weights.width, weights.height), (mask.width, mask.height));
-            assert_eq!(weights.data, expected);
+            assert_eq!(*weights.data, expected);
         };
         check(&mask(7, 1, |x, _| x > 0 && x < 6), &[0, 85, 170, 255, 170, 85, 0]);
         check(&mask(3, 2, |_, _| true), &[255; 6]);

@@ -4,11 +4,12 @@
 //! interpolated between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found
 //! anew. Only what lies near something is worked on.
 
-use super::segmenter::{Limits, Pieces, Segmentation};
+use super::segmenter::{Limits, MAX_SPARE_MASKS, Pieces, Segmentation};
 use super::{BACKGROUND, MOVING, SHADOW};
-use crate::frame::{BitMask, Mask, WORD_PIXELS};
+use crate::frame::{BitMask, BufferPool, Mask, WORD_PIXELS};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Rows that one thread takes at least.
 const MIN_ROWS: usize = 16;
@@ -21,11 +22,13 @@ const MAX_COLUMNS: usize = 4 * STRETCH;
 const MAX_WORDS: usize = MAX_COLUMNS / WORD_PIXELS;
 
 /// Enlarges what is found; keeps its memory from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Enlarger {
     /// For each stretch of each reduced row, whether anything shows in it once enlarged.
     is_near: Vec<bool>,
     moving: BitMask,
+    /// Memory of the full-size masks.
+    pool: Arc<BufferPool>,
 }
 
 /// The reduced rows that a full-size row lies between.
@@ -49,6 +52,12 @@ impl Rows<'_> {
     }
 }
 
+impl Default for Enlarger {
+    fn default() -> Self {
+        Self { is_near: Vec::new(), moving: BitMask::default(), pool: BufferPool::new(MAX_SPARE_MASKS) }
+    }
+}
+
 impl Enlarger {
     /// `soft_mask` and `labels` of a picture whose sides are reduced by 2 or 4, as of a picture of `size_px`; pieces
     /// that fall short of the full picture's `limits` are background.
@@ -63,8 +72,8 @@ impl Enlarger {
         limits: &Limits,
         pieces: &mut Pieces,
     ) -> Segmentation {
-        let mut full_soft = Mask::filled(size_px.0, size_px.1, 0);
-        let mut full_labels = Mask::filled(size_px.0, size_px.1, BACKGROUND);
+        let mut full_soft = Mask::filled_of(&self.pool, size_px, 0);
+        let mut full_labels = Mask::filled_of(&self.pool, size_px, BACKGROUND);
         self.find_near(soft_mask, labels);
         self.moving.reset(size_px.0 as usize, size_px.1 as usize);
         match factor {

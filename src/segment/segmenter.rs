@@ -13,8 +13,12 @@ use super::soft::soften;
 use super::split::Splitter;
 use super::{Blob, PixelRect};
 use crate::config::{MixtureRule, Resolution, SegmentSettings};
-use crate::frame::{BitMask, Mask, Plane, YuvImage};
+use crate::frame::{BitMask, BufferPool, Mask, Plane, YuvImage};
 use std::sync::Arc;
+
+/// Masks whose memory waits for the next frame: who keeps frames lets one frame's two go as a new one comes, and may have
+/// let two frames go at once.
+pub(super) const MAX_SPARE_MASKS: usize = 4;
 
 /// What moves in one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +51,8 @@ pub struct Segmenter {
     shadow: BitMask,
     pieces: Pieces,
     enlarger: Enlarger,
+    /// Memory of the masks, in the size of the pictures that are given.
+    pool: Arc<BufferPool>,
 }
 
 impl Segmenter {
@@ -65,6 +71,7 @@ impl Segmenter {
             shadow: BitMask::default(),
             pieces: Pieces::default(),
             enlarger: Enlarger::default(),
+            pool: BufferPool::new(MAX_SPARE_MASKS),
         }
     }
 
@@ -128,8 +135,8 @@ impl Segmenter {
     /// time since the frame before, which only the suppression of blinking pixels asks for.
     ///
     /// **Cost** of little but the pixels that may be foreground, with the rule `require`; linear in all pixels with the
-    /// others, with closing and with the suppression of blinking pixels. Only what is returned is allocated once the
-    /// first frame has passed.
+    /// others, with closing and with the suppression of blinking pixels. Once the first frames have passed, nothing is
+    /// allocated but the list of blobs, where masks are let go as new ones are made.
     ///
     /// # Panics
     /// When the background or `unmatched` is not of the frame's size.
@@ -179,7 +186,7 @@ impl Segmenter {
         let limits = Limits::reduced(&self.settings, size_px, factor);
         self.pieces.find(&self.moving);
         self.drop_pieces(&limits);
-        soften(&self.moving, &self.shadow, &self.judge)
+        soften(&self.moving, &self.shadow, &self.judge, &self.pool)
     }
 
     fn repair(&mut self, factor: u32) {

@@ -1,22 +1,28 @@
 //! What is handed out of the bits: a soft mask and labels, a byte a pixel.
 //!
-//! Only tiles with something in them are written; the others stay 0 as they were allocated.
+//! Only tiles with something in them are written; the others stay 0 as they were made.
 
 use super::difference::TILE;
 use super::dilate::spread;
 use super::label::Judge;
 use super::{MOVING, SHADOW};
-use crate::frame::{BitMask, Mask};
+use crate::frame::{BitMask, BufferPool, Mask};
 use fearless_simd::{Level, Simd, dispatch};
+use std::sync::Arc;
 
 /// The soft mask and the labels of the moving and shadow pixels.
 ///
 /// The soft mask is the blurred difference's ramp; never under one half within a blob, and outside of it never more
 /// than the share of the blob in the pixel's 3 x 3 neighbourhood (weights 1 2 1 both ways), so that edges are smooth
-/// wherever they come from. Pixels that only repair made moving are solid.
-pub(super) fn soften(moving: &BitMask, shadow: &BitMask, judge: &Judge) -> (Mask, Mask) {
-    let (width, height) = (moving.width() as u32, moving.height() as u32);
-    let mut out = (Mask::filled(width, height, 0), Mask::filled(width, height, 0));
+/// wherever they come from. Pixels that only repair made moving are solid. Memory is of `pool`.
+pub(super) fn soften(
+    moving: &BitMask,
+    shadow: &BitMask,
+    judge: &Judge,
+    pool: &Arc<BufferPool>,
+) -> (Mask, Mask) {
+    let blank = || Mask::filled_of(pool, (moving.width() as u32, moving.height() as u32), 0);
+    let mut out = (blank(), blank());
     dispatch!(Level::new(), simd => soften_all(simd, moving, shadow, judge, &mut out));
     out
 }

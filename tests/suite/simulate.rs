@@ -435,7 +435,7 @@ fn what_is_written_is_what_is_true() {
                 continue;
             }
             assert_eq!(image::open(path("frame")).unwrap().into_rgb8().into_raw(), truth.rgb.data);
-            assert_eq!(image::open(path("instance")).unwrap().into_luma8().into_raw(), truth.instance.data);
+            assert_eq!(image::open(path("instance")).unwrap().into_luma8().into_raw(), *truth.instance.data);
             let depth_mm = image::open(path("depth")).unwrap().into_luma16().into_raw();
             for (read, depth_m) in depth_mm.iter().zip(&truth.depth_m) {
                 assert!(
@@ -488,8 +488,8 @@ fn views_alone_are_written_at_the_times_asked_for() {
     let judged = world.judged_view(&camera, 0.7, 2, (162, 90)).unwrap();
     let read = |kind: &str| image::open(views[0].join(kind).join("000007.png")).unwrap();
     assert_eq!(read("frame").into_rgb8().into_raw(), judged.truth.rgb.data);
-    assert_eq!(read("seen").into_luma8().into_raw(), judged.seen.data);
-    assert_eq!(read("static").into_luma8().into_raw(), judged.still.data);
+    assert_eq!(read("seen").into_luma8().into_raw(), *judged.seen.data);
+    assert_eq!(read("static").into_luma8().into_raw(), *judged.still.data);
 }
 
 #[test]

@@ -176,7 +176,7 @@ impl Clip {
             if (width, height) != (next.image.width(), next.image.height()) {
                 bail!("{}: not of its clip's size", place.display());
             }
-            truth.push(Mask { width, height, data: label.into_raw() });
+            truth.push(Mask { width, height, data: label.into_raw().into() });
             frames.push((next.stream_nanos, next.image));
         }
         ensure!(!frames.is_empty(), "{camera} of {} has no frame", world.display());

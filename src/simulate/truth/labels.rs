@@ -51,7 +51,7 @@ mod tests {
 
     #[test]
     fn labels_are_those_of_the_benchmark() {
-        let mask = |data: [u8; 6]| Mask { width: 3, height: 2, data: data.to_vec() };
+        let mask = |data: [u8; 6]| Mask { width: 3, height: 2, data: data.to_vec().into() };
         let (instance, shadow) = (mask([0, 1, 2, 0, 0, 3]), mask([0, 255, 0, 255, 255, 0]));
         let got = labels(&instance, Some(&shadow), |i| i == 2 || i == 4, |i| i != 5);
         assert_eq!(got, mask([STATIC, MOVING, UNKNOWN, SHADOW, UNKNOWN, OUTSIDE]));

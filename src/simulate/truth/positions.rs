@@ -139,7 +139,7 @@ mod tests {
 
     #[test]
     fn visible_figures_are_counted() {
-        let instance = Mask { width: 4, height: 2, data: vec![0, 2, 2, 0, 0, 0, 2, 7] };
+        let instance = Mask { width: 4, height: 2, data: vec![0, 2, 2, 0, 0, 0, 2, 7].into() };
         let expected = [
             VisibleFigure { instance: 2, rectangle_px: [1, 0, 3, 2], n_pixels: 3 },
             VisibleFigure { instance: 7, rectangle_px: [3, 1, 4, 2], n_pixels: 1 },
