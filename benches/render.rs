@@ -10,7 +10,7 @@ use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImag
 use videofields::fuse::{CameraState, SceneState};
 use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
 use videofields::gpu::Gpu;
-use videofields::plan::{self, EntityStyle, View, ViewLimits};
+use videofields::plan::{self, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
 use videofields::render::Renderer;
 use videofields::scene::{Material, Scene};
 use videofields::timeline::Observation;
@@ -79,24 +79,25 @@ fn state(n_cameras: u32) -> SceneState {
     }
 }
 
-fn view(width: u32, height: u32) -> View {
+fn view(width: u32, height: u32) -> Picture {
     let limits = ViewLimits { max_side_px: 16_384, max_pixels: 1 << 28 };
     // Ground fills the picture: the dearest case.
-    View::new(DVec3::new(3.0, -20.0, 12.0), DVec3::ZERO, 0.7, width, height, &limits).expect("a view")
+    View::new(DVec3::new(3.0, -20.0, 12.0), DVec3::ZERO, 0.7, width, height, &limits).expect("a view").into()
 }
 
 fn render(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("render");
     group.sample_size(20);
+    let wishes =
+        |samples| Wishes { entities: EntityStyle::None, sampling: Sampling { samples, supersampling: 1 } };
     for samples in [1, 4] {
-        let settings = RenderSettings { samples, ..RenderSettings::default() };
         let Ok(gpu) = Gpu::new("") else { return };
-        let mut renderer = Renderer::new(gpu, &settings).expect("a renderer");
+        let mut renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");
         for n_cameras in [0, 1, 3, 8] {
             let state = state(n_cameras);
             for (width, height) in [(640, 360), (WIDTH, HEIGHT)] {
                 let view = view(width, height);
-                let plan = plan::make(&state, &view, EntityStyle::None);
+                let plan = plan::make(&state, &view, wishes(samples));
                 let name = format!("{width}x{height}/{n_cameras}_cameras/{samples}_samples");
                 group.bench_function(name, |bencher| {
                     bencher.iter(|| renderer.render(&state, &view, black_box(&plan)).expect("a picture"));
@@ -109,7 +110,7 @@ fn render(criterion: &mut Criterion) {
     let mut renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");
     let view = view(WIDTH, HEIGHT);
     let mut state = state(3);
-    let plan = plan::make(&state, &view, EntityStyle::None);
+    let plan = plan::make(&state, &view, wishes(4));
     group.bench_function("1280x720/3_cameras/4_samples/new_backgrounds", |bencher| {
         bencher.iter(|| {
             for camera in &mut state.cameras {
@@ -119,7 +120,7 @@ fn render(criterion: &mut Criterion) {
         });
     });
     group.bench_function("plan", |bencher| {
-        bencher.iter(|| plan::make(&state, black_box(&view), EntityStyle::None));
+        bencher.iter(|| plan::make(&state, black_box(&view), wishes(4)));
     });
     group.finish();
 }

@@ -21,7 +21,7 @@ enum Command {
     CheckConfig(commands::check::CheckConfig),
     CheckStore(commands::store::CheckStore),
     Repair(commands::store::Repair),
-    View(commands::view::View),
+    View(Box<commands::view::View>),
     Segment(commands::segment::Segment),
     Compare(commands::compare::Compare),
     Calibration(commands::calibration::Calibration),

@@ -18,11 +18,11 @@ const N_LIMIT_DIRECTIONS: u32 = 64u;
 const TAU: f32 = 6.283185307179586;
 
 struct Camera {
-    // Rows of the rigid transform to camera axes (x right, y down, z forward) from points relative to the eye.
+    // Rows of the rigid transform to camera axes (x right, y down, z forward) from points relative to the anchor.
     row_x: vec4<f32>,
     row_y: vec4<f32>,
     row_z: vec4<f32>,
-    position_from_eye: vec3<f32>,
+    position_from_anchor: vec3<f32>,
     model: u32,
     // Focal lengths and principal point in units of the picture's size.
     focal: vec2<f32>,
@@ -95,8 +95,8 @@ fn distort_fisheye(camera_idx: u32, local: vec3<f32>, theta: f32) -> vec2<f32> {
 
 // u = (fx x' + cx) / width, with nothing behind the near plane or beyond the lens's limit. Free of divergent
 // branches, so that neighbouring pixels' results may be subtracted.
-fn project(camera_idx: u32, point_from_eye: vec3<f32>) -> Projection {
-    let point = vec4<f32>(point_from_eye, 1.0);
+fn project(camera_idx: u32, point_from_anchor: vec3<f32>) -> Projection {
+    let point = vec4<f32>(point_from_anchor, 1.0);
     let local = vec3<f32>(
         dot(cameras[camera_idx].row_x, point),
         dot(cameras[camera_idx].row_y, point),

@@ -14,22 +14,24 @@ const FULL_MASK: f32 = 0.8;
 const RECT_FEATHER_PX: f32 = 2.0;
 
 struct BillboardIn {
-    @location(0) foot_from_eye: vec3<f32>,
+    @location(0) foot_from_anchor: vec3<f32>,
     @location(1) camera_idx: u32,
-    // Unit vector along the base line as the camera saw it, and as it is turned towards the viewer.
+    // Unit vector along the base line as the camera saw it.
     @location(2) right: vec3<f32>,
     @location(3) height_m: f32,
+    // Unit vectors along the base line and the sides as they are turned towards the viewer.
     @location(4) turned_right: vec3<f32>,
+    @location(5) turned_up: vec3<f32>,
     // Blob's rectangle: u, v of its upper left and lower right.
-    @location(5) rect: vec4<f32>,
+    @location(6) rect: vec4<f32>,
     // Extent along the base line to the left (negative) and right edge, metres.
-    @location(6) left_right_m: vec2<f32>,
+    @location(7) left_right_m: vec2<f32>,
 }
 
 struct Varying {
     @builtin(position) position: vec4<f32>,
     // The point of the rectangle before it was turned: where it is looked up.
-    @location(0) seen_from_eye: vec3<f32>,
+    @location(0) seen_from_anchor: vec3<f32>,
     @location(1) @interpolate(flat) camera_idx: u32,
     @location(2) @interpolate(flat) rect: vec4<f32>,
 }
@@ -37,16 +39,16 @@ struct Varying {
 @vertex
 fn vs_main(in: BillboardIn, @builtin(vertex_index) corner: u32) -> Varying {
     let along = select(in.left_right_m.x, in.left_right_m.y, (corner & 1u) != 0u);
-    let up = vec3<f32>(0.0, 0.0, select(0.0, in.height_m, (corner & 2u) != 0u));
-    let drawn = in.foot_from_eye + in.turned_right * along + up;
-    let seen = in.foot_from_eye + in.right * along + up;
-    return Varying(view.clip_from_eye * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect);
+    let up = select(0.0, in.height_m, (corner & 2u) != 0u);
+    let drawn = in.foot_from_anchor + in.turned_right * along + in.turned_up * up;
+    let seen = in.foot_from_anchor + in.right * along + vec3<f32>(0.0, 0.0, up);
+    return Varying(view.clip_from_anchor * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect);
 }
 
 @fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     let k = in.camera_idx;
-    let projection = project(k, in.seen_from_eye);
+    let projection = project(k, in.seen_from_anchor);
     let texture = clamp(projection.texture, vec2<f32>(0.0), vec2<f32>(1.0));
     let color = textureSampleLevel(frames, frame_sampler, texture * cameras[k].frame_scale, cameras[k].frame_layer, 0.0);
     let beside = max(max(in.rect.xy - projection.texture, projection.texture - in.rect.zw), vec2<f32>(0.0));

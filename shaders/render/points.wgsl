@@ -10,7 +10,7 @@
 const LEAST_MASK: f32 = 0.5;
 
 struct PointIn {
-    @location(0) position_from_eye: vec3<f32>,
+    @location(0) position_from_anchor: vec3<f32>,
     @location(1) size_m: f32,
     @location(2) texture: vec2<f32>,
     @location(3) camera_idx: u32,
@@ -28,7 +28,7 @@ fn vs_main(in: PointIn, @builtin(vertex_index) corner: u32) -> Varying {
     let color = textureSampleLevel(frames, frame_sampler, place, cameras[k].frame_layer, 0.0);
     let x = select(-0.5, 0.5, (corner & 1u) != 0u) * in.size_m;
     let y = select(0.5, -0.5, (corner & 2u) != 0u) * in.size_m;
-    let position = view.clip_from_eye * vec4<f32>(in.position_from_eye + view.right * x + view.down * y, 1.0);
+    let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor + view.right * x + view.down * y, 1.0);
     // Beyond infinity: clipped.
     let nowhere = vec4<f32>(0.0, 0.0, -1.0, 1.0);
     return Varying(select(nowhere, position, color.a >= LEAST_MASK), color.rgb);

@@ -28,7 +28,7 @@ const LEAST_COSINE: f32 = 0.0087265;
 const DEPTH_NEAR_M: f32 = 0.05;
 
 struct VertexIn {
-    @location(0) position_from_eye: vec3<f32>,
+    @location(0) position_from_anchor: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) material: vec3<f32>,
 }
@@ -36,15 +36,15 @@ struct VertexIn {
 struct Varying {
     @builtin(position) position: vec4<f32>,
     // At the covered part of the pixel, so that nothing beyond the surface's edge is projected.
-    @location(0) @interpolate(perspective, centroid) position_from_eye: vec3<f32>,
+    @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
     @location(1) @interpolate(flat) normal: vec3<f32>,
     @location(2) @interpolate(flat) material: vec3<f32>,
 }
 
 @vertex
 fn vs_main(in: VertexIn) -> Varying {
-    let position = view.clip_from_eye * vec4<f32>(in.position_from_eye, 1.0);
-    return Varying(position, in.position_from_eye, in.normal, in.material);
+    let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
+    return Varying(position, in.position_from_anchor, in.normal, in.material);
 }
 
 fn fifth_power(x: f32) -> f32 {
@@ -125,8 +125,8 @@ fn level_of_detail(camera_idx: u32, step_x: vec2<f32>, step_y: vec2<f32>) -> f32
 
 @fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
-    let point = in.position_from_eye;
-    let to_viewer = -point / max(length(point), 1e-12);
+    let point = in.position_from_anchor;
+    let to_viewer = to_viewer_from(point);
     let normal = select(-in.normal, in.normal, dot(in.normal, to_viewer) >= 0.0);
 
     // Weights are fifth powers of s_k = (d_k . n) (d_k . d_v + 1). They are summed relative to the greatest s met so
@@ -140,7 +140,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     for (var k = 0u; k < N_SURFACE_CAMERAS; k++) {
         let projection = project(k, point);
         let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
-        let to_camera = normalize(cameras[k].position_from_eye - point);
+        let to_camera = normalize(cameras[k].position_from_anchor - point);
         let cosine = dot(to_camera, normal);
         let inset = min(projection.texture, 1.0 - projection.texture);
         let border = min(inset.x, inset.y);

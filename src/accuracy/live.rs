@@ -20,10 +20,10 @@ use crate::clock::Timestamp;
 use crate::config::{CameraSettings, Config, End, Resolution, SegmentSettings};
 use crate::frame::{CameraId, Frame, Mask, RgbImage, YuvImage};
 use crate::fuse;
-use crate::geometry::{Camera, Ray, Surfaces};
+use crate::geometry::{Camera, Surfaces};
 use crate::gpu::Gpu;
 use crate::ingest::{self, MediaRoots};
-use crate::plan::{self, EntityStyle, View};
+use crate::plan::{self, EntityStyle, Frustum, Picture, Sampling, View, Wishes};
 use crate::render::Renderer;
 use crate::scene::{Scene, SceneCamera};
 use crate::segment::{BACKGROUND, MOVING, Segmenter};
@@ -101,7 +101,8 @@ pub fn judge_scene(
             continue;
         };
         progress(&format!("leaving camera {} out", member.id));
-        let left_out = leave_out(&mut renderer, scene, member, own, &learned, scope)?;
+        let left_out =
+            leave_out((&mut renderer, settings.render.samples), scene, member, own, &learned, scope)?;
         let held_back = Some(own.held_back).filter(|held| held.n_frames > 0);
         cameras.push(UnjudgedCamera { id: member.id.to_string(), left_out, held_back });
     }
@@ -234,7 +235,7 @@ impl Learner {
 
 /// Draws the scene at a camera's place from the others and compares it with the camera's own background.
 fn leave_out(
-    renderer: &mut Renderer,
+    (renderer, samples): (&mut Renderer, u32),
     scene: &Arc<Scene>,
     member: &SceneCamera,
     own: &Learned,
@@ -257,8 +258,10 @@ fn leave_out(
         })
     };
     let state = fuse::assemble(scene, own.frame.timestamp, observe, None);
-    let plan = plan::make(&state, &view, EntityStyle::None);
-    let drawn = renderer.render(&state, &view, &plan)?.image;
+    let picture = Picture::from(view);
+    let wishes = Wishes { entities: EntityStyle::None, sampling: Sampling { samples, supersampling: 1 } };
+    let plan = plan::make(&state, &picture, wishes);
+    let drawn = renderer.render(&state, &picture, &plan)?.image;
     let others: Vec<&Camera> = state.cameras.iter().map(|state| &*state.camera).collect();
     let (expected, mask) = expected(camera, &own.background.to_rgb(), &view, &scene.surfaces, &others);
     let n_seen = mask.data.iter().filter(|value| **value > 0).count();
@@ -294,7 +297,9 @@ fn view_of(camera: &Camera, max_width_px: u32) -> Option<View> {
     }
     let width_px = camera.size_px().0.clamp(16, max_width_px.max(16));
     let height_px = (f64::from(width_px) * half.y / half.x).round().clamp(16.0, 8192.0) as u32;
-    Some(View { pose, fov_y_rad: 2.0 * half.y.atan(), width_px, height_px })
+    // Square pixels, so that the picture is as wide as its rows say.
+    let frustum = Frustum::around_axis(2.0 * half.y.atan(), width_px, height_px);
+    Some(View { pose, frustum, width_px, height_px })
 }
 
 /// What a camera's own background shows in `view` from its place, and where: 255 where it has a texel there and
@@ -309,12 +314,10 @@ fn expected(
     let (width, height) = (view.width_px, view.height_px);
     let mut picture = RgbImage { width, height, data: vec![0; width as usize * height as usize * 3] };
     let mut mask = Mask::filled(width, height, 0);
-    let eye = view.pose.position_in_world;
     let pixels = picture.data.chunks_exact_mut(3).zip(&mut mask.data).zip(0_u32..);
     for ((pixel, value), idx) in pixels {
         let at = |place: u32, of: u32| (f64::from(place) + 0.5) / f64::from(of);
-        let ray =
-            Ray { origin: eye, direction: view.direction(at(idx % width, width), at(idx / width, height)) };
+        let ray = view.ray(at(idx % width, width), at(idx / width, height));
         let place = camera.project(ray.at(10.0)).filter(|place| place.is_inside());
         let (Some(place), Some(hit)) = (place, surfaces.hit(&ray, 0.0)) else { continue };
         let is_seen = others.iter().any(|other| {

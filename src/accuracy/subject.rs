@@ -9,7 +9,7 @@ use super::measures::NO_OWNER;
 use crate::clock::Timestamp;
 use crate::config::{self, CameraSettings, RenderSettings};
 use crate::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use crate::geometry::{Camera, Ray, Surfaces};
+use crate::geometry::{Camera, Surfaces};
 use crate::plan::{View, ViewLimits};
 use crate::scene::{self, Scene, SceneView};
 use crate::simulate::{JudgedView, Station, Wanted, World, pinhole};
@@ -329,11 +329,10 @@ pub fn owners(surfaces: &Surfaces, cameras: &[&Camera], view: &View) -> Mask {
     const FEATHER: f64 = 0.06;
     let (width, height) = (view.width_px, view.height_px);
     let mut owners = Mask::filled(width, height, NO_OWNER);
-    let eye = view.pose.position_in_world;
     owners.data.par_chunks_mut(width as usize).enumerate().for_each(|(y, row)| {
         for (x, owner) in row.iter_mut().enumerate() {
             let at = |place: usize, of: u32| (place as f64 + 0.5) / f64::from(of);
-            let ray = Ray { origin: eye, direction: view.direction(at(x, width), at(y, height)) };
+            let ray = view.ray(at(x, width), at(y, height));
             let Some(hit) = surfaces.hit(&ray, 0.0) else { continue };
             let to_viewer = -ray.direction;
             let normal = if hit.normal_in_world.dot(to_viewer) < 0.0 {

@@ -14,7 +14,7 @@ use super::subject::{Subject, SubjectView};
 use crate::frame::{CameraId, Mask, RgbImage};
 use crate::fuse::{self, Billboard, EntityPoint, SceneState};
 use crate::gpu::Gpu;
-use crate::plan::{self, EntityStyle, Spread};
+use crate::plan::{self, EntityStyle, Picture, Sampling, Spread, Wishes};
 use crate::render::{RenderError, Renderer};
 use crate::timeline::Observation;
 use std::collections::BTreeMap;
@@ -79,11 +79,13 @@ impl Easel {
         };
         let instant = subject.instant(moment.frame + subject.n_frames());
         let state = fuse::assemble(&subject.scene, instant, find, stride);
-        let mut plan = plan::make(&state, &view.view, entities.style);
+        let picture = Picture::from(view.view);
+        let sampling = Sampling { samples: self.form.samples, supersampling: 1 };
+        let mut plan = plan::make(&state, &picture, Wishes { entities: entities.style, sampling });
         if self.form.depth_map_side_px.is_none() {
             plan.depth_map_cameras.clear();
         }
-        let rendered = self.renderer.render(&state, &view.view, &plan)?;
+        let rendered = self.renderer.render(&state, &picture, &plan)?;
         Ok((rendered.image, state))
     }
 

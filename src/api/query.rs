@@ -101,6 +101,32 @@ impl Query {
         })
     }
 
+    /// Three points in the world, metres: nine numbers with commas between them.
+    pub(super) fn points(&mut self, name: &str) -> Option<[DVec3; 3]> {
+        let allowed =
+            format!("x,y,z three times: nine numbers of metres, each within +-{MAX_COORDINATE_M:e}");
+        self.value(name, &allowed, |text| {
+            let number = |part| finite(part).filter(|number: &f64| number.abs() <= MAX_COORDINATE_M);
+            let numbers = text.split(',').map(number).collect::<Option<Vec<f64>>>()?;
+            let (points, rest) = numbers.as_chunks::<3>();
+            let points: [[f64; 3]; 3] = points.try_into().ok().filter(|_| rest.is_empty())?;
+            Some(points.map(DVec3::from))
+        })
+    }
+
+    /// Whether the parameter `name` came.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.pairs.iter().any(|(other, _)| other == name)
+    }
+
+    /// Notes a fault where the parameter `name` came, and forgets it.
+    pub(super) fn refuse(&mut self, name: &str, why: &str) {
+        if self.has(name) {
+            self.pairs.retain(|(other, _)| other != name);
+            self.fault(name, why);
+        }
+    }
+
     /// One of a few words.
     pub(super) fn choice<T: Copy>(&mut self, name: &str, choices: &[(&str, T)]) -> Option<T> {
         let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
@@ -148,7 +174,7 @@ impl Query {
 
     /// Notes a fault where the parameter `name` did not come at all.
     pub(super) fn require(&mut self, name: &str) {
-        if !self.pairs.iter().any(|(other, _)| other == name) {
+        if !self.has(name) {
             self.fault(name, "is required");
         }
     }

@@ -6,10 +6,10 @@ use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::{Api, scenes};
 use crate::clock::Timestamp;
-use crate::engine::{EngineError, ViewAnswer, ViewRequest};
+use crate::engine::{EYE_DISTANCE_M, EngineError, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
-use crate::plan::EntityStyle;
+use crate::plan::{EntityStyle, MAX_SUPERSAMPLING};
 use crate::scene::SceneView;
 use axum::extract::{RawQuery, State};
 use glam::DVec3;
@@ -30,7 +30,41 @@ const MIN_DISTANCE_M: f64 = 1e-6;
 const STYLES: [(&str, EntityStyle); 3] =
     [("billboards", EntityStyle::Billboards), ("points", EntityStyle::Points), ("none", EntityStyle::None)];
 
-const PARAMETERS: [&str; 7] = ["eye", "target", "fov", "width", "height", "t", "entities"];
+/// The kinds of pictures, with the parameters that mean something to each alone.
+const KINDS: [(&str, &[&str]); 6] = [
+    ("perspective", &["eye", "target", "fov"]),
+    ("orthographic", &["eye", "target", "across"]),
+    ("map", &["target", "across", "heading"]),
+    ("panorama", &["eye", "target", "fov", "span"]),
+    ("stereo", &["eye", "target", "fov", "eye_distance", "convergence"]),
+    ("window", &["eye", "window"]),
+];
+
+const PARAMETERS: [&str; 16] = [
+    "projection",
+    "eye",
+    "target",
+    "fov",
+    "across",
+    "heading",
+    "span",
+    "eye_distance",
+    "convergence",
+    "window",
+    "width",
+    "height",
+    "t",
+    "entities",
+    "samples",
+    "supersampling",
+];
+
+/// Ranges of what only some kinds take.
+const ACROSS_M: RangeInclusive<f64> = 1e-3..=1e7;
+const HEADING_DEGREES: RangeInclusive<f64> = -360.0..=360.0;
+const SPAN_DEGREES: RangeInclusive<f64> = 1.0..=360.0;
+const EYE_DISTANCE_RANGE_M: RangeInclusive<f64> = 0.0..=1e3;
+const CONVERGENCE_M: RangeInclusive<f64> = 1e-3..=1e8;
 
 /// The scene as seen from where the request says.
 pub(super) async fn picture(
@@ -49,7 +83,7 @@ pub(super) async fn picture(
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
     let mut fields = vec![
-        ("videofields-view", shown_view(&answer.view)),
+        ("videofields-view", shown_view(&answer)),
         ("videofields-sources", sources(&answer)),
         ("videofields-plan", effects(&answer)),
         ("server-timing", server_timing(&stages)),
@@ -79,8 +113,10 @@ fn read(
 ) -> Result<(ViewRequest, Moment), Problem> {
     let mut query = Query::parse(raw, &PARAMETERS);
     let moment = query.moment(playhead);
+    let kind = read_kind(&mut query);
     let request = ViewRequest {
         scene,
+        kind: kind.unwrap_or_default(),
         eye: query.point("eye"),
         target: query.point("target"),
         fov_y_rad: query.number("fov", &FOV_DEGREES, " degrees").map(f64::to_radians),
@@ -88,13 +124,58 @@ fn read(
         height_px: query.whole("height", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[1]),
         at: moment.at,
         style: query.choice("entities", &STYLES).unwrap_or_default(),
+        samples: query.choice("samples", &[("1", 1), ("4", 4)]),
+        supersampling: query.whole("supersampling", &(1..=MAX_SUPERSAMPLING)).unwrap_or(1),
     };
     query.finish(Some((request, moment)))
+}
+
+/// Which kind of picture is asked for; `None` of a fault. Parameters of other kinds are faults.
+fn read_kind(query: &mut Query) -> Option<ViewKind> {
+    let words = KINDS.map(|kind| (kind.0, kind));
+    let (name, own) = match query.choice("projection", &words) {
+        Some(kind) => kind,
+        // A word that is no kind is a fault already.
+        None if query.has("projection") => return None,
+        None => KINDS[0],
+    };
+    let others = KINDS.iter().flat_map(|(_, parameters)| *parameters);
+    for parameter in others.filter(|parameter| !own.contains(parameter)) {
+        query.refuse(
+            parameter,
+            &format!("means nothing to projection={name}, which takes {}", own.join(", ")),
+        );
+    }
+    let metres = " metres";
+    Some(match name {
+        "orthographic" => ViewKind::Orthographic { across_m: query.number("across", &ACROSS_M, metres) },
+        "map" => ViewKind::Map {
+            across_m: query.number("across", &ACROSS_M, metres),
+            heading_rad: query.number("heading", &HEADING_DEGREES, " degrees").unwrap_or(0.0).to_radians(),
+        },
+        "panorama" => ViewKind::Panorama {
+            span_rad: query.number("span", &SPAN_DEGREES, " degrees").unwrap_or(360.0).to_radians(),
+        },
+        "stereo" => ViewKind::Stereo {
+            eye_distance_m: query
+                .number("eye_distance", &EYE_DISTANCE_RANGE_M, metres)
+                .unwrap_or(EYE_DISTANCE_M),
+            convergence_m: query.number("convergence", &CONVERGENCE_M, metres),
+        },
+        "window" => {
+            query.require("window");
+            ViewKind::Window { corners: query.points("window")? }
+        }
+        _ => ViewKind::Perspective,
+    })
 }
 
 /// Refuses, before anything is drawn, an eye and a target (given, or the scene's own) that leave no direction to
 /// look in.
 fn check_direction(request: &ViewRequest, own: Option<SceneView>) -> Result<(), Problem> {
+    if matches!(request.kind, ViewKind::Map { .. } | ViewKind::Window { .. }) {
+        return Ok(());
+    }
     let eye = request.eye.or(own.map(|view| view.eye));
     let target = request.target.or(own.map(|view| view.target));
     let Some((eye, target)) = eye.zip(target) else { return Ok(()) };
@@ -106,9 +187,48 @@ fn check_direction(request: &ViewRequest, own: Option<SceneView>) -> Result<(), 
     Err(Problem::at(ErrorKind::Invalid, vec![Fault::new(place, message)]))
 }
 
-fn shown_view(view: &SceneView) -> String {
+/// What a picture shows, as the parameters that would ask for it again.
+fn shown_view(answer: &ViewAnswer) -> String {
+    let SceneView { eye, target, fov_y_rad } = answer.view;
     let point = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
-    format!("eye={};target={};fov={}", point(view.eye), point(view.target), view.fov_y_rad.to_degrees())
+    let eye = format!("eye={}", point(eye));
+    let target = format!("target={}", point(target));
+    let fov = format!("fov={}", fov_y_rad.to_degrees());
+    let metres = |name: &str, length_m: Option<f64>| format!("{name}={}", length_m.unwrap_or(0.0));
+    let parts = match answer.kind {
+        ViewKind::Perspective => vec![eye, target, fov],
+        ViewKind::Orthographic { across_m } => {
+            vec!["projection=orthographic".to_owned(), eye, target, metres("across", across_m)]
+        }
+        ViewKind::Map { across_m, heading_rad } => vec![
+            "projection=map".to_owned(),
+            target,
+            metres("across", across_m),
+            format!("heading={}", heading_rad.to_degrees()),
+        ],
+        ViewKind::Panorama { span_rad } => {
+            vec![
+                "projection=panorama".to_owned(),
+                eye,
+                target,
+                fov,
+                format!("span={}", span_rad.to_degrees()),
+            ]
+        }
+        ViewKind::Stereo { eye_distance_m, convergence_m } => vec![
+            "projection=stereo".to_owned(),
+            eye,
+            target,
+            fov,
+            format!("eye_distance={eye_distance_m}"),
+            metres("convergence", convergence_m),
+        ],
+        ViewKind::Window { corners } => {
+            let window = corners.map(point).join(",");
+            vec!["projection=window".to_owned(), eye, format!("window={window}")]
+        }
+    };
+    parts.join(";")
 }
 
 fn sources(answer: &ViewAnswer) -> String {

@@ -46,6 +46,33 @@ pub(crate) struct View {
     /// How moving entities are drawn: billboards, points or none; billboards if absent.
     #[arg(long, value_name = "STYLE")]
     entities: Option<String>,
+    /// perspective, orthographic, map, panorama, stereo or window; perspective if absent.
+    #[arg(long, value_name = "KIND", allow_hyphen_values = true)]
+    projection: Option<String>,
+    /// Width of an orthographic picture or a map, metres.
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    across: Option<String>,
+    /// Direction at a map's top, degrees from north towards east; 0 if absent.
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    heading: Option<String>,
+    /// Angle that a panorama spans, degrees; 360 if absent.
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    span: Option<String>,
+    /// Between the eyes of a stereo pair, metres; 0.064 if absent.
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    eye_distance: Option<String>,
+    /// Where a stereo pair's pictures agree, metres; at the target if absent.
+    #[arg(long, value_name = "METRES", allow_hyphen_values = true)]
+    convergence: Option<String>,
+    /// Lower left, lower right and upper left corner of the window that is looked through.
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
+    window: Option<String>,
+    /// Samples a pixel, 1 or 4; as the configuration has it if absent.
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
+    samples: Option<String>,
+    /// Pixels each way that are drawn for one and averaged, 1 to 4; 1 if absent.
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
+    supersampling: Option<String>,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]
     explain: bool,
@@ -95,6 +122,15 @@ impl View {
             ("height", &self.height),
             ("t", &self.t),
             ("entities", &self.entities),
+            ("projection", &self.projection),
+            ("across", &self.across),
+            ("heading", &self.heading),
+            ("span", &self.span),
+            ("eye_distance", &self.eye_distance),
+            ("convergence", &self.convergence),
+            ("window", &self.window),
+            ("samples", &self.samples),
+            ("supersampling", &self.supersampling),
         ];
         let pair = |(name, value): (&str, &Option<String>)| {
             value.as_ref().map(|value| format!("{name}={}", utf8_percent_encode(value, NON_ALPHANUMERIC)))

@@ -2,15 +2,15 @@
 
 use super::{
     AccuracyStatus, EngineError, FoundTracks, PlayheadState, SceneAlignment, SceneTimeline, TrackQuery,
+    ViewAnswer, ViewRequest,
 };
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
-use crate::frame::{CameraId, RgbImage, YuvImage};
-use crate::plan::{EntityStyle, Plan};
-use crate::scene::{Scene, SceneView};
+use crate::frame::{CameraId, YuvImage};
+use crate::scene::Scene;
 use crate::timeline::{LoggedEvent, Observation};
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use serde::Serialize;
 use std::fs::File;
 use std::sync::Arc;
@@ -128,55 +128,6 @@ pub struct Located {
     pub surface: &'static str,
     /// Index of that ground polygon or box in the scene.
     pub surface_idx: u16,
-}
-
-/// A picture of a scene.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewRequest {
-    /// The scene's id.
-    pub scene: String,
-    /// The viewer's place, metres; the scene's own view if absent.
-    pub eye: Option<DVec3>,
-    /// What the viewer looks at, metres; the scene's own view if absent.
-    pub target: Option<DVec3>,
-    /// Vertical field of view, radians; the scene's own view if absent.
-    pub fov_y_rad: Option<f64>,
-    /// Columns of the picture.
-    pub width_px: u32,
-    /// Rows of the picture.
-    pub height_px: u32,
-    /// Which time.
-    pub at: At,
-    /// How moving entities are drawn.
-    pub style: EntityStyle,
-}
-
-/// Which frame of a camera went into a picture.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SourceTime {
-    /// The camera.
-    pub camera: CameraId,
-    /// Its frame's scene time.
-    pub timestamp: Timestamp,
-}
-
-/// A picture of a scene, and what went into it.
-#[derive(Clone, Debug)]
-pub struct ViewAnswer {
-    /// The picture.
-    pub image: Arc<RgbImage>,
-    /// The instant shown.
-    pub instant: Timestamp,
-    /// Where it is seen from: what the request named, else the scene's own view.
-    pub view: SceneView,
-    /// The cameras that had a frame for it.
-    pub sources: Vec<SourceTime>,
-    /// Those of them that saw nothing near the instant: of these the background alone is shown.
-    pub gaps: Vec<CameraId>,
-    /// Which effects ran, and why.
-    pub plan: Arc<Plan>,
-    /// What the stages took: name and time.
-    pub timings: Vec<(&'static str, Duration)>,
 }
 
 /// What a camera showed about a time.

@@ -24,6 +24,7 @@ mod sightings;
 mod track_search;
 mod tracks;
 mod tuning;
+mod view;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
@@ -32,11 +33,12 @@ pub use error::EngineError;
 pub use exports::ExportAsked;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
-    SceneSummary, SourceTime, ViewAnswer, ViewRequest,
+    SceneSummary,
 };
 pub use offline::view_once;
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
+pub use view::{EYE_DISTANCE_M, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
 use crate::archive::Archive;
 use crate::clock::Clock;

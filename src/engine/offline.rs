@@ -1,9 +1,10 @@
 //! One picture without a daemon: every camera of the scene is played up to the instant as fast as it goes.
 
 use super::EngineError;
-use super::handle::{At, ViewAnswer, ViewRequest};
+use super::handle::At;
 use super::picture::{Observations, Subject, failure_of};
 use super::renderer::open_renderer;
+use super::view::{ViewAnswer, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
 use crate::error::Fault;
@@ -31,7 +32,8 @@ pub fn view_once(
     let settings = config.settings();
     // The renderer first: a request that it refuses should not wait for the clips.
     let (mut renderer, _adapter) = open_renderer(&settings.render)?;
-    Subject::of(request, scene, Timestamp::default(), &Observations::new(), &renderer)?;
+    let limits = (renderer.view_limits(), settings.render.samples);
+    Subject::of(request, scene, Timestamp::default(), &Observations::new(), limits)?;
     let roots = MediaRoots::new(&settings.media.roots)
         .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?
         .with_networks(&settings.media.networks);
@@ -60,7 +62,7 @@ pub fn view_once(
     }
     let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
     let instant = until.or(latest).unwrap_or_default();
-    let subject = Subject::of(request, scene, instant, &found, &renderer)?;
+    let subject = Subject::of(request, scene, instant, &found, limits)?;
     subject.draw(&found, &mut renderer, clock).map_err(|error| failure_of(&error))
 }
 

@@ -1,12 +1,13 @@
 //! From observations to a picture: fuse, plan, render, each timed. Used by the render thread and without a daemon.
 
 use super::EngineError;
-use super::handle::{SourceTime, ViewAnswer, ViewRequest};
+use super::view::{SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
 use crate::frame::CameraId;
 use crate::fuse;
-use crate::plan::{self, EntityStyle, View};
+use crate::geometry::Surfaces;
+use crate::plan::{self, ACROSS_M, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::Observation;
@@ -17,8 +18,9 @@ use std::sync::Arc;
 pub(super) struct Subject {
     pub(super) scene: Arc<Scene>,
     pub(super) from: SceneView,
-    pub(super) view: View,
-    pub(super) style: EntityStyle,
+    pub(super) kind: ViewKind,
+    pub(super) picture: Picture,
+    pub(super) wishes: Wishes,
     pub(super) instant: Timestamp,
     pub(super) sources: Vec<SourceTime>,
     pub(super) gaps: Vec<CameraId>,
@@ -29,8 +31,9 @@ impl PartialEq for Subject {
         // Scenes are immutable: the same one is the same allocation.
         Arc::ptr_eq(&self.scene, &other.scene)
             && self.from == other.from
-            && self.view == other.view
-            && self.style == other.style
+            && self.kind == other.kind
+            && self.picture == other.picture
+            && self.wishes == other.wishes
             && self.instant == other.instant
             && self.sources == other.sources
             && self.gaps == other.gaps
@@ -44,13 +47,13 @@ pub(super) const HOST_STAGES: [&str; 3] = ["fuse", "plan", "render"];
 pub(super) type Observations = Vec<(CameraId, Observation)>;
 
 impl Subject {
-    /// What `request` asks for.
+    /// What `request` asks for, within `limits`; what names no samples gets as many as the settings have.
     pub(super) fn of(
         request: &ViewRequest,
         scene: &Arc<Scene>,
         instant: Timestamp,
         observations: &Observations,
-        renderer: &Renderer,
+        (limits, samples): (ViewLimits, u32),
     ) -> Result<Self, EngineError> {
         let own = scene.view.unwrap_or_else(|| overview(scene));
         let from = SceneView {
@@ -58,17 +61,21 @@ impl Subject {
             target: request.target.unwrap_or(own.target),
             fov_y_rad: request.fov_y_rad.unwrap_or(own.fov_y_rad),
         };
-        let (width_px, height_px) = (request.width_px, request.height_px);
-        let view =
-            View::new(from.eye, from.target, from.fov_y_rad, width_px, height_px, &renderer.view_limits())
-                .map_err(|fault| view_failure(fault, request))?;
+        let sampling =
+            Sampling { samples: request.samples.unwrap_or(samples), supersampling: request.supersampling };
+        sampling.check().map_err(EngineError::Request)?;
+        let (kind, from, picture) =
+            pictured(request, scene, from, &limits).map_err(|fault| view_failure(fault, request, &limits))?;
+        limits
+            .check_drawn(request.width_px, request.height_px, sampling.supersampling)
+            .map_err(EngineError::TooLarge)?;
         let source = |(camera, observation): &(CameraId, Observation)| SourceTime {
             camera: camera.clone(),
             timestamp: observation.frame.timestamp,
         };
         let sources = observations.iter().map(source).collect();
-        let (scene, style, gaps) = (Arc::clone(scene), request.style, Vec::new());
-        Ok(Self { scene, from, view, style, instant, sources, gaps })
+        let wishes = Wishes { entities: request.style, sampling };
+        Ok(Self { scene: Arc::clone(scene), from, kind, picture, wishes, instant, sources, gaps: Vec::new() })
     }
 
     /// Draws it.
@@ -79,15 +86,15 @@ impl Subject {
         clock: &dyn Clock,
     ) -> Result<ViewAnswer, RenderError> {
         let started = clock.monotonic();
-        let point_stride = (self.style == EntityStyle::Points).then_some(1);
+        let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
         let state = fuse::assemble(&self.scene, self.instant, find, point_stride);
         let fused = clock.monotonic();
-        let plan = plan::make(&state, &self.view, self.style);
+        let plan = plan::make(&state, &self.picture, self.wishes);
         let planned = clock.monotonic();
-        let rendered = renderer.render(&state, &self.view, &plan)?;
+        let rendered = renderer.render(&state, &self.picture, &plan)?;
         let finished = clock.monotonic();
         let mut timings = vec![
             (HOST_STAGES[0], fused.saturating_sub(started)),
@@ -98,6 +105,7 @@ impl Subject {
         Ok(ViewAnswer {
             image: Arc::new(rendered.image),
             instant: self.instant,
+            kind: self.kind,
             view: self.from,
             sources: self.sources.clone(),
             gaps: self.gaps.clone(),
@@ -107,20 +115,79 @@ impl Subject {
     }
 }
 
+/// Height of a map's eye above everything that stands, metres: room for people on roofs.
+const MAP_HEADROOM_M: f64 = 50.0;
+
+/// The picture that a request means, seen `from` somewhere; with it what the request left open.
+fn pictured(
+    request: &ViewRequest,
+    scene: &Scene,
+    from: SceneView,
+    limits: &ViewLimits,
+) -> Result<(ViewKind, SceneView, Picture), Fault> {
+    let size = (request.width_px, request.height_px);
+    let ends = (from.eye, from.target);
+    let distance_m = from.eye.distance(from.target);
+    let aspect = f64::from(size.0.max(1)) / f64::from(size.1.max(1));
+    match request.kind {
+        ViewKind::Perspective => {
+            let view = View::new(from.eye, from.target, from.fov_y_rad, size.0, size.1, limits)?;
+            Ok((request.kind, from, view.into()))
+        }
+        ViewKind::Orthographic { across_m } => {
+            let at_target = || 2.0 * distance_m * (0.5 * from.fov_y_rad).tan() * aspect;
+            let across_m = across_m.unwrap_or_else(|| within(at_target(), ACROSS_M));
+            let picture = Picture::orthographic(ends, across_m, size, limits)?;
+            Ok((ViewKind::Orthographic { across_m: Some(across_m) }, from, picture))
+        }
+        ViewKind::Map { across_m, heading_rad } => {
+            let (middle, whole_m) = whole_map(&scene.surfaces, heading_rad, aspect);
+            let target = request.target.unwrap_or(middle);
+            let across_m = across_m.unwrap_or_else(|| within(whole_m, ACROSS_M));
+            let top_m = scene.surfaces.bounds().map_or(target.z, |[_, high]| high.z);
+            let eye = target.truncate().extend(top_m + MAP_HEADROOM_M);
+            let picture = Picture::map(target, eye.z, heading_rad, across_m, size, limits)?;
+            let kind = ViewKind::Map { across_m: Some(across_m), heading_rad };
+            Ok((kind, SceneView { eye, target, ..from }, picture))
+        }
+        ViewKind::Panorama { span_rad } => {
+            let picture = Picture::panorama(ends, span_rad, from.fov_y_rad, size, limits)?;
+            Ok((request.kind, from, picture))
+        }
+        ViewKind::Stereo { eye_distance_m, convergence_m } => {
+            let convergence_m =
+                convergence_m.unwrap_or_else(|| distance_m.clamp(eye_distance_m.max(1e-3), 1e8));
+            let eyes = (eye_distance_m, convergence_m);
+            let picture = Picture::stereo(ends, from.fov_y_rad, size, eyes, limits)?;
+            Ok((ViewKind::Stereo { eye_distance_m, convergence_m: Some(convergence_m) }, from, picture))
+        }
+        ViewKind::Window { corners } => {
+            Ok((request.kind, from, Picture::through_window(from.eye, corners, size, limits)?))
+        }
+    }
+}
+
+fn within(value: f64, [least, most]: [f64; 2]) -> f64 {
+    value.clamp(least, most)
+}
+
+/// The middle of all ground, and the width that a map of it has with a margin, metres.
+fn whole_map(surfaces: &Surfaces, heading_rad: f64, aspect: f64) -> (DVec3, f64) {
+    let Some([low, high]) = surfaces.ground_bounds() else { return (DVec3::ZERO, 20.0) };
+    let half = 0.5 * (high - low);
+    let (sin, cos) = heading_rad.sin_cos();
+    let across = |x: f64, y: f64| half.x.mul_add(x.abs(), half.y * y.abs());
+    let half_width = across(cos, sin).max(across(sin, cos) * aspect);
+    (0.5 * (low + high), 2.1 * half_width.max(0.5))
+}
+
 /// A view of all the ground from the south and above, for scenes that name none.
 fn overview(scene: &Scene) -> SceneView {
-    let corners = scene
-        .surfaces
-        .ground
-        .iter()
-        .flat_map(|ground| ground.corners().iter().map(|corner| corner.extend(ground.height_m())));
-    let (low, high) = corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), corner| {
-        (low.min(corner), high.max(corner))
-    });
-    let (target, radius) = if low.is_finite() && high.is_finite() {
-        (0.5 * (low + high), 0.5 * (high - low).truncate().max(DVec2::splat(2.0)).length())
-    } else {
-        (DVec3::ZERO, 10.0)
+    let (target, radius) = match scene.surfaces.ground_bounds() {
+        Some([low, high]) => {
+            (0.5 * (low + high), 0.5 * (high - low).truncate().max(DVec2::splat(2.0)).length())
+        }
+        None => (DVec3::ZERO, 10.0),
     };
     let fov_y_rad = 45_f64.to_radians();
     // Far enough back that a sphere around the ground fits the field of view, 35 degrees above the horizon.
@@ -130,9 +197,9 @@ fn overview(scene: &Scene) -> SceneView {
 }
 
 /// What is wrong with a view: more pixels than there may be are a limit of the daemon's, all else is the request's.
-fn view_failure(fault: Fault, request: &ViewRequest) -> EngineError {
-    let is_of_size = matches!(fault.place.as_str(), "width" | "height");
-    if is_of_size && request.width_px > 0 && request.height_px > 0 {
+fn view_failure(fault: Fault, request: &ViewRequest, limits: &ViewLimits) -> EngineError {
+    let has_pixels = request.width_px > 0 && request.height_px > 0;
+    if has_pixels && limits.check(request.width_px, request.height_px).is_err() {
         EngineError::TooLarge(fault)
     } else {
         EngineError::Request(fault)

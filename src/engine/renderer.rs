@@ -1,9 +1,10 @@
 //! The render thread: owns the GPU, takes one request after the other, and answers equal ones with one picture.
 
 use super::EngineError;
-use super::handle::{At, Door, ViewAnswer, ViewRequest};
+use super::handle::{At, Door};
 use super::picture::{HOST_STAGES, Observations, Subject, failure_of};
 use super::shared::Shared;
+use super::view::{ViewAnswer, ViewRequest};
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
 use crate::frame::CameraId;
@@ -102,8 +103,8 @@ impl RenderThread<'_> {
         };
         let (observations, gaps) = self.observations(&scene, request.at, instant)?;
         let clock = &*self.shared.clock;
-        let renderer = self.ensure_renderer()?;
-        let subject = Subject { gaps, ..Subject::of(request, &scene, instant, &observations, renderer)? };
+        let limits = (self.ensure_renderer()?.view_limits(), self.shared.render_settings.samples);
+        let subject = Subject { gaps, ..Subject::of(request, &scene, instant, &observations, limits)? };
         if let Some((of, answer)) = &self.last
             && *of == subject
         {

@@ -304,6 +304,31 @@ impl Surfaces {
         }
     }
 
+    /// Least and greatest coordinates of the ground; `None` without any.
+    #[must_use]
+    pub fn ground_bounds(&self) -> Option<[DVec3; 2]> {
+        let corners = |polygon: &GroundPolygon| {
+            let height_m = polygon.height_m;
+            polygon.corners.iter().map(move |corner| corner.extend(height_m)).collect::<Vec<_>>()
+        };
+        bounds_of(self.ground.iter().flat_map(corners))
+    }
+
+    /// Least and greatest coordinates of all surfaces; `None` without any.
+    #[must_use]
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        let corners = |solid: &OrientedBox| {
+            let (solid, half) = (*solid, solid.half_size);
+            let sign = |bit: usize| if bit == 0 { -1.0 } else { 1.0 };
+            (0..8_usize).map(move |idx| {
+                let side = DVec3::new(sign(idx & 1), sign(idx & 2), sign(idx & 4));
+                solid.world_from_box_point(half * side)
+            })
+        };
+        let ground = self.ground_bounds().into_iter().flatten();
+        bounds_of(ground.chain(self.boxes.iter().flat_map(corners)))
+    }
+
     /// Whether a box stands between two points (ground hides nothing that stands on it); the last 1 cm before
     /// `to` does not count.
     #[must_use]
@@ -313,6 +338,13 @@ impl Surfaces {
         let length = (to - from).length();
         self.boxes.iter().any(|b| b.hit(&ray).is_some_and(|(distance, ..)| distance < length - 0.01))
     }
+}
+
+fn bounds_of(points: impl Iterator<Item = DVec3>) -> Option<[DVec3; 2]> {
+    points.fold(None, |bounds, point| {
+        let [low, high] = bounds.unwrap_or([point; 2]);
+        Some([low.min(point), high.max(point)])
+    })
 }
 
 #[cfg(test)]
@@ -429,5 +461,24 @@ mod tests {
         let ground =
             GroundPolygon::new(square(5.0).into_iter().map(|c| c + offset).collect(), 0.0).expect("a square");
         assert!(ground.covers(offset + 4.999) && !ground.covers(offset + 5.001));
+    }
+
+    #[test]
+    fn bounds_hold_every_corner() {
+        assert_eq!(Surfaces::default().bounds(), None);
+        let ground = GroundPolygon::new(square(3.0), -1.0).unwrap();
+        let solid = OrientedBox::new(
+            DVec3::new(5e5, 0.0, 2.0),
+            DVec3::new(2.0, 2.0, 4.0),
+            0.25 * std::f64::consts::PI,
+        );
+        let surfaces = Surfaces { ground: vec![ground], boxes: vec![solid.unwrap()] };
+        assert_eq!(
+            surfaces.ground_bounds(),
+            Some([DVec3::new(-3.0, -3.0, -1.0), DVec3::new(3.0, 3.0, -1.0)])
+        );
+        let [low, high] = surfaces.bounds().unwrap();
+        assert_eq!(low, DVec3::new(-3.0, -3.0, -1.0));
+        assert!((high - DVec3::new(5e5 + 2_f64.sqrt(), 3.0, 4.0)).length() < 1e-9, "{high}");
     }
 }

@@ -55,24 +55,27 @@ impl Readback {
         }
     }
 
-    /// Waits for everything submitted and hands out the first three bytes of every pixel, rows from the top.
+    /// Waits for everything submitted and writes the first three bytes of every pixel into `rgb`, rows from the top, each
+    /// `row_bytes` behind the one before it.
     ///
     /// # Errors
     /// What the device reported.
-    pub fn read_rgb(&self, gpu: &Gpu) -> Result<Vec<u8>, GpuError> {
+    pub fn read_rgb(&self, gpu: &Gpu, rgb: &mut [u8], row_bytes: usize) -> Result<(), GpuError> {
         let buffer = self
             .buffer
             .as_ref()
             .ok_or_else(|| GpuError::Refused { message: "nothing was copied to be read back".to_owned() })?;
-        let mut rgb = Vec::with_capacity(self.width as usize * self.height as usize * 3);
-        let row_bytes = (self.width * BYTES_PER_PIXEL) as usize;
+        let copied_bytes = (self.width * BYTES_PER_PIXEL) as usize;
         read(gpu, buffer, |bytes| {
-            for row in bytes.chunks_exact(padded_row_bytes(self.width) as usize) {
-                let (pixels, _) = row[..row_bytes].as_chunks::<4>();
-                rgb.extend(pixels.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]));
+            let copied = bytes.chunks_exact(padded_row_bytes(self.width) as usize);
+            for (from, to) in copied.zip(rgb.chunks_mut(row_bytes)) {
+                let (from, _) = from[..copied_bytes].as_chunks::<4>();
+                let (to, _) = to.as_chunks_mut::<3>();
+                for (to, [r, g, b, _]) in to.iter_mut().zip(from) {
+                    *to = [*r, *g, *b];
+                }
             }
-        })?;
-        Ok(rgb)
+        })
     }
 }
 

@@ -15,6 +15,7 @@ shaders![
     "common/color.wgsl",
     "common/fullscreen.wgsl",
     "common/view.wgsl",
+    "render/average.wgsl",
     "render/billboard.wgsl",
     "render/camera_depth.wgsl",
     "render/points.wgsl",

@@ -1,8 +1,8 @@
 //! Which cameras see what a view shows, and which of them something may stand in front of.
 
-use super::View;
+use super::{Picture, Viewer};
 use crate::fuse::SceneState;
-use crate::geometry::{Camera, Hit, Ray, Surfaces};
+use crate::geometry::{Camera, Hit, Surfaces};
 use glam::{DVec2, DVec3};
 
 /// Places of the view, and of every camera's picture, at which surfaces are looked for: columns, rows.
@@ -28,46 +28,38 @@ fn grid((columns, rows): (u32, u32)) -> impl Iterator<Item = DVec2> {
 ///
 /// Both sides are sampled, since the view may show a corner of what a camera sees, and a camera a corner of what
 /// the view shows.
-pub(super) fn rank_cameras(state: &SceneState, view: &View) -> Vec<usize> {
+pub(super) fn rank_cameras(state: &SceneState, picture: &Picture) -> Vec<usize> {
     let surfaces = &state.scene.surfaces;
-    let eye = view.pose.position_in_world;
-    let shown: Vec<Hit> = grid(VIEW_GRID)
-        .filter_map(|place| {
-            surfaces.hit(&Ray { origin: eye, direction: view.direction(place.x, place.y) }, 0.0)
-        })
-        .collect();
+    let shown: Vec<Hit> =
+        grid(VIEW_GRID).filter_map(|place| surfaces.hit(&picture.ray(place.x, place.y)?, 0.0)).collect();
     let mut ranked: Vec<(f64, usize)> = state
         .cameras
         .iter()
         .enumerate()
         .filter_map(|(idx, state)| {
             let camera = &state.camera;
-            let score: f64 = shown.iter().map(|hit| weight(camera, hit, eye)).sum();
-            (score > 0.0 || looks_into(camera, surfaces, view)).then_some((score, idx))
+            let score: f64 = shown.iter().map(|hit| weight(camera, hit, picture.viewer)).sum();
+            (score > 0.0 || looks_into(camera, surfaces, picture)).then_some((score, idx))
         })
         .collect();
     ranked.sort_by(|(a, a_idx), (b, b_idx)| b.total_cmp(a).then(a_idx.cmp(b_idx)));
     ranked.into_iter().map(|(_, idx)| idx).collect()
 }
 
-/// The blending weight of a camera at a place that the viewer at `eye` sees, occlusion left out.
-fn weight(camera: &Camera, hit: &Hit, eye: DVec3) -> f64 {
+/// The blending weight of a camera at a place that the viewer sees, occlusion left out.
+fn weight(camera: &Camera, hit: &Hit, viewer: Viewer) -> f64 {
     if !camera.project(hit.point_in_world).is_some_and(|projection| projection.is_inside()) {
         return 0.0;
     }
     let to_camera = (camera.pose().position_in_world - hit.point_in_world).normalize_or_zero();
-    let to_viewer = (eye - hit.point_in_world).normalize_or_zero();
+    let to_viewer = -viewer.direction_to(hit.point_in_world);
     (to_camera.dot(hit.normal_in_world).max(0.0) * (to_camera.dot(to_viewer) + 1.0)).powi(5)
 }
 
-fn looks_into(camera: &Camera, surfaces: &Surfaces, view: &View) -> bool {
-    let in_view = |point| {
-        let range = -MARGIN..=1.0 + MARGIN;
-        view.project(point).is_some_and(|place| place.iter().all(|along| range.contains(along)))
-    };
+fn looks_into(camera: &Camera, surfaces: &Surfaces, picture: &Picture) -> bool {
     grid(CAMERA_GRID)
         .filter_map(|place| surfaces.hit(&camera.ray(place)?, 0.0))
-        .any(|hit| in_view(hit.point_in_world))
+        .any(|hit| picture.shows(hit.point_in_world, MARGIN))
 }
 
 /// Whether a box, or ground above other ground, may stand between the camera and a surface.
@@ -106,13 +98,7 @@ fn half_angle_rad(camera: &Camera) -> f64 {
 
 /// Whether a sphere reaches into the cone around unit `axis` from `apex`. May say yes to a near miss behind the
 /// apex, never no to a meeting.
-pub(super) fn cone_meets_sphere(
-    apex: DVec3,
-    axis: DVec3,
-    half_angle_rad: f64,
-    center: DVec3,
-    radius_m: f64,
-) -> bool {
+fn cone_meets_sphere(apex: DVec3, axis: DVec3, half_angle_rad: f64, center: DVec3, radius_m: f64) -> bool {
     let to_center = center - apex;
     let distance = to_center.length();
     if distance <= radius_m {

@@ -1,7 +1,6 @@
 //! Which entities are drawn, how, and from which camera.
 
-use super::coverage::cone_meets_sphere;
-use super::{EntityStyle, MAX_ENTITY_CAMERAS, Plan, PlannedBillboard, Reason, View};
+use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, Reason, Viewer};
 use crate::fuse::{Billboard, Entity, EntityPoint, SceneState};
 use glam::{DVec2, DVec3};
 
@@ -9,10 +8,10 @@ use glam::{DVec2, DVec3};
 const POINT_MARGIN: f64 = 0.1;
 
 /// Fills in the entities' part of a plan.
-pub(super) fn plan(state: &SceneState, view: &View, style: EntityStyle, plan: &mut Plan) {
+pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, plan: &mut Plan) {
     let (billboard, points) = match style {
         EntityStyle::Billboards => {
-            let seen = billboards(state, view);
+            let seen = billboards(state, picture);
             let of = |planned: &PlannedBillboard| {
                 state.entities[planned.entity].sources[planned.source].camera_idx
             };
@@ -24,7 +23,12 @@ pub(super) fn plan(state: &SceneState, view: &View, style: EntityStyle, plan: &m
             (Some(because_of(drawn, "entities")), None)
         }
         EntityStyle::Points => {
-            let in_view = || state.points.iter().filter(|point| is_in_view(point, view));
+            let in_view = || {
+                state
+                    .points
+                    .iter()
+                    .filter(|point: &&EntityPoint| picture.shows(point.position_in_world, POINT_MARGIN))
+            };
             plan.entity_cameras = busiest(in_view().map(|point| point.camera_idx), state.cameras.len());
             let n_drawn = in_view().filter(|point| plan.entity_cameras.contains(&point.camera_idx)).count();
             (None, Some(because_of((n_drawn, in_view().count(), state.points.len()), "points")))
@@ -38,11 +42,6 @@ pub(super) fn plan(state: &SceneState, view: &View, style: EntityStyle, plan: &m
     if !plan.entity_cameras.is_empty() {
         plan.entities = style;
     }
-}
-
-fn is_in_view(point: &EntityPoint, view: &View) -> bool {
-    let range = -POINT_MARGIN..=1.0 + POINT_MARGIN;
-    view.project(point.position_in_world).is_some_and(|place| place.iter().all(|along| range.contains(along)))
 }
 
 fn because_of((n_drawn, n_seen, n_all): (usize, usize, usize), what: &str) -> (bool, String) {
@@ -72,19 +71,16 @@ fn busiest(cameras: impl Iterator<Item = usize>, n_cameras: usize) -> Vec<usize>
     found
 }
 
-fn billboards(state: &SceneState, view: &View) -> Vec<PlannedBillboard> {
-    let eye = view.pose.position_in_world;
-    let forward = view.pose.forward_in_world();
-    let [tan_x, tan_y] = view.half_tangents();
-    let half_angle = tan_x.hypot(tan_y).atan();
+fn billboards(state: &SceneState, picture: &Picture) -> Vec<PlannedBillboard> {
     let is_in_view = |billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
         let middle = billboard.foot_in_world + DVec3::Z * (billboard.height_m * 0.5);
-        let radius = left.abs().max(right.abs()).hypot(billboard.height_m * 0.5);
-        cone_meets_sphere(eye, forward, half_angle, middle, radius)
+        // Also of one that leans back by up to 45 degrees: sqrt(5/4 - sqrt(1/2)) of its height from there to its top.
+        let radius = left.abs().max(right.abs()).hypot(billboard.height_m * 0.737);
+        picture.may_show(middle, radius)
     };
     let planned = |(entity, candidate): (usize, &Entity)| {
-        let source = best_source(candidate, state, eye)?;
+        let source = best_source(candidate, state, picture.viewer)?;
         is_in_view(&candidate.sources[source]).then_some(PlannedBillboard { entity, source })
     };
     state.entities.iter().enumerate().filter_map(planned).collect()
@@ -92,12 +88,16 @@ fn billboards(state: &SceneState, view: &View) -> Vec<PlannedBillboard> {
 
 /// The source whose camera looks at the entity most nearly as the viewer does, both seen from above; one whose foot
 /// is in the picture before one that is cut off.
-fn best_source(entity: &Entity, state: &SceneState, eye: DVec3) -> Option<usize> {
+fn best_source(entity: &Entity, state: &SceneState, viewer: Viewer) -> Option<usize> {
     let closeness = |billboard: &Billboard| {
         let camera = state.cameras.get(billboard.camera_idx)?.camera.pose().position_in_world;
-        let level =
-            |from: DVec3| -> DVec2 { (billboard.foot_in_world - from).truncate().normalize_or_zero() };
-        Some((!billboard.is_truncated, level(camera).dot(level(eye))))
+        // Straight down, what is left of the direction is rounding.
+        let level = |direction: DVec3| -> DVec2 {
+            let level = direction.truncate();
+            if level.length() > 1e-6 * direction.length() { level.normalize() } else { DVec2::ZERO }
+        };
+        let foot = billboard.foot_in_world;
+        Some((!billboard.is_truncated, level(foot - camera).dot(level(viewer.direction_to(foot)))))
     };
     let rated = entity.sources.iter().enumerate().filter_map(|(idx, source)| Some((closeness(source)?, idx)));
     rated

@@ -1,16 +1,19 @@
-//! (scene, instant, view) -> which effects run, with reasons.
+//! (scene, instant, picture) -> which effects run, with reasons.
 //!
-//! In: a `SceneState` and a [`View`]. Out: a [`Plan`], made without drawing anything. Must not know the GPU: it says
+//! In: a `SceneState` and a [`Picture`] with the caller's [`Wishes`]. Out: a [`Plan`], made without drawing anything. Must not know the GPU: it says
 //! what is needed, `render` alone knows how.
 
 mod cost;
 mod coverage;
 mod entities;
+mod picture;
 mod view;
 
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
-pub use view::{View, ViewLimits};
+pub use picture::{ACROSS_M, Part, Picture, Viewer};
+pub use view::{Frustum, Projection, View, ViewLimits};
 
+use crate::error::Fault;
 use crate::fuse::SceneState;
 use serde::Serialize;
 
@@ -35,6 +38,47 @@ pub enum EntityStyle {
     None,
 }
 
+/// Most samples a pixel each way that are drawn and averaged.
+pub const MAX_SUPERSAMPLING: u32 = 4;
+
+/// How often a pixel is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+pub struct Sampling {
+    /// Places of a pixel at which edges are looked for, while its colour is found once: 1 or 4.
+    pub samples: u32,
+    /// Pixels each way that are drawn for one and averaged in linear light: 1 to [`MAX_SUPERSAMPLING`].
+    pub supersampling: u32,
+}
+
+impl Sampling {
+    /// A pixel is its middle.
+    pub const ONCE: Self = Self { samples: 1, supersampling: 1 };
+
+    /// Holds it to the forms that there are.
+    ///
+    /// # Errors
+    /// With `samples` or `supersampling` as the fault's place.
+    pub fn check(&self) -> Result<(), Fault> {
+        if !matches!(self.samples, 1 | 4) {
+            return Err(Fault::new("samples", format!("must be 1 or 4, got {}", self.samples)));
+        }
+        if !(1..=MAX_SUPERSAMPLING).contains(&self.supersampling) {
+            let message = format!("must be 1 to {MAX_SUPERSAMPLING}, got {}", self.supersampling);
+            return Err(Fault::new("supersampling", message));
+        }
+        Ok(())
+    }
+}
+
+/// What whoever asks for a picture may wish for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wishes {
+    /// How moving entities are drawn.
+    pub entities: EntityStyle,
+    /// How often a pixel is looked at.
+    pub sampling: Sampling,
+}
+
 /// Which passes a picture needs, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Plan {
@@ -49,6 +93,8 @@ pub struct Plan {
     pub billboards: Vec<PlannedBillboard>,
     /// Cameras whose live frames are uploaded for entities.
     pub entity_cameras: Vec<usize>,
+    /// How often a pixel is looked at.
+    pub sampling: Sampling,
     /// One line an effect: on or off, and the reason.
     pub reasons: Vec<Reason>,
 }
@@ -73,13 +119,13 @@ pub struct Reason {
     pub because: String,
 }
 
-/// Plans the picture of `state` from `view` with its entities drawn as `style`.
+/// Plans `picture` of `state`.
 ///
 /// **Cost** some hundred rays through the scene's surfaces; no pixel is touched.
 #[must_use]
-pub fn make(state: &SceneState, view: &View, style: EntityStyle) -> Plan {
+pub fn make(state: &SceneState, picture: &Picture, wishes: Wishes) -> Plan {
     let mut reasons = Vec::new();
-    let surface_cameras = plan_surface(state, view, &mut reasons);
+    let surface_cameras = plan_surface(state, picture, &mut reasons);
     let depth_map_cameras = plan_depth_maps(state, &surface_cameras, &mut reasons);
     let mut plan = Plan {
         surface_cameras,
@@ -87,20 +133,22 @@ pub fn make(state: &SceneState, view: &View, style: EntityStyle) -> Plan {
         entities: EntityStyle::None,
         billboards: Vec::new(),
         entity_cameras: Vec::new(),
+        sampling: wishes.sampling,
         reasons,
     };
-    entities::plan(state, view, style, &mut plan);
+    entities::plan(state, picture, wishes.entities, &mut plan);
+    plan_sampling(wishes.sampling, &mut plan.reasons);
     plan
 }
 
-fn plan_surface(state: &SceneState, view: &View, reasons: &mut Vec<Reason>) -> Vec<usize> {
+fn plan_surface(state: &SceneState, picture: &Picture, reasons: &mut Vec<Reason>) -> Vec<usize> {
     let surfaces = &state.scene.surfaces;
     let mut reason = |is_on, because| reasons.push(Reason { effect: "surface", is_on, because });
     if surfaces.ground.is_empty() && surfaces.boxes.is_empty() {
         reason(false, "the scene has no ground and no box".to_owned());
         return Vec::new();
     }
-    let mut ranked = coverage::rank_cameras(state, view);
+    let mut ranked = coverage::rank_cameras(state, picture);
     let n_seeing = ranked.len();
     ranked.truncate(MAX_SURFACE_CAMERAS);
     reason(
@@ -132,4 +180,14 @@ fn plan_depth_maps(state: &SceneState, surface_cameras: &[usize], reasons: &mut 
     };
     reasons.push(Reason { effect: "camera_depth", is_on: !cameras.is_empty(), because });
     cameras
+}
+
+fn plan_sampling(sampling: Sampling, reasons: &mut Vec<Reason>) {
+    let times = sampling.supersampling;
+    let (is_on, because) = if times > 1 {
+        (true, format!("{times} x {times} pixels are drawn for one: asked for"))
+    } else {
+        (false, "not asked for".to_owned())
+    };
+    reasons.push(Reason { effect: "average", is_on, because });
 }

@@ -2,8 +2,8 @@
 
 use crate::geometry::{self, Distortion, NEAR_M};
 use crate::gpu::{Gpu, GrowingBuffer, mirror};
-use crate::plan;
-use glam::{DMat3, DVec3, Mat4, Vec4};
+use crate::plan::{self, Frustum, Projection};
+use glam::{DMat3, DMat4, DVec3, DVec4};
 use std::sync::Arc;
 
 /// Distance from the eye below which nothing is drawn, metres.
@@ -20,20 +20,24 @@ const MAX_LENSES: usize = 256;
 mirror! { "common/view.wgsl",
 /// The virtual camera.
 pub(super) struct View {
-    clip_from_eye: [[f32; 4]; 4],
+    clip_from_anchor: [[f32; 4]; 4],
     right: [f32; 3],
-    pad_right: u32,
+    is_parallel: u32,
     down: [f32; 3],
     pad_down: u32,
+    forward: [f32; 3],
+    pad_forward: u32,
+    eye_from_anchor: [f32; 3],
+    pad_eye: u32,
 }}
 
 mirror! { "common/camera.wgsl",
-/// One camera, relative to the eye. The shader documents the fields.
+/// One camera, relative to the anchor. The shader documents the fields.
 pub(super) struct Camera {
     row_x: [f32; 4],
     row_y: [f32; 4],
     row_z: [f32; 4],
-    position_from_eye: [f32; 3],
+    position_from_anchor: [f32; 3],
     model: u32,
     focal: [f32; 2],
     center: [f32; 2],
@@ -52,33 +56,79 @@ pub(super) struct Camera {
     pub depth_layers_high: [u32; 4],
 }}
 
+/// What of the world a view's numbers must be good for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Reach {
+    /// What points are relative to: the eye, or where the scene begins for one far from it.
+    pub anchor_in_world: DVec3,
+    /// Least and greatest distance of the scene before the plane through the eye, metres.
+    pub depths_m: [f64; 2],
+}
+
 impl View {
-    pub(super) fn new(view: &plan::View) -> Self {
+    /// The view as shaders know it; through parallel rays, or from an eye that is not the anchor, nothing nearer or
+    /// further than the reach is shown.
+    pub(super) fn new(view: &plan::View, reach: &Reach) -> Self {
         let world_from_view = DMat3::from_quat(view.pose.world_from_local);
-        let [tan_x, tan_y] = view.half_tangents();
-        // Rows: x right, y up, near over distance (reversed, the far plane at infinity), distance.
-        let clip_from_view = Mat4::from_cols(
-            Vec4::new((1.0 / tan_x) as f32, 0.0, 0.0, 0.0),
-            Vec4::new(0.0, (-1.0 / tan_y) as f32, 0.0, 0.0),
-            Vec4::new(0.0, 0.0, 0.0, 1.0),
-            Vec4::new(0.0, 0.0, VIEW_NEAR_M as f32, 0.0),
-        );
-        let view_from_eye = Mat4::from_mat3(world_from_view.transpose().as_mat3());
+        let anchor_from_eye = reach.anchor_in_world - view.pose.position_in_world;
+        let view_from_world = world_from_view.transpose();
+        let view_from_anchor =
+            DMat4::from_translation(view_from_world * anchor_from_eye) * DMat4::from_mat3(view_from_world);
+        let [nearest_m, farthest_m] = reach.depths_m;
+        let depths_m = match view.frustum.projection {
+            Projection::Orthographic => [nearest_m.max(0.0), farthest_m],
+            Projection::Perspective if anchor_from_eye == DVec3::ZERO => [VIEW_NEAR_M, f64::INFINITY],
+            // From far away, near over distance would be the same for all.
+            Projection::Perspective => [nearest_m.max(VIEW_NEAR_M), farthest_m],
+        };
+        let clip_from_anchor = clip_from_view(&view.frustum, depths_m) * view_from_anchor;
+        let axis = |axis: DVec3| axis.as_vec3().to_array();
         Self {
-            clip_from_eye: (clip_from_view * view_from_eye).to_cols_array_2d(),
-            right: world_from_view.x_axis.as_vec3().to_array(),
-            pad_right: 0,
-            down: world_from_view.y_axis.as_vec3().to_array(),
+            clip_from_anchor: clip_from_anchor.as_mat4().to_cols_array_2d(),
+            right: axis(world_from_view.x_axis),
+            is_parallel: u32::from(view.frustum.projection == Projection::Orthographic),
+            down: axis(world_from_view.y_axis),
             pad_down: 0,
+            forward: axis(world_from_view.z_axis),
+            pad_forward: 0,
+            eye_from_anchor: axis(-anchor_from_eye),
+            pad_eye: 0,
+        }
+    }
+}
+
+fn clip_from_view(frustum: &Frustum, [nearest_m, farthest_m]: [f64; 2]) -> DMat4 {
+    // Across the picture from -1 to 1: 2 / (last - first) and what moves the middle to 0.
+    let scale_and_shift = |[first, last]: [f64; 2]| {
+        let extent = last - first;
+        (2.0 / extent, -(first + last) / extent)
+    };
+    let (scale_x, shift_x) = scale_and_shift(frustum.x);
+    let (scale_y, shift_y) = scale_and_shift(frustum.y);
+    let (x, y) = (DVec4::X * scale_x, DVec4::NEG_Y * scale_y);
+    let shift = DVec4::new(shift_x, -shift_y, 0.0, 0.0);
+    // Rows: x right, y up, reversed depth times w, w.
+    match frustum.projection {
+        // n (f / z - 1) / (f - n), which is n / z without an end.
+        Projection::Perspective => {
+            let falling = nearest_m / (farthest_m - nearest_m);
+            let steady = nearest_m / (1.0 - nearest_m / farthest_m);
+            DMat4::from_cols(x, y, shift + DVec4::W - DVec4::Z * falling, DVec4::Z * steady)
+        }
+        // (f - z) / (f - n).
+        Projection::Orthographic => {
+            let falling = 1.0 / (farthest_m - nearest_m);
+            let steady = DVec4::Z * (falling * farthest_m);
+            DMat4::from_cols(x, y, DVec4::NEG_Z * falling, shift + steady + DVec4::W)
         }
     }
 }
 
 impl Camera {
-    fn new(camera: &geometry::Camera, eye_in_world: DVec3, limit_offset: usize) -> Self {
+    fn new(camera: &geometry::Camera, anchor_in_world: DVec3, limit_offset: usize) -> Self {
         let camera_from_world = DMat3::from_quat(camera.pose().world_from_local).transpose();
-        let position_from_eye = camera.pose().position_in_world - eye_in_world;
-        let offset = camera_from_world * -position_from_eye;
+        let position_from_anchor = camera.pose().position_in_world - anchor_in_world;
+        let offset = camera_from_world * -position_from_anchor;
         let row = |axis: usize| camera_from_world.row(axis).extend(offset[axis]).as_vec4().to_array();
         let (width, height) = camera.size_px();
         let size = glam::DVec2::new(f64::from(width), f64::from(height));
@@ -93,7 +143,7 @@ impl Camera {
             row_x: row(0),
             row_y: row(1),
             row_z: row(2),
-            position_from_eye: position_from_eye.as_vec3().to_array(),
+            position_from_anchor: position_from_anchor.as_vec3().to_array(),
             model,
             focal: (camera.focal_px() / size).as_vec2().to_array(),
             center: (camera.center_px() / size).as_vec2().to_array(),
@@ -190,7 +240,7 @@ impl FrameData {
     }
 
     /// Adds a camera; what the images' arrays and the depth maps know of it is the caller's to fill in.
-    pub(super) fn add(&mut self, camera: &Arc<geometry::Camera>, eye_in_world: DVec3) -> &mut Camera {
+    pub(super) fn add(&mut self, camera: &Arc<geometry::Camera>, anchor_in_world: DVec3) -> &mut Camera {
         let offset = self.scratch_limits.len();
         if !matches!(camera.distortion(), Distortion::None) {
             let known = self.lenses.iter().position(|(lens, _)| Arc::ptr_eq(lens, camera));
@@ -201,24 +251,28 @@ impl FrameData {
             });
             self.scratch_limits.extend_from_slice(&self.lenses[lens].1);
         }
-        self.scratch.push(Camera::new(camera, eye_in_world, offset));
+        self.scratch.push(Camera::new(camera, anchor_in_world, offset));
         let last = self.scratch.len() - 1;
         &mut self.scratch[last]
     }
 
-    /// Writes the frame's data and binds it.
-    pub(super) fn bind(&mut self, gpu: &Gpu, view: View) -> wgpu::BindGroup {
+    /// Writes what is known of the cameras: once, for all pieces that are drawn with them.
+    pub(super) fn write_cameras(&mut self, gpu: &Gpu) {
         // The shader's array is of fixed size: the buffer must be as large.
         self.scratch.resize(MAX_CAMERAS, bytemuck::Zeroable::zeroed());
-        let resource = wgpu::Buffer::as_entire_binding;
-        let entries = [
-            wgpu::BindGroupEntry { binding: 0, resource: resource(self.view.write(gpu, &[view])) },
-            wgpu::BindGroupEntry { binding: 1, resource: resource(self.cameras.write(gpu, &self.scratch)) },
-            wgpu::BindGroupEntry {
-                binding: 2,
-                resource: resource(self.limits.write(gpu, &self.scratch_limits)),
-            },
-        ];
+        self.cameras.write(gpu, &self.scratch);
+        self.limits.write(gpu, &self.scratch_limits);
+    }
+
+    /// Writes a piece's view and binds it with the cameras, which must have been written.
+    pub(super) fn bind(&mut self, gpu: &Gpu, view: View) -> wgpu::BindGroup {
+        let written =
+            |buffer: &GrowingBuffer| buffer.get().expect("cameras are written before they are bound").clone();
+        let buffers = [self.view.write(gpu, &[view]).clone(), written(&self.cameras), written(&self.limits)];
+        let entries: Vec<_> = (0..)
+            .zip(&buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
             layout: &self.layout,

@@ -43,9 +43,9 @@ pub enum RenderError {
         /// How many the device takes.
         limit: u64,
     },
-    /// A setting out of its range.
-    #[error("render.samples must be 1 or 4, got {0}")]
-    Samples(u32),
+    /// A plan that looks at pixels more or less often than there is a form for.
+    #[error("{0}")]
+    Sampling(Fault),
 }
 
 impl RenderError {
@@ -54,7 +54,7 @@ impl RenderError {
     pub const fn kind(&self) -> ErrorKind {
         match self {
             Self::Gpu(error) => error.kind(),
-            Self::View(_) | Self::Samples(_) => ErrorKind::Invalid,
+            Self::View(_) | Self::Sampling(_) => ErrorKind::Invalid,
             Self::Plan(_) | Self::MaskSize { .. } => ErrorKind::Internal,
             Self::ImageSize { .. } | Self::TooMany { .. } => ErrorKind::TooLarge,
         }

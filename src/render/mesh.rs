@@ -1,9 +1,10 @@
 //! A scene's ground and boxes as triangles in the world, f64, counter-clockwise seen from outside or above.
 
 use crate::frame::linear_from_srgb;
-use crate::geometry::{GroundPolygon, OrientedBox};
+use crate::geometry::{GroundPolygon, OrientedBox, Pose};
 use crate::scene::{Material, Scene};
 use glam::{DVec3, Vec3};
+use std::sync::Arc;
 
 /// One corner of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +16,53 @@ pub(super) struct MeshVertex {
     pub material: Vec3,
 }
 
+/// The triangles of one scene.
+#[derive(Debug)]
+pub(super) struct Mesh {
+    pub scene: Arc<Scene>,
+    /// Another for every mesh that a renderer makes.
+    pub number: u64,
+    /// Three a triangle.
+    pub vertices: Vec<MeshVertex>,
+    /// Least and greatest coordinates; `None` of nothing.
+    bounds: Option<[DVec3; 2]>,
+}
+
+impl Mesh {
+    pub(super) fn new(scene: &Arc<Scene>, number: u64) -> Self {
+        let vertices = triangles(scene);
+        let bounds = scene.surfaces.bounds();
+        Self { scene: Arc::clone(scene), number, vertices, bounds }
+    }
+
+    /// What points are relative to, seen from `eye`: the eye itself, unless it is so far away that single precision could
+    /// not tell the scene's points apart; then the scene's nearest corner or side.
+    pub(super) fn anchor(&self, eye: DVec3) -> DVec3 {
+        let Some([low, high]) = self.bounds else { return eye };
+        let nearest = eye.clamp(low, high);
+        let is_far = eye.distance(nearest) > FAR_TIMES * low.distance(high);
+        if is_far { nearest } else { eye }
+    }
+
+    /// Between which distances before the plane through a view's eye the scene lies, metres, with room for what stands at
+    /// its edge. None of it needs lie before the eye; the last is greater than 0 and than the first.
+    pub(super) fn depths_m(&self, pose: &Pose) -> [f64; 2] {
+        let Some(bounds) = self.bounds else { return [0.0, ROOM_M] };
+        let corner =
+            |idx: usize| DVec3::new(bounds[idx & 1].x, bounds[idx >> 1 & 1].y, bounds[idx >> 2 & 1].z);
+        let depths = (0..8).map(|idx| pose.local_from_world_point(corner(idx)).z);
+        let [nearest_m, farthest_m] = depths
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], depth| [low.min(depth), high.max(depth)]);
+        [nearest_m - ROOM_M, farthest_m.max(0.0) + ROOM_M]
+    }
+}
+
+/// From how many times the scene's extent away an eye is far.
+const FAR_TIMES: f64 = 4.0;
+
+/// How far beyond the surfaces something may stand, metres.
+const ROOM_M: f64 = 50.0;
+
 /// Towards the light that untextured boxes are shaded by, so that they read as solids: from the south-west, high.
 /// Level ground gets exactly its material's colour.
 const TO_LIGHT: Vec3 = Vec3::new(-0.36, -0.48, 0.8);
@@ -22,7 +70,7 @@ const TO_LIGHT: Vec3 = Vec3::new(-0.36, -0.48, 0.8);
 const AMBIENT: f32 = 0.6;
 
 /// Three vertices a triangle.
-pub(super) fn triangles(scene: &Scene) -> Vec<MeshVertex> {
+fn triangles(scene: &Scene) -> Vec<MeshVertex> {
     let mut vertices = Vec::new();
     let fallback = Material { color_srgb: [128; 3] };
     let material = |materials: &[Material], idx: usize| materials.get(idx).copied().unwrap_or(fallback);

@@ -1,7 +1,8 @@
-//! From a `SceneState`, a `View` and a `Plan` to a picture, on the GPU.
+//! From a `SceneState`, a `Picture` to be drawn and a `Plan` to pixels, on the GPU.
 //!
 //! In: one immutable instant, where to look from, what to run. Out: an 8-bit sRGB picture and the passes' times.
-//! Must not know of HTTP, encoders, threads or clocks. Points reach the GPU relative to the eye (subtracted in f64),
+//! Must not know of HTTP, encoders, threads or clocks. Points reach the GPU relative to an anchor (the eye, or where
+//! the scene begins for one far away; subtracted in f64),
 //! depth is reversed with the far plane at infinity, light is blended linearly.
 
 mod camera_data;
@@ -9,10 +10,12 @@ mod error;
 mod image_array;
 mod mesh;
 mod passes;
+mod pieces;
+mod prepare;
 mod renderer;
 mod targets;
 
-pub use crate::plan::{View, ViewLimits};
+pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
 pub use renderer::{Rendered, Renderer};
 
@@ -31,6 +34,8 @@ pub enum Pass {
     Billboard,
     /// Entities as squares.
     Points,
+    /// Several pixels averaged into one.
+    Average,
 }
 
 impl Pass {
@@ -43,6 +48,7 @@ impl Pass {
             Self::Surface => "surface",
             Self::Billboard => "billboard",
             Self::Points => "points",
+            Self::Average => "average",
         }
     }
 }

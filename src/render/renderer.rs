@@ -1,20 +1,22 @@
 //! The renderer: what is kept between frames, and the order of one frame.
 
-use super::camera_data::{FrameData, MAX_CAMERAS, View as ViewData};
+use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
 use super::error::RenderError;
-use super::image_array::{ImageArray, Job, Wanted};
-use super::mesh::{self, MeshVertex};
-use super::passes::{BillboardInstance, PointInstance};
+use super::image_array::ImageArray;
+use super::mesh::Mesh;
 use super::passes::{
-    BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, Shown, SurfaceKey,
-    SurfacePass, YuvPass,
+    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, StaticScene,
+    SurfaceKey, SurfacePass, YuvPass,
 };
-use super::targets::{Place, TargetCache};
+use super::passes::{BillboardInstance, PointInstance};
+use super::pieces::{self, Piece};
+use super::prepare::{Stand, Uploads};
+use super::targets::{Place, TargetCache, TargetKey};
 use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{EntityStyle, Plan, View, ViewLimits};
+use crate::plan::{Part, Picture, Plan, View, ViewLimits};
 use crate::scene::Scene;
 use std::sync::Arc;
 
@@ -24,6 +26,11 @@ const BACKGROUND_LEVELS: u32 = 5;
 const FRAME_LEVELS: u32 = 1;
 /// Largest buffer for reading back that is kept between pictures, bytes.
 const MAX_KEPT_READBACK_BYTES: u64 = 64 << 20;
+
+/// Most bytes of targets that one piece of a picture is drawn on: larger pictures are drawn in bands.
+const MAX_PIECE_BYTES: u64 = 256 << 20;
+/// Most columns and rows of a picture: what its formats hold.
+const MAX_SIDE_PX: u32 = 65_535;
 
 /// A finished picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,20 +44,20 @@ pub struct Rendered {
 /// Draws pictures, one after the other. Everything large is kept between frames; only what changed is uploaded.
 #[derive(Debug)]
 pub struct Renderer {
-    gpu: Gpu,
-    samples: u32,
+    pub(super) gpu: Gpu,
     max_pixels: u64,
     timer: Timer,
     readback: Readback,
-    frame: FrameData,
+    pub(super) frame: FrameData,
     targets: TargetCache,
-    mesh: Option<(Arc<Scene>, Vec<MeshVertex>)>,
-    backgrounds: ImageArray,
-    frames: ImageArray,
-    depth_maps: DepthMaps,
+    mesh: Option<Arc<Mesh>>,
+    n_meshes: u64,
+    pub(super) backgrounds: ImageArray,
+    pub(super) frames: ImageArray,
+    pub(super) depth_maps: DepthMaps,
     passes: Passes,
-    billboards: Vec<BillboardInstance>,
-    points: Vec<PointInstance>,
+    pub(super) billboards: Vec<BillboardInstance>,
+    pub(super) points: Vec<PointInstance>,
 }
 
 /// Pipelines, each made when a plan first calls for it.
@@ -61,6 +68,14 @@ struct Passes {
     surface: Option<SurfacePass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
+    average: Option<AveragePass>,
+}
+
+/// A piece of a picture that is being drawn.
+struct Shown<'a> {
+    view: View,
+    mesh: &'a Mesh,
+    stand: Stand,
 }
 
 /// The pass in `slot`, made now if it was not before.
@@ -71,35 +86,25 @@ fn made<P>(slot: &mut Option<P>, make: impl FnOnce() -> Result<P, GpuError>) -> 
     }
 }
 
-/// Where a frame's pictures are, and which must be converted first.
-#[derive(Default)]
-struct Uploads<'a> {
-    backgrounds: Vec<Job<'a>>,
-    frames: Vec<Job<'a>>,
-}
-
 impl Renderer {
     /// A renderer on `gpu`. Draws nothing and compiles nothing yet.
     ///
     /// # Errors
-    /// When `settings.samples` is neither 1 nor 4, a depth map of that side is none, or the device refuses its first buffers.
+    /// When a depth map of the settings' side is none, or the device refuses its first buffers.
     pub fn new(gpu: Gpu, settings: &RenderSettings) -> Result<Self, RenderError> {
-        if !matches!(settings.samples, 1 | 4) {
-            return Err(RenderError::Samples(settings.samples));
-        }
         let (side, most) = (settings.depth_map_side_px, gpu.limits().max_texture_dimension_2d);
         if side == 0 || side > most {
             let (needed, limit) = (u64::from(side), u64::from(most));
             return Err(RenderError::TooMany { what: "texels of a depth map's side", needed, limit });
         }
         let renderer = Self {
-            samples: settings.samples,
             max_pixels: settings.max_pixels,
             timer: Timer::new(&gpu),
             readback: Readback::default(),
             frame: FrameData::new(&gpu),
             targets: TargetCache::default(),
             mesh: None,
+            n_meshes: 0,
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
             depth_maps: DepthMaps::new(settings.depth_map_side_px),
@@ -118,25 +123,27 @@ impl Renderer {
         &self.gpu
     }
 
-    /// The largest picture that can be asked for: the device's limit and the settings'.
+    /// The largest picture that can be asked for: what one drawing cannot hold is drawn in several.
     #[must_use]
-    pub fn view_limits(&self) -> ViewLimits {
-        let limits = self.gpu.limits();
-        // The padded picture must also fit into one buffer to be read back.
-        let max_pixels = self.max_pixels.min(limits.max_buffer_size / 4 / 2);
-        ViewLimits { max_side_px: limits.max_texture_dimension_2d, max_pixels }
+    pub const fn view_limits(&self) -> ViewLimits {
+        ViewLimits { max_side_px: MAX_SIDE_PX, max_pixels: self.max_pixels }
     }
 
-    /// Draws `state` from `view` as `plan` says, and waits for the picture.
+    /// Draws `picture` of `state` as `plan` says, and waits for it.
     ///
     /// # Errors
-    /// A view beyond [`Self::view_limits`], a plan that was made for another state, pictures too large for the
+    /// A picture beyond [`Self::view_limits`], a plan that was made for another state, cameras' pictures too large for the
     /// device, or what the device reports: after a loss ([`GpuError::is_lost`]) the renderer must be made anew,
     /// after anything else it can go on.
-    pub fn render(&mut self, state: &SceneState, view: &View, plan: &Plan) -> Result<Rendered, RenderError> {
-        view.check(&self.view_limits()).map_err(RenderError::View)?;
+    pub fn render(
+        &mut self,
+        state: &SceneState,
+        picture: &Picture,
+        plan: &Plan,
+    ) -> Result<Rendered, RenderError> {
+        picture.check(&self.view_limits()).map_err(RenderError::View)?;
         check_plan(state, plan)?;
-        let rendered = self.draw(state, view, plan);
+        let rendered = self.draw(state, picture, plan);
         if rendered.is_err() {
             // Layers may be marked as filled that never were.
             self.backgrounds.clear();
@@ -146,110 +153,70 @@ impl Renderer {
         }
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
+        if let Some(average) = &mut self.passes.average {
+            average.trim(MAX_KEPT_READBACK_BYTES);
+        }
         rendered
     }
 
-    fn draw(&mut self, state: &SceneState, view: &View, plan: &Plan) -> Result<Rendered, RenderError> {
+    fn draw(&mut self, state: &SceneState, picture: &Picture, plan: &Plan) -> Result<Rendered, RenderError> {
         self.gpu.check()?;
-        if !self.mesh.as_ref().is_some_and(|(scene, _)| Arc::ptr_eq(scene, &state.scene)) {
-            self.mesh = Some((Arc::clone(&state.scene), mesh::triangles(&state.scene)));
+        let mesh = self.mesh_of(&state.scene);
+        let limits = self.gpu.limits();
+        let max_side_px = limits.max_texture_dimension_2d;
+        let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
+        let row_bytes = picture.width_px as usize * 3;
+        let mut data = vec![0; row_bytes * picture.height_px as usize];
+        let mut timings: Vec<PassTime> = Vec::new();
+        let mut prepared = None;
+        for Part { view, left_px, top_px } in &picture.parts {
+            let stand = Stand::of(view, &mesh);
+            let mut uploads = Uploads::default();
+            if prepared.replace(stand) != Some(stand) {
+                uploads = self.prepare(state, picture, &stand, plan)?;
+            }
+            for Piece { columns, rows } in pieces::of(view, plan.sampling, max_side_px, max_bytes) {
+                let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
+                let piece = Shown { view: view.cropped(columns, rows), mesh: &mesh, stand };
+                self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
+                self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
+                for time in self.timer.read(&self.gpu)? {
+                    match timings.iter_mut().find(|sum| sum.pass == time.pass) {
+                        Some(sum) => sum.gpu += time.gpu,
+                        None => timings.push(time),
+                    }
+                }
+            }
         }
-        let uploads = self.prepare(state, view, plan)?;
-        self.timer.begin_frame();
-        let mut encoder =
-            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
-        self.convert(&mut encoder, &uploads)?;
-        self.record(&mut encoder, state, view, plan)?;
-        self.timer.resolve(&mut encoder);
-        self.gpu.queue.submit([encoder.finish()]);
-        let data = self.readback.read_rgb(&self.gpu)?;
-        let timings = self.timer.read(&self.gpu)?;
-        let image = RgbImage { width: view.width_px, height: view.height_px, data };
+        let image = RgbImage { width: picture.width_px, height: picture.height_px, data };
         Ok(Rendered { image, timings })
     }
 
-    /// Decides where every picture and depth map lies, and fills in what shaders know of the cameras.
-    fn prepare<'s>(
-        &mut self,
-        state: &'s SceneState,
-        view: &View,
-        plan: &Plan,
-    ) -> Result<Uploads<'s>, RenderError> {
-        let eye = view.pose.position_in_world;
-        let mut uploads = Uploads::default();
-        let mut layers = Vec::new();
-        let background =
-            |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
-        let wanted: Vec<_> = plan.surface_cameras.iter().map(background).collect();
-        self.backgrounds.assign(&self.gpu, &wanted, &mut layers, &mut uploads.backgrounds)?;
-        self.frame.clear();
-        for ((idx, wanted), layer) in plan.surface_cameras.iter().zip(&wanted).zip(&layers) {
-            let scale = self.backgrounds.scale(wanted.image);
-            let data = self.frame.add(&state.cameras[*idx].camera, eye);
-            data.background_layer = *layer;
-            data.background_scale = scale;
-            data.background_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
+    /// The scene's triangles, made anew where the scene is another than the last picture's.
+    fn mesh_of(&mut self, scene: &Arc<Scene>) -> Arc<Mesh> {
+        if let Some(mesh) = self.mesh.as_ref().filter(|mesh| Arc::ptr_eq(&mesh.scene, scene)) {
+            return Arc::clone(mesh);
         }
-        let shader_idx = |idx: &usize| plan.surface_cameras.iter().position(|camera| camera == idx);
-        let maps: Vec<_> = plan
-            .depth_map_cameras
-            .iter()
-            .filter_map(|idx| Some((Arc::clone(&state.cameras[*idx].camera), shader_idx(idx)?)))
-            .collect();
-        if !maps.is_empty() {
-            self.depth_maps.assign(&self.gpu, &state.scene, &maps, &mut self.frame.scratch)?;
-        }
-
-        let live = |idx: &usize| {
-            let observation = &state.cameras[*idx].observation;
-            Wanted { image: &observation.frame.image, mask: Some(&observation.soft_mask) }
-        };
-        let wanted: Vec<_> = plan.entity_cameras.iter().map(live).collect();
-        self.frames.assign(&self.gpu, &wanted, &mut layers, &mut uploads.frames)?;
-        // Which of the shader's cameras an entity's camera is: entities look only their live frames up.
-        let n_surface_cameras = self.frame.scratch.len();
-        for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {
-            let scale = self.frames.scale(wanted.image);
-            let data = self.frame.add(&state.cameras[*idx].camera, eye);
-            data.frame_layer = *layer;
-            data.frame_scale = scale;
-            data.frame_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
-        }
-        self.prepare_entities(state, view, plan, n_surface_cameras);
-        Ok(uploads)
+        self.n_meshes += 1;
+        Arc::clone(self.mesh.insert(Arc::new(Mesh::new(scene, self.n_meshes))))
     }
 
-    fn prepare_entities(&mut self, state: &SceneState, view: &View, plan: &Plan, first_camera: usize) {
-        let eye = view.pose.position_in_world;
-        let shader_idx = |camera_idx: usize| {
-            let place = plan.entity_cameras.iter().position(|camera| *camera == camera_idx);
-            place.map(|place| first_camera + place)
-        };
-        self.billboards.clear();
-        self.points.clear();
-        match plan.entities {
-            EntityStyle::Billboards => {
-                let mut ordered: Vec<_> = plan
-                    .billboards
-                    .iter()
-                    .map(|planned| &state.entities[planned.entity].sources[planned.source])
-                    .collect();
-                let distance = |foot: glam::DVec3| (foot - eye).truncate().length_squared();
-                ordered.sort_by(|a, b| distance(b.foot_in_world).total_cmp(&distance(a.foot_in_world)));
-                self.billboards.extend(ordered.into_iter().filter_map(|billboard| {
-                    let camera = &state.cameras[billboard.camera_idx];
-                    let image = &camera.observation.frame.image;
-                    let size = (image.width(), image.height());
-                    let idx = shader_idx(billboard.camera_idx)?;
-                    Some(BillboardInstance::new(billboard, &camera.camera, idx, size, eye))
-                }));
-            }
-            EntityStyle::Points => {
-                let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, eye));
-                self.points.extend(state.points.iter().filter_map(instance));
-            }
-            EntityStyle::None => {}
-        }
+    /// Hands the drawing of one piece of a picture to the device.
+    fn submit(
+        &mut self,
+        scene: &Scene,
+        piece: &Shown<'_>,
+        plan: &Plan,
+        uploads: &Uploads<'_>,
+    ) -> Result<(), RenderError> {
+        self.timer.begin_frame();
+        let mut encoder =
+            self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
+        self.convert(&mut encoder, uploads)?;
+        self.record(&mut encoder, scene, piece, plan)?;
+        self.timer.resolve(&mut encoder);
+        self.gpu.queue.submit([encoder.finish()]);
+        Ok(())
     }
 
     /// Records the conversion of new pictures.
@@ -271,39 +238,52 @@ impl Renderer {
     fn record(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        state: &SceneState,
-        view: &View,
+        scene: &Scene,
+        piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, samples, .. } = self;
-        let (gpu, samples) = (&*gpu, *samples);
-        let mesh = self.mesh.as_ref().map_or(&[][..], |(_, mesh)| mesh);
+        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, .. } = self;
+        let gpu = &*gpu;
+        let Shown { view, mesh, stand } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
-            pass.record(&mut recording, depth_maps, mesh);
+            pass.record(&mut recording, depth_maps, &mesh.vertices);
         }
 
-        let eye = view.pose.position_in_world;
         let key = SurfaceKey::of(&frame.scratch[..plan.surface_cameras.len()]);
-        let frame_group = frame.bind(gpu, ViewData::new(view));
-        let targets = self.targets.get(gpu, view.width_px, view.height_px, samples);
+        let reach = Reach { anchor_in_world: stand.anchor_in_world, depths_m: mesh.depths_m(&view.pose) };
+        let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
+        let times = plan.sampling.supersampling;
+        let targets = TargetKey {
+            width_px: view.width_px * times,
+            height_px: view.height_px * times,
+            samples: plan.sampling.samples,
+            is_read: times > 1,
+        };
+        let targets = self.targets.get(gpu, targets);
         let has_entities = !self.billboards.is_empty() || !self.points.is_empty();
-        let place = Place { clear: Some(sky(&state.scene)), is_last: !has_entities };
-        let mut into = DrawInto { targets, frame: &frame_group, place };
-        let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu, samples)))?;
-        let shown = Shown { mesh, eye_in_world: eye, key };
-        surface.record(&mut recording, &into, frame.layout(), &shown, backgrounds, depth_maps)?;
+        let place = Place { clear: Some(sky(scene)), is_last: !has_entities };
+        let mut into = DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), place };
+        let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
+        let static_scene = StaticScene { mesh, anchor_in_world: stand.anchor_in_world, key };
+        surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
         into.place = Place { clear: None, is_last: true };
         if !self.billboards.is_empty() {
-            let pass = made(&mut passes.billboard, || BillboardPass::new(gpu, frame.layout(), samples))?;
-            pass.record(&mut recording, &into, &self.billboards, frames);
+            let pass = made(&mut passes.billboard, || Ok(BillboardPass::new(gpu)))?;
+            pass.record(&mut recording, &into, &self.billboards, frames)?;
         }
         if !self.points.is_empty() {
-            let pass = made(&mut passes.points, || PointsPass::new(gpu, frame.layout(), samples))?;
-            pass.record(&mut recording, &into, &self.points, frames);
+            let pass = made(&mut passes.points, || Ok(PointsPass::new(gpu)))?;
+            pass.record(&mut recording, &into, &self.points, frames)?;
         }
-        self.readback.copy(gpu, recording.encoder, &targets.color);
+        let picture = if times > 1 {
+            let pass = made(&mut passes.average, || Ok(AveragePass::new(gpu)))?;
+            pass.record(&mut recording, &targets.color, times)?
+        } else {
+            &targets.color
+        };
+        self.readback.copy(gpu, recording.encoder, picture);
         Ok(())
     }
 }
@@ -315,6 +295,7 @@ fn sky(scene: &Scene) -> wgpu::Color {
 
 /// Holds a plan to the state it is drawn with.
 fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
+    plan.sampling.check().map_err(RenderError::Sampling)?;
     let lists = [
         ("surface_cameras", &plan.surface_cameras),
         ("depth_map_cameras", &plan.depth_map_cameras),

@@ -20,7 +20,30 @@ pub(super) struct Targets {
     /// With several samples a pixel, what is drawn on before it is resolved.
     samples_view: Option<wgpu::TextureView>,
     depth_view: wgpu::TextureView,
-    n_bytes: u64,
+    key: TargetKey,
+}
+
+/// What targets are made for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TargetKey {
+    pub width_px: u32,
+    pub height_px: u32,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Whether a later pass reads the colour.
+    pub is_read: bool,
+}
+
+impl TargetKey {
+    /// Bytes a pixel of all targets together.
+    pub(super) fn pixel_bytes(samples: u32) -> u64 {
+        // Resolved colour, and where there are several samples their colours; a depth for each: 4 bytes each.
+        4 + if samples > 1 { 8 * u64::from(samples) } else { 4 }
+    }
+
+    fn n_bytes(&self) -> u64 {
+        u64::from(self.width_px) * u64::from(self.height_px) * Self::pixel_bytes(self.samples)
+    }
 }
 
 /// A pass's place among those that draw one frame.
@@ -39,12 +62,14 @@ pub(super) struct TargetCache {
 }
 
 impl TargetCache {
-    pub(super) fn get(&mut self, gpu: &Gpu, width: u32, height: u32, samples: u32) -> &Targets {
-        let is_wanted =
-            |targets: &Targets| (targets.color.width(), targets.color.height()) == (width, height);
-        let targets = match self.sizes.iter().position(is_wanted) {
+    pub(super) fn get(&mut self, gpu: &Gpu, key: TargetKey) -> &Targets {
+        let targets = match self.sizes.iter().position(|targets| targets.key == key) {
             Some(idx) => self.sizes.remove(idx),
-            None => Targets::new(gpu, width, height, samples),
+            None => {
+                // Before there is more, so that the sizes of one picture's pieces do not add up.
+                self.keep(MAX_KEPT_BYTES.saturating_sub(key.n_bytes()));
+                Targets::new(gpu, key)
+            }
         };
         self.sizes.insert(0, targets);
         &self.sizes[0]
@@ -52,10 +77,14 @@ impl TargetCache {
 
     /// Lets go of what is kept beyond the bound, those used longest ago first; the latest too if it alone exceeds it.
     pub(super) fn trim(&mut self) {
+        self.keep(MAX_KEPT_BYTES);
+    }
+
+    fn keep(&mut self, max_bytes: u64) {
         let mut n_bytes = 0;
         self.sizes.retain(|targets| {
-            n_bytes += targets.n_bytes;
-            n_bytes <= MAX_KEPT_BYTES
+            n_bytes += targets.key.n_bytes();
+            n_bytes <= max_bytes
         });
     }
 
@@ -65,7 +94,8 @@ impl TargetCache {
 }
 
 impl Targets {
-    fn new(gpu: &Gpu, width: u32, height: u32, samples: u32) -> Self {
+    fn new(gpu: &Gpu, key: TargetKey) -> Self {
+        let TargetKey { width_px: width, height_px: height, samples, is_read } = key;
         let texture = |label, format, sample_count, usage| {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -80,14 +110,18 @@ impl Targets {
         };
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let color = texture("color", COLOR_FORMAT, 1, attachment | wgpu::TextureUsages::COPY_SRC);
+        let taken =
+            if is_read { wgpu::TextureUsages::TEXTURE_BINDING } else { wgpu::TextureUsages::COPY_SRC };
+        let color = texture("color", COLOR_FORMAT, 1, attachment | taken);
         let samples_view =
             (samples > 1).then(|| view(&texture("color samples", COLOR_FORMAT, samples, attachment)));
         let depth_view = view(&texture("depth", DEPTH_FORMAT, samples, attachment));
-        // Resolved colour, and where there are several samples their colours; a depth for each: 4 bytes each.
-        let per_pixel = 4 + if samples > 1 { 8 * u64::from(samples) } else { 4 };
-        let n_bytes = u64::from(width) * u64::from(height) * per_pixel;
-        Self { color_view: view(&color), color, samples_view, depth_view, n_bytes }
+        Self { color_view: view(&color), color, samples_view, depth_view, key }
+    }
+
+    /// Samples a pixel.
+    pub(super) const fn samples(&self) -> u32 {
+        self.key.samples
     }
 
     /// Where a pass draws: the first clears, the last resolves.

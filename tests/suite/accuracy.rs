@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 use videofields::accuracy::{AccuracyError, compare};
 use videofields::clock::{SystemClock, Timestamp};
-use videofields::engine::{At, ViewRequest, view_once};
+use videofields::engine::{At, ViewKind, ViewRequest, view_once};
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
 use videofields::plan::EntityStyle;
@@ -156,7 +156,19 @@ fn the_demo_is_true_where_no_camera_stands() {
         let at = At::Time(Timestamp::from_nanos(secs * 1_000_000_000));
         let (eye, target, fov_y_rad) = (Some(eye), Some(target), Some(fov_y_rad));
         let scene_id = "plaza".to_owned();
-        let request = ViewRequest { scene: scene_id, eye, target, fov_y_rad, width_px, height_px, at, style };
+        let request = ViewRequest {
+            scene: scene_id,
+            kind: ViewKind::Perspective,
+            eye,
+            target,
+            fov_y_rad,
+            width_px,
+            height_px,
+            at,
+            style,
+            samples: None,
+            supersampling: 1,
+        };
         view_once(&config, &scene, &request, &SystemClock::new()).unwrap().image
     };
     let view = pinhole(eye, target, fov_y_rad, (width_px, height_px)).unwrap();

@@ -24,7 +24,7 @@ use std::time::Duration;
 use tower::ServiceExt;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
-use videofields::engine::{At, EngineError, Handle, LocateMethod};
+use videofields::engine::{At, EngineError, Handle, LocateMethod, ViewKind};
 use videofields::plan::EntityStyle;
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
@@ -249,6 +249,58 @@ async fn a_view_asks_for_what_the_query_says() {
     assert_eq!((request.eye, request.target, request.fov_y_rad), (None, None, None));
     assert_eq!((request.width_px, request.height_px), (1280, 720));
     assert_eq!((request.at, request.style), (At::Live, EntityStyle::Billboards));
+}
+
+#[tokio::test]
+async fn every_kind_of_view_is_asked_for_and_said_in_the_same_words() {
+    let bench = Bench::new();
+    let asked = |bench: &Bench| bench.door.0.lock().unwrap().view.clone().unwrap();
+    let corners = [DVec3::new(-1.0, 3.0, 0.0), DVec3::new(1.0, 3.0, 0.0), DVec3::new(-1.0, 3.0, 1.5)];
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let kinds = [
+        ("eye=5,6,7;target=1,2,1;fov=50", ViewKind::Perspective),
+        (
+            "projection=orthographic;eye=5,6,7;target=1,2,1;across=12.5",
+            ViewKind::Orthographic { across_m: Some(12.5) },
+        ),
+        (
+            "projection=map;target=1,2,1;across=40;heading=-90",
+            ViewKind::Map { across_m: Some(40.0), heading_rad: -quarter },
+        ),
+        (
+            "projection=panorama;eye=5,6,7;target=1,2,1;fov=60;span=90",
+            ViewKind::Panorama { span_rad: quarter },
+        ),
+        (
+            "projection=stereo;eye=5,6,7;target=1,2,1;fov=50;eye_distance=0.1;convergence=9",
+            ViewKind::Stereo { eye_distance_m: 0.1, convergence_m: Some(9.0) },
+        ),
+        ("projection=window;eye=5,6,7;window=-1,3,0,1,3,0,-1,3,1.5", ViewKind::Window { corners }),
+    ];
+    for (words, kind) in kinds {
+        let query = words.replace(';', "&");
+        let answer = bench.get(&format!("/api/v1/scenes/plaza/view.png?{query}&width=8&height=4")).await;
+        assert_eq!(answer.status, StatusCode::OK, "{words}");
+        assert_eq!(asked(&bench).kind, kind, "{words}");
+        // Degrees come back within what a double holds of them.
+        let said = answer.field("videofields-view").to_owned();
+        for (said, asked) in said.split([';', '=', ',']).zip(words.split([';', '=', ','])) {
+            match (said.parse::<f64>(), asked.parse::<f64>()) {
+                (Ok(said), Ok(asked)) => assert!((said - asked).abs() < 1e-9, "{words}: {said}"),
+                _ => assert_eq!(said, asked, "{words}"),
+            }
+        }
+        assert!(said.len() >= words.len(), "{words}: {said}");
+    }
+    assert_eq!(
+        bench.get("/api/v1/scenes/plaza/view.png?samples=1&supersampling=3").await.status,
+        StatusCode::OK
+    );
+    let request = asked(&bench);
+    assert_eq!((request.samples, request.supersampling), (Some(1), 3));
+    assert_eq!(bench.get("/api/v1/scenes/plaza/view.png").await.status, StatusCode::OK);
+    let request = asked(&bench);
+    assert_eq!((request.kind, request.samples, request.supersampling), (ViewKind::Perspective, None, 1));
 }
 
 #[tokio::test]

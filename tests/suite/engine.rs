@@ -21,7 +21,7 @@ use videofields::config::{
     CameraSettings, ClockSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
 };
 use videofields::engine::{
-    At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewRequest,
+    At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewKind, ViewRequest,
 };
 use videofields::error::ErrorKind;
 use videofields::frame::{CameraId, RgbImage};
@@ -155,6 +155,9 @@ fn request(scene: &str, at: At) -> ViewRequest {
         height_px: 30,
         at,
         style: EntityStyle::Billboards,
+        kind: ViewKind::Perspective,
+        samples: None,
+        supersampling: 1,
     }
 }
 
@@ -328,6 +331,26 @@ fn pictures_are_drawn_and_shared(bench: &Bench) {
     check(request("yard", at(-2_000_000_000)), ErrorKind::NotFound, "1970-01-01T00:00:00Z");
     check(ViewRequest { width_px: 0, ..good() }, ErrorKind::Invalid, "width");
     check(ViewRequest { height_px: u32::MAX, ..good() }, ErrorKind::TooLarge, "height");
+    // Parallel rays show the same from everywhere along them, also from where single precision holds no metre.
+    let aslant = |times: f64| {
+        let kind = ViewKind::Orthographic { across_m: Some(8.0) };
+        let eye = Some(DVec3::new(7.0, -7.0, 5.0) * times);
+        bench.view(ViewRequest { kind, eye, ..request("yard", at(0)) }).unwrap().image
+    };
+    let near = aslant(1.0);
+    for times in [1e3, 1e5, 1e7] {
+        let far = aslant(times);
+        let n_off = near.data.iter().zip(&far.data).filter(|(near, far)| near.abs_diff(**far) > 2).count();
+        assert!(n_off <= near.data.len() / 200, "{times}: {n_off} of {}", near.data.len());
+    }
+    let odd = ViewKind::Stereo { eye_distance_m: 0.1, convergence_m: None };
+    check(ViewRequest { kind: odd, width_px: 41, ..good() }, ErrorKind::Invalid, "even");
+    let round = ViewKind::Panorama { span_rad: std::f64::consts::TAU };
+    check(ViewRequest { kind: round, width_px: 1, ..good() }, ErrorKind::Invalid, "width");
+    let large = ViewRequest { width_px: 6000, height_px: 3000, ..good() };
+    check(ViewRequest { supersampling: 2, ..large }, ErrorKind::TooLarge, "supersampling");
+    check(ViewRequest { supersampling: 5, ..good() }, ErrorKind::Invalid, "supersampling");
+    check(ViewRequest { samples: Some(3), ..good() }, ErrorKind::Invalid, "samples");
     check(ViewRequest { eye: good().target, ..good() }, ErrorKind::Invalid, "target");
     check(ViewRequest { eye: Some(DVec3::NAN), ..good() }, ErrorKind::Invalid, "eye");
     check(ViewRequest { fov_y_rad: Some(f64::NAN), ..good() }, ErrorKind::Invalid, "fov");

@@ -4,6 +4,8 @@
 mod stage;
 #[path = "render/twin.rs"]
 mod twin;
+#[path = "render/views.rs"]
+mod views;
 
 use crate::support::golden::{self, MOVED, TWIN};
 use glam::DVec3;
@@ -17,18 +19,38 @@ use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
 use videofields::geometry::Distortion;
 use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, EntityStyle, MAX_SURFACE_CAMERAS, Plan};
+use videofields::plan::{self, EntityStyle, Frustum, MAX_SURFACE_CAMERAS, Picture, Plan, Sampling, Wishes};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
 /// Lavapipe's name: what goldens are drawn by.
 const REFEREE: &str = "llvmpipe";
 
+/// A renderer and the samples a pixel that are wished for.
+struct Brush {
+    renderer: Renderer,
+    samples: u32,
+}
+
+impl Brush {
+    fn wishes(&self, entities: EntityStyle) -> Wishes {
+        Wishes { entities, sampling: Sampling { samples: self.samples, supersampling: 1 } }
+    }
+
+    fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {
+        plan::make(state, &Picture::from(*view), self.wishes(style))
+    }
+
+    fn render(&mut self, state: &SceneState, view: &View, plan: &Plan) -> Result<Rendered, RenderError> {
+        self.renderer.render(state, &Picture::from(*view), plan)
+    }
+}
+
 /// A renderer, or `None` (and a line on standard error) where there is no such adapter; with CI=true there must be.
-fn renderer(adapter: &str, samples: u32) -> Option<Renderer> {
-    let settings = RenderSettings { samples, ..RenderSettings::default() };
+fn renderer(adapter: &str, samples: u32) -> Option<Brush> {
     let gpu = crate::support::adapter(adapter)?;
-    Some(Renderer::new(gpu, &settings).expect("a renderer"))
+    let renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");
+    Some(Brush { renderer, samples })
 }
 
 fn view(eye: DVec3, target: DVec3, fov_y_rad: f64, width: u32, height: u32) -> View {
@@ -39,9 +61,9 @@ fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-fn draw(renderer: &mut Renderer, state: &SceneState, view: &View, style: EntityStyle) -> (Rendered, Plan) {
-    let plan = plan::make(state, view, style);
-    let rendered = renderer.render(state, view, &plan).expect("a picture");
+fn draw(brush: &mut Brush, state: &SceneState, view: &View, style: EntityStyle) -> (Rendered, Plan) {
+    let plan = brush.plan(state, view, style);
+    let rendered = brush.render(state, view, &plan).expect("a picture");
     assert_eq!(rendered.image.data.len(), view.width_px as usize * view.height_px as usize * 3);
     (rendered, plan)
 }
@@ -133,7 +155,7 @@ fn pixel(picture: &RgbImage, x: u32, y: u32) -> [u8; 3] {
 #[test]
 fn map_coordinates_change_nothing() {
     let Some(mut renderer) = renderer("", 4) else { return };
-    let picture = |renderer: &mut Renderer, offset: DVec3| {
+    let picture = |renderer: &mut Brush, offset: DVec3| {
         let state = plaza(offset).with_person(v(-1.0, -3.0, 0.0)).state();
         let view = view(v(-3.0, -16.0, 6.0) + offset, v(0.0, 0.0, 0.5) + offset, 0.9, 240, 160);
         draw(renderer, &state, &view, EntityStyle::Billboards).0.image
@@ -153,7 +175,8 @@ fn a_view_from_a_cameras_place_shows_its_picture() {
     let camera = &state.cameras[0];
     let (width, height) = camera.camera.size_px();
     let fov = 2.0 * (f64::from(height) * 0.5 / camera.camera.focal_px().y).atan();
-    let view = View { pose: *camera.camera.pose(), fov_y_rad: fov, width_px: width, height_px: height };
+    let frustum = Frustum::around_axis(fov, width, height);
+    let view = View { pose: *camera.camera.pose(), frustum, width_px: width, height_px: height };
     let (rendered, plan) = draw(&mut renderer, &state, &view, EntityStyle::Billboards);
     assert_eq!((plan.surface_cameras.as_slice(), plan.entity_cameras.as_slice()), (&[0][..], &[0][..]));
     keep("own_place", &rendered.image);
@@ -364,13 +387,13 @@ fn what_cannot_be_drawn_is_refused_and_the_renderer_goes_on() {
     let Some(mut renderer) = renderer("", 1) else { return };
     let state = plaza(DVec3::ZERO).state();
     let good = view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 64, 40);
-    let plan = plan::make(&state, &good, EntityStyle::None);
-    let limits = renderer.view_limits();
+    let plan = renderer.plan(&state, &good, EntityStyle::None);
+    let limits = renderer.renderer.view_limits();
     for wrong in [
         View { width_px: 0, ..good },
         View { height_px: limits.max_side_px + 1, ..good },
         View { width_px: limits.max_side_px, height_px: limits.max_side_px, ..good },
-        View { fov_y_rad: f64::NAN, ..good },
+        View { frustum: Frustum { x: [f64::NAN, 1.0], ..good.frustum }, ..good },
         View { pose: videofields::geometry::Pose { position_in_world: DVec3::NAN, ..good.pose }, ..good },
     ] {
         let error = renderer.render(&state, &wrong, &plan).expect_err("no view");
@@ -384,9 +407,11 @@ fn what_cannot_be_drawn_is_refused_and_the_renderer_goes_on() {
     assert!(matches!(renderer.render(&torn, &good, &masks), Err(RenderError::MaskSize { .. })));
     renderer.render(&state, &good, &plan).expect("it goes on");
 
-    let settings = RenderSettings { samples: 3, ..RenderSettings::default() };
-    let gpu = Gpu::new("").expect("an adapter was there before");
-    assert_eq!(Renderer::new(gpu, &settings).expect_err("3 samples"), RenderError::Samples(3));
+    for (samples, supersampling) in [(3, 1), (1, 0), (1, 5)] {
+        let often = Plan { sampling: Sampling { samples, supersampling }, ..plan.clone() };
+        let error = renderer.render(&state, &good, &often).expect_err("no such sampling");
+        assert_eq!(error.kind(), ErrorKind::Invalid, "{error}");
+    }
     assert!(matches!(Gpu::new("no such adapter"), Err(GpuError::NoAdapter { .. })));
 }
 
@@ -395,10 +420,10 @@ fn a_fault_on_the_device_is_an_error_and_a_loss_is_told() {
     let Some(mut renderer) = renderer("", 1) else { return };
     let state = plaza(DVec3::ZERO).state();
     let good = view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 64, 40);
-    let plan = plan::make(&state, &good, EntityStyle::None);
+    let plan = renderer.plan(&state, &good, EntityStyle::None);
     // More than the device may ever allocate: a validation error.
-    let size = renderer.gpu().limits().max_buffer_size + 4;
-    let refused = renderer.gpu().device.create_buffer(&wgpu::BufferDescriptor {
+    let size = renderer.renderer.gpu().limits().max_buffer_size + 4;
+    let refused = renderer.renderer.gpu().device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("too large"),
         size,
         usage: wgpu::BufferUsages::VERTEX,
@@ -409,7 +434,7 @@ fn a_fault_on_the_device_is_an_error_and_a_loss_is_told() {
     assert!(matches!(error.kind(), ErrorKind::Internal | ErrorKind::TooLarge), "{error}");
     renderer.render(&state, &good, &plan).expect("the device still works");
 
-    renderer.gpu().device.destroy();
+    renderer.renderer.gpu().device.destroy();
     let error = renderer.render(&state, &good, &plan).expect_err("the device is gone");
     assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
     let RenderError::Gpu(error) = renderer.render(&state, &good, &plan).expect_err("it stays gone") else {

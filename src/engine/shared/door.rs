@@ -6,12 +6,12 @@ use super::super::alignment::SceneAlignment;
 use super::super::chronicle::SceneTimeline;
 use super::super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
-    ViewAnswer, ViewRequest,
 };
 use super::super::past::Past;
 use super::super::playheads::{Change, PlayheadState};
 use super::super::renderer::Job;
 use super::super::track_search::{FoundTracks, TrackQuery};
+use super::super::view::{ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
 use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;

@@ -1,9 +1,10 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
-use super::{Attributes, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
 use crate::fuse::Billboard;
 use crate::geometry;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
+use crate::plan::Viewer;
 use crate::render::image_array::ImageArray;
 use glam::{DQuat, DVec2, DVec3};
 
@@ -11,23 +12,27 @@ use glam::{DQuat, DVec2, DVec3};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(in crate::render) struct Instance {
-    foot_from_eye: [f32; 3],
+    foot_from_anchor: [f32; 3],
     camera_idx: u32,
     right: [f32; 3],
     height_m: f32,
     turned_right: [f32; 3],
+    turned_up: [f32; 3],
     rect: [f32; 4],
     left_right_m: [f32; 2],
 }
 
-const ATTRIBUTES: Attributes<7> = wgpu::vertex_attr_array![
-    0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x4, 6 => Float32x2
+const ATTRIBUTES: Attributes<8> = wgpu::vertex_attr_array![
+    0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x3, 6 => Float32x4,
+    7 => Float32x2
 ];
 
 /// Pixels of the camera's picture by which a rectangle is drawn larger than its blob, for the mask's soft edge.
 const EDGE_PX: f64 = 2.5;
-/// Angle between a rectangle's front (or back) and the viewer, seen from above, up to which it stays as it is.
+/// Angle between a rectangle's front (or back) and a level viewer, seen from above, up to which it stays as it is.
 const UNTURNED_RAD: f64 = std::f64::consts::FRAC_PI_3;
+/// Elevation of the viewer above which rectangles lean back.
+const UPRIGHT_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
 impl Instance {
     pub(in crate::render) fn new(
@@ -35,7 +40,7 @@ impl Instance {
         camera: &geometry::Camera,
         camera_idx: usize,
         frame_size_px: (u32, u32),
-        eye_in_world: DVec3,
+        (anchor_in_world, viewer): (DVec3, Viewer),
     ) -> Self {
         let Billboard { rect, foot_in_world, right_in_world, left_right_m: [left, right], height_m, .. } =
             billboard;
@@ -43,13 +48,15 @@ impl Instance {
         let edge_m = EDGE_PX * foot_in_world.distance(camera.pose().position_in_world)
             / (camera.focal_px().min_element() * width / f64::from(camera.size_px().0));
         let [x, y] = [f64::from(rect.x), f64::from(rect.y)];
-        let turned = turned_towards(*right_in_world, eye_in_world - *foot_in_world);
+        let (to_viewer, away) = viewer.seen_from(*foot_in_world);
+        let [turned_right, turned_up] = turned_towards(*right_in_world, to_viewer, away);
         Self {
-            foot_from_eye: (*foot_in_world - eye_in_world).as_vec3().to_array(),
+            foot_from_anchor: (*foot_in_world - anchor_in_world).as_vec3().to_array(),
             camera_idx: camera_idx as u32,
             right: right_in_world.as_vec3().to_array(),
             height_m: (height_m + edge_m) as f32,
-            turned_right: turned.as_vec3().to_array(),
+            turned_right: turned_right.as_vec3().to_array(),
+            turned_up: turned_up.as_vec3().to_array(),
             rect: [
                 (x / width) as f32,
                 (y / height) as f32,
@@ -61,61 +68,46 @@ impl Instance {
     }
 }
 
-/// The direction of the base line once the rectangle is turned about the vertical towards the viewer.
+/// The directions of the base line and of the upright sides once the rectangle is turned towards the viewer: about the
+/// vertical, then about its base line. `away` is the level direction away from the viewer.
 ///
-/// A rectangle nearly edge-on would vanish; beyond [`UNTURNED_RAD`] it follows the viewer, so it is turned by at most
-/// 30 degrees and never seen narrower than half its width.
-fn turned_towards(right_in_world: DVec3, to_viewer: DVec3) -> DVec3 {
-    let to_viewer = to_viewer.truncate();
+/// A rectangle nearly edge-on would vanish; beyond [`UNTURNED_RAD`] it follows a level viewer, so it is turned by at most
+/// 30 degrees and never seen narrower than half its width. From straight above it would vanish too: it leans back from a
+/// viewer higher than [`UPRIGHT_RAD`], and faces the more the higher the viewer is, so that from above it lies head
+/// upwards in the picture and is never seen lower than two thirds of its height.
+fn turned_towards(right_in_world: DVec3, to_viewer: DVec3, away: DVec2) -> [DVec3; 2] {
+    let steepness = (to_viewer.z.clamp(-1.0, 1.0).asin() - UPRIGHT_RAD).max(0.0);
+    let unturned = UNTURNED_RAD * (1.0 - steepness / UPRIGHT_RAD).max(0.0);
+    let towards = -away;
     let along = right_in_world.truncate();
     let front = DVec2::new(along.y, -along.x);
     // Angle of the viewer from the front or the back, whichever is nearer: -pi/2 to pi/2.
-    let sideways = to_viewer.dot(along) * to_viewer.dot(front).signum();
-    let angle = sideways.atan2(to_viewer.dot(front).abs());
+    let sideways = towards.dot(along) * towards.dot(front).signum();
+    let angle = sideways.atan2(towards.dot(front).abs());
     // Turning towards the viewer's side is against the base line's own sense (front is to its right).
-    let excess = angle.signum() * (angle.abs() - UNTURNED_RAD).max(0.0);
-    DQuat::from_rotation_z(excess) * right_in_world
+    let excess = angle.signum() * (angle.abs() - unturned).max(0.0);
+    let right = DQuat::from_rotation_z(excess) * right_in_world;
+    let level = DVec3::new(right.y, -right.x, 0.0);
+    let back = if level.truncate().dot(away) >= 0.0 { level } else { -level };
+    let (sin, cos) = steepness.sin_cos();
+    [right, DVec3::Z * cos + back * sin]
 }
 
 /// Draws entities.
 #[derive(Debug)]
 pub(in crate::render) struct BillboardPass {
     frames: LiveFrames,
-    pipeline: wgpu::RenderPipeline,
+    pipelines: BySamples,
     instances: GrowingBuffer,
 }
 
 const LABEL: &str = "billboard";
 
 impl BillboardPass {
-    pub(in crate::render) fn new(
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        samples: u32,
-    ) -> Result<Self, GpuError> {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
-        let instances = wgpu::VertexBufferLayout {
-            array_stride: size_of::<Instance>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &ATTRIBUTES,
-        };
-        let pipeline = draw_pipeline(
-            gpu,
-            DrawPipeline {
-                label: LABEL,
-                bind_groups: &[frame_layout, &frames.layout],
-                vertices: instances,
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                mixing: Mixing {
-                    blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
-                    writes_depth: false,
-                },
-                variant: &[],
-                samples,
-            },
-        )?;
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
-        Ok(Self { frames, pipeline, instances })
+        Self { frames, pipelines: BySamples::default(), instances }
     }
 
     /// Records the rectangles, given from back to front.
@@ -125,14 +117,35 @@ impl BillboardPass {
         into: &DrawInto<'_>,
         instances: &[Instance],
         frames: &mut ImageArray,
-    ) {
-        let textures = self.frames.bind(recording.gpu, frames);
-        let vertices = self.instances.write(recording.gpu, instances);
+    ) -> Result<(), GpuError> {
+        let gpu = recording.gpu;
+        let layout = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Instance>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &ATTRIBUTES,
+        };
+        let samples = into.targets.samples();
+        let wanted = DrawPipeline {
+            label: LABEL,
+            bind_groups: &[into.frame_layout, &self.frames.layout],
+            vertices: layout,
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            mixing: Mixing {
+                blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
+                writes_depth: false,
+            },
+            variant: &[],
+            samples,
+        };
+        let pipeline = self.pipelines.get(samples, || draw_pipeline(gpu, wanted))?;
+        let textures = self.frames.bind(gpu, frames);
+        let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(1, &textures, &[]);
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.draw(0..4, 0..instances.len() as u32);
+        Ok(())
     }
 }
 
@@ -140,20 +153,48 @@ impl BillboardPass {
 mod tests {
     use super::*;
 
+    /// The share of a rectangle's width and of its height that a viewer sees, and its turned directions.
+    fn seen(right: DVec3, to_viewer: DVec3) -> ([f64; 2], [DVec3; 2]) {
+        let to_viewer = to_viewer.normalize();
+        let away = -to_viewer.truncate().try_normalize().unwrap_or(-DVec2::Y);
+        let [turned, up] = turned_towards(right, to_viewer, away);
+        assert!((turned.length() - 1.0).abs() < 1e-9 && (up.length() - 1.0).abs() < 1e-9);
+        assert!(turned.dot(up).abs() < 1e-9 && up.z > 0.7, "{turned} {up}");
+        ([turned, up].map(|side| side.cross(to_viewer).length()), [turned, up])
+    }
+
     #[test]
-    fn a_rectangle_is_never_seen_narrower_than_half() {
+    fn a_rectangle_is_never_seen_narrower_than_half_nor_lower_than_two_thirds() {
         let right = DVec3::new(0.6, 0.8, 0.0);
-        for degrees in 0..360 {
-            let to_viewer =
-                DQuat::from_rotation_z(f64::from(degrees).to_radians()) * DVec3::new(5.0, 0.0, 2.0);
-            let turned = turned_towards(right, to_viewer);
-            let seen = |along: DVec3| along.truncate().perp_dot(to_viewer.truncate().normalize()).abs();
-            assert!((turned.length() - 1.0).abs() < 1e-9 && turned.dot(right) >= 0.866 - 1e-3);
-            assert!(seen(turned) >= 0.5 - 1e-9, "{degrees}: {}", seen(turned));
-            if seen(right) > 0.5 {
-                assert!((turned - right).length() < 1e-9, "{degrees}");
+        for elevation in (-45..=90).step_by(5) {
+            for degrees in 0..360 {
+                let (up, level) = f64::from(elevation).to_radians().sin_cos();
+                let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+                let ([width, height], [turned, _]) = seen(right, DVec3::new(cos * level, sin * level, up));
+                assert!(width >= 0.5 - 1e-9 && height >= 0.66, "{elevation} {degrees}: {width} x {height}");
+                if elevation <= 45 {
+                    assert!(turned.dot(right) >= 0.866 - 1e-3);
+                }
             }
         }
-        assert!(turned_towards(right, DVec3::Z).is_finite());
+    }
+
+    #[test]
+    fn a_rectangle_stays_as_it_is_where_it_is_seen_well() {
+        let right = DVec3::new(0.6, 0.8, 0.0);
+        let front = DVec3::new(0.8, -0.6, 0.0);
+        for to_viewer in [front, -front, front + right, front + DVec3::Z, -front - right * 0.5] {
+            let (_, turned) = seen(right, to_viewer);
+            assert!((turned[0] - right).length() < 1e-9 && (turned[1] - DVec3::Z).length() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn from_straight_above_the_head_points_upwards_in_the_picture() {
+        for away in [DVec2::Y, DVec2::X, DVec2::new(-0.6, 0.8)] {
+            let [right, up] = turned_towards(DVec3::new(0.6, 0.8, 0.0), DVec3::Z, away);
+            assert!((up.truncate().normalize() - away).length() < 1e-9, "{up}");
+            assert!(right.truncate().dot(away).abs() < 1e-9, "{right}");
+        }
     }
 }

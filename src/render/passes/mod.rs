@@ -1,15 +1,17 @@
 //! The passes, one file each with one anatomy: mirror structs, a `Pass` made once, `record` for every frame.
 
+mod average;
 mod billboard;
 mod camera_depth;
 mod points;
 mod surface;
 mod yuv;
 
+pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
-pub(super) use surface::{Shown, SurfaceKey, SurfacePass};
+pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass};
 pub(super) use yuv::YuvPass;
 
 use super::image_array::ImageArray;
@@ -35,8 +37,9 @@ pub(super) struct Recording<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct DrawInto<'a> {
     pub targets: &'a Targets,
-    /// Bind group 0.
+    /// Bind group 0 and its layout.
     pub frame: &'a wgpu::BindGroup,
+    pub frame_layout: &'a wgpu::BindGroupLayout,
     pub place: Place,
 }
 
@@ -54,6 +57,27 @@ impl Recording<'_> {
         });
         pass.set_bind_group(0, into.frame, &[]);
         pass
+    }
+}
+
+/// Pipelines that differ in their samples a pixel alone, each made when a frame first calls for it.
+#[derive(Debug, Default)]
+struct BySamples(Vec<(u32, wgpu::RenderPipeline)>);
+
+impl BySamples {
+    fn get(
+        &mut self,
+        samples: u32,
+        make: impl FnOnce() -> Result<wgpu::RenderPipeline, GpuError>,
+    ) -> Result<&wgpu::RenderPipeline, GpuError> {
+        let idx = match self.0.iter().position(|(known, _)| *known == samples) {
+            Some(idx) => idx,
+            None => {
+                self.0.push((samples, make()?));
+                self.0.len() - 1
+            }
+        };
+        Ok(&self.0[idx].1)
     }
 }
 

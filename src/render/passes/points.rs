@@ -1,6 +1,6 @@
 //! Entities as squares in space, one a foreground texel.
 
-use super::{Attributes, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
 use crate::fuse::EntityPoint;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::image_array::ImageArray;
@@ -10,7 +10,7 @@ use glam::DVec3;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(in crate::render) struct Instance {
-    position_from_eye: [f32; 3],
+    position_from_anchor: [f32; 3],
     size_m: f32,
     texture: [f32; 2],
     camera_idx: u32,
@@ -20,9 +20,9 @@ const ATTRIBUTES: Attributes<4> =
     wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32, 2 => Float32x2, 3 => Uint32];
 
 impl Instance {
-    pub(in crate::render) fn new(point: &EntityPoint, camera_idx: usize, eye_in_world: DVec3) -> Self {
+    pub(in crate::render) fn new(point: &EntityPoint, camera_idx: usize, anchor_in_world: DVec3) -> Self {
         Self {
-            position_from_eye: (point.position_in_world - eye_in_world).as_vec3().to_array(),
+            position_from_anchor: (point.position_in_world - anchor_in_world).as_vec3().to_array(),
             size_m: point.size_m,
             texture: point.texture,
             camera_idx: camera_idx as u32,
@@ -34,38 +34,17 @@ impl Instance {
 #[derive(Debug)]
 pub(in crate::render) struct PointsPass {
     frames: LiveFrames,
-    pipeline: wgpu::RenderPipeline,
+    pipelines: BySamples,
     instances: GrowingBuffer,
 }
 
 const LABEL: &str = "points";
 
 impl PointsPass {
-    pub(in crate::render) fn new(
-        gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
-        samples: u32,
-    ) -> Result<Self, GpuError> {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
-        let instances = wgpu::VertexBufferLayout {
-            array_stride: size_of::<Instance>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &ATTRIBUTES,
-        };
-        let pipeline = draw_pipeline(
-            gpu,
-            DrawPipeline {
-                label: LABEL,
-                bind_groups: &[frame_layout, &frames.layout],
-                vertices: instances,
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                mixing: Mixing { blend: None, writes_depth: true },
-                variant: &[],
-                samples,
-            },
-        )?;
         let instances = GrowingBuffer::new("points instances", wgpu::BufferUsages::VERTEX);
-        Ok(Self { frames, pipeline, instances })
+        Self { frames, pipelines: BySamples::default(), instances }
     }
 
     /// Records the squares, in any order.
@@ -75,13 +54,31 @@ impl PointsPass {
         into: &DrawInto<'_>,
         instances: &[Instance],
         frames: &mut ImageArray,
-    ) {
-        let textures = self.frames.bind(recording.gpu, frames);
-        let vertices = self.instances.write(recording.gpu, instances);
+    ) -> Result<(), GpuError> {
+        let gpu = recording.gpu;
+        let layout = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Instance>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &ATTRIBUTES,
+        };
+        let samples = into.targets.samples();
+        let wanted = DrawPipeline {
+            label: LABEL,
+            bind_groups: &[into.frame_layout, &self.frames.layout],
+            vertices: layout,
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            mixing: Mixing { blend: None, writes_depth: true },
+            variant: &[],
+            samples,
+        };
+        let pipeline = self.pipelines.get(samples, || draw_pipeline(gpu, wanted))?;
+        let textures = self.frames.bind(gpu, frames);
+        let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);
-        pass.set_pipeline(&self.pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(1, &textures, &[]);
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.draw(0..4, 0..instances.len() as u32);
+        Ok(())
     }
 }

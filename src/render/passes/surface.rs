@@ -2,20 +2,20 @@
 
 use super::camera_depth::DepthMaps;
 use super::{
-    Attributes, DrawInto, DrawPipeline, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED,
+    Attributes, BySamples, DrawInto, DrawPipeline, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED,
     draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::camera_data::Camera;
 use crate::render::image_array::ImageArray;
-use crate::render::mesh::MeshVertex;
+use crate::render::mesh::Mesh;
 use glam::DVec3;
 
-/// One corner of a triangle, relative to the eye.
+/// One corner of a triangle, relative to the anchor.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct Vertex {
-    position_from_eye: [f32; 3],
+    position_from_anchor: [f32; 3],
     normal: [f32; 3],
     material: [f32; 3],
 }
@@ -55,9 +55,9 @@ impl SurfaceKey {
 
 /// What is shown, from where, by which variant.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Shown<'a> {
-    pub mesh: &'a [MeshVertex],
-    pub eye_in_world: DVec3,
+pub(in crate::render) struct StaticScene<'a> {
+    pub mesh: &'a Mesh,
+    pub anchor_in_world: DVec3,
     pub key: SurfaceKey,
 }
 
@@ -65,18 +65,19 @@ pub(in crate::render) struct Shown<'a> {
 #[derive(Debug)]
 pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
-    samples: u32,
-    pipelines: Vec<(SurfaceKey, wgpu::RenderPipeline)>,
+    pipelines: Vec<(SurfaceKey, BySamples)>,
     background_sampler: wgpu::Sampler,
     depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
     scratch: Vec<Vertex>,
+    /// Of which mesh, relative to what the vertices are: parts of a picture mostly share both.
+    written: Option<(u64, DVec3)>,
 }
 
 const LABEL: &str = "surface";
 
 impl SurfacePass {
-    pub(in crate::render) fn new(gpu: &Gpu, samples: u32) -> Self {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let depth_sampler_entry = wgpu::BindGroupLayoutEntry {
             binding: 3,
             visibility: wgpu::ShaderStages::FRAGMENT,
@@ -94,7 +95,6 @@ impl SurfacePass {
         });
         Self {
             layout,
-            samples,
             pipelines: Vec::new(),
             background_sampler: linear_sampler(gpu, LABEL),
             depth_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
@@ -103,6 +103,7 @@ impl SurfacePass {
             }),
             vertices: GrowingBuffer::new("surface vertices", wgpu::BufferUsages::VERTEX),
             scratch: Vec::new(),
+            written: None,
         }
     }
 
@@ -110,35 +111,30 @@ impl SurfacePass {
     fn pipeline(
         &mut self,
         gpu: &Gpu,
-        frame_layout: &wgpu::BindGroupLayout,
+        into: &DrawInto<'_>,
         key: SurfaceKey,
     ) -> Result<&wgpu::RenderPipeline, GpuError> {
-        let known = self.pipelines.iter().position(|(known, _)| *known == key);
-        let idx = match known {
-            Some(idx) => idx,
-            None => {
-                let vertices = wgpu::VertexBufferLayout {
-                    array_stride: size_of::<Vertex>() as u64,
-                    step_mode: wgpu::VertexStepMode::Vertex,
-                    attributes: &ATTRIBUTES,
-                };
-                let pipeline = draw_pipeline(
-                    gpu,
-                    DrawPipeline {
-                        label: LABEL,
-                        bind_groups: &[frame_layout, &self.layout],
-                        vertices,
-                        topology: wgpu::PrimitiveTopology::TriangleList,
-                        mixing: Mixing { blend: None, writes_depth: true },
-                        variant: &key.constants(),
-                        samples: self.samples,
-                    },
-                )?;
-                self.pipelines.push((key, pipeline));
-                self.pipelines.len() - 1
-            }
+        let vertices = wgpu::VertexBufferLayout {
+            array_stride: size_of::<Vertex>() as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &ATTRIBUTES,
         };
-        Ok(&self.pipelines[idx].1)
+        let samples = into.targets.samples();
+        let known = self.pipelines.iter().position(|(known, _)| *known == key);
+        let idx = known.unwrap_or_else(|| {
+            self.pipelines.push((key, BySamples::default()));
+            self.pipelines.len() - 1
+        });
+        let wanted = DrawPipeline {
+            label: LABEL,
+            bind_groups: &[into.frame_layout, &self.layout],
+            vertices,
+            topology: wgpu::PrimitiveTopology::TriangleList,
+            mixing: Mixing { blend: None, writes_depth: true },
+            variant: &key.constants(),
+            samples,
+        };
+        self.pipelines[idx].1.get(samples, || draw_pipeline(gpu, wanted))
     }
 
     /// Records the sky (the colour to clear with) and the scene's mesh.
@@ -146,21 +142,24 @@ impl SurfacePass {
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,
-        frame_layout: &wgpu::BindGroupLayout,
-        shown: &Shown<'_>,
+        shown: &StaticScene<'_>,
         backgrounds: &mut ImageArray,
         depth_maps: &mut DepthMaps,
     ) -> Result<(), GpuError> {
         let gpu = recording.gpu;
-        self.scratch.clear();
-        self.scratch.extend(shown.mesh.iter().map(|vertex| Vertex {
-            position_from_eye: (vertex.position_in_world - shown.eye_in_world).as_vec3().to_array(),
-            normal: vertex.normal.to_array(),
-            material: vertex.material.to_array(),
-        }));
-        self.vertices.write(gpu, &self.scratch);
+        let wanted = (shown.mesh.number, shown.anchor_in_world);
+        if self.written != Some(wanted) {
+            self.scratch.clear();
+            self.scratch.extend(shown.mesh.vertices.iter().map(|vertex| Vertex {
+                position_from_anchor: (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
+                normal: vertex.normal.to_array(),
+                material: vertex.material.to_array(),
+            }));
+            self.vertices.write(gpu, &self.scratch);
+            self.written = Some(wanted);
+        }
         let textures = self.bind(gpu, backgrounds, depth_maps);
-        let pipeline = self.pipeline(gpu, frame_layout, shown.key)?.clone();
+        let pipeline = self.pipeline(gpu, into, shown.key)?.clone();
         let mut pass = recording.draw(LABEL, into);
         if let (Some(vertices), false) = (self.vertices.get(), self.scratch.is_empty()) {
             pass.set_pipeline(&pipeline);

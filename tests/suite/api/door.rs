@@ -17,7 +17,7 @@ use videofields::engine::{
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
-use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Spread};
+use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Sampling, Spread};
 use videofields::scene::{Scene, SceneView};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
@@ -485,11 +485,13 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         entities: EntityStyle::None,
         billboards: vec![],
         entity_cameras: vec![],
+        sampling: Sampling::ONCE,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };
     ViewAnswer {
         image: Arc::new(RgbImage { width, height, data: vec![200; width as usize * height as usize * 3] }),
         instant: LAST,
+        kind: request.kind,
         view: SceneView {
             eye: request.eye.unwrap_or(own_view().eye),
             target: request.target.unwrap_or(own_view().target),

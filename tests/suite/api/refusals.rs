@@ -49,6 +49,34 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
         check(VIEW, &format!("t={t}"), "t", "must be live, playhead: and its name, nanoseconds").await;
         check(FRAME, &format!("t={t}"), "t", "RFC 3339").await;
     }
+    for (kind, others) in [
+        ("perspective", "across=1&heading=1&span=90&eye_distance=0.1&convergence=3&window=0"),
+        ("map", "eye=1,2,3&fov=50&span=90"),
+        ("stereo", "across=9"),
+    ] {
+        for other in others.split('&') {
+            let parameter = other.split('=').next().unwrap();
+            let said = format!("means nothing to projection={kind}, which takes ");
+            check(VIEW, &format!("projection={kind}&{other}"), parameter, &said).await;
+        }
+    }
+    check(VIEW, "projection=fisheye", "projection", "one of perspective, orthographic, map, panorama").await;
+    check(VIEW, "across=9", "across", "means nothing to projection=perspective").await;
+    check(VIEW, "projection=map&across=0", "across", "a number from 0.001 to 10000000 metres").await;
+    check(VIEW, "projection=map&heading=361", "heading", "a number from -360 to 360 degrees").await;
+    check(VIEW, "projection=panorama&span=0.5", "span", "a number from 1 to 360 degrees").await;
+    check(VIEW, "projection=stereo&eye_distance=-1", "eye_distance", "from 0 to 1000 metres").await;
+    check(VIEW, "projection=stereo&convergence=0", "convergence", "from 0.001 to").await;
+    check(VIEW, "projection=window", "window", "is required").await;
+    for window in ["", "1,2,3", "0,0,0,1,0,0,0,0,NaN", "0,0,0,1,0,0,0,0,1,0", "0,0,0,1,0,0,0,0,1e9"] {
+        check(VIEW, &format!("projection=window&window={window}"), "window", "x,y,z three times").await;
+    }
+    for samples in ["0", "2", "8", ""] {
+        check(VIEW, &format!("samples={samples}"), "samples", "one of 1, 4").await;
+    }
+    for times in ["0", "5", "1.5"] {
+        check(VIEW, &format!("supersampling={times}"), "supersampling", "a whole number from 1 to 4").await;
+    }
     for entities in ["", "Billboards", "sprites"] {
         check(VIEW, &format!("entities={entities}"), "entities", "one of billboards, points, none").await;
     }
@@ -59,7 +87,7 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
     check(LOCATE, "u=0", "v", "is required").await;
     check(LOCATE, "u=0&v=0&method=guess", "method", "one of ray, map").await;
     check(LOCATE, "u=0&v=0&scene=../etc", "scene", "must be an id").await;
-    check(VIEW, "widht=3", "widht", "did you mean \"width\"? known: eye, target, fov").await;
+    check(VIEW, "widht=3", "widht", "did you mean \"width\"? known: projection, eye, target").await;
     check(VIEW, "fov=50&fov=60", "fov", "is given more than once").await;
     check(VIEW, "fov=%ff", "fov", "its escapes are not UTF-8").await;
     check("/api/v1/cameras", "limit=3", "limit", "is not a parameter here").await;
@@ -269,7 +297,7 @@ fn any_target() -> impl Strategy<Value = String> {
         prop::collection::vec(segment(), 0..3).prop_map(|parts| format!("/{}", parts.join("/"))),
     ];
     let name = prop_oneof![
-        4 => "(eye|target|fov|width|height|t|entities|u|v|scene|method)",
+        4 => "(projection|eye|target|fov|across|window|samples|width|height|t|entities|u|v|scene|method)",
         1 => "[a-z%0-9_-]{0,8}",
     ];
     let value = prop_oneof![

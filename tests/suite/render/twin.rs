@@ -8,7 +8,7 @@ use super::stage::SKY;
 use glam::{DVec2, DVec3};
 use videofields::frame::{RgbImage, YuvImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
-use videofields::geometry::{Camera, Face, Hit, Ray, SurfaceId, Surfaces};
+use videofields::geometry::{Camera, Face, Hit, SurfaceId, Surfaces};
 use videofields::plan::{Plan, View};
 
 const FEATHER: f64 = 0.06;
@@ -49,7 +49,8 @@ pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
 }
 
 struct Pixel {
-    eye: DVec3,
+    /// Towards the viewer.
+    to_viewer: DVec3,
     hit: Option<Hit>,
     /// Steps along the surface to the other pixel of its pair, across and down: devices take differences in quads.
     steps: [DVec3; 2],
@@ -63,11 +64,10 @@ fn surface_of(hit: Option<&Hit>) -> Option<(SurfaceId, Face, [i64; 3])> {
 
 impl Pixel {
     fn new(state: &SceneState, view: &View, x: f64, y: f64) -> Self {
-        let eye = view.pose.position_in_world;
         let surfaces = &state.scene.surfaces;
         let ray = |dx: f64, dy: f64| {
             let (width, height) = (f64::from(view.width_px), f64::from(view.height_px));
-            Ray { origin: eye, direction: view.direction((x + dx) / width, (y + dy) / height) }
+            view.ray((x + dx) / width, (y + dy) / height)
         };
         let hit = surfaces.hit(&ray(0.0, 0.0), 0.0);
         let same = |dx, dy| surface_of(surfaces.hit(&ray(dx, dy), 0.0).as_ref()) == surface_of(hit.as_ref());
@@ -88,13 +88,14 @@ impl Pixel {
                 further.map_or(DVec3::ZERO, |distance| ray.at(distance) - hit.point_in_world)
             })
         };
-        Self { eye, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
+        let to_viewer = -ray(0.0, 0.0).direction;
+        Self { to_viewer, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
     }
 
     fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid)]) -> ([u8; 3], bool) {
         let Some(hit) = &self.hit else { return (SKY, self.is_interior) };
         let point = hit.point_in_world;
-        let to_viewer = (self.eye - point).normalize();
+        let to_viewer = self.to_viewer;
         let normal = hit.normal_in_world * hit.normal_in_world.dot(to_viewer).signum();
         let (mut sum, mut sum_of_weights) = (DVec3::ZERO, 0.0);
         let mut best: Option<(f64, DVec3)> = None;

@@ -1,0 +1,108 @@
+//! What a picture of a scene is asked for by, and what the answer says of it.
+
+use super::handle::At;
+use crate::clock::Timestamp;
+use crate::frame::{CameraId, RgbImage};
+use crate::plan::{EntityStyle, Plan};
+use crate::scene::SceneView;
+use glam::DVec3;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Distance between the eyes of a stereo pair where the request names none, metres.
+pub const EYE_DISTANCE_M: f64 = 0.064;
+
+/// How the world comes onto a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum ViewKind {
+    /// From the eye towards the target, within the field of view.
+    #[default]
+    Perspective,
+    /// Along the way from the eye to the target by parallel rays.
+    Orthographic {
+        /// Width of what is shown, metres; what the perspective picture shows at the target if absent.
+        across_m: Option<f64>,
+    },
+    /// Straight down on the target by parallel rays, over everything that stands there. The eye and the field of view
+    /// mean nothing.
+    Map {
+        /// Width of what is shown, metres; all of the scene if absent.
+        across_m: Option<f64>,
+        /// Direction at the top, from north towards east, radians.
+        heading_rad: f64,
+    },
+    /// Around the vertical through the eye, the target in the middle.
+    Panorama {
+        /// Angle from the left edge to the right one, radians.
+        span_rad: f64,
+    },
+    /// Two pictures side by side for two eyes.
+    Stereo {
+        /// Between the eyes, metres.
+        eye_distance_m: f64,
+        /// Distance at which both pictures agree, metres; the target's if absent.
+        convergence_m: Option<f64>,
+    },
+    /// Through a rectangle in the world; target and field of view mean nothing.
+    Window {
+        /// Its lower left, lower right and upper left corner as the viewer sees them.
+        corners: [DVec3; 3],
+    },
+}
+
+/// A picture of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewRequest {
+    /// The scene's id.
+    pub scene: String,
+    /// How the world comes onto the picture.
+    pub kind: ViewKind,
+    /// The viewer's place, metres; the scene's own view if absent.
+    pub eye: Option<DVec3>,
+    /// What the viewer looks at, metres; the scene's own view if absent, for a map the scene's middle.
+    pub target: Option<DVec3>,
+    /// Vertical field of view, radians; the scene's own view if absent.
+    pub fov_y_rad: Option<f64>,
+    /// Columns of the picture.
+    pub width_px: u32,
+    /// Rows of the picture.
+    pub height_px: u32,
+    /// Which time.
+    pub at: At,
+    /// How moving entities are drawn.
+    pub style: EntityStyle,
+    /// Samples a pixel, 1 or 4; as the renderer's settings have it if absent.
+    pub samples: Option<u32>,
+    /// Pixels each way that are drawn for one, 1 to [`MAX_SUPERSAMPLING`](crate::plan::MAX_SUPERSAMPLING).
+    pub supersampling: u32,
+}
+
+/// Which frame of a camera went into a picture.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SourceTime {
+    /// The camera.
+    pub camera: CameraId,
+    /// Its frame's scene time.
+    pub timestamp: Timestamp,
+}
+
+/// A picture of a scene, and what went into it.
+#[derive(Clone, Debug)]
+pub struct ViewAnswer {
+    /// The picture.
+    pub image: Arc<RgbImage>,
+    /// The instant shown.
+    pub instant: Timestamp,
+    /// How the world came onto it; what the request left open is filled in.
+    pub kind: ViewKind,
+    /// Where it is seen from: what the request named, else the scene's own view.
+    pub view: SceneView,
+    /// The cameras that had a frame for it.
+    pub sources: Vec<SourceTime>,
+    /// Those of them that saw nothing near the instant: of these the background alone is shown.
+    pub gaps: Vec<CameraId>,
+    /// Which effects ran, and why.
+    pub plan: Arc<Plan>,
+    /// What the stages took: name and time.
+    pub timings: Vec<(&'static str, Duration)>,
+}

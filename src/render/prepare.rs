@@ -1,0 +1,136 @@
+//! What is made ready once for all parts of a picture that are seen from one place.
+
+use super::image_array::{Job, Wanted};
+use super::mesh::Mesh;
+use super::passes::{BillboardInstance, PointInstance};
+use super::renderer::Renderer;
+use super::{Picture, RenderError, View};
+use crate::fuse::SceneState;
+use crate::plan::{EntityStyle, Plan, Projection};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// From where a part is seen, as far as what is made ready for it depends on that.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stand {
+    pub eye_in_world: DVec3,
+    /// What points on the device are relative to.
+    pub anchor_in_world: DVec3,
+    /// The direction of all rays, where they are parallel.
+    pub parallel_to: Option<DVec3>,
+}
+
+impl Stand {
+    pub(super) fn of(view: &View, mesh: &Mesh) -> Self {
+        let eye_in_world = view.pose.position_in_world;
+        let is_parallel = view.frustum.projection == Projection::Orthographic;
+        let parallel_to = is_parallel.then(|| view.pose.forward_in_world());
+        Self { eye_in_world, anchor_in_world: mesh.anchor(eye_in_world), parallel_to }
+    }
+}
+
+/// Where a frame's pictures are, and which must be converted first.
+#[derive(Default)]
+pub(super) struct Uploads<'a> {
+    pub backgrounds: Vec<Job<'a>>,
+    pub frames: Vec<Job<'a>>,
+}
+
+impl Renderer {
+    /// Decides where every picture and depth map lies, and fills in what shaders know of the cameras.
+    pub(super) fn prepare<'s>(
+        &mut self,
+        state: &'s SceneState,
+        picture: &Picture,
+        stand: &Stand,
+        plan: &Plan,
+    ) -> Result<Uploads<'s>, RenderError> {
+        let anchor = stand.anchor_in_world;
+        let mut uploads = Uploads::default();
+        let mut layers = Vec::new();
+        let background =
+            |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
+        let wanted: Vec<_> = plan.surface_cameras.iter().map(background).collect();
+        self.backgrounds.assign(&self.gpu, &wanted, &mut layers, &mut uploads.backgrounds)?;
+        self.frame.clear();
+        for ((idx, wanted), layer) in plan.surface_cameras.iter().zip(&wanted).zip(&layers) {
+            let scale = self.backgrounds.scale(wanted.image);
+            let data = self.frame.add(&state.cameras[*idx].camera, anchor);
+            data.background_layer = *layer;
+            data.background_scale = scale;
+            data.background_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
+        }
+        let shader_idx = |idx: &usize| plan.surface_cameras.iter().position(|camera| camera == idx);
+        let maps: Vec<_> = plan
+            .depth_map_cameras
+            .iter()
+            .filter_map(|idx| Some((Arc::clone(&state.cameras[*idx].camera), shader_idx(idx)?)))
+            .collect();
+        if !maps.is_empty() {
+            self.depth_maps.assign(&self.gpu, &state.scene, &maps, &mut self.frame.scratch)?;
+        }
+
+        let live = |idx: &usize| {
+            let observation = &state.cameras[*idx].observation;
+            Wanted { image: &observation.frame.image, mask: Some(&observation.soft_mask) }
+        };
+        let wanted: Vec<_> = plan.entity_cameras.iter().map(live).collect();
+        self.frames.assign(&self.gpu, &wanted, &mut layers, &mut uploads.frames)?;
+        // Which of the shader's cameras an entity's camera is: entities look only their live frames up.
+        let n_surface_cameras = self.frame.scratch.len();
+        for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {
+            let scale = self.frames.scale(wanted.image);
+            let data = self.frame.add(&state.cameras[*idx].camera, anchor);
+            data.frame_layer = *layer;
+            data.frame_scale = scale;
+            data.frame_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
+        }
+        self.frame.write_cameras(&self.gpu);
+        self.prepare_entities(state, picture, stand, plan, n_surface_cameras);
+        Ok(uploads)
+    }
+
+    fn prepare_entities(
+        &mut self,
+        state: &SceneState,
+        picture: &Picture,
+        stand: &Stand,
+        plan: &Plan,
+        first_camera: usize,
+    ) {
+        let anchor = stand.anchor_in_world;
+        let shader_idx = |camera_idx: usize| {
+            let place = plan.entity_cameras.iter().position(|camera| *camera == camera_idx);
+            place.map(|place| first_camera + place)
+        };
+        self.billboards.clear();
+        self.points.clear();
+        match plan.entities {
+            EntityStyle::Billboards => {
+                let mut ordered: Vec<_> = plan
+                    .billboards
+                    .iter()
+                    .map(|planned| &state.entities[planned.entity].sources[planned.source])
+                    .collect();
+                let distance = |foot: DVec3| match stand.parallel_to {
+                    None => (foot - stand.eye_in_world).truncate().length_squared(),
+                    Some(forward) => (foot - anchor).dot(forward),
+                };
+                ordered.sort_by(|a, b| distance(b.foot_in_world).total_cmp(&distance(a.foot_in_world)));
+                self.billboards.extend(ordered.into_iter().filter_map(|billboard| {
+                    let camera = &state.cameras[billboard.camera_idx];
+                    let image = &camera.observation.frame.image;
+                    let size = (image.width(), image.height());
+                    let idx = shader_idx(billboard.camera_idx)?;
+                    let from = (anchor, picture.viewer);
+                    Some(BillboardInstance::new(billboard, &camera.camera, idx, size, from))
+                }));
+            }
+            EntityStyle::Points => {
+                let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, anchor));
+                self.points.extend(state.points.iter().filter_map(instance));
+            }
+            EntityStyle::None => {}
+        }
+    }
+}
