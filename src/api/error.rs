@@ -21,7 +21,12 @@ pub(super) struct Problem {
     errors: Vec<Fault>,
     /// What only the log may say.
     internal: Option<String>,
+    /// After how many seconds a 503 may be asked again.
+    retry_after_secs: u64,
 }
+
+/// After how many seconds a 503 of which nothing else is known may be asked again.
+const RETRY_AFTER_SECS: u64 = 1;
 
 /// A class of problems: its status, the last part of its type's URN and its title.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -60,9 +65,13 @@ impl Problem {
         let detail = detail.into();
         if matches!(kind, ErrorKind::Internal) {
             let public = "the daemon could not answer; its log says why".to_owned();
-            return Self { class, detail: public, errors: Vec::new(), internal: Some(detail) };
+            return Self { internal: Some(detail), ..Self::of(class, public) };
         }
-        Self { class, detail, errors: Vec::new(), internal: None }
+        Self::of(class, detail)
+    }
+
+    const fn of(class: Class, detail: String) -> Self {
+        Self { class, detail, errors: Vec::new(), internal: None, retry_after_secs: RETRY_AFTER_SECS }
     }
 
     /// A failure at named places of the request.
@@ -85,14 +94,14 @@ impl Problem {
     /// A method that the route does not take; `detail` says which it does.
     pub(super) fn method(detail: &str) -> Self {
         let class = class(StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not allowed");
-        Self { class, detail: detail.to_owned(), errors: Vec::new(), internal: None }
+        Self::of(class, detail.to_owned())
     }
 
     /// A target of more than `limit_bytes`.
     pub(super) fn target_too_long(limit_bytes: usize) -> Self {
         let class = class(StatusCode::URI_TOO_LONG, "target-too-long", "The request's target is too long");
         let detail = format!("path and query together may have {limit_bytes} bytes");
-        Self { class, detail, errors: Vec::new(), internal: None }
+        Self::of(class, detail)
     }
 
     /// A request to a host that this daemon is not known by.
@@ -100,7 +109,7 @@ impl Problem {
         let class = class(StatusCode::MISDIRECTED_REQUEST, "host", "The daemon is not known by that name");
         let shown = super::query::shown(name);
         let detail = format!("{shown} is neither an IP address nor localhost nor listed in server.hosts");
-        Self { class, detail, errors: Vec::new(), internal: None }
+        Self::of(class, detail)
     }
 
     /// Header fields of more than `limit_bytes`.
@@ -108,7 +117,7 @@ impl Problem {
         let status = StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE;
         let class = class(status, "fields-too-large", "The request's header fields are too large");
         let detail = format!("header fields together may have {limit_bytes} bytes");
-        Self { class, detail, errors: Vec::new(), internal: None }
+        Self::of(class, detail)
     }
 
     /// What the log must say, where the client reads nothing of it.
@@ -173,7 +182,7 @@ impl IntoResponse for Problem {
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
         if self.class.status == StatusCode::SERVICE_UNAVAILABLE {
-            headers.insert(header::RETRY_AFTER, HeaderValue::from_static("1"));
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(self.retry_after_secs));
         }
         response.extensions_mut().insert(self);
         response
@@ -183,7 +192,10 @@ impl IntoResponse for Problem {
 impl From<EngineError> for Problem {
     fn from(error: EngineError) -> Self {
         let kind = error.kind();
-        match (&error, error.fault()) {
+        // Whole seconds: a little later rather than too early.
+        let secs = |after: std::time::Duration| (after.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS);
+        let retry_after_secs = error.retry_after().map_or(RETRY_AFTER_SECS, secs);
+        let problem = match (&error, error.fault()) {
             (_, Some(fault)) => Self::at(kind, vec![fault.clone()]),
             (EngineError::Gap { .. }, None) => {
                 let fault = Fault::new("t", error.to_string());
@@ -191,7 +203,8 @@ impl From<EngineError> for Problem {
             }
             (EngineError::Faults(faults), None) => Self::at(kind, faults.clone()),
             (_, None) => Self::new(kind, error.to_string()),
-        }
+        };
+        Self { retry_after_secs, ..problem }
     }
 }
 

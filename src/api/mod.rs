@@ -16,6 +16,7 @@ mod locate;
 mod metrics;
 mod page;
 mod picture;
+mod plan;
 mod playheads;
 mod query;
 mod scenes;
@@ -133,6 +134,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
         .route("/api/v1/scenes/{id}/tracks", get(tracks::list))
         .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
+        .route("/api/v1/scenes/{id}/plan", get(plan::show))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
         .route("/api/v1/events", get(events::list))
         .route("/api/v1/exports", get(exports::list).post(exports::ask).fallback(exports::no_method))

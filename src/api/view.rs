@@ -6,7 +6,7 @@ use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::{Api, scenes};
 use crate::clock::Timestamp;
-use crate::engine::{EYE_DISTANCE_M, EngineError, ViewAnswer, ViewKind, ViewRequest};
+use crate::engine::{EYE_DISTANCE_M, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::plan::{EntityStyle, MAX_SUPERSAMPLING};
@@ -27,7 +27,7 @@ const FOV_DEGREES: RangeInclusive<f64> = 1.0..=170.0;
 /// Least distance between eye and target, metres: below it there is no direction to look in.
 const MIN_DISTANCE_M: f64 = 1e-6;
 
-const STYLES: [(&str, EntityStyle); 3] =
+pub(super) const STYLES: [(&str, EntityStyle); 3] =
     [("billboards", EntityStyle::Billboards), ("points", EntityStyle::Points), ("none", EntityStyle::None)];
 
 /// The kinds of pictures, with the parameters that mean something to each alone.
@@ -73,9 +73,7 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
     let ((), format) = split(&file, &[("view", ())])?;
-    let (request, moment) = read(id, raw.as_deref(), |id| api.door.playhead_at(id))?;
-    let own_view = scenes::find(&api, &request.scene)?.view;
-    check_direction(&request, own_view)?;
+    let (request, moment) = asked(&api, id, raw.as_deref())?;
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
     let instant = answer.instant;
     let image = std::sync::Arc::clone(&answer.image);
@@ -83,9 +81,10 @@ pub(super) async fn picture(
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
     let mut fields = vec![
-        ("videofields-view", shown_view(&answer)),
+        ("videofields-view", shown_text(&answer)),
         ("videofields-sources", sources(&answer)),
         ("videofields-plan", effects(&answer)),
+        ("videofields-cache", origin(&answer).to_owned()),
         ("server-timing", server_timing(&stages)),
     ];
     if !answer.gaps.is_empty() {
@@ -93,6 +92,17 @@ pub(super) async fn picture(
         fields.push(("videofields-gaps", gaps.join(",")));
     }
     Ok(Picture { format, bytes, moment, instant, fields })
+}
+
+/// The request for a view of the scene `id` that the query string `raw` is.
+///
+/// # Errors
+/// With every wrong parameter, or with the scenes that there are.
+pub(super) fn asked(api: &Api, id: String, raw: Option<&str>) -> Result<(ViewRequest, Moment), Problem> {
+    let (request, moment) = read(id, raw, |id| api.door.playhead_at(id))?;
+    let own_view = scenes::find(api, &request.scene)?.view;
+    check_direction(&request, own_view)?;
+    Ok((request, moment))
 }
 
 /// Reads a view's parameters as this route's query string has them, for callers that speak no HTTP.
@@ -188,47 +198,73 @@ fn check_direction(request: &ViewRequest, own: Option<SceneView>) -> Result<(), 
 }
 
 /// What a picture shows, as the parameters that would ask for it again.
-fn shown_view(answer: &ViewAnswer) -> String {
-    let SceneView { eye, target, fov_y_rad } = answer.view;
-    let point = |p: DVec3| format!("{},{},{}", p.x, p.y, p.z);
-    let eye = format!("eye={}", point(eye));
-    let target = format!("target={}", point(target));
-    let fov = format!("fov={}", fov_y_rad.to_degrees());
-    let metres = |name: &str, length_m: Option<f64>| format!("{name}={}", length_m.unwrap_or(0.0));
-    let parts = match answer.kind {
+pub(super) fn shown_view(kind: ViewKind, view: SceneView) -> Vec<(&'static str, Shown)> {
+    let eye = ("eye", Shown::Points(vec![view.eye]));
+    let target = ("target", Shown::Points(vec![view.target]));
+    let fov = ("fov", Shown::Number(view.fov_y_rad.to_degrees()));
+    let projection = |name| ("projection", Shown::Word(name));
+    let metres = |name, length_m: Option<f64>| (name, Shown::Number(length_m.unwrap_or(0.0)));
+    match kind {
         ViewKind::Perspective => vec![eye, target, fov],
         ViewKind::Orthographic { across_m } => {
-            vec!["projection=orthographic".to_owned(), eye, target, metres("across", across_m)]
+            vec![projection("orthographic"), eye, target, metres("across", across_m)]
         }
         ViewKind::Map { across_m, heading_rad } => vec![
-            "projection=map".to_owned(),
+            projection("map"),
             target,
             metres("across", across_m),
-            format!("heading={}", heading_rad.to_degrees()),
+            ("heading", Shown::Number(heading_rad.to_degrees())),
         ],
         ViewKind::Panorama { span_rad } => {
-            vec![
-                "projection=panorama".to_owned(),
-                eye,
-                target,
-                fov,
-                format!("span={}", span_rad.to_degrees()),
-            ]
+            vec![projection("panorama"), eye, target, fov, ("span", Shown::Number(span_rad.to_degrees()))]
         }
         ViewKind::Stereo { eye_distance_m, convergence_m } => vec![
-            "projection=stereo".to_owned(),
+            projection("stereo"),
             eye,
             target,
             fov,
-            format!("eye_distance={eye_distance_m}"),
+            ("eye_distance", Shown::Number(eye_distance_m)),
             metres("convergence", convergence_m),
         ],
         ViewKind::Window { corners } => {
-            let window = corners.map(point).join(",");
-            vec!["projection=window".to_owned(), eye, format!("window={window}")]
+            vec![projection("window"), eye, ("window", Shown::Points(corners.to_vec()))]
         }
-    };
-    parts.join(";")
+    }
+}
+
+/// The value of a parameter.
+pub(super) enum Shown {
+    Word(&'static str),
+    Number(f64),
+    /// Metres.
+    Points(Vec<DVec3>),
+}
+
+impl std::fmt::Display for Shown {
+    /// As a query string has it.
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Word(word) => formatter.write_str(word),
+            Self::Number(number) => write!(formatter, "{number}"),
+            Self::Points(points) => {
+                let point = |p: &DVec3| format!("{},{},{}", p.x, p.y, p.z);
+                formatter.write_str(&points.iter().map(point).collect::<Vec<_>>().join(","))
+            }
+        }
+    }
+}
+
+fn shown_text(answer: &ViewAnswer) -> String {
+    let parameter = |(name, value): (&str, Shown)| format!("{name}={value}");
+    shown_view(answer.kind, answer.view).into_iter().map(parameter).collect::<Vec<_>>().join(";")
+}
+
+const fn origin(answer: &ViewAnswer) -> &'static str {
+    match answer.origin {
+        Origin::Drawn => "miss",
+        Origin::Shared => "shared",
+        Origin::Kept => "hit",
+    }
 }
 
 fn sources(answer: &ViewAnswer) -> String {

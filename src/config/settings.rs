@@ -104,8 +104,13 @@ pub struct RenderSettings {
     /// Most pixels of one picture, 1 to 268435456; each side is also held to the GPU's limit. Default 33177600
     /// (7680 x 4320).
     pub max_pixels: u64,
-    /// Pictures that may wait for the renderer before more are refused, 1 to 1024. Default 32.
+    /// Pictures that may wait for the renderer before more are refused, 1 to 1024; who asks for one that waits already
+    /// adds none. Default 32.
     pub queue_length: usize,
+    /// Longest that a picture is waited for before it is refused, seconds, 0.1 to 10. Default 8.
+    pub timeout_secs: f64,
+    /// Finished pictures that are kept to be shown again, MiB, 0 (none) to 65536. Default 64.
+    pub cache_mib: u32,
 }
 
 impl Default for RenderSettings {
@@ -116,6 +121,8 @@ impl Default for RenderSettings {
             depth_map_side_px: 1024,
             max_pixels: 33_177_600,
             queue_length: 32,
+            timeout_secs: 8.0,
+            cache_mib: 64,
         }
     }
 }

@@ -76,6 +76,8 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     }
     range(gatherer, "/render/max_pixels", render.max_pixels as f64, 1.0, 268_435_456.0, "pixels");
     range(gatherer, "/render/queue_length", render.queue_length as f64, 1.0, 1024.0, "pictures");
+    range(gatherer, "/render/timeout_secs", render.timeout_secs, 0.1, 10.0, "seconds");
+    range(gatherer, "/render/cache_mib", f64::from(render.cache_mib), 0.0, 65_536.0, "MiB");
     let mut ids = Ids::default();
     for (key, count, most) in
         [("/camera", settings.camera.len(), MAX_CAMERAS), ("/scene", settings.scene.len(), MAX_SCENES)]

@@ -3,6 +3,26 @@
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault};
 use crate::timeline::edges;
+use std::time::Duration;
+
+/// How far a picture was when its time was up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LateStage {
+    /// Others were before it.
+    Waiting,
+    /// It was being drawn.
+    Drawing,
+}
+
+impl LateStage {
+    /// As a sentence goes on.
+    const fn as_str(self) -> &'static str {
+        match self {
+            Self::Waiting => "still waits for the renderer",
+            Self::Drawing => "is still being drawn",
+        }
+    }
+}
 
 /// Why the engine could not answer.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -76,8 +96,28 @@ pub enum EngineError {
     Busy {
         /// Pictures in the queue.
         waiting: usize,
+        /// About how long they take.
+        retry_after: Duration,
     },
-    /// The daemon is stopping, or the renderer is gone and being rebuilt.
+    /// A picture was waited for as long as is allowed.
+    #[error("no picture within {:.1} s: it {}", waited.as_secs_f64(), stage.as_str())]
+    Late {
+        /// How long it was waited for.
+        waited: Duration,
+        /// How far it was.
+        stage: LateStage,
+        /// About how long what is before it takes.
+        retry_after: Duration,
+    },
+    /// The renderer is gone and being made anew.
+    #[error("no renderer: {reason}")]
+    NoRenderer {
+        /// Why.
+        reason: String,
+        /// When it is tried again, from now.
+        retry_after: Duration,
+    },
+    /// The daemon is stopping, or what is needed is not there yet.
     #[error("{0}")]
     Unavailable(String),
     /// A fault of the daemon.
@@ -99,8 +139,23 @@ impl EngineError {
             | Self::NoSurface(_) => ErrorKind::NotFound,
             Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,
             Self::TooLarge(_) => ErrorKind::TooLarge,
-            Self::NoFrame { .. } | Self::Busy { .. } | Self::Unavailable(_) => ErrorKind::Unavailable,
+            Self::NoFrame { .. }
+            | Self::Busy { .. }
+            | Self::Late { .. }
+            | Self::NoRenderer { .. }
+            | Self::Unavailable(_) => ErrorKind::Unavailable,
             Self::Internal(_) => ErrorKind::Internal,
+        }
+    }
+
+    /// After how long it may help to ask again, where something is known of that.
+    #[must_use]
+    pub const fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Busy { retry_after, .. }
+            | Self::Late { retry_after, .. }
+            | Self::NoRenderer { retry_after, .. } => Some(*retry_after),
+            _ => None,
         }
     }
 

@@ -1,8 +1,8 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, EngineError, FoundTracks, PlayheadState, SceneAlignment, SceneTimeline, TrackQuery,
-    ViewAnswer, ViewRequest,
+    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneTimeline,
+    TrackQuery, ViewAnswer, ViewRequest,
 };
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
@@ -237,12 +237,20 @@ pub trait Door: Send + Sync {
     /// Asks for a picture; the answer comes through `reply`. Requests with equal answers share one picture.
     ///
     /// # Errors
-    /// At once: [`EngineError::Busy`], [`EngineError::Unavailable`]; all else comes through `reply`.
+    /// At once: [`EngineError::Busy`], [`EngineError::Unavailable`]; all else comes through `reply`, within
+    /// `render.timeout_secs` whatever happens.
     fn view(
         &self,
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// What would be drawn of a view, and why. Waits for no drawing and needs no renderer; blocks where an instant is asked
+    /// for that memory does not hold.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or no frame for it, as for [`Door::view`].
+    fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError>;
 
     /// What there is of a scene's time between two instants, activity in stretches of `minutes_each` minutes. Blocks for
     /// the database.

@@ -9,15 +9,20 @@ mod checkpoint;
 mod chronicle;
 mod error;
 mod exports;
+mod frame_cache;
 mod handle;
 mod history;
 mod maps;
 mod moments;
 mod offline;
+mod pace;
 mod past;
 mod picture;
+mod planned;
 mod playheads;
+mod queue;
 mod renderer;
+mod resolve;
 mod roster;
 mod shared;
 mod sightings;
@@ -29,16 +34,17 @@ mod view;
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
 pub use chronicle::{CameraTimeline, SceneTimeline};
-pub use error::EngineError;
+pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
     SceneSummary,
 };
 pub use offline::view_once;
+pub use planned::{PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
-pub use view::{EYE_DISTANCE_M, SourceTime, ViewAnswer, ViewKind, ViewRequest};
+pub use view::{EYE_DISTANCE_M, Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
 use crate::archive::Archive;
 use crate::clock::Clock;
@@ -52,7 +58,6 @@ use checkpoint::StoreHealth;
 use past::Past;
 use roster::{Roster, Surroundings};
 use shared::{CameraEntry, Shared};
-use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -159,7 +164,6 @@ impl Engine {
         });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
         let past = Past::new(replay, store.clone(), runtime.clone(), recorded);
-        let (queue, jobs) = sync_channel(settings.render.queue_length);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
@@ -167,17 +171,26 @@ impl Engine {
             (events, Some(past)),
             (scenes, settings.render.clone()),
             store_health,
-            queue,
         ));
         let renderer = {
             let shared = Arc::clone(&shared);
-            spawn("renderer", move || renderer::run(&shared, &jobs))?
+            spawn("renderer", move || renderer::run(&shared))?
+        };
+        let deadlines = {
+            let shared = Arc::clone(&shared);
+            spawn("deadlines", move || shared.queue.refuse_late())?
         };
         let builder = {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
-        Ok(Self { shared, roster, threads: vec![renderer, builder], stop, stop_requested: OnceLock::new() })
+        Ok(Self {
+            shared,
+            roster,
+            threads: vec![renderer, deadlines, builder],
+            stop,
+            stop_requested: OnceLock::new(),
+        })
     }
 
     /// The door to the engine; it outlives it, and then answers that the daemon is stopping.
@@ -190,6 +203,13 @@ impl Engine {
     #[must_use]
     pub fn accuracy_board(&self) -> Arc<AccuracyBoard> {
         Arc::clone(&self.shared.accuracy)
+    }
+
+    /// Loses the GPU's device as a driver's fault would: for tests of what follows. Whether there was one.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn lose_device(&self) -> bool {
+        self.shared.lose_device()
     }
 
     /// Asks cameras and the building of maps to end, and returns at once; what was seen and drawn can still be
@@ -207,7 +227,7 @@ impl Engine {
     pub fn stop(self) {
         // All are told before any is waited for.
         self.request_stop();
-        self.shared.close_queue();
+        self.shared.queue.close();
         let clock = &self.shared.clock;
         let requested = self.stop_requested.get().copied().unwrap_or_else(|| clock.monotonic());
         let until = requested.saturating_add(CAMERA_FINISH_TIME);

@@ -4,6 +4,7 @@ use super::EngineError;
 use super::handle::At;
 use super::picture::{Observations, Subject, failure_of};
 use super::renderer::open_renderer;
+use super::resolve::limits_of;
 use super::view::{ViewAnswer, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
@@ -32,7 +33,7 @@ pub fn view_once(
     let settings = config.settings();
     // The renderer first: a request that it refuses should not wait for the clips.
     let (mut renderer, _adapter) = open_renderer(&settings.render)?;
-    let limits = (renderer.view_limits(), settings.render.samples);
+    let limits = (limits_of(&settings.render), settings.render.samples);
     Subject::of(request, scene, Timestamp::default(), &Observations::new(), limits)?;
     let roots = MediaRoots::new(&settings.media.roots)
         .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?
@@ -63,7 +64,9 @@ pub fn view_once(
     let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
     let instant = until.or(latest).unwrap_or_default();
     let subject = Subject::of(request, scene, instant, &found, limits)?;
-    subject.draw(&found, &mut renderer, clock).map_err(|error| failure_of(&error))
+    let drawn = subject.draw(&found, &mut renderer, clock, &mut || true);
+    let drawn = drawn.map_err(|error| failure_of(&error))?;
+    drawn.ok_or_else(|| EngineError::Internal("a picture that is wanted was given up".to_owned()))
 }
 
 type Failures = Vec<(CameraId, String)>;

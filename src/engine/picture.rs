@@ -1,18 +1,18 @@
 //! From observations to a picture: fuse, plan, render, each timed. Used by the render thread and without a daemon.
 
 use super::EngineError;
-use super::view::{SourceTime, ViewAnswer, ViewKind, ViewRequest};
+use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
-use crate::frame::CameraId;
-use crate::fuse;
+use crate::frame::{CameraId, Mask, YuvImage};
+use crate::fuse::{self, SceneState};
 use crate::geometry::Surfaces;
-use crate::plan::{self, ACROSS_M, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
+use crate::plan::{self, ACROSS_M, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, Wishes};
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::Observation;
 use glam::{DVec2, DVec3};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 /// What decides a picture: requests that agree in this share one.
 pub(super) struct Subject {
@@ -24,7 +24,13 @@ pub(super) struct Subject {
     pub(super) instant: Timestamp,
     pub(super) sources: Vec<SourceTime>,
     pub(super) gaps: Vec<CameraId>,
+    /// What the cameras saw, told by its memory: frames of one time may still differ, after a file was changed or its
+    /// background learned anew. Weak, so that nothing is held; no other can take its address meanwhile.
+    pub(super) seen: Vec<Memory>,
 }
+
+/// Where an observation's frame, mask and background lie.
+pub(super) type Memory = (Weak<YuvImage>, Weak<Mask>, Weak<YuvImage>);
 
 impl PartialEq for Subject {
     fn eq(&self, other: &Self) -> bool {
@@ -37,6 +43,12 @@ impl PartialEq for Subject {
             && self.instant == other.instant
             && self.sources == other.sources
             && self.gaps == other.gaps
+            && self.seen.len() == other.seen.len()
+            && self
+                .seen
+                .iter()
+                .zip(&other.seen)
+                .all(|(a, b)| a.0.ptr_eq(&b.0) && a.1.ptr_eq(&b.1) && a.2.ptr_eq(&b.2))
     }
 }
 
@@ -74,26 +86,53 @@ impl Subject {
             timestamp: observation.frame.timestamp,
         };
         let sources = observations.iter().map(source).collect();
+        let memory = |(_, of): &(CameraId, Observation)| {
+            (Arc::downgrade(&of.frame.image), Arc::downgrade(&of.soft_mask), Arc::downgrade(&of.background))
+        };
+        let seen = observations.iter().map(memory).collect();
         let wishes = Wishes { entities: request.style, sampling };
-        Ok(Self { scene: Arc::clone(scene), from, kind, picture, wishes, instant, sources, gaps: Vec::new() })
+        let (scene, gaps) = (Arc::clone(scene), Vec::new());
+        Ok(Self { scene, from, kind, picture, wishes, instant, sources, gaps, seen })
     }
 
-    /// Draws it.
+    /// Whether a later request can mean the same: not once what was seen has gone from memory.
+    pub(super) fn can_be_met(&self) -> bool {
+        let is_there = |(frame, mask, background): &Memory| {
+            frame.strong_count() > 0 && mask.strong_count() > 0 && background.strong_count() > 0
+        };
+        self.seen.iter().all(is_there)
+    }
+
+    /// What stands where, by what was seen.
+    pub(super) fn state(&self, observations: &Observations) -> SceneState {
+        let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
+        let find = |id: &CameraId| {
+            observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
+        };
+        fuse::assemble(&self.scene, self.instant, find, point_stride)
+    }
+
+    /// What must be drawn of that.
+    pub(super) fn plan(&self, state: &SceneState) -> Plan {
+        plan::make(state, &self.picture, self.wishes)
+    }
+
+    /// Draws it; nothing comes of it once it is not `wanted` any more.
     pub(super) fn draw(
         &self,
         observations: &Observations,
         renderer: &mut Renderer,
         clock: &dyn Clock,
-    ) -> Result<ViewAnswer, RenderError> {
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<ViewAnswer>, RenderError> {
         let started = clock.monotonic();
-        let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
-        let find = |id: &CameraId| {
-            observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
-        };
-        let state = fuse::assemble(&self.scene, self.instant, find, point_stride);
+        let state = self.state(observations);
         let fused = clock.monotonic();
-        let plan = plan::make(&state, &self.picture, self.wishes);
+        let plan = self.plan(&state);
         let planned = clock.monotonic();
+        if !wanted() {
+            return Ok(None);
+        }
         let rendered = renderer.render(&state, &self.picture, &plan)?;
         let finished = clock.monotonic();
         let mut timings = vec![
@@ -102,7 +141,7 @@ impl Subject {
             (HOST_STAGES[2], finished.saturating_sub(planned)),
         ];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
-        Ok(ViewAnswer {
+        Ok(Some(ViewAnswer {
             image: Arc::new(rendered.image),
             instant: self.instant,
             kind: self.kind,
@@ -111,7 +150,8 @@ impl Subject {
             gaps: self.gaps.clone(),
             plan: Arc::new(plan),
             timings,
-        })
+            origin: Origin::Drawn,
+        }))
     }
 }
 

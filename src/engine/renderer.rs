@@ -1,41 +1,33 @@
-//! The render thread: owns the GPU, takes one request after the other, and answers equal ones with one picture.
+//! The render thread: owns the GPU, takes one picture after the other off the queue, and answers everything that means the
+//! same with it.
+//!
+//! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
 use super::EngineError;
-use super::handle::{At, Door};
-use super::picture::{HOST_STAGES, Observations, Subject, failure_of};
+use super::frame_cache::FrameCache;
+use super::handle::At;
+use super::pace::Backoff;
+use super::picture::{HOST_STAGES, Subject, failure_of};
+use super::queue::{Next, PlaceId};
+use super::resolve::{Resolved, Seen};
 use super::shared::Shared;
-use super::view::{ViewAnswer, ViewRequest};
-use crate::clock::Timestamp;
+use super::view::{Origin, ViewAnswer, ViewRequest};
 use crate::error::ErrorKind;
-use crate::frame::CameraId;
-use crate::gpu::Gpu;
-use crate::render::Renderer;
-use crate::scene::Scene;
+use crate::gpu::{Gpu, GpuError};
+use crate::render::{RenderError, Renderer};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
-use tokio::sync::oneshot;
 
-/// A request on its way to the renderer.
-pub(super) struct Job {
-    pub(super) request: ViewRequest,
-    pub(super) reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
-}
-
-/// After a device could not be had, it is not tried again for this long.
-const DEVICE_RETRY: Duration = Duration::from_secs(5);
+/// Longest pause between two looks at what is not asked for by a picture.
+const IDLE_TIME: Duration = Duration::from_secs(5);
 
 /// Time between two looks at where recordings begin; retention and new recordings move that slowly.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);
 
-/// A live view shows what moved before a camera that lags, until its newest picture is this much older than the instant
-/// shown; then its background alone, since whom it saw last may be long gone.
-const STALE_NANOS: i64 = 5_000_000_000;
-
-/// Serves `jobs` until every sender is gone.
-pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
-    let mut thread = RenderThread { shared, renderer: None, failed_at: None, last: None };
+/// Serves the queue until it is closed and empty.
+pub(super) fn run(shared: &Shared) {
+    let mut thread = RenderThread::new(shared);
     let mut looked = None;
     loop {
         // Opening the device before it is asked for takes the wait out of the first request; readiness tells how it
@@ -43,29 +35,18 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
         if let Err(error) = thread.contained(|thread| thread.ensure_renderer().map(|_renderer| ())) {
             tracing::debug!(%error, "no renderer yet");
         }
+        let now = shared.clock.monotonic();
         if let Some(past) = &shared.past {
             past.tidy();
-            let now = shared.clock.monotonic();
             if looked.is_none_or(|looked: Duration| now.saturating_sub(looked) >= LOOK_INTERVAL) {
                 looked = Some(now);
                 past.look();
             }
         }
-        let job = match jobs.recv_timeout(DEVICE_RETRY) {
-            Ok(job) => job,
-            Err(RecvTimeoutError::Timeout) => continue,
-            Err(RecvTimeoutError::Disconnected) => break,
-        };
-        shared.count_dequeued();
-        // A caller that has gone wants no picture.
-        if job.reply.is_closed() {
-            shared.accuracy.note_answered();
-            continue;
-        }
-        let answer = thread.contained(|thread| thread.answer(&job.request));
-        shared.accuracy.note_answered();
-        if job.reply.send(answer).is_err() {
-            tracing::debug!("the caller left before its picture was ready");
+        match shared.queue.next(thread.longest_wait()) {
+            Next::Picture(request) => thread.serve(&request),
+            Next::Nothing => {}
+            Next::End => break,
         }
     }
 }
@@ -73,132 +54,267 @@ pub(super) fn run(shared: &Shared, jobs: &Receiver<Job>) {
 struct RenderThread<'a> {
     shared: &'a Shared,
     renderer: Option<Renderer>,
-    failed_at: Option<Duration>,
-    /// The picture drawn last: what asks for the same again gets it.
-    last: Option<(Subject, ViewAnswer)>,
+    backoff: Backoff,
+    was_opened: bool,
+    cache: FrameCache,
 }
 
-impl RenderThread<'_> {
+/// A picture, and what it is of.
+type Drawn = (Arc<Subject>, ViewAnswer);
+
+/// Why there is no picture, before it is told to anybody.
+enum Failure {
+    Engine(EngineError),
+    Render(RenderError),
+}
+
+impl From<EngineError> for Failure {
+    fn from(error: EngineError) -> Self {
+        Self::Engine(error)
+    }
+}
+
+impl From<RenderError> for Failure {
+    fn from(error: RenderError) -> Self {
+        Self::Render(error)
+    }
+}
+
+impl<'a> RenderThread<'a> {
+    fn new(shared: &'a Shared) -> Self {
+        let cache = FrameCache::new(shared.render_settings.cache_mib as usize * 1024 * 1024);
+        Self { shared, renderer: None, backoff: Backoff::default(), was_opened: false, cache }
+    }
+
+    /// Until when a new device is opened, if one is wanted; else when things are looked after.
+    fn longest_wait(&self) -> Duration {
+        if self.renderer.is_some() {
+            return IDLE_TIME;
+        }
+        // A little more, so that it is over then.
+        let remaining = self.backoff.remaining(self.shared.clock.monotonic()) + Duration::from_millis(1);
+        remaining.min(IDLE_TIME)
+    }
+
     /// Does `work`; should it panic, the renderer is made anew, so that one bad picture costs no other.
     fn contained<T>(
         &mut self,
         work: impl FnOnce(&mut Self) -> Result<T, EngineError>,
     ) -> Result<T, EngineError> {
-        // What a panic may leave half-changed is the renderer, and that is dropped.
+        // What a panic may leave half-changed is the renderer and what is kept, and both are dropped.
         catch_unwind(AssertUnwindSafe(|| work(self))).unwrap_or_else(|_panic| {
             tracing::error!("drawing a picture panicked; the renderer will be made anew");
-            self.renderer = None;
-            self.last = None;
-            self.shared.set_renderer_state(Err("drawing a picture panicked".to_owned()));
+            self.drop_kept();
+            self.drop_renderer("drawing a picture panicked");
             Err(EngineError::Internal("drawing the picture panicked".to_owned()))
         })
     }
 
-    fn answer(&mut self, request: &ViewRequest) -> Result<ViewAnswer, EngineError> {
-        let scene = self.shared.scene(&request.scene)?;
-        let started = self.shared.clock.monotonic();
-        let instant = match request.at {
-            At::Live => self.shared.live_instant(&scene)?,
-            At::Time(instant) => instant,
+    /// Answers the picture in hand, and all that turn out to be the same.
+    fn serve(&mut self, request: &ViewRequest) {
+        let queue = &self.shared.queue;
+        let (subject, answer) = match self.contained(|thread| thread.answer(request)) {
+            Ok(Some(drawn)) => drawn,
+            Ok(None) => return tracing::debug!("a picture was given up: nobody waits for it"),
+            Err(error) => return queue.finish(&Err(error)),
         };
-        let (observations, gaps) = self.observations(&scene, request.at, instant)?;
-        let clock = &*self.shared.clock;
-        let limits = (self.ensure_renderer()?.view_limits(), self.shared.render_settings.samples);
-        let subject = Subject { gaps, ..Subject::of(request, &scene, instant, &observations, limits)? };
-        if let Some((of, answer)) = &self.last
-            && *of == subject
-        {
-            return Ok(answer.clone());
-        }
-        let renderer = self.ensure_renderer()?;
-        match subject.draw(&observations, renderer, clock) {
-            Ok(answer) => {
-                let metrics = &self.shared.metrics;
-                metrics.render_picture.observe(clock.monotonic().saturating_sub(started).as_secs_f64());
-                let passes = answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage));
-                for (pass, time) in passes {
-                    metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
-                }
-                self.last = Some((subject, answer.clone()));
-                Ok(answer)
-            }
-            Err(error) => {
-                // Also after a fault that the device survives: what it could not allocate stays unusable.
-                if matches!(error.kind(), ErrorKind::Unavailable | ErrorKind::Internal) {
-                    tracing::warn!(%error, "the renderer failed and will be made anew");
-                    self.renderer = None;
-                    self.shared.set_renderer_state(Err(error.to_string()));
-                }
-                Err(failure_of(&error))
-            }
+        // What came meanwhile may be the same too: it need not wait for what is before it.
+        let meanwhile = queue.waiting();
+        queue.finish(&Ok(answer.clone()));
+        let same = self.contained(|thread| Ok(thread.same_as((request, &subject), None, meanwhile)));
+        let same = same.unwrap_or_default();
+        if !same.is_empty() {
+            queue.take_along(&same);
+            let origin = if answer.origin == Origin::Drawn { Origin::Shared } else { answer.origin };
+            queue.finish(&Ok(ViewAnswer { timings: Vec::new(), origin, ..answer }));
         }
     }
 
-    /// What every camera of the scene saw at `instant`, and which of them saw nothing then: of these the background
-    /// known at that time is there, without what moved. A camera without even that is left out, but not all may be: then
-    /// the first configured camera's reason is the answer.
-    fn observations(
+    /// The picture that `request` means now; none once nobody waits for it.
+    fn answer(&mut self, request: &ViewRequest) -> Result<Option<Drawn>, EngineError> {
+        let (shared, clock) = (self.shared, &*self.shared.clock);
+        let started = clock.monotonic();
+        let Resolved { subject, seen } = shared.resolve(request)?;
+        let resolved = clock.monotonic();
+        let resolving = ("resolve", resolved.saturating_sub(started));
+        shared.queue.take_along(&self.same_as((request, &subject), Some(&seen), shared.queue.waiting()));
+        if let Some(kept) = self.cache.get(&subject) {
+            return Ok(Some((
+                subject,
+                ViewAnswer { timings: vec![resolving], origin: Origin::Kept, ..kept },
+            )));
+        }
+        shared.metrics.render_cache_misses.inc();
+        let drawn = self.twice_at_most(|thread| {
+            let renderer = thread.ensure_renderer()?;
+            let mut wanted = || shared.queue.is_wanted();
+            Ok(subject.draw(&seen.0, renderer, clock, &mut wanted)?)
+        })?;
+        let Some(mut answer) = drawn else { return Ok(None) };
+        self.note_drawn(&answer, clock.monotonic().saturating_sub(resolved), started);
+        answer.timings.insert(0, resolving);
+        self.cache.insert(Arc::clone(&subject), answer.clone());
+        shared.metrics.render_cache.set(i64::try_from(self.cache.bytes()).unwrap_or(i64::MAX));
+        Ok(Some((subject, answer)))
+    }
+
+    fn note_drawn(&mut self, answer: &ViewAnswer, took: Duration, started: Duration) {
+        self.backoff.note_drawn();
+        self.shared.queue.note_drawn(took);
+        let metrics = &self.shared.metrics;
+        let all = self.shared.clock.monotonic().saturating_sub(started);
+        metrics.render_picture.observe(all.as_secs_f64());
+        for (pass, time) in answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage)) {
+            metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
+        }
+    }
+
+    /// What of `waiting` means `subject` too, which `request` does. `known` is what was seen for `request` just now;
+    /// without it everything is looked at anew.
+    fn same_as(
         &self,
-        scene: &Scene,
-        asked: At,
-        instant: Timestamp,
-    ) -> Result<(Observations, Vec<CameraId>), EngineError> {
-        let (mut found, mut gaps) = (Vec::new(), Vec::new());
-        let mut failure = None;
-        for member in &scene.cameras {
-            let camera = member.id.as_str();
-            match self.shared.observation(camera, At::Time(instant)) {
-                Ok(observation) => found.push((member.id.clone(), observation)),
-                Err(EngineError::Gap { before: Some(_), .. }) => {
-                    // Gone only if the ring has moved on since.
-                    let Ok(mut observation) = self.shared.known_at(camera, instant) else { continue };
-                    let age_nanos = instant.nanos_since(observation.frame.timestamp);
-                    if asked != At::Live || age_nanos > STALE_NANOS {
-                        observation.blobs = Arc::default();
-                        gaps.push(member.id.clone());
-                    }
-                    found.push((member.id.clone(), observation));
-                }
-                Err(error) => {
-                    if matches!(failure, None | Some(EngineError::NoCamera { .. })) {
-                        failure = Some(error);
-                    }
+        (request, subject): (&ViewRequest, &Subject),
+        known: Option<&Seen>,
+        mut waiting: Vec<(PlaceId, ViewRequest)>,
+    ) -> Vec<PlaceId> {
+        let shared = self.shared;
+        let scene = &subject.scene;
+        let mut live = known.filter(|_| request.at == At::Live).map(|_| Some(subject.instant));
+        // Of an instant asked for as live another may be seen than of one asked for by its time: what lags is shown.
+        let mut seen: [Option<Option<Seen>>; 2] = [None, None];
+        let kind = |at: At| usize::from(at == At::Live);
+        if let Some(known) = known {
+            seen[kind(request.at)] = Some(Some(known.clone()));
+        }
+        let mut is_same = |other: &ViewRequest| {
+            let instant = match other.at {
+                At::Live => *live.get_or_insert_with(|| shared.live_instant(scene).ok()),
+                At::Time(instant) => Some(instant),
+            };
+            if instant != Some(subject.instant) {
+                return false;
+            }
+            let seen = seen[kind(other.at)]
+                .get_or_insert_with(|| shared.seen_at(scene, other.at, subject.instant).ok());
+            let Some(seen) = seen else { return false };
+            shared.subject(other, scene, subject.instant, seen).is_ok_and(|other| other == *subject)
+        };
+        waiting.retain(|(_, other)| may_be_same(request, other) && is_same(other));
+        waiting.into_iter().map(|(place, _)| place).collect()
+    }
+
+    /// Draws, and draws once more where what failed may go well now: on a new device after a loss, with all caches
+    /// dropped when memory ran out.
+    fn twice_at_most<T>(
+        &mut self,
+        mut draw: impl FnMut(&mut Self) -> Result<Option<T>, Failure>,
+    ) -> Result<Option<T>, EngineError> {
+        match draw(self) {
+            Ok(drawn) => return Ok(drawn),
+            Err(Failure::Render(error)) if self.recovers_from(&error) => {
+                if !self.shared.queue.is_wanted() {
+                    return Ok(None);
                 }
             }
+            Err(failure) => return Err(self.told(failure)),
         }
+        draw(self).map_err(|failure| {
+            if let Failure::Render(error) = &failure {
+                self.recovers_from(error);
+            }
+            self.told(failure)
+        })
+    }
+
+    /// Does what a failure calls for; whether drawing again may go well then.
+    fn recovers_from(&mut self, error: &RenderError) -> bool {
+        match error {
+            RenderError::Gpu(GpuError::OutOfMemory { .. }) => {
+                tracing::warn!(%error, "all caches are dropped");
+                self.drop_kept();
+                true
+            }
+            _ if error.kind() == ErrorKind::Unavailable => {
+                tracing::warn!(%error, "the renderer failed and will be made anew");
+                self.drop_renderer(&error.to_string());
+                true
+            }
+            // Also after a fault that the device survives: what it could not allocate stays unusable.
+            _ if error.kind() == ErrorKind::Internal => {
+                tracing::warn!(%error, "the renderer failed and will be made anew");
+                self.drop_renderer(&error.to_string());
+                false
+            }
+            _ => false,
+        }
+    }
+
+    /// A failure as callers are told it.
+    fn told(&self, failure: Failure) -> EngineError {
         match failure {
-            Some(error) if found.is_empty() => Err(error),
-            _ => Ok((found, gaps)),
+            Failure::Engine(error) => error,
+            Failure::Render(error) if error.kind() == ErrorKind::Unavailable => {
+                no_renderer(self.shared, error.to_string())
+            }
+            Failure::Render(error) => failure_of(&error),
         }
+    }
+
+    fn drop_kept(&mut self) {
+        self.cache.clear();
+        self.shared.metrics.render_cache.set(0);
+    }
+
+    fn drop_renderer(&mut self, reason: &str) {
+        self.renderer = None;
+        self.shared.set_device_loss(None);
+        self.shared.set_renderer_state(Err(reason.to_owned()));
+        let now = self.shared.clock.monotonic();
+        self.backoff.note_lost(now);
+        self.shared.queue.note_down_for(self.backoff.remaining(now));
     }
 
     fn ensure_renderer(&mut self) -> Result<&mut Renderer, EngineError> {
         if self.renderer.is_none() {
             let now = self.shared.clock.monotonic();
-            if self.failed_at.is_none_or(|failed_at| now.saturating_sub(failed_at) >= DEVICE_RETRY) {
+            if self.backoff.remaining(now) == Duration::ZERO {
                 self.open_device();
             }
         }
         let shared = self.shared;
-        let none = || EngineError::Unavailable(format!("no renderer: {}", shared.renderer_state()));
-        self.renderer.as_mut().ok_or_else(none)
+        self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))
     }
 
     fn open_device(&mut self) {
         match open_renderer(&self.shared.render_settings) {
             Ok((renderer, adapter)) => {
                 tracing::info!(adapter, "renderer ready");
+                if std::mem::replace(&mut self.was_opened, true) {
+                    self.shared.metrics.render_devices_rebuilt.inc();
+                }
                 self.shared.set_renderer_state(Ok(adapter));
+                self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
                 self.renderer = Some(renderer);
-                self.failed_at = None;
             }
             Err(error) => {
                 tracing::error!(%error, "no renderer");
                 self.shared.set_renderer_state(Err(error.to_string()));
-                self.failed_at = Some(self.shared.clock.monotonic());
+                let now = self.shared.clock.monotonic();
+                self.backoff.note_not_opened(now);
+                self.shared.queue.note_down_for(self.backoff.remaining(now));
             }
         }
     }
+}
+
+fn no_renderer(shared: &Shared, reason: String) -> EngineError {
+    EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after() }
+}
+
+/// Whether two requests may mean one picture, by what can be told without a look at any camera.
+fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
+    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling);
+    a.scene == b.scene && drawn(a) == drawn(b)
 }
 
 /// The GPU that the settings name and a renderer on it, with the adapter's name.
@@ -214,31 +330,157 @@ pub(super) fn open_renderer(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::SystemClock;
+    use crate::clock::{SimulatedClock, Timestamp};
     use crate::config::RenderSettings;
+    use crate::engine::Door;
     use crate::telemetry::Metrics;
     use crate::timeline::EventLog;
-    use std::sync::mpsc::sync_channel;
+
+    /// What a render thread without cameras, scenes or a device shares.
+    fn shared() -> (Arc<SimulatedClock>, Shared) {
+        let clock = Arc::new(SimulatedClock::new(Timestamp::from_nanos(0)));
+        let settings = RenderSettings { adapter: "no such adapter".to_owned(), ..RenderSettings::default() };
+        let shared = Shared::new(
+            Arc::clone(&clock) as _,
+            Arc::new(Metrics::new()),
+            (Vec::new(), None),
+            (Arc::new(EventLog::new(1)), None),
+            (Vec::new(), settings),
+            Arc::default(),
+        );
+        (clock, shared)
+    }
+
+    /// Somebody waits for a picture, and it is in hand.
+    fn in_hand(shared: &Shared) -> tokio::sync::oneshot::Receiver<Result<ViewAnswer, EngineError>> {
+        let (reply, answer) = tokio::sync::oneshot::channel();
+        let request = ViewRequest {
+            scene: "yard".to_owned(),
+            kind: crate::engine::ViewKind::Perspective,
+            eye: None,
+            target: None,
+            fov_y_rad: None,
+            width_px: 4,
+            height_px: 3,
+            at: At::Live,
+            style: crate::plan::EntityStyle::None,
+            samples: None,
+            supersampling: 1,
+        };
+        shared.queue.push(request, reply).expect("there is room");
+        assert!(matches!(shared.queue.next(Duration::ZERO), Next::Picture(_)));
+        answer
+    }
+
+    fn lost() -> Failure {
+        RenderError::from(GpuError::Lost { message: "a test".to_owned() }).into()
+    }
+
+    fn out_of_memory() -> Failure {
+        RenderError::from(GpuError::OutOfMemory { message: "a test".to_owned() }).into()
+    }
+
+    /// Draws with one outcome after the other; how often, and what came of it.
+    fn drawn<T>(
+        thread: &mut RenderThread<'_>,
+        outcomes: impl IntoIterator<Item = Result<Option<T>, Failure>>,
+    ) -> (usize, Result<Option<T>, EngineError>) {
+        let mut outcomes = outcomes.into_iter();
+        let mut n_drawn = 0;
+        let outcome = thread.twice_at_most(|_thread| {
+            n_drawn += 1;
+            outcomes.next().expect("drawn twice at most")
+        });
+        (n_drawn, outcome)
+    }
 
     #[test]
     fn a_panic_costs_its_own_picture_alone() {
-        let (queue, _jobs) = sync_channel(1);
-        let (clock, metrics) = (Arc::new(SystemClock::new()), Arc::new(Metrics::new()));
-        let shared = Shared::new(
-            clock,
-            metrics,
-            (Vec::new(), None),
-            (Arc::new(EventLog::new(1)), None),
-            (Vec::new(), RenderSettings::default()),
-            Arc::default(),
-            queue,
-        );
+        let (_clock, shared) = shared();
         shared.set_renderer_state(Ok("a GPU".to_owned()));
-        let mut thread = RenderThread { shared: &shared, renderer: None, failed_at: None, last: None };
+        let mut thread = RenderThread::new(&shared);
         let error = thread.contained(|_| -> Result<(), EngineError> { panic!("told to panic") });
         assert!(matches!(error, Err(EngineError::Internal(_))));
         assert!(!shared.readiness().ready);
         assert_eq!(thread.contained(|_| Ok(7)).unwrap(), 7);
-        assert_eq!(thread.failed_at, None, "the next request opens the device again at once");
+        assert_eq!(
+            thread.backoff.remaining(Duration::ZERO),
+            Duration::ZERO,
+            "a device is opened again at once"
+        );
+    }
+
+    #[test]
+    fn what_met_a_loss_is_drawn_once_more() {
+        let (_clock, shared) = shared();
+        let mut thread = RenderThread::new(&shared);
+        let _answer = in_hand(&shared);
+        let (n_drawn, outcome) = drawn(&mut thread, [Err(lost()), Ok(Some(7))]);
+        assert_eq!((n_drawn, outcome.unwrap()), (2, Some(7)));
+        assert!(shared.renderer_state().contains("the GPU was lost: a test"));
+        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost()), Err(lost())]);
+        let error = outcome.unwrap_err();
+        assert!(matches!(error, EngineError::NoRenderer { .. }), "{error}");
+        assert_eq!((n_drawn, error.kind()), (2, ErrorKind::Unavailable));
+        // The third loss in a row: the pause is told.
+        assert_eq!(thread.backoff.remaining(Duration::ZERO), Duration::from_millis(500));
+        assert!(error.retry_after().is_some_and(|after| after >= Duration::from_millis(500)));
+    }
+
+    #[test]
+    fn what_nobody_waits_for_any_more_is_not_drawn_again() {
+        let (clock, shared) = shared();
+        let mut thread = RenderThread::new(&shared);
+        let answer = in_hand(&shared);
+        drop(answer);
+        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost())]);
+        assert_eq!((n_drawn, outcome.unwrap()), (1, None));
+        let mut answer = in_hand(&shared);
+        clock.advance(Duration::from_secs(9));
+        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(lost())]);
+        assert_eq!((n_drawn, outcome.unwrap()), (1, None));
+        assert!(matches!(answer.try_recv(), Ok(Err(EngineError::Late { .. }))));
+    }
+
+    #[test]
+    fn when_memory_runs_out_caches_are_dropped_and_it_is_tried_once_more() {
+        let (_clock, shared) = shared();
+        let mut thread = RenderThread::new(&shared);
+        let _answer = in_hand(&shared);
+        shared.metrics.render_cache.set(99);
+        let (n_drawn, outcome) = drawn(&mut thread, [Err(out_of_memory()), Ok(Some(7))]);
+        assert_eq!((n_drawn, outcome.unwrap()), (2, Some(7)));
+        assert_eq!(shared.metrics.render_cache.get(), 0);
+        let (n_drawn, outcome) =
+            drawn(&mut thread, [Err::<Option<()>, _>(out_of_memory()), Err(out_of_memory())]);
+        assert_eq!((n_drawn, outcome.unwrap_err().kind()), (2, ErrorKind::TooLarge));
+    }
+
+    #[test]
+    fn a_fault_of_the_request_is_not_tried_again() {
+        let (_clock, shared) = shared();
+        let mut thread = RenderThread::new(&shared);
+        let _answer = in_hand(&shared);
+        let refused = RenderError::View(crate::error::Fault::new("width", "must be 1 to 9"));
+        let (n_drawn, outcome) = drawn(&mut thread, [Err::<Option<()>, _>(refused.into())]);
+        assert_eq!((n_drawn, outcome.unwrap_err().kind()), (1, ErrorKind::Invalid));
+    }
+
+    #[test]
+    fn a_device_that_cannot_be_had_is_tried_after_growing_pauses() {
+        let (clock, shared) = shared();
+        let mut thread = RenderThread::new(&shared);
+        let mut waits = Vec::new();
+        for _ in 0..7 {
+            let error = thread.ensure_renderer().map(drop).unwrap_err();
+            assert!(
+                matches!(&error, EngineError::NoRenderer { reason, .. } if reason.contains("no such adapter"))
+            );
+            let wait = thread.longest_wait();
+            assert!(error.retry_after().is_some_and(|after| after + Duration::from_millis(1) >= wait));
+            waits.push(wait.as_millis());
+            clock.advance(wait);
+        }
+        assert_eq!(waits, [251, 501, 1001, 2001, 4001, 5000, 5000]);
     }
 }

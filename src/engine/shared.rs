@@ -8,7 +8,7 @@ use super::checkpoint::StoreHealth;
 use super::handle::{At, Door};
 use super::past::Past;
 use super::playheads::Playheads;
-use super::renderer::Job;
+use super::queue::RenderQueue;
 use super::roster::Roster;
 use super::sightings::Seen;
 use super::tuning::Tuning;
@@ -22,8 +22,6 @@ use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Observation, ReplayError, Timeline, TimelineError};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
@@ -83,10 +81,13 @@ pub(super) struct Shared {
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// The adapter's name, or why there is none.
     renderer: Mutex<Result<String, String>>,
-    /// Gone once the engine stops.
-    queue: Mutex<Option<SyncSender<Job>>>,
-    waiting: AtomicUsize,
+    /// What loses the device in use, for tests.
+    device_loss: Mutex<Option<DeviceLoss>>,
+    pub(super) queue: RenderQueue,
 }
+
+/// Loses a device.
+type DeviceLoss = Box<dyn Fn() + Send + Sync>;
 
 fn lock<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
     // Nothing behind these locks is left half-changed by a panic: each holds one value that is replaced whole.
@@ -101,15 +102,21 @@ impl Shared {
         (events, past): (Arc<EventLog>, Option<Past>),
         (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
         store_health: Arc<StoreHealth>,
-        queue: SyncSender<Job>,
     ) -> Self {
         let maps = scenes
             .iter()
             .flat_map(|scene| scene.cameras.iter().map(|camera| (scene.id.clone(), camera.id.clone())))
             .map(|key| (key, MapState::Building))
             .collect();
+        let accuracy = Arc::new(AccuracyBoard::new(Arc::clone(&clock)));
+        let queue = RenderQueue::new(
+            &render_settings,
+            Arc::clone(&clock),
+            Arc::clone(&metrics),
+            Arc::clone(&accuracy),
+        );
         Self {
-            accuracy: Arc::new(AccuracyBoard::new(Arc::clone(&clock))),
+            accuracy,
             clock,
             metrics,
             cameras,
@@ -122,19 +129,18 @@ impl Shared {
             playheads: Playheads::new(),
             maps: Mutex::new(maps),
             renderer: Mutex::new(Err("starting".to_owned())),
-            queue: Mutex::new(Some(queue)),
-            waiting: AtomicUsize::new(0),
+            device_loss: Mutex::new(None),
+            queue,
         }
     }
 
-    /// Ends the render thread once it has answered what waits.
-    pub(super) fn close_queue(&self) {
-        lock(&self.queue).take();
+    pub(super) fn set_device_loss(&self, loss: Option<DeviceLoss>) {
+        *lock(&self.device_loss) = loss;
     }
 
-    pub(super) fn count_dequeued(&self) {
-        let waiting = self.waiting.fetch_sub(1, Ordering::Relaxed) - 1;
-        self.metrics.render_queue_length.set(waiting as i64);
+    /// Loses the device in use, if there is one.
+    pub(super) fn lose_device(&self) -> bool {
+        lock(&self.device_loss).as_ref().map(|lose| lose()).is_some()
     }
 
     pub(super) fn set_renderer_state(&self, state: Result<String, String>) {

@@ -86,6 +86,17 @@ pub struct SourceTime {
     pub timestamp: Timestamp,
 }
 
+/// How an answer came about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Origin {
+    /// It was drawn for this request.
+    Drawn,
+    /// It was drawn for another request that means the same picture.
+    Shared,
+    /// It was drawn before, and kept.
+    Kept,
+}
+
 /// A picture of a scene, and what went into it.
 #[derive(Clone, Debug)]
 pub struct ViewAnswer {
@@ -103,6 +114,8 @@ pub struct ViewAnswer {
     pub gaps: Vec<CameraId>,
     /// Which effects ran, and why.
     pub plan: Arc<Plan>,
-    /// What the stages took: name and time.
+    /// What the stages took: name and time. First comes `wait`, until the picture was begun or found.
     pub timings: Vec<(&'static str, Duration)>,
+    /// How it came about.
+    pub origin: Origin,
 }

@@ -147,6 +147,12 @@ impl Gpu {
         Ok(Self { device, queue, info, limits, faults })
     }
 
+    /// What loses the device on purpose, from any thread; holds it until it is dropped.
+    pub fn loss(&self) -> impl Fn() + Send + Sync + use<> {
+        let device = self.device.clone();
+        move || device.destroy()
+    }
+
     /// Name of the adapter, as the driver gives it.
     #[must_use]
     pub fn name(&self) -> &str {

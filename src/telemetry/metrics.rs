@@ -124,6 +124,32 @@ impl RemovalReason {
     }
 }
 
+/// Why a view was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ViewRefusal {
+    /// `render.queue_length` pictures waited already.
+    QueueFull,
+    /// It was waited for `render.timeout_secs`.
+    Late,
+    /// There was no GPU to draw it.
+    NoRenderer,
+}
+
+impl ViewRefusal {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::QueueFull, Self::Late, Self::NoRenderer];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::QueueFull => "queue_full",
+            Self::Late => "late",
+            Self::NoRenderer => "no_renderer",
+        }
+    }
+}
+
 /// All metrics, with their registry. Counting is cheap and takes `&self`; share it in an `Arc`.
 #[derive(Debug)]
 pub struct Metrics {
@@ -160,6 +186,22 @@ pub struct Metrics {
     pub render_pass: HistogramVec,
     /// Pictures that wait for the renderer.
     pub render_queue_length: IntGauge,
+    /// Seconds from a request for a view to where its picture is begun, or found.
+    pub render_wait: Histogram,
+    /// Views refused. Labels: reason ([`ViewRefusal`]).
+    pub render_refused: IntCounterVec,
+    /// Views whose callers left before they were answered.
+    pub render_abandoned: IntCounter,
+    /// Views answered with the picture that another was drawn for.
+    pub render_shared: IntCounter,
+    /// Views answered with a picture that was kept.
+    pub render_cache_hits: IntCounter,
+    /// Pictures that were looked for among those kept, and had to be drawn.
+    pub render_cache_misses: IntCounter,
+    /// Bytes of finished pictures kept.
+    pub render_cache: IntGauge,
+    /// Times that the GPU's device was made anew.
+    pub render_devices_rebuilt: IntCounter,
     /// Answered requests. Labels: route (its template, never the path itself), status.
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
@@ -266,6 +308,39 @@ impl Metrics {
                 &FRAME_SECONDS,
             ),
             render_queue_length: int_gauge(r, "render_queue_length", "Pictures that wait for the renderer."),
+            render_wait: histogram(
+                r,
+                "render_wait_seconds",
+                "Time from a request for a view to where its picture is begun or found.",
+                &REQUEST_SECONDS,
+            ),
+            render_refused: views_refused(r),
+            render_abandoned: counter(
+                r,
+                "render_abandoned_total",
+                "Views whose callers left before they were answered.",
+            ),
+            render_shared: counter(
+                r,
+                "render_shared_total",
+                "Views answered with the picture that another was drawn for.",
+            ),
+            render_cache_hits: counter(
+                r,
+                "render_cache_hits_total",
+                "Views answered with a picture that was kept.",
+            ),
+            render_cache_misses: counter(
+                r,
+                "render_cache_misses_total",
+                "Pictures that were looked for among those kept, and had to be drawn.",
+            ),
+            render_cache: int_gauge(r, "render_cache_bytes", "Finished pictures kept."),
+            render_devices_rebuilt: counter(
+                r,
+                "render_devices_rebuilt_total",
+                "Times that the GPU's device was made anew.",
+            ),
             api_requests: counters(
                 r,
                 "api_requests_total",
@@ -312,6 +387,11 @@ impl Metrics {
     /// Notes a frame that was to be recorded and was not.
     pub fn count_unrecorded(&self, camera: &str, reason: RecordingDrop) {
         self.archive_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc();
+    }
+
+    /// Notes a view that was refused.
+    pub fn count_refused(&self, reason: ViewRefusal) {
+        self.render_refused.with_label_values(&[reason.as_str()]).inc();
     }
 
     /// Notes a segment that retention removed.
@@ -382,6 +462,20 @@ fn counter(registry: &Registry, name: &str, help: &str) -> IntCounter {
 
 fn counters(registry: &Registry, name: &str, help: &str, labels: &[&str]) -> IntCounterVec {
     register(registry, IntCounterVec::new(options(name, help), labels))
+}
+
+/// The counter of refused views, each of its series at zero.
+fn views_refused(registry: &Registry) -> IntCounterVec {
+    let refused = counters(
+        registry,
+        "render_refused_total",
+        "Views refused, by reason: queue_full, late, no_renderer.",
+        &["reason"],
+    );
+    for reason in ViewRefusal::ALL {
+        refused.with_label_values(&[reason.as_str()]).inc_by(0);
+    }
+    refused
 }
 
 fn gauge(registry: &Registry, name: &str, help: &str) -> Gauge {

@@ -5,7 +5,7 @@
 
 pub mod metrics;
 
-pub use metrics::{DropReason, Metrics, RecordingDrop, RemovalReason, Stage};
+pub use metrics::{DropReason, Metrics, RecordingDrop, RemovalReason, Stage, ViewRefusal};
 
 use crate::error::ErrorKind;
 use tracing_subscriber::EnvFilter;

@@ -24,7 +24,7 @@ use std::time::Duration;
 use tower::ServiceExt;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
-use videofields::engine::{At, EngineError, Handle, LocateMethod, ViewKind};
+use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
 use videofields::plan::EntityStyle;
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
@@ -315,12 +315,106 @@ async fn a_view_says_what_it_shows() {
     assert_eq!(answer.field("videofields-sources"), format!("north={LAST},south={FIRST}"));
     assert_eq!(answer.field("videofields-gaps"), "south");
     assert_eq!(answer.field("videofields-plan"), "surface,billboard");
+    assert_eq!(answer.field("videofields-cache"), "miss");
     assert_eq!(answer.field("videofields-view"), "eye=5,6,7;target=1,2,1;fov=45");
     assert_eq!(answer.field("server-timing"), "fuse;dur=1.500, render;dur=4.000, encode;dur=1.000");
     assert_eq!(answer.field("cache-control"), "no-store");
     let fixed = bench.get("/api/v1/scenes/plaza/view.jpg?t=5").await;
     assert_eq!(fixed.field("content-type"), "image/jpeg");
     assert_eq!(fixed.field("cache-control"), "private, max-age=10");
+}
+
+#[tokio::test]
+async fn how_a_view_came_about_is_said() {
+    for (origin, said) in [(Origin::Drawn, "miss"), (Origin::Shared, "shared"), (Origin::Kept, "hit")] {
+        let bench = Bench::new();
+        bench.door.0.lock().unwrap().origin = Some(origin);
+        let answer = bench.get("/api/v1/scenes/plaza/view.png?width=8&height=4").await;
+        assert_eq!(answer.field("videofields-cache"), said);
+    }
+}
+
+#[tokio::test]
+async fn a_plan_is_answered_without_a_picture() {
+    let bench = Bench::new();
+    let path = "/api/v1/scenes/plaza/plan";
+    let words = "projection=stereo&eye=5,6,7&target=1,2,1&fov=45&eye_distance=0.1&convergence=9";
+    let answer = bench.get(&format!("{path}?{words}&width=8&height=4&t=5&entities=points")).await;
+    assert_eq!((answer.status, answer.field("cache-control")), (StatusCode::OK, "no-store"));
+    assert_eq!(answer.field("content-type"), "application/json");
+    let asked = bench.door.0.lock().unwrap().view.clone().unwrap();
+    assert_eq!((asked.at, asked.style), (At::Time(Timestamp::from_nanos(5)), EntityStyle::Points));
+    assert_eq!((asked.width_px, asked.height_px, asked.scene.as_str()), (8, 4, "plaza"));
+    let because = "a test says so";
+    assert_eq!(
+        answer.json(),
+        json!({
+            "time": LAST.to_string(),
+            "view": {
+                "projection": "stereo", "eye": [5.0, 6.0, 7.0], "target": [1.0, 2.0, 1.0], "fov": 45.0,
+                "eye_distance": 0.1, "convergence": 9.0,
+            },
+            "size_px": [8, 4],
+            "parts": 1,
+            "sources": [
+                {"camera": "north", "time": LAST.to_string()},
+                {"camera": "south", "time": FIRST.to_string()},
+            ],
+            "gaps": ["south"],
+            "effects": [
+                {"effect": "surface", "is_on": true, "because": because},
+                {"effect": "points", "is_on": false, "because": because},
+                {"effect": "billboard", "is_on": true, "because": because},
+            ],
+            "surface_cameras": ["north", "south"],
+            "depth_map_cameras": ["south"],
+            "entity_cameras": ["north"],
+            "entity_style": "billboards",
+            "entities": [{"foot_m": [1.5, -2.0, 0.0], "shown_from": "north", "seen_by": ["north", "south"]}],
+            "sampling": {"samples": 4, "supersampling": 2},
+        })
+    );
+    let shown = async |query: &str| bench.get(&format!("{path}?{query}")).await.json()["view"].clone();
+    assert_eq!(
+        shown("eye=5,6,7").await,
+        json!({"projection": "perspective", "eye": [5.0, 6.0, 7.0], "target": [1.0, 2.0, 1.0], "fov": 45.0})
+    );
+    assert_eq!(
+        shown("projection=window&eye=0,0,1.5&window=-1,3,0,1,3,0,-1,3,1.5").await,
+        json!({
+            "projection": "window", "eye": [0.0, 0.0, 1.5],
+            "window": [[-1.0, 3.0, 0.0], [1.0, 3.0, 0.0], [-1.0, 3.0, 1.5]],
+        })
+    );
+    // It is refused as a view is.
+    let problem = bench.get(&format!("{path}?width=0&span=9&x=1")).await.problem(400, path);
+    assert_eq!(problem["errors"].as_array().unwrap().len(), 3, "{problem}");
+    let problem = bench.get(&format!("{path}?eye=1,2,1")).await.problem(400, path);
+    assert_eq!(problem["errors"][0]["parameter"], "eye");
+    let away = "/api/v1/scenes/x/plan";
+    let problem = bench.get(away).await.problem(404, away);
+    assert!(problem["detail"].as_str().unwrap().contains("there is no scene \"x\"; known: plaza"));
+    bench.door.0.lock().unwrap().failure = Some(EngineError::Unavailable("not now".to_owned()));
+    bench.get(path).await.problem(503, path);
+}
+
+#[tokio::test]
+async fn a_refusal_says_when_to_ask_again() {
+    let check = async |failure: EngineError, secs: &str, said: &str| {
+        let bench = Bench::within(Limits::default(), State { failure: Some(failure), ..State::default() });
+        let answer = bench.get("/api/v1/scenes/plaza/view.jpg").await;
+        let problem = answer.problem(503, "/api/v1/scenes/plaza/view.jpg");
+        assert_eq!(answer.field("retry-after"), secs, "{problem}");
+        assert!(problem["detail"].as_str().unwrap().contains(said), "{problem}");
+    };
+    let millis = Duration::from_millis;
+    check(EngineError::Busy { waiting: 32, retry_after: millis(4100) }, "5", "32 pictures waiting").await;
+    check(EngineError::Busy { waiting: 32, retry_after: millis(0) }, "1", "32 pictures waiting").await;
+    let late = |stage| EngineError::Late { waited: millis(8020), stage, retry_after: millis(12_000) };
+    check(late(LateStage::Waiting), "12", "no picture within 8.0 s: it still waits for the renderer").await;
+    check(late(LateStage::Drawing), "12", "it is still being drawn").await;
+    let gone = EngineError::NoRenderer { reason: "the GPU was lost".to_owned(), retry_after: millis(250) };
+    check(gone, "1", "no renderer: the GPU was lost").await;
 }
 
 #[tokio::test]

@@ -131,7 +131,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         &example,
         &[&format!(
             "{line}:1: render.sample: unknown key `sample`; did you mean `samples`? allowed: adapter, samples, \
-             depth_map_side_px, max_pixels, queue_length"
+             depth_map_side_px, max_pixels, queue_length, timeout_secs, cache_mib"
         )],
     );
     check(
@@ -228,6 +228,9 @@ fn numbers_outside_their_range_are_refused() {
     check("render", "depth_map_side_px = 1000", "256, 512, 1024, 2048 or 4096 texels, got 1000");
     check("render", "max_pixels = 0", "1 to 268435456 pixels");
     check("render", "queue_length = 1025", "1 to 1024 pictures");
+    check("render", "timeout_secs = 0", "0.1 to 10 seconds");
+    check("render", "timeout_secs = nan", "expected a finite number");
+    check("render", "cache_mib = 65537", "0 to 65536 MiB");
     check("render", "adapter = \"a\\u001b[31m\"", "control character");
     check("media", "roots = []", "1 to 64 folders");
     check("media", "roots = [\"\"]", "media.roots[0]");

@@ -6,6 +6,7 @@ mod costs;
 mod feed;
 mod frozen;
 mod mutations;
+mod pictures;
 mod restart;
 mod tracks;
 
@@ -374,18 +375,19 @@ fn a_full_queue_is_busy_and_a_scene_without_cameras_is_drawn() {
     // The renderer takes longer to open its device than these requests take to be asked.
     let mut answers = Vec::new();
     let mut n_busy = 0;
-    for _ in 0..20 {
+    for width_px in 20..40 {
         let (reply, answer) = oneshot::channel();
-        match Door::view(&*bench.handle, request("yard", At::Live), reply) {
+        match Door::view(&*bench.handle, ViewRequest { width_px, ..request("yard", At::Live) }, reply) {
             Ok(()) => answers.push(answer),
-            Err(EngineError::Busy { waiting }) => {
+            Err(EngineError::Busy { waiting, retry_after }) => {
                 assert_eq!(waiting, 1);
+                assert!(!retry_after.is_zero());
                 n_busy += 1;
             }
             Err(other) => panic!("{other}"),
         }
     }
-    assert!(n_busy > 0, "twenty requests at once do not fit a queue of one");
+    assert!(n_busy > 0, "twenty pictures at once do not fit a queue of one");
     let drawn = has_adapter();
     for answer in answers {
         let answer = bench.runtime.block_on(answer).unwrap();

@@ -8,8 +8,8 @@ use super::super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
 };
 use super::super::past::Past;
+use super::super::planned::PlannedView;
 use super::super::playheads::{Change, PlayheadState};
-use super::super::renderer::Job;
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
@@ -25,8 +25,6 @@ use crate::timeline::{LoggedEvent, Observation, PastFrame};
 use glam::DVec2;
 use std::fs::File;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use std::sync::mpsc::TrySendError;
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
 
@@ -227,28 +225,11 @@ impl Door for Shared {
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
-        let queue = lock(&self.queue);
-        let Some(queue) = &*queue else {
-            return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
-        };
-        self.accuracy.note_asked();
-        let waiting = self.waiting.fetch_add(1, Ordering::Relaxed) + 1;
-        match queue.try_send(Job { request, reply }) {
-            Ok(()) => {
-                self.metrics.render_queue_length.set(waiting as i64);
-                Ok(())
-            }
-            Err(error) => {
-                self.waiting.fetch_sub(1, Ordering::Relaxed);
-                self.accuracy.note_answered();
-                Err(match error {
-                    TrySendError::Full(_) => EngineError::Busy { waiting: waiting - 1 },
-                    TrySendError::Disconnected(_) => {
-                        EngineError::Unavailable("the renderer stopped".to_owned())
-                    }
-                })
-            }
-        }
+        self.queue.push(request, reply)
+    }
+
+    fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
+        self.planned(request)
     }
 
     fn scene_timeline(

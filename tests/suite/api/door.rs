@@ -11,9 +11,9 @@ use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, PairAlignment, PlayheadState, Preview,
-    Readiness, RecordingSummary, SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor,
-    TrackQuery, ViewAnswer, ViewRequest,
+    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, Origin, PairAlignment, PlannedEntity,
+    PlannedView, PlayheadState, Preview, Readiness, RecordingSummary, SceneAlignment, SceneSummary,
+    SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -37,6 +37,8 @@ pub(super) struct State {
     pub(super) failure: Option<EngineError>,
     /// Views are never answered; their replies are kept here.
     pub(super) keeps_views: bool,
+    /// How views say that they came about.
+    pub(super) origin: Option<Origin>,
     pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
     pub(super) is_unready: bool,
     /// How often costs were asked for anew.
@@ -410,8 +412,35 @@ impl Door for FakeDoor {
             state.kept.push(reply);
             return Ok(());
         }
-        reply.send(Ok(answer(&request))).expect("the caller waits");
+        let origin = state.origin.unwrap_or(Origin::Drawn);
+        reply.send(Ok(ViewAnswer { origin, ..answer(&request) })).expect("the caller waits");
         Ok(())
+    }
+
+    fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
+        self.failure()?;
+        self.0.lock().unwrap().view = Some(request.clone());
+        let ViewAnswer { instant, kind, view, sources, gaps, plan, .. } = answer(request);
+        Ok(PlannedView {
+            instant,
+            kind,
+            view,
+            size_px: [request.width_px, request.height_px],
+            n_parts: 1,
+            sources,
+            gaps,
+            surface_cameras: vec![id("north"), id("south")],
+            depth_map_cameras: vec![id("south")],
+            entity_cameras: vec![id("north")],
+            style: EntityStyle::Billboards,
+            entities: vec![PlannedEntity {
+                foot_in_world: DVec3::new(1.5, -2.0, 0.0),
+                shown_from: id("north"),
+                seen_by: vec![id("north"), id("south")],
+            }],
+            sampling: Sampling { samples: 4, supersampling: 2 },
+            reasons: plan.reasons.clone(),
+        })
     }
 
     fn accuracy(&self) -> AccuracyStatus {
@@ -504,5 +533,6 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         gaps: vec![id("south")],
         plan: Arc::new(plan),
         timings: vec![("fuse", Duration::from_micros(1500)), ("render", Duration::from_millis(4))],
+        origin: Origin::Drawn,
     }
 }

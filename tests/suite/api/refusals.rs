@@ -192,7 +192,12 @@ async fn each_failure_of_the_engine_has_its_status() {
             "too-large",
             Some(json!([{"parameter": "width", "detail": "at most 8192"}])),
         ),
-        (EngineError::Busy { waiting: 32 }, 503, "unavailable", None),
+        (
+            EngineError::Busy { waiting: 32, retry_after: Duration::from_millis(300) },
+            503,
+            "unavailable",
+            None,
+        ),
         (EngineError::Unavailable(text()), 503, "unavailable", None),
         (EngineError::Internal("secret: disk full".into()), 500, "internal", None),
     ];

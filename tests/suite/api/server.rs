@@ -71,10 +71,12 @@ async fn a_request_in_flight_is_finished_before_the_end() {
     };
     running.stop.send(()).unwrap();
     tokio::task::yield_now().await;
-    let busy = videofields::engine::EngineError::Busy { waiting: 7 };
+    let busy =
+        videofields::engine::EngineError::Busy { waiting: 7, retry_after: Duration::from_millis(1500) };
     reply.send(Err(busy)).unwrap();
     let answer = answer.await.unwrap();
     assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");
+    assert!(answer.contains("retry-after: 2\r\n"), "{answer}");
     assert!(answer.contains("the renderer has 7 pictures waiting already"), "{answer}");
     tokio::time::timeout(Duration::from_secs(5), running.served).await.expect("it ends by itself").unwrap();
 }

@@ -1,0 +1,75 @@
+//! `/api/v1/scenes/{id}/plan`: what would be drawn of a view and why, without drawing it.
+
+use super::Api;
+use super::error::Problem;
+use super::scenes::problem_of;
+use super::segments::Segments;
+use super::view::{self, Shown, shown_view};
+use crate::engine::{PlannedEntity, PlannedView};
+use crate::frame::CameraId;
+use axum::Json;
+use axum::extract::{RawQuery, State};
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use glam::DVec3;
+use serde_json::{Map, Value, json};
+
+/// The plan of the view that the same parameters would show.
+pub(super) async fn show(
+    State(api): State<Api>,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let (request, _moment) = view::asked(&api, id, raw.as_deref())?;
+    let planned = api.ask("planning a view", move |door| door.plan(&request)).await;
+    let planned = planned.map_err(|error| problem_of(&api, error))?;
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(document(&planned))).into_response())
+}
+
+fn document(planned: &PlannedView) -> Value {
+    let source = |source: &crate::engine::SourceTime| json!({ "camera": source.camera.as_str(), "time": source.timestamp.to_string() });
+    let style = view::STYLES.iter().find(|(_, style)| *style == planned.style).map(|(word, _)| *word);
+    json!({
+        "time": planned.instant.to_string(),
+        "view": shown(planned),
+        "size_px": planned.size_px,
+        "parts": planned.n_parts,
+        "sources": planned.sources.iter().map(source).collect::<Vec<_>>(),
+        "gaps": ids(&planned.gaps),
+        "effects": planned.reasons,
+        "surface_cameras": ids(&planned.surface_cameras),
+        "depth_map_cameras": ids(&planned.depth_map_cameras),
+        "entity_cameras": ids(&planned.entity_cameras),
+        "entity_style": style,
+        "entities": planned.entities.iter().map(entity).collect::<Vec<_>>(),
+        "sampling": planned.sampling,
+    })
+}
+
+/// The view by its parameters; the projection is always named.
+fn shown(planned: &PlannedView) -> Value {
+    let value = |value: Shown| match value {
+        Shown::Word(word) => json!(word),
+        Shown::Number(number) => json!(number),
+        Shown::Points(points) => match points.as_slice() {
+            [point] => json!(point.to_array()),
+            points => json!(points.iter().map(DVec3::to_array).collect::<Vec<_>>()),
+        },
+    };
+    let mut document = Map::from_iter([("projection".to_owned(), json!("perspective"))]);
+    let parameters = shown_view(planned.kind, planned.view);
+    document.extend(parameters.into_iter().map(|(name, shown)| (name.to_owned(), value(shown))));
+    Value::Object(document)
+}
+
+fn ids(cameras: &[CameraId]) -> Vec<&str> {
+    cameras.iter().map(CameraId::as_str).collect()
+}
+
+fn entity(of: &PlannedEntity) -> Value {
+    json!({
+        "foot_m": of.foot_in_world.to_array(),
+        "shown_from": of.shown_from.as_str(),
+        "seen_by": ids(&of.seen_by),
+    })
+}

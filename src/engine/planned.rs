@@ -1,0 +1,97 @@
+//! The plan of a view without its picture: what would be drawn of whom and why. Needs no device, and waits for none.
+
+use super::EngineError;
+use super::picture::Subject;
+use super::resolve::Resolved;
+use super::shared::Shared;
+use super::view::{SourceTime, ViewKind, ViewRequest};
+use crate::clock::Timestamp;
+use crate::frame::CameraId;
+use crate::fuse::SceneState;
+use crate::plan::{EntityStyle, Plan, PlannedBillboard, Reason, Sampling};
+use crate::scene::SceneView;
+use glam::DVec3;
+
+/// What would be drawn if the view were asked for now; cameras by their ids.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedView {
+    /// The instant shown.
+    pub instant: Timestamp,
+    /// How the world comes onto the picture; what the request left open is filled in.
+    pub kind: ViewKind,
+    /// Where it is seen from.
+    pub view: SceneView,
+    /// Columns and rows.
+    pub size_px: [u32; 2],
+    /// Flat parts that it is put together from.
+    pub n_parts: usize,
+    /// The cameras that have a frame for it.
+    pub sources: Vec<SourceTime>,
+    /// Those of them that saw nothing near the instant: of these the background alone is shown.
+    pub gaps: Vec<CameraId>,
+    /// Cameras whose backgrounds are shown on surfaces, best first.
+    pub surface_cameras: Vec<CameraId>,
+    /// Those of them that need a depth map.
+    pub depth_map_cameras: Vec<CameraId>,
+    /// Cameras whose live frames show what moves.
+    pub entity_cameras: Vec<CameraId>,
+    /// How what moves is drawn; `None` also where there is nothing.
+    pub style: EntityStyle,
+    /// What is drawn one by one.
+    pub entities: Vec<PlannedEntity>,
+    /// How often a pixel is looked at.
+    pub sampling: Sampling,
+    /// One line an effect: on or off, and the reason.
+    pub reasons: Vec<Reason>,
+}
+
+/// One thing that moves, and whose picture of it is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlannedEntity {
+    /// Where it stands, metres.
+    pub foot_in_world: DVec3,
+    /// The camera whose picture of it is shown.
+    pub shown_from: CameraId,
+    /// The cameras that see it.
+    pub seen_by: Vec<CameraId>,
+}
+
+impl Shared {
+    /// Plans a view, as the render thread would now.
+    pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
+        let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
+        let state = subject.state(&observations);
+        let plan = subject.plan(&state);
+        Ok(named(&subject, &state, plan))
+    }
+}
+
+/// A plan with ids in place of indices.
+fn named(subject: &Subject, state: &SceneState, plan: Plan) -> PlannedView {
+    let id = |idx: usize| state.cameras[idx].id.clone();
+    let ids = |cameras: &[usize]| cameras.iter().copied().map(id).collect::<Vec<_>>();
+    let entity = |planned: &PlannedBillboard| {
+        let entity = &state.entities[planned.entity];
+        PlannedEntity {
+            foot_in_world: entity.foot_in_world,
+            shown_from: id(entity.sources[planned.source].camera_idx),
+            seen_by: entity.sources.iter().map(|source| id(source.camera_idx)).collect(),
+        }
+    };
+    PlannedView {
+        instant: subject.instant,
+        kind: subject.kind,
+        view: subject.from,
+        size_px: [subject.picture.width_px, subject.picture.height_px],
+        n_parts: subject.picture.parts.len(),
+        sources: subject.sources.clone(),
+        gaps: subject.gaps.clone(),
+        surface_cameras: ids(&plan.surface_cameras),
+        depth_map_cameras: ids(&plan.depth_map_cameras),
+        entity_cameras: ids(&plan.entity_cameras),
+        style: plan.entities,
+        entities: plan.billboards.iter().map(entity).collect(),
+        sampling: plan.sampling,
+        reasons: plan.reasons,
+    }
+}
