@@ -88,8 +88,11 @@ fn view(width: u32, height: u32) -> Picture {
 fn render(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("render");
     group.sample_size(20);
-    let wishes =
-        |samples| Wishes { entities: EntityStyle::None, sampling: Sampling { samples, supersampling: 1 } };
+    let wishes = |samples| Wishes {
+        entities: EntityStyle::None,
+        sampling: Sampling { samples, supersampling: 1 },
+        see_through: false,
+    };
     for samples in [1, 4] {
         let Ok(gpu) = Gpu::new("") else { return };
         let mut renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");

@@ -259,7 +259,11 @@ fn leave_out(
     };
     let state = fuse::assemble(scene, own.frame.timestamp, observe, None);
     let picture = Picture::from(view);
-    let wishes = Wishes { entities: EntityStyle::None, sampling: Sampling { samples, supersampling: 1 } };
+    let wishes = Wishes {
+        entities: EntityStyle::None,
+        sampling: Sampling { samples, supersampling: 1 },
+        see_through: false,
+    };
     let plan = plan::make(&state, &picture, wishes);
     let drawn = renderer.render(&state, &picture, &plan)?.image;
     let others: Vec<&Camera> = state.cameras.iter().map(|state| &*state.camera).collect();

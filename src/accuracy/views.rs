@@ -81,7 +81,8 @@ impl Easel {
         let state = fuse::assemble(&subject.scene, instant, find, stride);
         let picture = Picture::from(view.view);
         let sampling = Sampling { samples: self.form.samples, supersampling: 1 };
-        let mut plan = plan::make(&state, &picture, Wishes { entities: entities.style, sampling });
+        let mut plan =
+            plan::make(&state, &picture, Wishes { entities: entities.style, sampling, see_through: false });
         if self.form.depth_map_side_px.is_none() {
             plan.depth_map_cameras.clear();
         }

@@ -5,7 +5,7 @@ use super::error::Problem;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
-use crate::engine::{PlannedEntity, PlannedView};
+use crate::engine::{OpenedBuilding, PlannedEntity, PlannedView};
 use crate::frame::CameraId;
 use axum::Json;
 use axum::extract::{RawQuery, State};
@@ -42,6 +42,7 @@ fn document(planned: &PlannedView) -> Value {
         "entity_cameras": ids(&planned.entity_cameras),
         "entity_style": style,
         "entities": planned.entities.iter().map(entity).collect::<Vec<_>>(),
+        "opened": planned.opened.iter().map(opened).collect::<Vec<_>>(),
         "sampling": planned.sampling,
     })
 }
@@ -64,6 +65,12 @@ fn shown(planned: &PlannedView) -> Value {
 
 fn ids(cameras: &[CameraId]) -> Vec<&str> {
     cameras.iter().map(CameraId::as_str).collect()
+}
+
+fn opened(of: &OpenedBuilding) -> Value {
+    // As a decimal of few digits, not as the double nearest to a float.
+    let opacity = (f64::from(of.opacity) * 1e3).round() / 1e3;
+    json!({ "surface": of.surface, "surface_idx": of.surface_idx, "opacity": opacity })
 }
 
 fn entity(of: &PlannedEntity) -> Value {

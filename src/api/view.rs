@@ -40,7 +40,7 @@ const KINDS: [(&str, &[&str]); 6] = [
     ("window", &["eye", "window"]),
 ];
 
-const PARAMETERS: [&str; 16] = [
+const PARAMETERS: [&str; 18] = [
     "projection",
     "eye",
     "target",
@@ -55,6 +55,8 @@ const PARAMETERS: [&str; 16] = [
     "height",
     "t",
     "entities",
+    "see_through",
+    "session",
     "samples",
     "supersampling",
 ];
@@ -134,6 +136,8 @@ fn read(
         height_px: query.whole("height", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[1]),
         at: moment.at,
         style: query.choice("entities", &STYLES).unwrap_or_default(),
+        see_through: query.choice("see_through", &[("on", true), ("off", false)]).unwrap_or(true),
+        session: query.id("session"),
         samples: query.choice("samples", &[("1", 1), ("4", 4)]),
         supersampling: query.whole("supersampling", &(1..=MAX_SUPERSAMPLING)).unwrap_or(1),
     };

@@ -67,6 +67,9 @@ pub(crate) struct View {
     /// Lower left, lower right and upper left corner of the window that is looked through.
     #[arg(long, value_name = "X,Y,Z,X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
     window: Option<String>,
+    /// Whether buildings open where they hide somebody: on (the default) or off.
+    #[arg(long, value_name = "ON_OFF", allow_hyphen_values = true)]
+    see_through: Option<String>,
     /// Samples a pixel, 1 or 4; as the configuration has it if absent.
     #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
     samples: Option<String>,
@@ -129,6 +132,7 @@ impl View {
             ("eye_distance", &self.eye_distance),
             ("convergence", &self.convergence),
             ("window", &self.window),
+            ("see_through", &self.see_through),
             ("samples", &self.samples),
             ("supersampling", &self.supersampling),
         ];

@@ -137,6 +137,8 @@ mod tests {
             height_px: 1,
             at: At::Time(INSTANT),
             style: EntityStyle::None,
+            see_through: true,
+            session: None,
             samples: None,
             supersampling: 1,
         };
@@ -158,6 +160,7 @@ mod tests {
                 entities: EntityStyle::None,
                 billboards: Vec::new(),
                 entity_cameras: Vec::new(),
+                opened: Vec::new(),
                 sampling: Sampling::ONCE,
                 reasons: Vec::new(),
             }),

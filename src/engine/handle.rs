@@ -8,6 +8,7 @@ use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
 use crate::frame::{CameraId, YuvImage};
+use crate::geometry::SurfaceId;
 use crate::scene::Scene;
 use crate::timeline::{LoggedEvent, Observation};
 use glam::DVec2;
@@ -128,6 +129,14 @@ pub struct Located {
     pub surface: &'static str,
     /// Index of that ground polygon or box in the scene.
     pub surface_idx: u16,
+}
+
+/// What kind of surface it is, as answers name it, and its index in the scene.
+pub(super) const fn surface_name(surface: SurfaceId) -> (&'static str, u16) {
+    match surface {
+        SurfaceId::Ground(idx) => ("ground", idx),
+        SurfaceId::Box(idx) => ("box", idx),
+    }
 }
 
 /// What a camera showed about a time.

@@ -24,6 +24,7 @@ mod queue;
 mod renderer;
 mod resolve;
 mod roster;
+mod sessions;
 mod shared;
 mod sightings;
 mod track_search;
@@ -41,7 +42,7 @@ pub use handle::{
     SceneSummary,
 };
 pub use offline::view_once;
-pub use planned::{PlannedEntity, PlannedView};
+pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};

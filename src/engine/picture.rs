@@ -7,7 +7,9 @@ use crate::error::Fault;
 use crate::frame::{CameraId, Mask, YuvImage};
 use crate::fuse::{self, SceneState};
 use crate::geometry::Surfaces;
-use crate::plan::{self, ACROSS_M, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, Wishes};
+use crate::plan::{
+    self, ACROSS_M, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, ViewSession, Wishes,
+};
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::Observation;
@@ -27,6 +29,8 @@ pub(super) struct Subject {
     /// What the cameras saw, told by its memory: frames of one time may still differ, after a file was changed or its
     /// background learned anew. Weak, so that nothing is held; no other can take its address meanwhile.
     pub(super) seen: Vec<Memory>,
+    /// The session that smooths it, if one does.
+    pub(super) session: Option<String>,
 }
 
 /// Where an observation's frame, mask and background lie.
@@ -43,6 +47,7 @@ impl PartialEq for Subject {
             && self.instant == other.instant
             && self.sources == other.sources
             && self.gaps == other.gaps
+            && self.session == other.session
             && self.seen.len() == other.seen.len()
             && self
                 .seen
@@ -90,9 +95,10 @@ impl Subject {
             (Arc::downgrade(&of.frame.image), Arc::downgrade(&of.soft_mask), Arc::downgrade(&of.background))
         };
         let seen = observations.iter().map(memory).collect();
-        let wishes = Wishes { entities: request.style, sampling };
+        let wishes = Wishes { entities: request.style, sampling, see_through: request.see_through };
+        let session = request.session.clone();
         let (scene, gaps) = (Arc::clone(scene), Vec::new());
-        Ok(Self { scene, from, kind, picture, wishes, instant, sources, gaps, seen })
+        Ok(Self { scene, from, kind, picture, wishes, instant, sources, gaps, seen, session })
     }
 
     /// Whether a later request can mean the same: not once what was seen has gone from memory.
@@ -112,15 +118,16 @@ impl Subject {
         fuse::assemble(&self.scene, self.instant, find, point_stride)
     }
 
-    /// What must be drawn of that.
-    pub(super) fn plan(&self, state: &SceneState) -> Plan {
-        plan::make(state, &self.picture, self.wishes)
+    /// What must be drawn of that, as the next of a session if there is one.
+    pub(super) fn plan(&self, state: &SceneState, session: Option<&mut ViewSession>) -> Plan {
+        plan::make_for(state, &self.picture, self.wishes, session)
     }
 
     /// Draws it; nothing comes of it once it is not `wanted` any more.
     pub(super) fn draw(
         &self,
         observations: &Observations,
+        session: Option<&mut ViewSession>,
         renderer: &mut Renderer,
         clock: &dyn Clock,
         wanted: &mut dyn FnMut() -> bool,
@@ -128,12 +135,11 @@ impl Subject {
         let started = clock.monotonic();
         let state = self.state(observations);
         let fused = clock.monotonic();
-        let plan = self.plan(&state);
+        let plan = self.plan(&state, session);
         let planned = clock.monotonic();
-        if !wanted() {
+        let Some(rendered) = renderer.render_while(&state, &self.picture, &plan, wanted)? else {
             return Ok(None);
-        }
-        let rendered = renderer.render(&state, &self.picture, &plan)?;
+        };
         let finished = clock.monotonic();
         let mut timings = vec![
             (HOST_STAGES[0], fused.saturating_sub(started)),

@@ -1,6 +1,7 @@
 //! The plan of a view without its picture: what would be drawn of whom and why. Needs no device, and waits for none.
 
 use super::EngineError;
+use super::handle::surface_name;
 use super::picture::Subject;
 use super::resolve::Resolved;
 use super::shared::Shared;
@@ -8,7 +9,7 @@ use super::view::{SourceTime, ViewKind, ViewRequest};
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use crate::fuse::SceneState;
-use crate::plan::{EntityStyle, Plan, PlannedBillboard, Reason, Sampling};
+use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, Reason, Sampling};
 use crate::scene::SceneView;
 use glam::DVec3;
 
@@ -39,6 +40,8 @@ pub struct PlannedView {
     pub style: EntityStyle,
     /// What is drawn one by one.
     pub entities: Vec<PlannedEntity>,
+    /// Buildings that are drawn translucent, the farthest first.
+    pub opened: Vec<OpenedBuilding>,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// One line an effect: on or off, and the reason.
@@ -56,12 +59,24 @@ pub struct PlannedEntity {
     pub seen_by: Vec<CameraId>,
 }
 
+/// A building that is drawn translucent, since it hides somebody.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenedBuilding {
+    /// Which kind of surface it is.
+    pub surface: &'static str,
+    /// Its index among those of its kind in the scene.
+    pub surface_idx: u16,
+    /// How much of what lies behind it it covers, above 0, below 1.
+    pub opacity: f32,
+}
+
 impl Shared {
     /// Plans a view, as the render thread would now.
     pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
         let state = subject.state(&observations);
-        let plan = subject.plan(&state);
+        // What sessions smooth is the render thread's; this is what it comes to.
+        let plan = subject.plan(&state, None);
         Ok(named(&subject, &state, plan))
     }
 }
@@ -78,6 +93,10 @@ fn named(subject: &Subject, state: &SceneState, plan: Plan) -> PlannedView {
             seen_by: entity.sources.iter().map(|source| id(source.camera_idx)).collect(),
         }
     };
+    let opened = |of: &Opened| {
+        let (surface, surface_idx) = surface_name(of.surface);
+        OpenedBuilding { surface, surface_idx, opacity: of.opacity }
+    };
     PlannedView {
         instant: subject.instant,
         kind: subject.kind,
@@ -91,6 +110,7 @@ fn named(subject: &Subject, state: &SceneState, plan: Plan) -> PlannedView {
         entity_cameras: ids(&plan.entity_cameras),
         style: plan.entities,
         entities: plan.billboards.iter().map(entity).collect(),
+        opened: plan.opened.iter().map(opened).collect(),
         sampling: plan.sampling,
         reasons: plan.reasons,
     }

@@ -400,6 +400,8 @@ mod tests {
             height_px: 9,
             at: At::Live,
             style: EntityStyle::Billboards,
+            see_through: true,
+            session: None,
             samples: None,
             supersampling: 1,
         }
@@ -419,6 +421,7 @@ mod tests {
                 entities: EntityStyle::None,
                 billboards: Vec::new(),
                 entity_cameras: Vec::new(),
+                opened: Vec::new(),
                 sampling: Sampling::ONCE,
                 reasons: Vec::new(),
             }),

@@ -10,6 +10,7 @@ use super::pace::Backoff;
 use super::picture::{HOST_STAGES, Subject, failure_of};
 use super::queue::{Next, PlaceId};
 use super::resolve::{Resolved, Seen};
+use super::sessions::Sessions;
 use super::shared::Shared;
 use super::view::{Origin, ViewAnswer, ViewRequest};
 use crate::error::ErrorKind;
@@ -57,6 +58,7 @@ struct RenderThread<'a> {
     backoff: Backoff,
     was_opened: bool,
     cache: FrameCache,
+    sessions: Sessions,
 }
 
 /// A picture, and what it is of.
@@ -83,7 +85,14 @@ impl From<RenderError> for Failure {
 impl<'a> RenderThread<'a> {
     fn new(shared: &'a Shared) -> Self {
         let cache = FrameCache::new(shared.render_settings.cache_mib as usize * 1024 * 1024);
-        Self { shared, renderer: None, backoff: Backoff::default(), was_opened: false, cache }
+        Self {
+            shared,
+            renderer: None,
+            backoff: Backoff::default(),
+            was_opened: false,
+            cache,
+            sessions: Sessions::default(),
+        }
     }
 
     /// Until when a new device is opened, if one is wanted; else when things are looked after.
@@ -145,11 +154,16 @@ impl<'a> RenderThread<'a> {
             )));
         }
         shared.metrics.render_cache_misses.inc();
+        let mut session = subject.session.as_deref().map(|name| self.sessions.take(&request.scene, name));
         let drawn = self.twice_at_most(|thread| {
             let renderer = thread.ensure_renderer()?;
             let mut wanted = || shared.queue.is_wanted();
-            Ok(subject.draw(&seen.0, renderer, clock, &mut wanted)?)
-        })?;
+            Ok(subject.draw(&seen.0, session.as_mut(), renderer, clock, &mut wanted)?)
+        });
+        if let Some((name, session)) = subject.session.as_deref().zip(session) {
+            self.sessions.put(&request.scene, name, session);
+        }
+        let drawn = drawn?;
         let Some(mut answer) = drawn else { return Ok(None) };
         self.note_drawn(&answer, clock.monotonic().saturating_sub(resolved), started);
         answer.timings.insert(0, resolving);
@@ -313,8 +327,8 @@ fn no_renderer(shared: &Shared, reason: String) -> EngineError {
 
 /// Whether two requests may mean one picture, by what can be told without a look at any camera.
 fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
-    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling);
-    a.scene == b.scene && drawn(a) == drawn(b)
+    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling, of.see_through);
+    a.scene == b.scene && a.session == b.session && drawn(a) == drawn(b)
 }
 
 /// The GPU that the settings name and a renderer on it, with the adapter's name.
@@ -364,6 +378,8 @@ mod tests {
             height_px: 3,
             at: At::Live,
             style: crate::plan::EntityStyle::None,
+            see_through: true,
+            session: None,
             samples: None,
             supersampling: 1,
         };

@@ -71,6 +71,11 @@ pub struct ViewRequest {
     pub at: At,
     /// How moving entities are drawn.
     pub style: EntityStyle,
+    /// Whether buildings open where they hide somebody.
+    pub see_through: bool,
+    /// Who looks: what changes over time does so smoothly from one picture of a session to its next. Without one, every
+    /// picture shows what it comes to.
+    pub session: Option<String>,
     /// Samples a pixel, 1 or 4; as the renderer's settings have it if absent.
     pub samples: Option<u32>,
     /// Pixels each way that are drawn for one, 1 to [`MAX_SUPERSAMPLING`](crate::plan::MAX_SUPERSAMPLING).

@@ -7,10 +7,12 @@ mod cost;
 mod coverage;
 mod entities;
 mod picture;
+mod see_through;
 mod view;
 
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
+pub use see_through::{OPEN_OPACITY, Opened, ViewSession};
 pub use view::{Frustum, Projection, View, ViewLimits};
 
 use crate::error::Fault;
@@ -77,10 +79,12 @@ pub struct Wishes {
     pub entities: EntityStyle,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
+    /// Whether buildings open where they hide somebody.
+    pub see_through: bool,
 }
 
 /// Which passes a picture needs, and why.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     /// Cameras (indices into `SceneState::cameras`) whose backgrounds are projected on the surfaces, best first.
     pub surface_cameras: Vec<usize>,
@@ -93,6 +97,9 @@ pub struct Plan {
     pub billboards: Vec<PlannedBillboard>,
     /// Cameras whose live frames are uploaded for entities.
     pub entity_cameras: Vec<usize>,
+    /// Buildings that are drawn translucent, since they hide an entity, the farthest first.
+    #[serde(skip)]
+    pub opened: Vec<Opened>,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// One line an effect: on or off, and the reason.
@@ -119,11 +126,24 @@ pub struct Reason {
     pub because: String,
 }
 
-/// Plans `picture` of `state`.
+/// Plans `picture` of `state` by itself: what is smoothed over time is settled.
 ///
-/// **Cost** some hundred rays through the scene's surfaces; no pixel is touched.
+/// **Cost** some hundred rays through the scene's surfaces, and some for every entity; no pixel is touched.
 #[must_use]
 pub fn make(state: &SceneState, picture: &Picture, wishes: Wishes) -> Plan {
+    make_for(state, picture, wishes, None)
+}
+
+/// Plans `picture` of `state` as the next of a session, which goes on to the state's instant.
+///
+/// **Cost** as [`make`].
+#[must_use]
+pub fn make_for(
+    state: &SceneState,
+    picture: &Picture,
+    wishes: Wishes,
+    session: Option<&mut ViewSession>,
+) -> Plan {
     let mut reasons = Vec::new();
     let surface_cameras = plan_surface(state, picture, &mut reasons);
     let depth_map_cameras = plan_depth_maps(state, &surface_cameras, &mut reasons);
@@ -133,10 +153,17 @@ pub fn make(state: &SceneState, picture: &Picture, wishes: Wishes) -> Plan {
         entities: EntityStyle::None,
         billboards: Vec::new(),
         entity_cameras: Vec::new(),
+        opened: Vec::new(),
         sampling: wishes.sampling,
         reasons,
     };
     entities::plan(state, picture, wishes.entities, &mut plan);
+    if wishes.see_through {
+        see_through::plan(state, picture, session, &mut plan);
+    } else {
+        let because = "not asked for".to_owned();
+        plan.reasons.push(Reason { effect: "see_through", is_on: false, because });
+    }
     plan_sampling(wishes.sampling, &mut plan.reasons);
     plan
 }

@@ -1,9 +1,10 @@
 //! A scene's ground and boxes as triangles in the world, f64, counter-clockwise seen from outside or above.
 
 use crate::frame::linear_from_srgb;
-use crate::geometry::{GroundPolygon, OrientedBox, Pose};
+use crate::geometry::{GroundPolygon, OrientedBox, Pose, SurfaceId};
 use crate::scene::{Material, Scene};
 use glam::{DVec3, Vec3};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// One corner of a triangle.
@@ -24,15 +25,35 @@ pub(super) struct Mesh {
     pub number: u64,
     /// Three a triangle.
     pub vertices: Vec<MeshVertex>,
+    /// Which of the vertices are of which surface, in their order.
+    pub ranges: Vec<(SurfaceId, Range<u32>)>,
     /// Least and greatest coordinates; `None` of nothing.
     bounds: Option<[DVec3; 2]>,
 }
 
 impl Mesh {
     pub(super) fn new(scene: &Arc<Scene>, number: u64) -> Self {
-        let vertices = triangles(scene);
+        let (vertices, ranges) = triangles(scene);
         let bounds = scene.surfaces.bounds();
-        Self { scene: Arc::clone(scene), number, vertices, bounds }
+        Self { scene: Arc::clone(scene), number, vertices, ranges, bounds }
+    }
+
+    /// The stretches of vertices that are of other surfaces than those left out.
+    pub(super) fn without(&self, left_out: impl Fn(SurfaceId) -> bool) -> Vec<Range<u32>> {
+        let mut kept: Vec<Range<u32>> = Vec::new();
+        for (_, range) in self.ranges.iter().filter(|(surface, _)| !left_out(*surface)) {
+            match kept.last_mut().filter(|last| last.end == range.start) {
+                Some(last) => last.end = range.end,
+                None => kept.push(range.clone()),
+            }
+        }
+        kept
+    }
+
+    /// The vertices of one surface; none of one that the scene lacks.
+    pub(super) fn range_of(&self, surface: SurfaceId) -> Range<u32> {
+        let found = self.ranges.iter().find(|(known, _)| *known == surface);
+        found.map_or(0..0, |(_, range)| range.clone())
     }
 
     /// What points are relative to, seen from `eye`: the eye itself, unless it is so far away that single precision could
@@ -69,18 +90,26 @@ const TO_LIGHT: Vec3 = Vec3::new(-0.36, -0.48, 0.8);
 /// Share of the light that comes from everywhere.
 const AMBIENT: f32 = 0.6;
 
-/// Three vertices a triangle.
-fn triangles(scene: &Scene) -> Vec<MeshVertex> {
-    let mut vertices = Vec::new();
+/// Three vertices a triangle, and which are of which surface.
+fn triangles(scene: &Scene) -> (Vec<MeshVertex>, Vec<(SurfaceId, Range<u32>)>) {
+    let (mut vertices, mut ranges) = (Vec::new(), Vec::new());
     let fallback = Material { color_srgb: [128; 3] };
     let material = |materials: &[Material], idx: usize| materials.get(idx).copied().unwrap_or(fallback);
+    let mut first = 0;
+    let mut close = |surface, vertices: &Vec<MeshVertex>| {
+        let end = vertices.len() as u32;
+        ranges.push((surface, first..end));
+        first = end;
+    };
     for (idx, polygon) in scene.surfaces.ground.iter().enumerate() {
         append_ground(polygon, material(&scene.ground_materials, idx), &mut vertices);
+        close(SurfaceId::Ground(idx as u16), &vertices);
     }
     for (idx, solid) in scene.surfaces.boxes.iter().enumerate() {
         append_box(solid, material(&scene.box_materials, idx), &mut vertices);
+        close(SurfaceId::Box(idx as u16), &vertices);
     }
-    vertices
+    (vertices, ranges)
 }
 
 fn shaded(material: Material, normal: Vec3) -> Vec3 {

@@ -34,6 +34,8 @@ pub enum Pass {
     Billboard,
     /// Entities as squares.
     Points,
+    /// Buildings that are open, over whom they hide; with billboards, within their pass.
+    SeeThrough,
     /// Several pixels averaged into one.
     Average,
 }
@@ -48,6 +50,7 @@ impl Pass {
             Self::Surface => "surface",
             Self::Billboard => "billboard",
             Self::Points => "points",
+            Self::SeeThrough => "see_through",
             Self::Average => "average",
         }
     }

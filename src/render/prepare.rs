@@ -6,7 +6,7 @@ use super::passes::{BillboardInstance, PointInstance};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::SceneState;
-use crate::plan::{EntityStyle, Plan, Projection};
+use crate::plan::{EntityStyle, Opened, Plan, Projection};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -104,20 +104,34 @@ impl Renderer {
             place.map(|place| first_camera + place)
         };
         self.billboards.clear();
+        self.slot_ends.clear();
         self.points.clear();
         match plan.entities {
             EntityStyle::Billboards => {
+                // Before the farthest building that hides it, after those farther away.
+                let slot = |entity: usize| {
+                    let hides = |opened: &Opened| opened.hides.contains(&entity);
+                    plan.opened.iter().position(hides).unwrap_or(plan.opened.len())
+                };
                 let mut ordered: Vec<_> = plan
                     .billboards
                     .iter()
-                    .map(|planned| &state.entities[planned.entity].sources[planned.source])
+                    .map(|planned| {
+                        let billboard = &state.entities[planned.entity].sources[planned.source];
+                        (slot(planned.entity), billboard)
+                    })
                     .collect();
                 let distance = |foot: DVec3| match stand.parallel_to {
                     None => (foot - stand.eye_in_world).truncate().length_squared(),
                     Some(forward) => (foot - anchor).dot(forward),
                 };
-                ordered.sort_by(|a, b| distance(b.foot_in_world).total_cmp(&distance(a.foot_in_world)));
-                self.billboards.extend(ordered.into_iter().filter_map(|billboard| {
+                ordered.sort_by(|(a_slot, a), (b_slot, b)| {
+                    let nearer = distance(b.foot_in_world).total_cmp(&distance(a.foot_in_world));
+                    a_slot.cmp(b_slot).then(nearer)
+                });
+                let end = |idx: usize| ordered.partition_point(|(slot, _)| *slot <= idx) as u32;
+                self.slot_ends.extend((0..plan.opened.len()).map(end));
+                self.billboards.extend(ordered.into_iter().filter_map(|(_, billboard)| {
                     let camera = &state.cameras[billboard.camera_idx];
                     let image = &camera.observation.frame.image;
                     let size = (image.width(), image.height());

@@ -6,7 +6,7 @@ use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, StaticScene,
-    SurfaceKey, SurfacePass, YuvPass,
+    SurfaceKey, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::pieces::{self, Piece};
@@ -57,6 +57,8 @@ pub struct Renderer {
     pub(super) depth_maps: DepthMaps,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
+    /// How many of the billboards are drawn before each building that is open.
+    pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
 }
 
@@ -110,6 +112,7 @@ impl Renderer {
             depth_maps: DepthMaps::new(settings.depth_map_side_px),
             passes: Passes::default(),
             billboards: Vec::new(),
+            slot_ends: Vec::new(),
             points: Vec::new(),
             gpu,
         };
@@ -132,18 +135,34 @@ impl Renderer {
     /// Draws `picture` of `state` as `plan` says, and waits for it.
     ///
     /// # Errors
-    /// A picture beyond [`Self::view_limits`], a plan that was made for another state, cameras' pictures too large for the
-    /// device, or what the device reports: after a loss ([`GpuError::is_lost`]) the renderer must be made anew,
-    /// after anything else it can go on.
+    /// As [`Self::render_while`].
     pub fn render(
         &mut self,
         state: &SceneState,
         picture: &Picture,
         plan: &Plan,
     ) -> Result<Rendered, RenderError> {
+        let drawn = self.render_while(state, picture, plan, &mut || true)?;
+        Ok(drawn.expect("what is wanted to its end is drawn to its end"))
+    }
+
+    /// Draws `picture` of `state` as `plan` says while it is `wanted`, which is asked before each of its pieces: `None` once
+    /// it is not.
+    ///
+    /// # Errors
+    /// A picture beyond [`Self::view_limits`], a plan that was made for another state, cameras' pictures too large for the
+    /// device, or what the device reports: after a loss ([`GpuError::is_lost`]) the renderer must be made anew,
+    /// after anything else it can go on.
+    pub fn render_while(
+        &mut self,
+        state: &SceneState,
+        picture: &Picture,
+        plan: &Plan,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Rendered>, RenderError> {
         picture.check(&self.view_limits()).map_err(RenderError::View)?;
         check_plan(state, plan)?;
-        let rendered = self.draw(state, picture, plan);
+        let rendered = self.draw(state, picture, plan, wanted);
         if rendered.is_err() {
             // Layers may be marked as filled that never were.
             self.backgrounds.clear();
@@ -159,7 +178,13 @@ impl Renderer {
         rendered
     }
 
-    fn draw(&mut self, state: &SceneState, picture: &Picture, plan: &Plan) -> Result<Rendered, RenderError> {
+    fn draw(
+        &mut self,
+        state: &SceneState,
+        picture: &Picture,
+        plan: &Plan,
+        wanted: &mut dyn FnMut() -> bool,
+    ) -> Result<Option<Rendered>, RenderError> {
         self.gpu.check()?;
         let mesh = self.mesh_of(&state.scene);
         let limits = self.gpu.limits();
@@ -170,12 +195,20 @@ impl Renderer {
         let mut timings: Vec<PassTime> = Vec::new();
         let mut prepared = None;
         for Part { view, left_px, top_px } in &picture.parts {
+            // Not between making ready and drawing: layers would be marked as filled that are not.
+            if !wanted() {
+                return Ok(None);
+            }
             let stand = Stand::of(view, &mesh);
             let mut uploads = Uploads::default();
             if prepared.replace(stand) != Some(stand) {
                 uploads = self.prepare(state, picture, &stand, plan)?;
             }
-            for Piece { columns, rows } in pieces::of(view, plan.sampling, max_side_px, max_bytes) {
+            let pieces = pieces::of(view, plan.sampling, max_side_px, max_bytes);
+            for (idx, Piece { columns, rows }) in pieces.enumerate() {
+                if idx > 0 && !wanted() {
+                    return Ok(None);
+                }
                 let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
                 let piece = Shown { view: view.cropped(columns, rows), mesh: &mesh, stand };
                 self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
@@ -189,7 +222,7 @@ impl Renderer {
             }
         }
         let image = RgbImage { width: picture.width_px, height: picture.height_px, data };
-        Ok(Rendered { image, timings })
+        Ok(Some(Rendered { image, timings }))
     }
 
     /// The scene's triangles, made anew where the scene is another than the last picture's.
@@ -262,20 +295,29 @@ impl Renderer {
             is_read: times > 1,
         };
         let targets = self.targets.get(gpu, targets);
-        let has_entities = !self.billboards.is_empty() || !self.points.is_empty();
-        let place = Place { clear: Some(sky(scene)), is_last: !has_entities };
+        let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
+        let place = Place { clear: Some(sky(scene)), is_last: !has_more };
         let mut into = DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
-        let static_scene = StaticScene { mesh, anchor_in_world: stand.anchor_in_world, key };
-        surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
+        let static_scene =
+            StaticScene { mesh, anchor_in_world: stand.anchor_in_world, key, opened: &plan.opened };
+        let opened = surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
         into.place = Place { clear: None, is_last: true };
         if !self.billboards.is_empty() {
             let pass = made(&mut passes.billboard, || Ok(BillboardPass::new(gpu)))?;
-            pass.record(&mut recording, &into, &self.billboards, frames)?;
-        }
-        if !self.points.is_empty() {
-            let pass = made(&mut passes.points, || Ok(PointsPass::new(gpu)))?;
-            pass.record(&mut recording, &into, &self.points, frames)?;
+            let among = opened.as_ref().map(|opened| (opened, self.slot_ends.as_slice()));
+            pass.record(&mut recording, &into, &self.billboards, among, frames)?;
+        } else {
+            // Points tell their depth: those before a building are not covered by it.
+            into.place.is_last = opened.is_none();
+            if !self.points.is_empty() {
+                let pass = made(&mut passes.points, || Ok(PointsPass::new(gpu)))?;
+                pass.record(&mut recording, &into, &self.points, frames)?;
+            }
+            into.place.is_last = true;
+            if let Some(opened) = &opened {
+                see_through::record(&mut recording, &into, opened);
+            }
         }
         let picture = if times > 1 {
             let pass = made(&mut passes.average, || Ok(AveragePass::new(gpu)))?;

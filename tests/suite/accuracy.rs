@@ -166,6 +166,8 @@ fn the_demo_is_true_where_no_camera_stands() {
             height_px,
             at,
             style,
+            see_through: false,
+            session: None,
             samples: None,
             supersampling: 1,
         };

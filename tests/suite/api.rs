@@ -371,6 +371,7 @@ async fn a_plan_is_answered_without_a_picture() {
             "entity_cameras": ["north"],
             "entity_style": "billboards",
             "entities": [{"foot_m": [1.5, -2.0, 0.0], "shown_from": "north", "seen_by": ["north", "south"]}],
+            "opened": [{"surface": "box", "surface_idx": 2, "opacity": 0.3}],
             "sampling": {"samples": 4, "supersampling": 2},
         })
     );

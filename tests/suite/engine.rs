@@ -157,6 +157,8 @@ fn request(scene: &str, at: At) -> ViewRequest {
         at,
         style: EntityStyle::Billboards,
         kind: ViewKind::Perspective,
+        see_through: true,
+        session: None,
         samples: None,
         supersampling: 1,
     }

@@ -1,5 +1,7 @@
 //! The render room seen from outside: against its f64 twin, against goldens, and in every hard case.
 
+#[path = "render/see_through.rs"]
+mod see_through;
 #[path = "render/stage.rs"]
 mod stage;
 #[path = "render/twin.rs"]
@@ -34,7 +36,11 @@ struct Brush {
 
 impl Brush {
     fn wishes(&self, entities: EntityStyle) -> Wishes {
-        Wishes { entities, sampling: Sampling { samples: self.samples, supersampling: 1 } }
+        Wishes {
+            entities,
+            sampling: Sampling { samples: self.samples, supersampling: 1 },
+            see_through: false,
+        }
     }
 
     fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {

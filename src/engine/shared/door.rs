@@ -6,6 +6,7 @@ use super::super::alignment::SceneAlignment;
 use super::super::chronicle::SceneTimeline;
 use super::super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
+    surface_name,
 };
 use super::super::past::Past;
 use super::super::planned::PlannedView;
@@ -18,7 +19,6 @@ use crate::clock::Timestamp;
 use crate::config::{self, FeedSettings, SegmentSettings};
 use crate::error::Fault;
 use crate::frame::CameraId;
-use crate::geometry::SurfaceId;
 use crate::mapping::{self, Location};
 use crate::scene::Scene;
 use crate::timeline::{LoggedEvent, Observation, PastFrame};
@@ -192,10 +192,7 @@ impl Door for Shared {
             );
             return Err(EngineError::NoSurface(text));
         };
-        let (surface, surface_idx) = match location.surface {
-            SurfaceId::Ground(idx) => ("ground", idx),
-            SurfaceId::Box(idx) => ("box", idx),
-        };
+        let (surface, surface_idx) = surface_name(location.surface);
         Ok(Located {
             point_m: location.point_in_world.to_array(),
             theta_rad: location.theta_rad,

@@ -1,12 +1,15 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
-use super::{Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{
+    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, Translucent, draw_pipeline,
+};
 use crate::fuse::Billboard;
 use crate::geometry;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::Viewer;
 use crate::render::image_array::ImageArray;
 use glam::{DQuat, DVec2, DVec3};
+use std::ops::Range;
 
 /// One rectangle. The shader documents the fields.
 #[repr(C)]
@@ -110,12 +113,14 @@ impl BillboardPass {
         Self { frames, pipelines: BySamples::default(), instances }
     }
 
-    /// Records the rectangles, given from back to front.
+    /// Records the rectangles, given from back to front, and among them the surfaces that are translucent: the first of
+    /// these after as many rectangles as the first of `ends` says, and so on.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,
         instances: &[Instance],
+        among: Option<(&Translucent, &[u32])>,
         frames: &mut ImageArray,
     ) -> Result<(), GpuError> {
         let gpu = recording.gpu;
@@ -133,6 +138,7 @@ impl BillboardPass {
             mixing: Mixing {
                 blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
                 writes_depth: false,
+                culls_back: false,
             },
             variant: &[],
             samples,
@@ -141,10 +147,23 @@ impl BillboardPass {
         let textures = self.frames.bind(gpu, frames);
         let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(1, &textures, &[]);
-        pass.set_vertex_buffer(0, vertices.slice(..));
-        pass.draw(0..4, 0..instances.len() as u32);
+        let draw = |pass: &mut wgpu::RenderPass<'_>, which: Range<u32>| {
+            if !which.is_empty() {
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(1, &textures, &[]);
+                pass.set_vertex_buffer(0, vertices.slice(..));
+                pass.draw(0..4, which);
+            }
+        };
+        let mut first = 0;
+        if let Some((translucent, ends)) = among {
+            for (idx, end) in ends.iter().enumerate().take(translucent.len()) {
+                draw(&mut pass, first..*end);
+                translucent.draw(&mut pass, idx);
+                first = *end;
+            }
+        }
+        draw(&mut pass, first..instances.len() as u32);
         Ok(())
     }
 }

@@ -4,6 +4,7 @@ mod average;
 mod billboard;
 mod camera_depth;
 mod points;
+pub(super) mod see_through;
 mod surface;
 mod yuv;
 
@@ -11,7 +12,7 @@ pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
-pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass};
+pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;
 
 use super::image_array::ImageArray;
@@ -86,6 +87,7 @@ impl BySamples {
 struct Mixing {
     blend: Option<wgpu::BlendState>,
     writes_depth: bool,
+    culls_back: bool,
 }
 
 /// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` of the shader of the label's stem.
@@ -122,7 +124,11 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
             compilation_options: compilation_options.clone(),
             buffers: &[Some(vertices)],
         },
-        primitive: wgpu::PrimitiveState { topology, ..wgpu::PrimitiveState::default() },
+        primitive: wgpu::PrimitiveState {
+            topology,
+            cull_mode: mixing.culls_back.then_some(wgpu::Face::Back),
+            ..wgpu::PrimitiveState::default()
+        },
         depth_stencil: Some(wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(mixing.writes_depth),

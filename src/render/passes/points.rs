@@ -67,7 +67,7 @@ impl PointsPass {
             bind_groups: &[into.frame_layout, &self.frames.layout],
             vertices: layout,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
-            mixing: Mixing { blend: None, writes_depth: true },
+            mixing: Mixing { blend: None, writes_depth: true, culls_back: false },
             variant: &[],
             samples,
         };

@@ -6,10 +6,12 @@ use super::{
     draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
+use crate::plan::Opened;
 use crate::render::camera_data::Camera;
 use crate::render::image_array::ImageArray;
 use crate::render::mesh::Mesh;
 use glam::DVec3;
+use std::ops::Range;
 
 /// One corner of a triangle, relative to the anchor.
 #[repr(C)]
@@ -53,19 +55,78 @@ impl SurfaceKey {
     }
 }
 
+/// Whether a surface covers what lies behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Cover {
+    Whole,
+    /// By the blend constant, seen from outside alone.
+    Partly,
+}
+
+impl Cover {
+    fn mixing(self) -> Mixing {
+        let factor = |src_factor, dst_factor| wgpu::BlendComponent {
+            src_factor,
+            dst_factor,
+            operation: wgpu::BlendOperation::Add,
+        };
+        match self {
+            Self::Whole => Mixing { blend: None, writes_depth: true, culls_back: false },
+            Self::Partly => {
+                let color = factor(wgpu::BlendFactor::Constant, wgpu::BlendFactor::OneMinusConstant);
+                let alpha = factor(wgpu::BlendFactor::Zero, wgpu::BlendFactor::One);
+                Mixing {
+                    blend: Some(wgpu::BlendState { color, alpha }),
+                    writes_depth: false,
+                    culls_back: true,
+                }
+            }
+        }
+    }
+}
+
+/// Surfaces that are drawn translucent, ready to be drawn within a pass.
+#[derive(Debug)]
+pub(in crate::render) struct Translucent {
+    pipeline: wgpu::RenderPipeline,
+    textures: wgpu::BindGroup,
+    vertices: wgpu::Buffer,
+    /// Vertices and opacity of each.
+    items: Vec<(Range<u32>, f32)>,
+}
+
+impl Translucent {
+    pub(in crate::render) const fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// Draws one of them over what was drawn before; what else is drawn in the pass must set its own pipeline again.
+    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, idx: usize) {
+        let (range, opacity) = &self.items[idx];
+        let opacity = f64::from(*opacity);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(1, &self.textures, &[]);
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        pass.set_blend_constant(wgpu::Color { r: opacity, g: opacity, b: opacity, a: opacity });
+        pass.draw(range.clone(), 0..1);
+    }
+}
+
 /// What is shown, from where, by which variant.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct StaticScene<'a> {
     pub mesh: &'a Mesh,
     pub anchor_in_world: DVec3,
     pub key: SurfaceKey,
+    /// Surfaces that are drawn translucent, after what lies behind them.
+    pub opened: &'a [Opened],
 }
 
 /// Draws the static scene.
 #[derive(Debug)]
 pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(SurfaceKey, BySamples)>,
+    pipelines: Vec<(SurfaceKey, Cover, BySamples)>,
     background_sampler: wgpu::Sampler,
     depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
@@ -113,6 +174,7 @@ impl SurfacePass {
         gpu: &Gpu,
         into: &DrawInto<'_>,
         key: SurfaceKey,
+        cover: Cover,
     ) -> Result<&wgpu::RenderPipeline, GpuError> {
         let vertices = wgpu::VertexBufferLayout {
             array_stride: size_of::<Vertex>() as u64,
@@ -120,9 +182,9 @@ impl SurfacePass {
             attributes: &ATTRIBUTES,
         };
         let samples = into.targets.samples();
-        let known = self.pipelines.iter().position(|(known, _)| *known == key);
+        let known = self.pipelines.iter().position(|(known, covers, _)| (*known, *covers) == (key, cover));
         let idx = known.unwrap_or_else(|| {
-            self.pipelines.push((key, BySamples::default()));
+            self.pipelines.push((key, cover, BySamples::default()));
             self.pipelines.len() - 1
         });
         let wanted = DrawPipeline {
@@ -130,14 +192,14 @@ impl SurfacePass {
             bind_groups: &[into.frame_layout, &self.layout],
             vertices,
             topology: wgpu::PrimitiveTopology::TriangleList,
-            mixing: Mixing { blend: None, writes_depth: true },
+            mixing: cover.mixing(),
             variant: &key.constants(),
             samples,
         };
-        self.pipelines[idx].1.get(samples, || draw_pipeline(gpu, wanted))
+        self.pipelines[idx].2.get(samples, || draw_pipeline(gpu, wanted))
     }
 
-    /// Records the sky (the colour to clear with) and the scene's mesh.
+    /// Records the sky (the colour to clear with) and the scene's mesh; returns what of it is drawn later.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,
@@ -145,29 +207,48 @@ impl SurfacePass {
         shown: &StaticScene<'_>,
         backgrounds: &mut ImageArray,
         depth_maps: &mut DepthMaps,
-    ) -> Result<(), GpuError> {
+    ) -> Result<Option<Translucent>, GpuError> {
         let gpu = recording.gpu;
-        let wanted = (shown.mesh.number, shown.anchor_in_world);
-        if self.written != Some(wanted) {
-            self.scratch.clear();
-            self.scratch.extend(shown.mesh.vertices.iter().map(|vertex| Vertex {
-                position_from_anchor: (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
-                normal: vertex.normal.to_array(),
-                material: vertex.material.to_array(),
-            }));
-            self.vertices.write(gpu, &self.scratch);
-            self.written = Some(wanted);
-        }
+        let vertices = self.write(gpu, shown).clone();
         let textures = self.bind(gpu, backgrounds, depth_maps);
-        let pipeline = self.pipeline(gpu, into, shown.key)?.clone();
+        let pipeline = self.pipeline(gpu, into, shown.key, Cover::Whole)?.clone();
+        let is_opened = |surface| shown.opened.iter().any(|opened| opened.surface == surface);
+        let opaque = shown.mesh.without(is_opened);
         let mut pass = recording.draw(LABEL, into);
-        if let (Some(vertices), false) = (self.vertices.get(), self.scratch.is_empty()) {
+        if !opaque.is_empty() {
             pass.set_pipeline(&pipeline);
             pass.set_bind_group(1, &textures, &[]);
             pass.set_vertex_buffer(0, vertices.slice(..));
-            pass.draw(0..self.scratch.len() as u32, 0..1);
+            opaque.into_iter().for_each(|range| pass.draw(range, 0..1));
         }
-        Ok(())
+        drop(pass);
+        if shown.opened.is_empty() {
+            return Ok(None);
+        }
+        let pipeline = self.pipeline(gpu, into, shown.key, Cover::Partly)?.clone();
+        let item = |opened: &Opened| (shown.mesh.range_of(opened.surface), opened.opacity);
+        let items = shown.opened.iter().map(item).collect();
+        Ok(Some(Translucent { pipeline, textures, vertices, items }))
+    }
+
+    /// The mesh's vertices on the device, written where mesh or anchor are others than the last frame's.
+    fn write(&mut self, gpu: &Gpu, shown: &StaticScene<'_>) -> &wgpu::Buffer {
+        let wanted = (shown.mesh.number, shown.anchor_in_world);
+        match self.vertices.get() {
+            Some(_) if self.written == Some(wanted) => {}
+            _ => {
+                self.scratch.clear();
+                self.scratch.extend(shown.mesh.vertices.iter().map(|vertex| Vertex {
+                    position_from_anchor:
+                        (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
+                    normal: vertex.normal.to_array(),
+                    material: vertex.material.to_array(),
+                }));
+                self.vertices.write(gpu, &self.scratch);
+                self.written = Some(wanted);
+            }
+        }
+        self.vertices.get().expect("they have just been written")
     }
 
     fn bind(&self, gpu: &Gpu, backgrounds: &mut ImageArray, depth_maps: &mut DepthMaps) -> wgpu::BindGroup {

@@ -11,9 +11,9 @@ use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, Origin, PairAlignment, PlannedEntity,
-    PlannedView, PlayheadState, Preview, Readiness, RecordingSummary, SceneAlignment, SceneSummary,
-    SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewRequest,
+    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin, PairAlignment,
+    PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary, SceneAlignment,
+    SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -438,6 +438,7 @@ impl Door for FakeDoor {
                 shown_from: id("north"),
                 seen_by: vec![id("north"), id("south")],
             }],
+            opened: vec![OpenedBuilding { surface: "box", surface_idx: 2, opacity: 0.3 }],
             sampling: Sampling { samples: 4, supersampling: 2 },
             reasons: plan.reasons.clone(),
         })
@@ -514,6 +515,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         entities: EntityStyle::None,
         billboards: vec![],
         entity_cameras: vec![],
+        opened: vec![],
         sampling: Sampling::ONCE,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };

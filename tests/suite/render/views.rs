@@ -13,7 +13,11 @@ use videofields::render::View;
 /// Draws a picture of the static scene, one sample a pixel unless the brush has more.
 fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, supersampling: u32) -> (RgbImage, Plan) {
     let sampling = Sampling { samples: brush.samples, supersampling };
-    let plan = plan::make(state, picture, Wishes { entities: EntityStyle::Billboards, sampling });
+    let plan = plan::make(
+        state,
+        picture,
+        Wishes { entities: EntityStyle::Billboards, sampling, see_through: false },
+    );
     let image = brush.renderer.render(state, picture, &plan).expect("a picture").image;
     assert_eq!((image.width, image.height), (picture.width_px, picture.height_px));
     (image, plan)

@@ -1,0 +1,405 @@
+//! Which occluders open, so that whom they hide from the viewer is seen through them (Video Fields section 3.7).
+//!
+//! What hides is found by rays from several points of every entity to the viewer; an occluder opens where it hides most of
+//! one. A picture by itself shows the settled state; a [`ViewSession`] comes to it smoothly over scene time.
+
+use super::{EntityStyle, Picture, Plan, Reason, Viewer};
+use crate::clock::Timestamp;
+use crate::fuse::{Billboard, SceneState};
+use crate::geometry::{Ray, SurfaceId, Surfaces};
+use crate::scene::Scene;
+use glam::DVec3;
+use std::sync::{Arc, Weak};
+
+/// Opacity of an occluder that is open: enough to see where it stands and whom it hides.
+pub const OPEN_OPACITY: f32 = 0.3;
+
+/// Share of an entity's points that an occluder hides from which on it opens, and down to which one that is open stays so.
+const OPENS_AT: f64 = 0.5;
+const CLOSES_BELOW: f64 = 0.25;
+
+/// Scene time in which all but 5 % of a change of opacity is done, seconds.
+const SETTLED_SECS: f64 = 0.5;
+
+/// A session goes on over steps of scene time up to this, and back by this (frames may be drawn out of their order),
+/// seconds; what leaps further begins anew with the settled state.
+const LONGEST_STEP_SECS: f64 = 5.0;
+const LONGEST_BACK_SECS: f64 = 0.5;
+
+/// Nearer to full opacity than this an occluder is as good as closed.
+const CLOSED_OPACITY: f32 = 0.99;
+
+/// Where on its rectangle an entity is looked for: shares of its extent to the left or right, and of its height. The lowest
+/// lies a little above the ground, which hides nobody.
+const LOOKED_AT: [(f64, f64); 7] =
+    [(0.0, 0.06), (0.0, 0.3), (0.0, 0.55), (0.0, 0.8), (0.0, 0.97), (-0.7, 0.6), (0.7, 0.6)];
+
+/// Most surfaces that a ray is followed through.
+const MAX_CROSSED: usize = 16;
+
+/// Nearer than this to an entity's point a surface is what it stands at, not before it, metres.
+const BESIDE_M: f64 = 0.02;
+
+/// An occluder that is drawn translucent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Opened {
+    /// Which surface.
+    pub surface: SurfaceId,
+    /// How much of what lies behind it it covers, above 0, below 1.
+    pub opacity: f32,
+    /// Entities (indices into `SceneState::entities`) of which it hides a part: they are drawn before it.
+    pub hides: Vec<usize>,
+}
+
+/// What an occluder hides at an instant.
+#[derive(Clone, Debug)]
+struct Occluder {
+    surface: SurfaceId,
+    /// Greatest share of one entity's points that it hides.
+    share: f64,
+    hides: Vec<usize>,
+    /// Greatest distance to the viewer at which it is crossed, metres.
+    distance_m: f64,
+}
+
+/// What is smoothed over scene time for one who looks: an operator's window, or all tiles of a wall.
+///
+/// It belongs to a scene: with another it begins anew.
+#[derive(Clone, Debug, Default)]
+pub struct ViewSession {
+    scene: Weak<Scene>,
+    at: Option<Timestamp>,
+    opacities: Vec<Opening>,
+}
+
+/// How far an occluder has opened.
+#[derive(Clone, Copy, Debug)]
+struct Opening {
+    surface: SurfaceId,
+    opacity: f32,
+    is_open: bool,
+}
+
+impl ViewSession {
+    /// Goes on to `instant`, at which `occluders` hide something, and returns how opaque each surface that is not closed is.
+    fn advance(&mut self, state: &SceneState, occluders: &[Occluder]) -> Vec<(SurfaceId, f32)> {
+        let passed_secs = self.at.map(|at| state.instant.secs_since(at));
+        let goes_on = std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(&state.scene))
+            && passed_secs.is_some_and(|passed| (-LONGEST_BACK_SECS..=LONGEST_STEP_SECS).contains(&passed));
+        if !goes_on {
+            self.opacities.clear();
+            self.scene = Arc::downgrade(&state.scene);
+        }
+        let passed_secs = passed_secs.filter(|_| goes_on);
+        // Three time constants leave 5 %.
+        let gain = passed_secs.map_or(1.0, |passed| 1.0 - (-3.0 * passed.max(0.0) / SETTLED_SECS).exp());
+        for occluder in occluders {
+            if !self.opacities.iter().any(|opening| opening.surface == occluder.surface) {
+                self.opacities.push(Opening { surface: occluder.surface, opacity: 1.0, is_open: false });
+            }
+        }
+        for opening in &mut self.opacities {
+            let hidden = occluders.iter().find(|occluder| occluder.surface == opening.surface);
+            let share = hidden.map_or(0.0, |occluder| occluder.share);
+            opening.is_open = share >= if opening.is_open { CLOSES_BELOW } else { OPENS_AT };
+            let settled = if opening.is_open { OPEN_OPACITY } else { 1.0 };
+            opening.opacity += (settled - opening.opacity) * gain as f32;
+        }
+        self.opacities.retain(|opening| opening.is_open || opening.opacity < CLOSED_OPACITY);
+        if passed_secs.is_none_or(|passed| passed > 0.0) {
+            self.at = Some(state.instant);
+        }
+        let is_seen_through = |opening: &&Opening| opening.opacity < CLOSED_OPACITY;
+        self.opacities
+            .iter()
+            .filter(is_seen_through)
+            .map(|opening| (opening.surface, opening.opacity))
+            .collect()
+    }
+}
+
+/// Fills in which occluders open for the entities that `plan` draws.
+pub(super) fn plan(
+    state: &SceneState,
+    picture: &Picture,
+    session: Option<&mut ViewSession>,
+    plan: &mut Plan,
+) {
+    let mut drawn: Vec<usize> = match plan.entities {
+        EntityStyle::Billboards => plan.billboards.iter().map(|planned| planned.entity).collect(),
+        EntityStyle::Points => {
+            (0..state.entities.len()).filter(|idx| is_in_view(state, picture, *idx)).collect()
+        }
+        EntityStyle::None => Vec::new(),
+    };
+    drawn.dedup();
+    let mut occluders = occluders(state, picture, &drawn);
+    occluders.sort_by(|a, b| b.distance_m.total_cmp(&a.distance_m));
+    let mut alone = ViewSession::default();
+    let opacities = session.unwrap_or(&mut alone).advance(state, &occluders);
+    let opacity_of = |surface: SurfaceId| {
+        opacities.iter().find(|(opened, _)| *opened == surface).map(|(_, opacity)| *opacity)
+    };
+    let hiding = occluders.into_iter().filter_map(|Occluder { surface, hides, .. }| {
+        Some(Opened { surface, opacity: opacity_of(surface)?, hides })
+    });
+    plan.opened = hiding.collect();
+    // What closes again hides nobody any more: drawn first, as if it were the farthest.
+    let closing: Vec<Opened> = opacities
+        .iter()
+        .filter(|(surface, _)| plan.opened.iter().all(|opened| opened.surface != *surface))
+        .map(|(surface, opacity)| Opened { surface: *surface, opacity: *opacity, hides: Vec::new() })
+        .collect();
+    plan.opened.splice(0..0, closing);
+    let because = match (plan.opened.len(), drawn.len()) {
+        (0, 0) => "no entity is drawn".to_owned(),
+        (0, n) => format!("none of {n} entities is hidden by a building"),
+        (n_opened, _) => {
+            let mut hidden: Vec<usize> =
+                plan.opened.iter().flat_map(|opened| &opened.hides).copied().collect();
+            hidden.sort_unstable();
+            hidden.dedup();
+            format!(
+                "{} of {} entities are hidden; buildings that open: {n_opened}",
+                hidden.len(),
+                drawn.len()
+            )
+        }
+    };
+    plan.reasons.push(Reason { effect: "see_through", is_on: !plan.opened.is_empty(), because });
+}
+
+fn is_in_view(state: &SceneState, picture: &Picture, entity: usize) -> bool {
+    let shows = |billboard: &Billboard| {
+        picture.may_show(billboard.foot_in_world + DVec3::Z * (0.5 * billboard.height_m), billboard.height_m)
+    };
+    state.entities[entity].sources.first().is_some_and(shows)
+}
+
+/// What stands between the viewer and the entities.
+fn occluders(state: &SceneState, picture: &Picture, entities: &[usize]) -> Vec<Occluder> {
+    let mut found: Vec<Occluder> = Vec::new();
+    for entity in entities {
+        let Some(billboard) = state.entities[*entity].sources.first() else { continue };
+        let mut crossed: Vec<(SurfaceId, usize, f64)> = Vec::new();
+        for point in looked_at(billboard) {
+            let Some((ray, reach_m)) = to_viewer(picture, point) else { continue };
+            for (surface, distance_m) in crossings(&state.scene.surfaces, &ray, reach_m) {
+                let from_viewer_m = reach_m - distance_m;
+                match crossed.iter_mut().find(|(known, ..)| *known == surface) {
+                    Some((_, n, farthest)) => (*n, *farthest) = (*n + 1, farthest.max(from_viewer_m)),
+                    None => crossed.push((surface, 1, from_viewer_m)),
+                }
+            }
+        }
+        for (surface, n_hidden, distance_m) in crossed {
+            let share = n_hidden as f64 / LOOKED_AT.len() as f64;
+            match found.iter_mut().find(|occluder| occluder.surface == surface) {
+                Some(occluder) => {
+                    occluder.share = occluder.share.max(share);
+                    occluder.distance_m = occluder.distance_m.max(distance_m);
+                    occluder.hides.push(*entity);
+                }
+                None => found.push(Occluder { surface, share, hides: vec![*entity], distance_m }),
+            }
+        }
+    }
+    found
+}
+
+fn looked_at(billboard: &Billboard) -> impl Iterator<Item = DVec3> + '_ {
+    let [left, right] = billboard.left_right_m;
+    LOOKED_AT.iter().map(move |(across, up)| {
+        let across_m = if *across < 0.0 { -across * left } else { across * right };
+        billboard.foot_in_world + billboard.right_in_world * across_m + DVec3::Z * (up * billboard.height_m)
+    })
+}
+
+/// The ray from a point to the viewer, and how long it is, metres; `None` at the viewer's own place or behind it.
+fn to_viewer(picture: &Picture, point: DVec3) -> Option<(Ray, f64)> {
+    let reach_m = match picture.viewer {
+        Viewer::At(eye) => eye.distance(point),
+        // Parallel rays begin in the plane through the part's eye.
+        Viewer::Along { direction, .. } => {
+            let eye = picture.parts.first()?.view.pose.position_in_world;
+            (point - eye).dot(direction)
+        }
+    };
+    let direction = -picture.viewer.direction_to(point);
+    (reach_m > BESIDE_M && direction != DVec3::ZERO).then_some((Ray { origin: point, direction }, reach_m))
+}
+
+/// The buildings that a ray crosses before `reach_m`, each once, with where it is first met, metres. Ground never opens.
+fn crossings(surfaces: &Surfaces, ray: &Ray, reach_m: f64) -> Vec<(SurfaceId, f64)> {
+    let mut crossed: Vec<(SurfaceId, f64)> = Vec::new();
+    let mut from_m = BESIDE_M;
+    for _ in 0..MAX_CROSSED {
+        let Some(hit) = surfaces.hit(ray, from_m).filter(|hit| hit.distance_m < reach_m) else { break };
+        let is_known = crossed.iter().any(|(surface, _)| *surface == hit.surface);
+        if !is_known && !matches!(hit.surface, SurfaceId::Ground(_)) {
+            crossed.push((hit.surface, hit.distance_m));
+        }
+        // Onwards by more than what rounding brings back to the same place.
+        from_m = hit.distance_m + BESIDE_M.max(1e-9 * hit.distance_m);
+    }
+    crossed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{GroundPolygon, OrientedBox};
+    use crate::plan::{View, ViewLimits};
+    use crate::segment::PixelRect;
+    use glam::DVec2;
+
+    const WALL: SurfaceId = SurfaceId::Box(0);
+
+    /// A wall from x = -8 to 8 at y = 0, 4 m high, another at y = 20, and people of 1.8 m.
+    fn state(feet: &[DVec3]) -> SceneState {
+        let corners = [(-50.0, -50.0), (50.0, -50.0), (50.0, 50.0), (-50.0, 50.0)].map(DVec2::from);
+        let wall = |y: f64| {
+            OrientedBox::new(DVec3::new(0.0, y, 2.0), DVec3::new(16.0, 1.0, 4.0), 0.0).expect("a wall")
+        };
+        let scene = Scene {
+            id: "walls".to_owned(),
+            name: "Walls".to_owned(),
+            ground_materials: Vec::new(),
+            box_materials: Vec::new(),
+            surfaces: Surfaces {
+                ground: vec![GroundPolygon::new(corners.to_vec(), 0.0).expect("ground")],
+                boxes: vec![wall(0.0), wall(20.0)],
+            },
+            sky_srgb: [0; 3],
+            min_entity_size_m: 0.0,
+            cameras: Vec::new(),
+            view: None,
+            document: Arc::from("{}"),
+        };
+        let entity = |foot: &DVec3| crate::fuse::Entity {
+            foot_in_world: *foot,
+            sources: vec![Billboard {
+                camera_idx: 0,
+                rect: PixelRect { x: 0, y: 0, width: 1, height: 1 },
+                foot_in_world: *foot,
+                right_in_world: DVec3::X,
+                left_right_m: [-0.3, 0.3],
+                height_m: 1.8,
+                is_truncated: false,
+            }],
+        };
+        SceneState {
+            scene: Arc::new(scene),
+            instant: Timestamp::from_nanos(0),
+            cameras: Vec::new(),
+            entities: feet.iter().map(entity).collect(),
+            points: Vec::new(),
+        }
+    }
+
+    fn from_eye(eye: DVec3) -> Picture {
+        let limits = ViewLimits { max_side_px: 1000, max_pixels: 1_000_000 };
+        View::new(eye, DVec3::new(0.0, 30.0, 1.0), 1.0, 64, 36, &limits).expect("a view").into()
+    }
+
+    fn found(feet: &[DVec3], picture: &Picture) -> Vec<Occluder> {
+        let entities: Vec<usize> = (0..feet.len()).collect();
+        occluders(&state(feet), picture, &entities)
+    }
+
+    #[test]
+    fn what_stands_between_is_found_and_nothing_else() {
+        let eye = from_eye(DVec3::new(0.0, -30.0, 1.7));
+        let (before, behind, beside) =
+            (DVec3::new(1.0, -5.0, 0.0), DVec3::new(1.0, 6.0, 0.0), DVec3::new(30.0, 6.0, 0.0));
+        assert!(found(&[before, beside], &eye).is_empty());
+        let hiding = found(&[before, behind, beside], &eye);
+        assert_eq!((hiding.len(), hiding[0].surface, hiding[0].hides.as_slice()), (1, WALL, &[1][..]));
+        assert!((hiding[0].share - 1.0).abs() < 1e-9 && (hiding[0].distance_m - 30.0).abs() < 1.0);
+        // Behind both walls, both hide.
+        assert_eq!(found(&[DVec3::new(0.0, 26.0, 0.0)], &eye).len(), 2);
+        // Over the wall's edge the head is seen.
+        let above = found(&[DVec3::new(0.0, 8.0, 0.0)], &from_eye(DVec3::new(0.0, -30.0, 16.0)));
+        assert!(above[0].share > 0.1 && above[0].share < 0.9, "{above:?}");
+        // Parallel rays, and an eye within the wall.
+        let limits = ViewLimits { max_side_px: 1000, max_pixels: 1_000_000 };
+        let ends = (DVec3::new(0.0, -30.0, 1.0), DVec3::new(0.0, 30.0, 1.0));
+        let parallel = Picture::orthographic(ends, 40.0, (64, 36), &limits).expect("a picture");
+        assert_eq!(found(&[behind], &parallel).len(), 1);
+        assert_eq!(found(&[behind], &from_eye(DVec3::new(0.0, 0.0, 1.0))).len(), 1);
+        // The viewer at the very point that is looked at, and at the foot.
+        for place in [behind, behind + DVec3::Z * (0.55 * 1.8)] {
+            assert!(found(&[behind], &from_eye(place)).is_empty());
+        }
+    }
+
+    #[test]
+    fn far_from_the_origin_the_same_is_found() {
+        let ray = Ray { origin: DVec3::new(0.0, 6e6, 1.0), direction: -DVec3::Y };
+        // From six thousand kilometres away the walls are still crossed once each.
+        let crossed = crossings(&state(&[]).scene.surfaces, &ray, 1e7);
+        assert_eq!(crossed.len(), 2, "{crossed:?}");
+    }
+
+    fn hiding(share: f64) -> Vec<Occluder> {
+        vec![Occluder { surface: WALL, share, hides: vec![0], distance_m: 10.0 }]
+    }
+
+    fn at(state: &SceneState, millis: i64) -> SceneState {
+        SceneState { instant: Timestamp::from_nanos(millis * 1_000_000), ..state.clone() }
+    }
+
+    #[test]
+    fn a_session_opens_smoothly_and_a_single_picture_at_once() {
+        let state = state(&[]);
+        let alone = ViewSession::default().advance(&state, &hiding(0.8));
+        assert_eq!(alone, [(WALL, OPEN_OPACITY)]);
+        let mut session = ViewSession::default();
+        assert!(session.advance(&state, &[]).is_empty());
+        let mut before = 1.0;
+        for frame in 1..=25 {
+            let opened = session.advance(&at(&state, frame * 40), &hiding(0.8));
+            let [(WALL, opacity)] = opened[..] else { panic!("{frame}: {opened:?}") };
+            assert!(opacity < before && before - opacity < 0.2, "{frame}: {before} to {opacity}");
+            before = opacity;
+        }
+        assert!((before - OPEN_OPACITY).abs() < 0.01, "{before}");
+        // The same instant again, and one a little earlier, change nothing.
+        let again = session.advance(&at(&state, 1000), &hiding(0.8));
+        assert_eq!(again, session.advance(&at(&state, 960), &hiding(0.8)));
+        // It closes as smoothly, and is forgotten then.
+        let closing: Vec<_> =
+            (26..=60).map(|frame| session.advance(&at(&state, frame * 40), &[]).len()).collect();
+        assert_eq!((closing[0], closing[34]), (1, 0), "{closing:?}");
+        assert!(session.opacities.is_empty());
+    }
+
+    #[test]
+    fn what_hides_a_part_now_and_then_does_not_flicker() {
+        let state = state(&[]);
+        let mut session = ViewSession::default();
+        session.advance(&state, &[]);
+        // Between both thresholds it stays closed, once open it stays open.
+        for frame in 1..10 {
+            assert!(session.advance(&at(&state, frame * 40), &hiding(0.4)).is_empty());
+        }
+        session.advance(&at(&state, 400), &hiding(0.6));
+        for frame in 11..40 {
+            session.advance(&at(&state, frame * 40), &hiding(if frame % 2 == 0 { 0.3 } else { 0.45 }));
+        }
+        assert!((session.opacities[0].opacity - OPEN_OPACITY).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_seek_or_another_scene_begins_anew() {
+        let state = state(&[]);
+        let mut session = ViewSession::default();
+        session.advance(&at(&state, 0), &[]);
+        session.advance(&at(&state, 40), &hiding(1.0));
+        assert_eq!(session.advance(&at(&state, 60_000), &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
+        assert!(session.advance(&at(&state, 1000), &[]).is_empty(), "back by a minute");
+        session.advance(&at(&state, 1040), &hiding(1.0));
+        let other = SceneState { scene: Arc::new(Scene::clone(&state.scene)), ..at(&state, 1080) };
+        assert_eq!(session.advance(&other, &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
+    }
+}
