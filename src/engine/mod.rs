@@ -4,6 +4,7 @@
 mod accuracy;
 mod activity;
 mod alignment;
+mod associations;
 mod camera;
 mod checkpoint;
 mod chronicle;

@@ -64,7 +64,7 @@ pub fn view_once(
     let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
     let instant = until.or(latest).unwrap_or_default();
     let subject = Subject::of(request, scene, instant, &found, limits)?;
-    let drawn = subject.draw(&found, None, &mut renderer, clock, &mut || true);
+    let drawn = subject.draw(&found, (&mut Association::default(), None), &mut renderer, clock, &mut || true);
     let drawn = drawn.map_err(|error| failure_of(&error))?;
     drawn.ok_or_else(|| EngineError::Internal("a picture that is wanted was given up".to_owned()))
 }

@@ -5,7 +5,7 @@ use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
 use crate::frame::{CameraId, Mask, YuvImage};
-use crate::fuse::{self, SceneState};
+use crate::fuse::{self, Association, SceneState};
 use crate::geometry::Surfaces;
 use crate::plan::{
     self, ACROSS_M, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, ViewSession, Wishes,
@@ -110,12 +110,13 @@ impl Subject {
     }
 
     /// What stands where, by what was seen.
-    pub(super) fn state(&self, observations: &Observations) -> SceneState {
+    /// Entities keep the ids that they have in the scene's `association`.
+    pub(super) fn state(&self, observations: &Observations, association: &mut Association) -> SceneState {
         let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
-        fuse::assemble(&self.scene, self.instant, find, point_stride)
+        fuse::assemble_within(association, &self.scene, self.instant, find, point_stride)
     }
 
     /// What must be drawn of that, as the next of a session if there is one.
@@ -127,13 +128,13 @@ impl Subject {
     pub(super) fn draw(
         &self,
         observations: &Observations,
-        session: Option<&mut ViewSession>,
+        (association, session): (&mut Association, Option<&mut ViewSession>),
         renderer: &mut Renderer,
         clock: &dyn Clock,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, RenderError> {
         let started = clock.monotonic();
-        let state = self.state(observations);
+        let state = self.state(observations, association);
         let fused = clock.monotonic();
         let plan = self.plan(&state, session);
         let planned = clock.monotonic();

@@ -8,7 +8,7 @@ use super::shared::Shared;
 use super::view::{SourceTime, ViewKind, ViewRequest};
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
-use crate::fuse::SceneState;
+use crate::fuse::{Association, SceneState};
 use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, Reason, Sampling};
 use crate::scene::SceneView;
 use glam::DVec3;
@@ -74,8 +74,8 @@ impl Shared {
     /// Plans a view, as the render thread would now.
     pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
-        let state = subject.state(&observations);
-        // What sessions smooth is the render thread's; this is what it comes to.
+        // What is remembered from picture to picture is the render thread's; this is what it comes to.
+        let state = subject.state(&observations, &mut Association::default());
         let plan = subject.plan(&state, None);
         Ok(named(&subject, &state, plan))
     }

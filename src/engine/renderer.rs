@@ -4,6 +4,7 @@
 //! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
 use super::EngineError;
+use super::associations::Associations;
 use super::frame_cache::FrameCache;
 use super::handle::At;
 use super::pace::Backoff;
@@ -59,6 +60,8 @@ struct RenderThread<'a> {
     was_opened: bool,
     cache: FrameCache,
     sessions: Sessions,
+    /// Who is who in each scene.
+    associations: Associations,
 }
 
 /// A picture, and what it is of.
@@ -92,6 +95,7 @@ impl<'a> RenderThread<'a> {
             was_opened: false,
             cache,
             sessions: Sessions::default(),
+            associations: Associations::default(),
         }
     }
 
@@ -154,12 +158,16 @@ impl<'a> RenderThread<'a> {
             )));
         }
         shared.metrics.render_cache_misses.inc();
+        // A panic on the way costs what is known of who is who, and no more.
+        let mut associations = std::mem::take(&mut self.associations);
+        let association = associations.of(&subject.scene);
         let mut session = subject.session.as_deref().map(|name| self.sessions.take(&request.scene, name));
         let drawn = self.twice_at_most(|thread| {
             let renderer = thread.ensure_renderer()?;
             let mut wanted = || shared.queue.is_wanted();
-            Ok(subject.draw(&seen.0, session.as_mut(), renderer, clock, &mut wanted)?)
+            Ok(subject.draw(&seen.0, (&mut *association, session.as_mut()), renderer, clock, &mut wanted)?)
         });
+        self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
             self.sessions.put(&request.scene, name, session);
         }

@@ -6,10 +6,12 @@
 //! image rectangle's corners on the ground, its height from tan(theta) there: that errs with pitch and roll, and
 //! has no value above the horizon.)
 
+use super::estimate::{Estimate, Foot, Head, Height, along};
+use super::look::Look;
+use super::pieces::{Piece, pieces};
 use super::{Billboard, CameraState, Sighting};
 use crate::geometry::{Camera, Ray, Surfaces};
-use crate::segment::Blob;
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 
 /// A blob's label in the hard mask.
 pub(super) const MOVING: u8 = 255;
@@ -23,25 +25,44 @@ const MAX_OUTLINE_ROWS: u32 = 96;
 /// Nearer than this to the camera's nadir, an upright plane has no direction to face, metres.
 const NADIR_M: f64 = 0.05;
 
-/// Every blob of a camera as a billboard; blobs whose foot meets no surface are left out.
+/// Standard deviation of a foot in the picture: pixels, and share of the blob's width and height.
+const FOOT_PX: DVec2 = DVec2::new(1.0, 1.5);
+const FOOT_SHARE: DVec2 = DVec2::new(0.08, 0.03);
+
+/// The same of a foot that the border cuts off and the track tells: share of the thing's width and height.
+const CUT_SHARE: DVec2 = DVec2::new(0.12, 0.12);
+
+/// Standard deviation of a foot that nobody tells: cut off, or hidden behind a wall's edge, metres.
+const GUESSED_M: f64 = 1.5;
+
+/// Standard deviation of a height, metres, and of a head's place in the picture, pixels.
+const HEIGHT_M: f64 = 0.06;
+const HEAD_PX: f64 = 2.0;
+
+/// Everything that a camera, `member` of the scene, sees as billboards; what has a foot that meets no surface is left
+/// out.
 pub(super) fn sightings<'a>(
-    camera_idx: usize,
+    (camera_idx, member): (usize, usize),
     state: &'a CameraState,
     surfaces: &'a Surfaces,
 ) -> impl Iterator<Item = Sighting> + 'a {
-    state.observation.blobs.iter().filter_map(move |blob| sighting(camera_idx, state, surfaces, blob))
+    let observation = &state.observation;
+    let pieces = pieces(member, &observation.blobs, &observation.tracks);
+    pieces.into_iter().filter_map(move |piece| sighting((camera_idx, member), state, surfaces, piece))
 }
 
-fn sighting(camera_idx: usize, state: &CameraState, surfaces: &Surfaces, blob: &Blob) -> Option<Sighting> {
+fn sighting(
+    (camera_idx, member): (usize, usize),
+    state: &CameraState,
+    surfaces: &Surfaces,
+    piece: Piece,
+) -> Option<Sighting> {
     let mask = &state.observation.labels;
-    let texture_of = |x: f64, y: f64| DVec2::new(x / f64::from(mask.width), y / f64::from(mask.height));
-    let [foot_x, foot_y] = blob.foot_in_image;
-    let foot_in_world = ground_point(&state.camera, surfaces, texture_of(foot_x, foot_y))?;
-    let above = ground_point(&state.camera, surfaces, texture_of(foot_x, foot_y - 1.0));
-    let footprint_m = above.map_or(f64::INFINITY, |above| (above - foot_in_world).length());
-
-    let plane = UprightPlane::facing(&state.camera, foot_in_world)?;
-    let rect = blob.rect;
+    let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
+    let texture_of = |x: f64, y: f64| DVec2::new(x, y) / size;
+    let contact = ground_point(&state.camera, surfaces, DVec2::from_array(piece.foot_in_image) / size)?;
+    let plane = UprightPlane::facing(&state.camera, contact)?;
+    let rect = piece.rect;
     let row_step = rect.height.div_ceil(MAX_OUTLINE_ROWS).max(1) as usize;
     let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
     for y in (rect.y..rect.y + rect.height).step_by(row_step) {
@@ -70,18 +91,136 @@ fn sighting(camera_idx: usize, state: &CameraState, surfaces: &Surfaces, blob: &
     let half_width = 0.5 * (right - left);
     let [least, most] = EXTENT_RANGE_M;
     let is_sound = |extent: f64| extent >= least && extent <= most;
-    (is_sound(right - left) && is_sound(top)).then_some(Sighting {
-        billboard: Billboard {
-            camera_idx,
-            rect,
-            foot_in_world,
-            right_in_world: plane.right,
-            left_right_m: [-half_width, half_width],
-            height_m: top,
-            is_truncated: blob.is_truncated,
-        },
-        footprint_m,
-    })
+    if !(is_sound(right - left) && is_sound(top)) {
+        return None;
+    }
+    let billboard = Billboard {
+        camera_idx,
+        rect,
+        foot_in_world,
+        right_in_world: plane.right,
+        left_right_m: [-half_width, half_width],
+        height_m: top,
+        is_truncated: piece.is_truncated,
+    };
+    let foot = foot(state, surfaces, &piece, (contact, foot_in_world));
+    let is_whole = !piece.is_truncated && piece.tracks.len() < 2;
+    let image = &state.observation.frame.image;
+    let height = height(&state.camera, &billboard, &foot, size);
+    let head = if is_whole { head(&state.camera, &billboard, height) } else { None };
+    let estimate = Estimate {
+        foot,
+        ground_m: foot_in_world.z,
+        height: is_whole.then_some(height),
+        look: if is_whole { Look::of(image, mask, rect) } else { None },
+    };
+    Some(Sighting { billboard, member, estimate, head, tracks: piece.tracks })
+}
+
+/// Where a piece stands for sure and for unsure: `contact` is its lowest texel's place, `middle` its outline's.
+fn foot(state: &CameraState, surfaces: &Surfaces, piece: &Piece, (contact, middle): (DVec3, DVec3)) -> Foot {
+    let mask = &state.observation.labels;
+    let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
+    let extent = |width: u32, height: u32| DVec2::new(f64::from(width), f64::from(height));
+    let guessed = DMat2::from_diagonal(DVec2::splat(GUESSED_M.powi(2)));
+    let away_m = (contact - state.camera.pose().position_in_world).truncate();
+    let away = away_m.normalize_or_zero();
+    if piece.is_truncated {
+        // The track knows how large the whole thing is, so also where its foot is beyond the border.
+        let told = piece.whole.and_then(|(rect, foot)| {
+            let texture = DVec2::from_array(foot) / size;
+            let place = ground_point(&state.camera, surfaces, texture)?;
+            let noise = hypot(FOOT_PX, CUT_SHARE * extent(rect.width, rect.height));
+            Some((place, ground_covariance(&state.camera, place, texture, noise / size)?))
+        });
+        let (place, covariance) = told.unwrap_or((middle, guessed + along(away) * GUESSED_M.powi(2)));
+        return Foot::new(place.truncate(), covariance + round(super::estimate::FLOOR_M));
+    }
+    let texture = DVec2::from_array(piece.foot_in_image) / size;
+    let noise = hypot(FOOT_PX, FOOT_SHARE * extent(piece.rect.width, piece.rect.height));
+    let mut covariance = ground_covariance(&state.camera, contact, texture, noise / size)
+        .unwrap_or(guessed + along(away) * GUESSED_M.powi(2));
+    if piece.tracks.len() > 1 {
+        // Whoever of those who share it: anywhere along its width.
+        let quarter_m = 0.25 * f64::from(piece.rect.width) / size.x
+            * f64::from(state.camera.size_px().0)
+            * away_m.length()
+            / state.camera.focal_px().x;
+        covariance += along(away.perp()) * quarter_m.powi(2);
+    }
+    Foot::new(middle.truncate(), covariance + round(super::estimate::FLOOR_M))
+}
+
+fn hypot(a: DVec2, b: DVec2) -> DVec2 {
+    DVec2::new(a.x.hypot(b.x), a.y.hypot(b.y))
+}
+
+fn round(sd_m: f64) -> DMat2 {
+    DMat2::from_diagonal(DVec2::splat(sd_m * sd_m))
+}
+
+/// How well a place on the ground is known whose texture coordinate errs by `noise`, square metres: the error of its ray,
+/// carried to the level plane through it. `None` where the ray does not come down on it there.
+fn ground_covariance(camera: &Camera, place: DVec3, texture: DVec2, noise: DVec2) -> Option<DMat2> {
+    /// A ray that meets the plane further from the place was stopped before.
+    const OFF_M: f64 = 0.02;
+    let ray = camera.ray(texture)?;
+    let reach = (place.z - ray.origin.z) / ray.direction.z;
+    let met = ray.at(reach);
+    if !(reach > 0.0 && met.distance(place) <= OFF_M + 1e-6 * reach) {
+        return None;
+    }
+    // d/dt (o + d (z - o_z) / d_z) by the ray's direction d; a ray is asked for a small step beside, on either side.
+    let step = |beside: DVec2| {
+        let there = camera.ray(texture + beside).map(|other| other.direction - ray.direction);
+        there.or_else(|| camera.ray(texture - beside).map(|other| ray.direction - other.direction))
+    };
+    let column = |axis: DVec2, noise: f64| {
+        let turned = step(axis * 1e-4)? * 1e4 * noise;
+        Some((reach * (turned - ray.direction * (turned.z / ray.direction.z))).truncate())
+    };
+    let [x, y] = [column(DVec2::X, noise.x)?, column(DVec2::Y, noise.y)?];
+    Some(DMat2::from_cols(x * x.x + y * y.x, x * x.y + y * y.y))
+}
+
+/// The ray over a piece's head; of what is broader than tall there is none: that is no person.
+fn head(camera: &Camera, billboard: &Billboard, height: Height) -> Option<Head> {
+    let [left, right] = billboard.left_right_m;
+    let from_camera = billboard.foot_in_world - camera.pose().position_in_world;
+    let distance_m = from_camera.truncate().length();
+    let head = Head {
+        camera: camera.pose().position_in_world.truncate(),
+        above_m: -from_camera.z,
+        away: from_camera.truncate() / distance_m,
+        distance_m,
+        slope: (billboard.height_m + from_camera.z) / distance_m,
+        noise_m: height.sd_m.min(HEIGHT_M + HEAD_PX * distance_m / camera.focal_px().y),
+    };
+    (right - left < billboard.height_m && distance_m > NADIR_M).then_some(head)
+}
+
+/// The billboard of somebody whose legs are hidden, who stands nearer to the camera than what is seen lowest: at `foot`.
+pub(super) fn brought_near(billboard: &Billboard, head: &Head, foot: DVec2) -> Billboard {
+    let share = ((foot - head.camera).dot(head.away) / head.distance_m).clamp(0.1, 1.0);
+    let place = head.camera + (billboard.foot_in_world.truncate() - head.camera) * share;
+    Billboard {
+        foot_in_world: place.extend(billboard.foot_in_world.z),
+        left_right_m: billboard.left_right_m.map(|edge| edge * share),
+        height_m: (head.slope * share).mul_add(head.distance_m, head.above_m).max(EXTENT_RANGE_M[0]),
+        ..billboard.clone()
+    }
+}
+
+/// A billboard's height, with how well it is known: by the head's pixels, and by the foot, which says how far away it is.
+fn height(camera: &Camera, billboard: &Billboard, foot: &Foot, size: DVec2) -> Height {
+    let from_camera = billboard.foot_in_world - camera.pose().position_in_world;
+    let away = from_camera.truncate();
+    let pixels_per_focal = camera.focal_px().y * size.y / f64::from(camera.size_px().1);
+    let head_m = HEAD_PX * from_camera.length() / pixels_per_focal;
+    // What the height changes by when the plane moves away by a metre.
+    let slope = (billboard.height_m + from_camera.z) / away.length().max(NADIR_M);
+    let by_foot_m = slope * foot.sd_along_m(away.normalize_or_zero());
+    Height { mean_m: billboard.height_m, sd_m: HEIGHT_M.hypot(head_m).hypot(by_foot_m) }
 }
 
 /// Where a texel's ray meets what something can stand on. A wall met first stands behind the foot: its own foot

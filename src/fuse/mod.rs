@@ -3,9 +3,19 @@
 //! In: a scene and at most one observation a camera. Out: an immutable state. Must not know of views, passes or
 //! the GPU: one state serves every view of its instant.
 
-mod associate;
+mod association;
 mod billboard;
+mod estimate;
+mod grouping;
+mod line;
+mod look;
+mod pieces;
 mod points;
+#[cfg(test)]
+mod tests;
+mod walk;
+
+pub use association::Association;
 
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
@@ -13,10 +23,14 @@ use crate::geometry::Camera;
 use crate::scene::Scene;
 use crate::segment::PixelRect;
 use crate::timeline::Observation;
-use glam::DVec3;
+use crate::track::Track;
+use estimate::{Estimate, Head};
+use glam::{DMat2, DVec3};
+use line::Followed;
 use std::sync::Arc;
 
-/// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one.
+/// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Who is who is
+/// told by this instant alone.
 ///
 /// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th each way (1 is the
 /// exact form).
@@ -25,44 +39,62 @@ use std::sync::Arc;
 pub fn assemble(
     scene: &Arc<Scene>,
     instant: Timestamp,
+    observe: impl FnMut(&CameraId) -> Option<Observation>,
+    point_stride: Option<u32>,
+) -> SceneState {
+    assemble_within(&mut Association::default(), scene, instant, observe, point_stride)
+}
+
+/// As [`assemble`], within the `association` of the scene's instants: entities keep their ids.
+pub fn assemble_within(
+    association: &mut Association,
+    scene: &Arc<Scene>,
+    instant: Timestamp,
     mut observe: impl FnMut(&CameraId) -> Option<Observation>,
     point_stride: Option<u32>,
 ) -> SceneState {
-    let cameras: Vec<CameraState> = scene
+    let (members, cameras): (Vec<usize>, Vec<CameraState>) = scene
         .cameras
         .iter()
-        .filter_map(|member| {
+        .enumerate()
+        .filter_map(|(idx, member)| {
             let observation = observe(&member.id)?;
-            Some(CameraState { id: member.id.clone(), camera: Arc::clone(&member.camera), observation })
+            let state =
+                CameraState { id: member.id.clone(), camera: Arc::clone(&member.camera), observation };
+            Some((idx, state))
         })
-        .collect();
+        .unzip();
     let sightings: Vec<Sighting> = cameras
         .iter()
+        .zip(&members)
         .enumerate()
-        .flat_map(|(camera_idx, camera)| billboard::sightings(camera_idx, camera, &scene.surfaces))
+        .flat_map(|(idx, (camera, member))| billboard::sightings((idx, *member), camera, &scene.surfaces))
         .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
         .collect();
+    let tracks = |(member, camera): (&usize, &CameraState)| {
+        let followed =
+            |track: &Track| Followed { member: *member, number: track.id, since: track.first_seen };
+        camera.observation.tracks.iter().map(followed).collect::<Vec<_>>()
+    };
+    let followed: Vec<Followed> = members.iter().zip(&cameras).flat_map(tracks).collect();
+    let entities = association.update(instant, sightings, &followed);
+    let sources = || entities.iter().flat_map(|entity| &entity.sources);
     let points = point_stride.map_or_else(Vec::new, |stride| {
-        let of = |sighting: &Sighting| {
-            let billboard = &sighting.billboard;
-            points::points(&cameras[billboard.camera_idx], billboard, stride).collect::<Vec<_>>()
-        };
-        sightings.iter().flat_map(of).collect()
+        sources().flat_map(|source| points::points(&cameras[source.camera_idx], source, stride)).collect()
     });
-    SceneState {
-        scene: Arc::clone(scene),
-        instant,
-        entities: associate::entities(sightings),
-        cameras,
-        points,
-    }
+    SceneState { scene: Arc::clone(scene), instant, entities, cameras, points }
 }
 
-/// A billboard with how well its foot is known.
+/// A billboard with what it says of whom it shows.
 struct Sighting {
     billboard: Billboard,
-    /// Extent of a pixel on the ground at the foot, metres.
-    footprint_m: f64,
+    /// The camera's place in the scene.
+    member: usize,
+    estimate: Estimate,
+    /// The ray over its head, by which it is placed where its legs are hidden.
+    head: Option<Head>,
+    /// The camera's tracks that it shows.
+    tracks: Vec<Followed>,
 }
 
 /// One instant of a scene, ready to be rendered. Immutable.
@@ -94,9 +126,15 @@ pub struct CameraState {
 /// One thing that stands on the ground, seen by one camera or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entity {
-    /// Where it touches the ground: the mean of its sources' feet, the better seen counting more.
+    /// Its number: the same from camera to camera and from instant to instant of one [`Association`].
+    pub id: u64,
+    /// Where it touches the ground: the mean of its sources' feet, the better known counting more.
     pub foot_in_world: DVec3,
-    /// One billboard for each camera that sees it; never empty.
+    /// Covariance of that place on the ground, square metres; symmetric, finite.
+    pub foot_covariance_m2: DMat2,
+    /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
+    pub height_m: f64,
+    /// One billboard for each camera that sees it, in the order of cameras; never empty.
     pub sources: Vec<Billboard>,
 }
 

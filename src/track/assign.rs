@@ -7,11 +7,11 @@ use std::collections::HashSet;
 
 /// A target and a blob that may be it, and what that costs.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pair {
-    pub(super) target: usize,
-    pub(super) blob: usize,
+pub(crate) struct Pair {
+    pub(crate) target: usize,
+    pub(crate) blob: usize,
     /// 0 or more, finite.
-    pub(super) cost: f64,
+    pub(crate) cost: f64,
 }
 
 /// Most targets of a piece that is solved exactly, in some milliseconds; beyond, the time grows with the cube.
@@ -25,7 +25,7 @@ const FORBIDDEN: i64 = 1 << 40;
 
 /// For every target the blob it gets, if any, such that the sum of costs is least; a target without a blob costs
 /// `alone`.
-pub(super) fn assign(pairs: &[Pair], n_targets: usize, n_blobs: usize, alone: f64) -> Vec<Option<usize>> {
+pub(crate) fn assign(pairs: &[Pair], n_targets: usize, n_blobs: usize, alone: f64) -> Vec<Option<usize>> {
     let mut pieces = Pieces { parents: (0..n_targets + n_blobs).collect() };
     for pair in pairs {
         pieces.join(pair.target, n_targets + pair.blob);

@@ -18,6 +18,7 @@ mod target;
 mod tests;
 mod tracker;
 
+pub(crate) use assign::{Pair, assign};
 pub use foot_path::{FootPath, MAX_PATH_POINTS, PathError, PathPoint};
 pub use tracker::{MAX_TRACKS, Tracker};
 

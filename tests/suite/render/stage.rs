@@ -1,6 +1,6 @@
 //! Small worlds with exactly known pictures: ground and boxes painted by a formula, seen by cameras ray by ray.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::frame::{
@@ -120,7 +120,10 @@ impl Stage {
         let sources: Vec<Billboard> =
             (0..self.cameras.len()).filter_map(|idx| self.billboard(idx, &cameras[idx])).collect();
         let entities = match self.person {
-            Some(foot_in_world) if !sources.is_empty() => vec![Entity { foot_in_world, sources }],
+            Some(foot_in_world) if !sources.is_empty() => {
+                let (foot_covariance_m2, height_m) = (DMat2::from_diagonal(DVec2::splat(0.04)), 1.8);
+                vec![Entity { id: 1, foot_in_world, foot_covariance_m2, height_m, sources }]
+            }
             _ => Vec::new(),
         };
         SceneState {
