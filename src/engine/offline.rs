@@ -10,6 +10,7 @@ use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
 use crate::error::Fault;
 use crate::frame::{CameraId, Frame};
+use crate::fuse::Association;
 use crate::ingest::{self, MediaRoots, Pipeline};
 use crate::scene::Scene;
 use crate::timeline::Observation;

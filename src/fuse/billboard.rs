@@ -35,6 +35,12 @@ const CUT_SHARE: DVec2 = DVec2::new(0.12, 0.12);
 /// Standard deviation of a foot that nobody tells: cut off, or hidden behind a wall's edge, metres.
 const GUESSED_M: f64 = 1.5;
 
+/// What is broader than people, by more than this, metres, has sides: every camera sees the nearest one as its foot. Shares
+/// of the excess by which the middle may lie along the ray and across it.
+const SLENDER_M: f64 = 0.9;
+const BEHIND_SHARE: f64 = 0.7;
+const BESIDE_SHARE: f64 = 0.25;
+
 /// Standard deviation of a height, metres, and of a head's place in the picture, pixels.
 const HEIGHT_M: f64 = 0.06;
 const HEAD_PX: f64 = 2.0;
@@ -103,7 +109,7 @@ fn sighting(
         height_m: top,
         is_truncated: piece.is_truncated,
     };
-    let foot = foot(state, surfaces, &piece, (contact, foot_in_world));
+    let foot = foot(state, surfaces, &piece, (contact, foot_in_world), right - left);
     let is_whole = !piece.is_truncated && piece.tracks.len() < 2;
     let image = &state.observation.frame.image;
     let height = height(&state.camera, &billboard, &foot, size);
@@ -118,13 +124,23 @@ fn sighting(
 }
 
 /// Where a piece stands for sure and for unsure: `contact` is its lowest texel's place, `middle` its outline's.
-fn foot(state: &CameraState, surfaces: &Surfaces, piece: &Piece, (contact, middle): (DVec3, DVec3)) -> Foot {
+fn foot(
+    state: &CameraState,
+    surfaces: &Surfaces,
+    piece: &Piece,
+    (contact, middle): (DVec3, DVec3),
+    width_m: f64,
+) -> Foot {
     let mask = &state.observation.labels;
     let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
     let extent = |width: u32, height: u32| DVec2::new(f64::from(width), f64::from(height));
     let guessed = DMat2::from_diagonal(DVec2::splat(GUESSED_M.powi(2)));
     let away_m = (contact - state.camera.pose().position_in_world).truncate();
     let away = away_m.normalize_or_zero();
+    let excess_m = (width_m - SLENDER_M).max(0.0);
+    let least = round(super::estimate::FLOOR_M)
+        + along(away) * (BEHIND_SHARE * excess_m).powi(2)
+        + along(away.perp()) * (BESIDE_SHARE * excess_m).powi(2);
     if piece.is_truncated {
         // The track knows how large the whole thing is, so also where its foot is beyond the border.
         let told = piece.whole.and_then(|(rect, foot)| {
@@ -134,7 +150,7 @@ fn foot(state: &CameraState, surfaces: &Surfaces, piece: &Piece, (contact, middl
             Some((place, ground_covariance(&state.camera, place, texture, noise / size)?))
         });
         let (place, covariance) = told.unwrap_or((middle, guessed + along(away) * GUESSED_M.powi(2)));
-        return Foot::new(place.truncate(), covariance + round(super::estimate::FLOOR_M));
+        return Foot::new(place.truncate(), covariance + least);
     }
     let texture = DVec2::from_array(piece.foot_in_image) / size;
     let noise = hypot(FOOT_PX, FOOT_SHARE * extent(piece.rect.width, piece.rect.height));
@@ -148,7 +164,7 @@ fn foot(state: &CameraState, surfaces: &Surfaces, piece: &Piece, (contact, middl
             / state.camera.focal_px().x;
         covariance += along(away.perp()) * quarter_m.powi(2);
     }
-    Foot::new(middle.truncate(), covariance + round(super::estimate::FLOOR_M))
+    Foot::new(middle.truncate(), covariance + least)
 }
 
 fn hypot(a: DVec2, b: DVec2) -> DVec2 {

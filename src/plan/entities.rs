@@ -1,8 +1,9 @@
 //! Which entities are drawn, how, and from which camera.
 
-use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, Reason, Viewer};
+use super::sources;
+use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, PlannedSource, Reason};
 use crate::fuse::{Billboard, Entity, EntityPoint, SceneState};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
 /// How far beside the picture (share of its size) a point still counts as in view: it has a size.
 const POINT_MARGIN: f64 = 0.1;
@@ -80,31 +81,12 @@ fn billboards(state: &SceneState, picture: &Picture) -> Vec<PlannedBillboard> {
         picture.may_show(middle, radius)
     };
     let planned = |(entity, candidate): (usize, &Entity)| {
-        let source = best_source(candidate, state, picture.viewer)?;
-        is_in_view(&candidate.sources[source]).then_some(PlannedBillboard { entity, source })
+        let (source, beside) = sources::choose(candidate, state, picture.viewer)?;
+        let beside = beside.map(|(source, weight)| PlannedSource { source, weight });
+        let weight = 1.0 - beside.map_or(0.0, |beside| beside.weight);
+        is_in_view(&candidate.sources[source]).then_some(PlannedBillboard { entity, source, weight, beside })
     };
     state.entities.iter().enumerate().filter_map(planned).collect()
-}
-
-/// The source whose camera looks at the entity most nearly as the viewer does, both seen from above; one whose foot
-/// is in the picture before one that is cut off.
-fn best_source(entity: &Entity, state: &SceneState, viewer: Viewer) -> Option<usize> {
-    let closeness = |billboard: &Billboard| {
-        let camera = state.cameras.get(billboard.camera_idx)?.camera.pose().position_in_world;
-        // Straight down, what is left of the direction is rounding.
-        let level = |direction: DVec3| -> DVec2 {
-            let level = direction.truncate();
-            if level.length() > 1e-6 * direction.length() { level.normalize() } else { DVec2::ZERO }
-        };
-        let foot = billboard.foot_in_world;
-        Some((!billboard.is_truncated, level(foot - camera).dot(level(viewer.direction_to(foot)))))
-    };
-    let rated = entity.sources.iter().enumerate().filter_map(|(idx, source)| Some((closeness(source)?, idx)));
-    rated
-        .max_by(|((a_whole, a), a_idx), ((b_whole, b), b_idx)| {
-            a_whole.cmp(b_whole).then(a.total_cmp(b)).then(b_idx.cmp(a_idx))
-        })
-        .map(|(_, idx)| idx)
 }
 
 #[cfg(test)]

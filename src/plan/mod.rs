@@ -8,6 +8,7 @@ mod coverage;
 mod entities;
 mod picture;
 mod see_through;
+mod sources;
 mod view;
 
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
@@ -106,13 +107,26 @@ pub struct Plan {
     pub reasons: Vec<Reason>,
 }
 
-/// Which of an entity's sources is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+/// Which of an entity's sources show it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlannedBillboard {
     /// Index into `SceneState::entities`.
     pub entity: usize,
+    /// Index into the entity's `sources`: the one that shows most of it.
+    pub source: usize,
+    /// Its share: one half to 1.
+    pub weight: f32,
+    /// The source that has the rest, where another looks nearly as much as the viewer does and both agree.
+    pub beside: Option<PlannedSource>,
+}
+
+/// A source with its share.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct PlannedSource {
     /// Index into the entity's `sources`.
     pub source: usize,
+    /// Its share: above 0, at most one half.
+    pub weight: f32,
 }
 
 /// Why an effect runs or does not.

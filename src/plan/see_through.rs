@@ -277,6 +277,9 @@ mod tests {
             document: Arc::from("{}"),
         };
         let entity = |foot: &DVec3| crate::fuse::Entity {
+            id: 1,
+            foot_covariance_m2: glam::DMat2::IDENTITY,
+            height_m: 1.8,
             foot_in_world: *foot,
             sources: vec![Billboard {
                 camera_idx: 0,
