@@ -36,7 +36,7 @@ fn town() -> Solids {
         let place = DVec3::new(unit(i, 0) - 0.5, unit(i, 1) - 0.5, 0.0) * 600.0 + DVec3::Z * size.z * 0.5;
         OrientedBox::new(place, size, f64::from(i)).unwrap()
     });
-    Solids::new(Surfaces { ground: vec![ground(400.0)], boxes: boxes.collect() }, None)
+    Solids::new(Surfaces::of_ground_and_boxes(vec![ground(400.0)], boxes.collect()), None)
 }
 
 /// Hills of 256 x 256 posts, 2 m apart.

@@ -61,9 +61,10 @@ fn state(n_cameras: u32) -> SceneState {
     let scene = Scene {
         id: "bench".to_owned(),
         name: "Bench".to_owned(),
-        ground_materials: vec![Material { color_srgb: [110, 110, 100] }],
-        box_materials: vec![Material { color_srgb: [170, 150, 130] }; boxes.len()],
-        surfaces: Surfaces { ground: vec![ground], boxes },
+        materials: std::iter::once(Material::plain([110, 110, 100]))
+            .chain(boxes.iter().map(|_| Material::plain([170, 150, 130])))
+            .collect(),
+        surfaces: Surfaces::of_ground_and_boxes(vec![ground], boxes),
         sky_srgb: [120, 160, 210],
         min_entity_size_m: 0.0,
         cameras: Vec::new(),

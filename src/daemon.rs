@@ -178,7 +178,9 @@ async fn load_scene(
         Err(error) => {
             let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
             tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document is served");
-            Ok(scene::parse(&settings.id, &kept.document, scene::no_imports)?.scene)
+            // Its calibrations stand in it, its models still beside the scene's file.
+            let imports = scene::FolderImports::beside(&settings.file, &config.settings().media.roots);
+            Ok(scene::parse(&settings.id, &kept.document, imports)?.scene)
         }
     }
 }

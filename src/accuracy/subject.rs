@@ -362,18 +362,9 @@ pub fn owners(surfaces: &Surfaces, cameras: &[&Camera], view: &View) -> Mask {
     owners
 }
 
-/// Whether a viewer can stand at `eye`: in no box, nothing between it and the target.
+/// Whether a viewer can stand at `eye`: in no solid, nothing between it and the target.
 fn is_free(surfaces: &Surfaces, eye: DVec3, target: DVec3) -> bool {
-    let is_within = surfaces.boxes.iter().any(|solid| {
-        let half = solid.half_size();
-        let axis = |unit: DVec3| (solid.world_from_box_point(unit) - solid.center()).normalize_or_zero();
-        let offset = eye - solid.center();
-        [DVec3::X, DVec3::Y, DVec3::Z]
-            .iter()
-            .zip(half.to_array())
-            .all(|(unit, half)| offset.dot(axis(*unit)).abs() <= half)
-    });
-    !is_within && !surfaces.is_hidden(eye, target)
+    !surfaces.is_within_solid(eye) && !surfaces.is_hidden(eye, target)
 }
 
 fn subject_camera(
@@ -420,7 +411,7 @@ mod tests {
             vec![corner(-9.0, -9.0), corner(9.0, -9.0), corner(9.0, 9.0), corner(-9.0, 9.0)],
             0.0,
         );
-        let surfaces = Surfaces { ground: vec![ground.unwrap()], boxes: Vec::new() };
+        let surfaces = Surfaces::of_ground_and_boxes(vec![ground.unwrap()], Vec::new());
         let camera = |x: f64| {
             let pose = Pose::looking_at(DVec3::new(x, 0.0, 10.0), DVec3::new(x, 0.1, 0.0)).unwrap();
             Camera::new((64, 64), DVec2::splat(32.0), DVec2::splat(32.0), Distortion::None, pose).unwrap()

@@ -12,6 +12,7 @@ use super::views::{Easel, ViewsRun, view_times};
 use super::{AccuracyError, SweepError};
 use crate::config::RenderSettings;
 use crate::frame::RgbImage;
+use crate::geometry::Shape;
 use crate::mapping::{Builder, MappingError};
 use crate::plan::{CostRow, EntityStyle, Spread};
 use crate::simulate::World;
@@ -333,13 +334,12 @@ impl Sweeper<'_> {
             .subject
             .scene
             .surfaces
-            .ground
+            .shapes()
             .iter()
+            .filter(|shape| matches!(shape, Shape::Ground(_) | Shape::HeightField(_)))
             .map(|ground| {
-                let corners = || ground.corners().iter().copied();
-                let low = corners().fold(glam::DVec2::INFINITY, glam::DVec2::min);
-                let high = corners().fold(glam::DVec2::NEG_INFINITY, glam::DVec2::max);
-                ((high - low) / settings.step_m).element_product()
+                let (low, high) = ground.bounds();
+                ((high - low).truncate() / settings.step_m).element_product()
             })
             .sum();
         (points > most as f64)

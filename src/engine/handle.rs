@@ -136,6 +136,10 @@ pub(super) const fn surface_name(surface: SurfaceId) -> (&'static str, u16) {
     match surface {
         SurfaceId::Ground(idx) => ("ground", idx),
         SurfaceId::Box(idx) => ("box", idx),
+        SurfaceId::Cylinder(idx) => ("cylinder", idx),
+        SurfaceId::Footprint(idx) => ("footprint", idx),
+        SurfaceId::HeightField(idx) => ("height_field", idx),
+        SurfaceId::Model(idx) => ("model", idx),
     }
 }
 

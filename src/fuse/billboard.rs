@@ -242,16 +242,17 @@ fn height(camera: &Camera, billboard: &Billboard, foot: &Foot, size: DVec2) -> H
 /// Where a texel's ray meets what something can stand on. A wall met first stands behind the foot: its own foot
 /// is then the farthest place that can be meant.
 fn ground_point(camera: &Camera, surfaces: &Surfaces, texture: DVec2) -> Option<DVec3> {
-    use crate::geometry::{Face, SurfaceId};
+    use crate::geometry::Face;
     let ray = camera.ray(texture)?;
     let hit = surfaces.hit(&ray, 0.0)?;
-    match (hit.surface, hit.face) {
-        (_, Face::Top) => Some(hit.point_in_world),
-        (SurfaceId::Box(_), Face::Side) => {
+    match hit.face {
+        Face::Top => Some(hit.point_in_world),
+        // Ground has no side; anything else that is as steep as a wall is one.
+        Face::Side => {
             let down = Ray { origin: hit.point_in_world + hit.normal_in_world * 0.05, direction: -DVec3::Z };
             surfaces.hit(&down, 0.0).map(|below| below.point_in_world)
         }
-        _ => None,
+        Face::Bottom => None,
     }
 }
 

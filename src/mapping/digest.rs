@@ -2,7 +2,7 @@
 //! stored map under the old one is stale.
 
 use super::Builder;
-use crate::geometry::{Camera, Distortion, Surfaces};
+use crate::geometry::{Camera, Distortion, Shape, Surfaces};
 use glam::DVec3;
 use sha2::{Digest, Sha256};
 
@@ -69,18 +69,54 @@ impl Canonical {
     }
 
     fn surfaces(&mut self, surfaces: &Surfaces) {
-        self.count(surfaces.ground.len() as u64);
-        for ground in &surfaces.ground {
+        self.count(surfaces.ground().len() as u64);
+        for ground in surfaces.ground() {
             self.number(ground.height_m());
             self.count(ground.corners().len() as u64);
             ground.corners().iter().for_each(|corner| self.numbers(&corner.to_array()));
         }
-        self.count(surfaces.boxes.len() as u64);
-        for shape in &surfaces.boxes {
+        self.count(surfaces.boxes().len() as u64);
+        for shape in surfaces.boxes() {
             self.numbers(&shape.center().to_array());
             self.numbers(&shape.half_size().to_array());
             // The yaw, by where it turns the box's own x axis.
             self.numbers(&(shape.world_from_box_point(DVec3::X) - shape.center()).to_array());
+        }
+        // Each begins with its kind, so a scene of ground and boxes alone has the digest that it always had.
+        for (surface, shape) in surfaces.named() {
+            self.further_shape(surface.kind_and_index().0, shape);
+        }
+    }
+
+    fn further_shape(&mut self, kind: u8, shape: &Shape) {
+        if !matches!(shape, Shape::Ground(_) | Shape::Box(_)) {
+            self.0.update(b"shape");
+            self.count(kind.into());
+        }
+        match shape {
+            Shape::Ground(_) | Shape::Box(_) => {}
+            Shape::Cylinder(cylinder) => {
+                self.numbers(&cylinder.base().to_array());
+                self.numbers(&[cylinder.radius_m(), cylinder.height_m()]);
+            }
+            Shape::Footprint(footprint) => {
+                self.numbers(&footprint.base_and_top_m());
+                self.count(footprint.corners().len() as u64);
+                footprint.corners().iter().for_each(|corner| self.numbers(&corner.to_array()));
+            }
+            Shape::HeightField(field) => {
+                self.numbers(&field.origin().to_array());
+                self.number(field.step_m());
+                self.count(field.n_columns().into());
+                self.count(field.heights_m().len() as u64);
+                self.numbers(field.heights_m());
+            }
+            Shape::Model(mesh) => {
+                self.count(mesh.points().len() as u64);
+                mesh.points().iter().for_each(|point| self.numbers(&point.to_array()));
+                self.count(mesh.triangles().len() as u64);
+                mesh.triangles().iter().flatten().for_each(|point| self.count((*point).into()));
+            }
         }
     }
 }

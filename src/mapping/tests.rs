@@ -1,7 +1,11 @@
 //! Both builders against exact rays, and the bytes they are stored as.
 
 use super::*;
-use crate::geometry::{Distortion, GroundPolygon, OrientedBox, Pose};
+use crate::geometry::{
+    Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose, Shape,
+    TriangleMesh,
+};
+use sha2::{Digest, Sha256};
 
 fn square(half: f64, center: DVec2) -> Vec<DVec2> {
     [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
@@ -12,16 +16,16 @@ fn square(half: f64, center: DVec2) -> Vec<DVec2> {
 /// A yard with a hut and a step, at `offset` from the origin.
 fn yard(offset: DVec2) -> Surfaces {
     let step = square(1.0, offset + DVec2::new(-3.0, 5.0));
-    Surfaces {
-        ground: vec![
+    Surfaces::of_ground_and_boxes(
+        vec![
             GroundPolygon::new(square(25.0, offset), 0.0).expect("ground"),
             GroundPolygon::new(step, 0.3).expect("a step"),
         ],
-        boxes: vec![
+        vec![
             OrientedBox::new((offset + DVec2::new(4.0, 6.0)).extend(1.5), DVec3::new(4.0, 3.0, 3.0), 0.4)
                 .expect("a hut"),
         ],
-    }
+    )
 }
 
 fn camera(offset: DVec2, distortion: Distortion) -> Camera {
@@ -80,10 +84,8 @@ fn grazing_rays_are_marked_and_theta_is_the_angle_to_the_ground() {
         Pose::looking_at(DVec3::new(0.0, 0.0, 2.0), DVec3::new(0.0, 1000.0, 2.0)).expect("a direction");
     let camera = Camera::new((100, 100), DVec2::splat(100.0), DVec2::splat(50.0), Distortion::None, pose)
         .expect("a camera");
-    let surfaces = Surfaces {
-        ground: vec![GroundPolygon::new(square(1e6, DVec2::ZERO), 0.0).expect("ground")],
-        boxes: Vec::new(),
-    };
+    let ground = GroundPolygon::new(square(1e6, DVec2::ZERO), 0.0).expect("ground");
+    let surfaces = Surfaces::of_ground_and_boxes(vec![ground], Vec::new());
     let at = |degrees: f64| {
         let v = 0.5 + degrees.to_radians().tan();
         locate(&camera, &surfaces, DVec2::new(0.5, v)).expect("below the horizon")
@@ -153,7 +155,7 @@ fn a_map_of_rays_is_exact_at_its_texels_even_far_from_the_origin() {
 
 #[test]
 fn a_place_between_texels_follows_the_perspective() {
-    let surfaces = Surfaces { ground: yard(DVec2::ZERO).ground[..1].to_vec(), boxes: Vec::new() };
+    let surfaces = Surfaces::new(yard(DVec2::ZERO).shapes()[..1].to_vec());
     for lens in [Distortion::None, barrel()] {
         let camera = camera(DVec2::ZERO, lens);
         let map = Builder::Ray.build(&camera, &surfaces, (80, 60)).expect("a map");
@@ -226,10 +228,8 @@ fn what_a_box_hides_is_not_mapped_through_it() {
 
 #[test]
 fn from_inside_a_box_its_walls_are_seen_by_both_builders() {
-    let surfaces = Surfaces {
-        ground: Vec::new(),
-        boxes: vec![OrientedBox::new(DVec3::ZERO, DVec3::splat(6.0), 0.3).expect("a room")],
-    };
+    let room = OrientedBox::new(DVec3::ZERO, DVec3::splat(6.0), 0.3).expect("a room");
+    let surfaces = Surfaces::of_ground_and_boxes(Vec::new(), vec![room]);
     let pose = Pose::looking_at(DVec3::new(0.5, 0.2, 0.1), DVec3::new(3.0, 1.0, -1.0)).expect("a direction");
     let fisheye = Distortion::Fisheye { coefficients: [0.01, -0.002, 0.0, 0.0] };
     let camera =
@@ -242,6 +242,101 @@ fn from_inside_a_box_its_walls_are_seen_by_both_builders() {
     assert!(grid.direct + grid.interpolated > 0.95 * ray.direct, "{grid:?} {ray:?}");
     let (worst, n_compared) = compare(&map, (&camera, &surfaces), 1, |found| map.error_bound_m(found));
     assert!(worst <= 1.0 && n_compared > 35_000, "{worst} {n_compared}");
+}
+
+/// The yard with a hill, a tank, a shed and a ramp.
+fn full_yard(offset: DVec2) -> Surfaces {
+    let place = |x: f64, y: f64| offset + DVec2::new(x, y);
+    let heights = (0..25).map(|i| 0.05 + 0.9 * f64::from(i % 5 * (4 - i % 5) * (i / 5) * (4 - i / 5)) / 16.0);
+    let hill = HeightField::new(place(-12.0, 0.0), 2.0, 5, heights.collect()).expect("a hill");
+    let tank = Cylinder::new(place(0.0, 9.0).extend(0.0), 1.2, 2.0).expect("a tank");
+    let shed = [[6.0, -1.0], [9.0, -1.0], [9.0, 3.0], [8.0, 3.0], [8.0, 0.5], [6.0, 0.5]];
+    let shed = shed.map(|corner| offset + DVec2::from_array(corner)).to_vec();
+    let shed = ExtrudedFootprint::new(shed, 0.0, 1.5).expect("a shed");
+    let ramp = [place(-3.0, -3.0).extend(0.1), place(-1.0, -3.0).extend(0.1), place(-1.0, 1.0).extend(1.0)];
+    let ramp = ramp.into_iter().chain([place(-3.0, 1.0).extend(1.0)]).collect();
+    let ramp = TriangleMesh::new(ramp, vec![[0, 1, 2], [0, 2, 3]]).expect("a ramp");
+    let mut shapes = yard(offset).shapes().to_vec();
+    shapes.extend([
+        Shape::HeightField(hill),
+        Shape::Cylinder(tank),
+        Shape::Footprint(shed),
+        Shape::Model(ramp),
+    ]);
+    Surfaces::new(shapes)
+}
+
+#[test]
+fn maps_hold_every_kind_of_surface() {
+    for offset in [DVec2::ZERO, DVec2::new(5e5, 5e6)] {
+        let (camera, surfaces) = (camera(offset, barrel()), full_yard(offset));
+        for builder in [Builder::Ray, grid(0.05)] {
+            let map = builder.build(&camera, &surfaces, (160, 120)).expect("a map");
+            let mut kinds = [0; 6];
+            for (column, row) in (0..160).flat_map(|column| (0..120).map(move |row| (column, row))) {
+                if let Some(found) = map.texel(column, row) {
+                    kinds[usize::from(found.surface.kind_and_index().0)] += 1;
+                }
+            }
+            assert!(kinds.iter().all(|count| *count > 20), "{builder:?}: {kinds:?}");
+            let coverage = map.coverage();
+            assert!(coverage.direct + coverage.interpolated > 0.6, "{builder:?}: {coverage:?}");
+            let allowed = |found: &Location| match builder {
+                Builder::Ray => map.error_bound_m(found).max(1e-5),
+                Builder::Grid(_) => map.error_bound_m(found),
+            };
+            let (worst, n_compared) = compare(&map, (&camera, &surfaces), 1, allowed);
+            assert!(worst <= 1.0 && n_compared > 9_000, "{builder:?}: {worst} {n_compared}");
+            let bytes = map.encode().expect("bytes");
+            assert_eq!(WorldMap::decode(&bytes).expect("a map"), map);
+        }
+    }
+}
+
+#[test]
+fn the_digest_of_ground_and_boxes_is_the_one_it_always_was_and_knows_every_other_shape() {
+    let camera = camera(DVec2::ZERO, Distortion::None);
+    let shapes = full_yard(DVec2::ZERO).shapes().to_vec();
+    let digest_of =
+        |shapes: &[Shape]| digest(&camera, &Surfaces::new(shapes.to_vec()), Builder::Ray, (64, 48));
+    // As it was before there were other shapes, so that maps that were stored then are still good.
+    let mut text = b"videofields map".to_vec();
+    let mut count = |value: u64| text.extend(value.to_le_bytes());
+    let numbers =
+        |numbers: &[f64]| numbers.iter().map(|number| (number + 0.0).to_bits()).collect::<Vec<u64>>();
+    let yard = yard(DVec2::ZERO);
+    let pose = camera.pose();
+    let mut all: Vec<u64> = vec![1, 320, 240];
+    all.extend(numbers(&camera.focal_px().to_array()));
+    all.extend(numbers(&camera.center_px().to_array()));
+    all.push(0);
+    all.extend(numbers(&pose.position_in_world.to_array()));
+    all.extend(numbers(&pose.world_from_local.to_array()));
+    all.push(2);
+    for ground in yard.ground() {
+        all.extend(numbers(&[ground.height_m()]));
+        all.push(4);
+        ground.corners().iter().for_each(|corner| all.extend(numbers(&corner.to_array())));
+    }
+    all.push(1);
+    let hut = yard.boxes().next().expect("a hut");
+    let turned = hut.world_from_box_point(DVec3::X) - hut.center();
+    for vector in [hut.center(), hut.half_size(), turned] {
+        all.extend(numbers(&vector.to_array()));
+    }
+    all.extend([0, 64, 48]);
+    all.into_iter().for_each(&mut count);
+    assert_eq!(digest_of(&shapes[..3]), <[u8; 32]>::from(Sha256::digest(&text)));
+    let mut digests: Vec<[u8; 32]> = (3..=shapes.len()).map(|count| digest_of(&shapes[..count])).collect();
+    for left_out in 3..shapes.len() {
+        let mut fewer = shapes.clone();
+        fewer.remove(left_out);
+        digests.push(digest_of(&fewer));
+    }
+    // The last left out and all but the last are one list.
+    digests.sort_unstable();
+    digests.dedup();
+    assert_eq!(digests.len(), 2 * (shapes.len() - 3));
 }
 
 #[test]
@@ -277,14 +372,15 @@ fn the_digest_knows_every_change() {
         digest(&camera(DVec2::ZERO, Distortion::None), &surfaces, Builder::Ray, (320, 240)),
         digest(&camera(DVec2::new(1e-9, 0.0), barrel()), &surfaces, Builder::Ray, (320, 240)),
         digest(&first, &yard(DVec2::new(1e-9, 0.0)), Builder::Ray, (320, 240)),
-        digest(&first, &Surfaces { boxes: Vec::new(), ..surfaces.clone() }, Builder::Ray, (320, 240)),
+        digest(&first, &Surfaces::new(surfaces.shapes()[..2].to_vec()), Builder::Ray, (320, 240)),
     ];
-    let mut turned = surfaces.clone();
-    turned.boxes[0] =
-        OrientedBox::new(turned.boxes[0].center(), turned.boxes[0].half_size() * 2.0, 0.5).expect("a box");
+    let hut = surfaces.boxes().next().expect("a hut");
+    let turned = OrientedBox::new(hut.center(), hut.half_size() * 2.0, 0.5).expect("a box");
+    let ground: Vec<GroundPolygon> = surfaces.ground().cloned().collect();
+    let turned = Surfaces::of_ground_and_boxes(ground.clone(), vec![turned]);
     digests.push(digest(&first, &turned, Builder::Ray, (320, 240)));
-    let mut swapped = surfaces;
-    swapped.ground.swap(0, 1);
+    let swapped = ground.into_iter().rev().collect();
+    let swapped = Surfaces::of_ground_and_boxes(swapped, surfaces.boxes().copied().collect());
     digests.push(digest(&first, &swapped, Builder::Ray, (320, 240)));
     let n_given = digests.len();
     digests.sort_unstable();

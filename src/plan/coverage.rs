@@ -62,14 +62,14 @@ fn looks_into(camera: &Camera, surfaces: &Surfaces, picture: &Picture) -> bool {
         .any(|hit| picture.shows(hit.point_in_world, MARGIN))
 }
 
-/// Whether a box, or ground above other ground, may stand between the camera and a surface.
+/// Whether anything but level ground, or ground above other ground, may stand between the camera and a surface.
 pub(super) fn may_be_obstructed(camera: &Camera, surfaces: &Surfaces) -> bool {
-    let first_height = surfaces.ground.first().map(crate::geometry::GroundPolygon::height_m);
-    let is_stepped = surfaces.ground.iter().any(|polygon| Some(polygon.height_m()) != first_height);
+    let first_height = surfaces.ground().next().map(crate::geometry::GroundPolygon::height_m);
+    let is_stepped = surfaces.ground().any(|polygon| Some(polygon.height_m()) != first_height);
     is_stepped || {
         let half_angle = half_angle_rad(camera);
-        surfaces.boxes.iter().any(|solid| {
-            let (center, radius) = (solid.center(), solid.half_size().length());
+        surfaces.hiding_bounds().any(|[low, high]| {
+            let (center, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
             cone_meets_sphere(
                 camera.pose().position_in_world,
                 camera.pose().forward_in_world(),

@@ -185,8 +185,8 @@ pub fn make_for(
 fn plan_surface(state: &SceneState, picture: &Picture, reasons: &mut Vec<Reason>) -> Vec<usize> {
     let surfaces = &state.scene.surfaces;
     let mut reason = |is_on, because| reasons.push(Reason { effect: "surface", is_on, because });
-    if surfaces.ground.is_empty() && surfaces.boxes.is_empty() {
-        reason(false, "the scene has no ground and no box".to_owned());
+    if surfaces.is_empty() {
+        reason(false, "the scene has no surface".to_owned());
         return Vec::new();
     }
     let mut ranked = coverage::rank_cameras(state, picture);

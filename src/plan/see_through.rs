@@ -236,7 +236,8 @@ fn crossings(surfaces: &Surfaces, ray: &Ray, reach_m: f64) -> Vec<(SurfaceId, f6
     for _ in 0..MAX_CROSSED {
         let Some(hit) = surfaces.hit(ray, from_m).filter(|hit| hit.distance_m < reach_m) else { break };
         let is_known = crossed.iter().any(|(surface, _)| *surface == hit.surface);
-        if !is_known && !matches!(hit.surface, SurfaceId::Ground(_)) {
+        let is_ground = matches!(hit.surface, SurfaceId::Ground(_) | SurfaceId::HeightField(_));
+        if !is_known && !is_ground {
             crossed.push((hit.surface, hit.distance_m));
         }
         // Onwards by more than what rounding brings back to the same place.
@@ -264,12 +265,11 @@ mod tests {
         let scene = Scene {
             id: "walls".to_owned(),
             name: "Walls".to_owned(),
-            ground_materials: Vec::new(),
-            box_materials: Vec::new(),
-            surfaces: Surfaces {
-                ground: vec![GroundPolygon::new(corners.to_vec(), 0.0).expect("ground")],
-                boxes: vec![wall(0.0), wall(20.0)],
-            },
+            materials: Vec::new(),
+            surfaces: Surfaces::of_ground_and_boxes(
+                vec![GroundPolygon::new(corners.to_vec(), 0.0).expect("ground")],
+                vec![wall(0.0), wall(20.0)],
+            ),
             sky_srgb: [0; 3],
             min_entity_size_m: 0.0,
             cameras: Vec::new(),

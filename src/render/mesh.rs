@@ -1,7 +1,7 @@
-//! A scene's ground and boxes as triangles in the world, f64, counter-clockwise seen from outside or above.
+//! A scene's surfaces as triangles in the world, f64, counter-clockwise seen from outside or above.
 
 use crate::frame::linear_from_srgb;
-use crate::geometry::{GroundPolygon, OrientedBox, Pose, SurfaceId};
+use crate::geometry::{Pose, Shape, SurfaceId};
 use crate::scene::{Material, Scene};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
@@ -93,80 +93,36 @@ const AMBIENT: f32 = 0.6;
 /// Three vertices a triangle, and which are of which surface.
 fn triangles(scene: &Scene) -> (Vec<MeshVertex>, Vec<(SurfaceId, Range<u32>)>) {
     let (mut vertices, mut ranges) = (Vec::new(), Vec::new());
-    let fallback = Material { color_srgb: [128; 3] };
-    let material = |materials: &[Material], idx: usize| materials.get(idx).copied().unwrap_or(fallback);
-    let mut first = 0;
-    let mut close = |surface, vertices: &Vec<MeshVertex>| {
-        let end = vertices.len() as u32;
-        ranges.push((surface, first..end));
-        first = end;
-    };
-    for (idx, polygon) in scene.surfaces.ground.iter().enumerate() {
-        append_ground(polygon, material(&scene.ground_materials, idx), &mut vertices);
-        close(SurfaceId::Ground(idx as u16), &vertices);
-    }
-    for (idx, solid) in scene.surfaces.boxes.iter().enumerate() {
-        append_box(solid, material(&scene.box_materials, idx), &mut vertices);
-        close(SurfaceId::Box(idx as u16), &vertices);
+    let fallback = Material::plain([128; 3]);
+    for (place, (surface, shape)) in scene.surfaces.named().enumerate() {
+        let first = vertices.len() as u32;
+        append(shape, scene.materials.get(place).unwrap_or(&fallback), &mut vertices);
+        ranges.push((surface, first..vertices.len() as u32));
     }
     (vertices, ranges)
 }
 
-fn shaded(material: Material, normal: Vec3) -> Vec3 {
-    let color = Vec3::from(material.color_srgb.map(|code| linear_from_srgb(f32::from(code) / 255.0)));
-    color * (AMBIENT + (1.0 - AMBIENT) * normal.dot(TO_LIGHT).max(0.0) / TO_LIGHT.z).min(1.0)
-}
-
-fn append_ground(polygon: &GroundPolygon, material: Material, vertices: &mut Vec<MeshVertex>) {
-    // Relative to a corner, so that the triangulation keeps its digits at map coordinates.
-    let corners = polygon.corners();
-    let origin = corners[0];
-    let mut indices: Vec<u32> = Vec::new();
-    earcut::Earcut::new().earcut(
-        corners.iter().map(|corner| (*corner - origin).to_array()),
-        &[],
-        &mut indices,
-    );
-    let (ears, _) = indices.as_chunks::<3>();
-    for ear in ears {
-        let [a, mut b, mut c] = ear.map(|idx| corners[idx as usize]);
-        if (b - a).perp_dot(c - a) < 0.0 {
-            std::mem::swap(&mut b, &mut c);
-        }
-        vertices.extend([a, b, c].map(|corner| MeshVertex {
-            position_in_world: corner.extend(polygon.height_m()),
-            normal: Vec3::Z,
-            material: shaded(material, Vec3::Z),
+fn append(shape: &Shape, material: &Material, vertices: &mut Vec<MeshVertex>) {
+    shape.triangles(&mut |triangle| {
+        let normal = triangle.normal.as_vec3();
+        let material = shaded(material.part_srgb(triangle.part), normal);
+        vertices.extend(triangle.corners.map(|position_in_world| MeshVertex {
+            position_in_world,
+            normal,
+            material,
         }));
-    }
+    });
 }
 
-fn append_box(solid: &OrientedBox, material: Material, vertices: &mut Vec<MeshVertex>) {
-    let half = solid.half_size();
-    for axis in 0..3 {
-        for side in [-1.0, 1.0] {
-            let mut outward = DVec3::ZERO;
-            outward[axis] = side;
-            // Two directions along the face whose cross product points outwards.
-            let mut along = DVec3::ZERO;
-            along[(axis + 1) % 3] = 1.0;
-            let across = outward.cross(along);
-            let corner =
-                |u: f64, v: f64| solid.world_from_box_point((outward + along * u + across * v) * half);
-            let normal = (solid.world_from_box_point(outward) - solid.center()).normalize().as_vec3();
-            let quad = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-            vertices.extend([0, 1, 2, 0, 2, 3].map(|idx| MeshVertex {
-                position_in_world: quad[idx],
-                normal,
-                material: shaded(material, normal),
-            }));
-        }
-    }
+fn shaded(color_srgb: [u8; 3], normal: Vec3) -> Vec3 {
+    let color = Vec3::from(color_srgb.map(|code| linear_from_srgb(f32::from(code) / 255.0)));
+    color * (AMBIENT + (1.0 - AMBIENT) * normal.dot(TO_LIGHT).max(0.0) / TO_LIGHT.z).min(1.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::{GroundPolygon, OrientedBox};
     use glam::DVec2;
 
     fn normal_of(triangle: &[MeshVertex]) -> DVec3 {
@@ -183,7 +139,7 @@ mod tests {
         for _ in 0..2 {
             let polygon = GroundPolygon::new(corners.clone(), 1.5).expect("a polygon");
             let mut vertices = Vec::new();
-            append_ground(&polygon, Material { color_srgb: [200; 3] }, &mut vertices);
+            append(&Shape::Ground(polygon), &Material::plain([200; 3]), &mut vertices);
             let areas: Vec<f64> = vertices.chunks_exact(3).map(|t| normal_of(t).z * 0.5).collect();
             assert!(areas.iter().all(|area| *area > 0.0), "{areas:?}");
             assert!((areas.iter().sum::<f64>() - 10.0).abs() < 1e-6, "{areas:?}");
@@ -196,7 +152,7 @@ mod tests {
         let center = DVec3::new(5.0, -3.0, 2.0);
         let solid = OrientedBox::new(center, DVec3::new(2.0, 6.0, 4.0), 0.7).expect("a box");
         let mut vertices = Vec::new();
-        append_box(&solid, Material { color_srgb: [200; 3] }, &mut vertices);
+        append(&Shape::Box(solid), &Material::plain([200; 3]), &mut vertices);
         assert_eq!(vertices.len(), 36);
         for triangle in vertices.chunks_exact(3) {
             let normal = normal_of(triangle);

@@ -1,6 +1,7 @@
 //! The document as it is written, version 1; and as it is written back: every default filled in, every imported
 //! calibration in the project's own form, so that it needs no other file.
 
+use super::shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument};
 use crate::calibrate::{CameraDocument, Format};
 use crate::frame::CameraId;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
@@ -22,8 +23,21 @@ pub struct SceneDocument {
     pub sky: SkyDocument,
     /// Level polygons of ground, at most 256 with 16384 corners together.
     pub ground: Vec<GroundDocument>,
-    /// Upright boxes, at most 4096; ids are unique.
+    /// Upright boxes, at most 4096; ids are unique among all that stands.
     pub boxes: Vec<BoxDocument>,
+    /// Upright cylinders, at most 4096.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub cylinders: Vec<CylinderDocument>,
+    /// Outlines of buildings, drawn upwards, at most 4096 with 65536 corners together.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub footprints: Vec<FootprintDocument>,
+    /// Uneven ground, at most 16 fields.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub height_fields: Vec<HeightFieldDocument>,
+    /// Models in files, at most 256 with 1048576 triangles together. Their files stay where they are: a document needs
+    /// them again when it is read again.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<ModelDocument>,
     /// What is taken for something that stands in the scene.
     pub entities: EntitiesDocument,
     /// The cameras that look at the scene, at most 256; ids are unique.
@@ -109,7 +123,7 @@ pub struct GroundDocument {
     pub color_srgb: Color,
 }
 
-const fn ground_color() -> Color {
+pub(super) const fn ground_color() -> Color {
     Color([0x8a, 0x8a, 0x84])
 }
 
@@ -131,7 +145,7 @@ pub struct BoxDocument {
     pub color_srgb: Color,
 }
 
-const fn box_color() -> Color {
+pub(super) const fn box_color() -> Color {
     Color([0xb0, 0xa0, 0x80])
 }
 

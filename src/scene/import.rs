@@ -1,4 +1,4 @@
-//! A scene document from a file, with the calibrations that stand in files beside it.
+//! A scene document from a file, with the calibrations and models that stand in files beside it.
 
 use super::{ImportReference, MAX_DOCUMENT_BYTES, ParsedScene, SceneError, parse};
 use crate::calibrate::{ImportOptions, MAX_BYTES, import};
@@ -25,8 +25,72 @@ pub fn load_file(id: &str, path: &Path, media_roots: &[PathBuf]) -> Result<Parse
             return Err(SceneError::Faults(vec![Fault::new("", message)]));
         }
     };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    parse(id, &text, |reference| import_file(reference, folder, media_roots))
+    parse(id, &text, FolderImports::beside(path, media_roots))
+}
+
+/// Brings in what a document names but does not hold.
+pub trait Imports {
+    /// The calibration that a reference leads to.
+    ///
+    /// # Errors
+    /// Why there is none, for people.
+    fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String>;
+
+    /// The bytes of a model's file, at most so many; a relative path starts at the document's folder.
+    ///
+    /// # Errors
+    /// Why there are none, for people; always where documents come from elsewhere than a file.
+    fn file(&mut self, file: &str, _most_bytes: usize) -> Result<Vec<u8>, String> {
+        Err(format!("cannot read {file:?}: models are read only by scene files"))
+    }
+}
+
+/// What brings in calibrations alone.
+impl<F: FnMut(&ImportReference) -> Result<Camera, String>> Imports for F {
+    fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String> {
+        self(reference)
+    }
+}
+
+/// Brings in files beneath a scene file's folder or the media roots, symbolic links resolved first.
+#[derive(Clone, Debug)]
+pub struct FolderImports {
+    folder: PathBuf,
+    media_roots: Vec<PathBuf>,
+}
+
+impl FolderImports {
+    /// For the scene document at `path`.
+    #[must_use]
+    pub fn beside(path: &Path, media_roots: &[PathBuf]) -> Self {
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Self { folder: folder.to_owned(), media_roots: media_roots.to_vec() }
+    }
+
+    fn path(&self, file: &str) -> Result<PathBuf, String> {
+        if file.is_empty() || file.contains('\0') {
+            return Err("`file` must be a path".to_owned());
+        }
+        beneath(&self.folder.join(file), &self.folder, &self.media_roots)
+            .map_err(|reason| format!("cannot import {file:?}: {reason}"))
+    }
+}
+
+impl Imports for FolderImports {
+    fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String> {
+        import_calibration(reference, &self.path(&reference.file)?)
+    }
+
+    fn file(&mut self, file: &str, most_bytes: usize) -> Result<Vec<u8>, String> {
+        read_bytes(&self.path(file)?, most_bytes).map_err(|refusal| match refusal {
+            Refusal::Unreadable(source) => format!("cannot read {file:?}: {source}"),
+            Refusal::NotAFile(what) => format!("cannot read {file:?}: expected a file, but this is {what}"),
+            Refusal::TooLarge(bytes) => {
+                format!("cannot read {file:?}: at most {most_bytes} bytes are allowed, got {bytes}")
+            }
+            Refusal::NotUtf8(_) => format!("cannot read {file:?}"),
+        })
+    }
 }
 
 /// Imports nothing: for documents that come from elsewhere than a file.
@@ -37,18 +101,9 @@ pub fn no_imports(_reference: &ImportReference) -> Result<Camera, String> {
     Err("calibrations are imported only by scene files; write the calibration itself here".to_owned())
 }
 
-fn import_file(
-    reference: &ImportReference,
-    folder: &Path,
-    media_roots: &[PathBuf],
-) -> Result<Camera, String> {
+fn import_calibration(reference: &ImportReference, path: &Path) -> Result<Camera, String> {
     let file = &reference.file;
-    if file.is_empty() || file.contains('\0') {
-        return Err("`file` must be a path".to_owned());
-    }
-    let path = beneath(&folder.join(file), folder, media_roots)
-        .map_err(|reason| format!("cannot import {file:?}: {reason}"))?;
-    let text = read_text(&path, MAX_BYTES).map_err(|refusal| match refusal {
+    let text = read_text(path, MAX_BYTES).map_err(|refusal| match refusal {
         Refusal::Unreadable(source) => format!("cannot import {file:?}: {source}"),
         Refusal::NotAFile(what) => format!("cannot import {file:?}: expected a file, but this is {what}"),
         Refusal::TooLarge(_) => {
@@ -93,6 +148,11 @@ enum Refusal {
 }
 
 fn read_text(path: &Path, most: usize) -> Result<String, Refusal> {
+    let bytes = read_bytes(path, most)?;
+    String::from_utf8(bytes).map_err(|error| Refusal::NotUtf8(error.utf8_error().valid_up_to()))
+}
+
+fn read_bytes(path: &Path, most: usize) -> Result<Vec<u8>, Refusal> {
     let metadata = std::fs::metadata(path).map_err(Refusal::Unreadable)?;
     if !metadata.is_file() {
         return Err(Refusal::NotAFile(if metadata.is_dir() {
@@ -101,11 +161,14 @@ fn read_text(path: &Path, most: usize) -> Result<String, Refusal> {
             "a device, pipe or socket"
         }));
     }
+    if metadata.len() > most as u64 {
+        return Err(Refusal::TooLarge(metadata.len()));
+    }
     let mut bytes = Vec::new();
     let file = std::fs::File::open(path).map_err(Refusal::Unreadable)?;
     file.take(most as u64 + 1).read_to_end(&mut bytes).map_err(Refusal::Unreadable)?;
     if bytes.len() > most {
         return Err(Refusal::TooLarge(metadata.len().max(bytes.len() as u64)));
     }
-    String::from_utf8(bytes).map_err(|error| Refusal::NotUtf8(error.utf8_error().valid_up_to()))
+    Ok(bytes)
 }

@@ -1,25 +1,30 @@
-//! The scene document: cameras, ground, boxes, sky; versioned JSON, validated with JSON pointers.
+//! The scene document: cameras, ground, what stands, sky; versioned JSON, validated with JSON pointers.
 //!
 //! Text goes in; a [`Scene`] ready to be fused and rendered comes out, with the normalised document beside it, or
-//! all faults of the text. Calibrations may stand in other files: who brings them in is the caller's choice.
+//! all faults of the text. Calibrations and models may stand in other files: who brings them in is the caller's choice.
 //! Knows nothing of pictures, time or the GPU.
 
 mod document;
 mod import;
 mod json;
+mod model;
 mod polygon;
 mod read;
+mod shape_document;
+mod shapes;
 
 pub use document::{
     BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
     SceneCameraDocument, SceneDocument, SkyDocument, VERSION, ViewDocument,
 };
-pub use import::{load_file, no_imports};
+pub use import::{FolderImports, Imports, load_file, no_imports};
 pub(crate) use json::tree as json_tree;
+pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
+pub use shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument, UpAxis};
 
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::frame::CameraId;
-use crate::geometry::{Camera, Surfaces};
+use crate::geometry::{Camera, SurfaceId, Surfaces};
 use glam::DVec3;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,18 +32,14 @@ use std::sync::Arc;
 /// Most bytes of a scene document.
 pub const MAX_DOCUMENT_BYTES: usize = 4 << 20;
 
-/// Reads a scene document. `resolve` brings in the calibrations that stand elsewhere, or says why not;
+/// Reads a scene document. `imports` brings in the calibrations and models that stand elsewhere, or says why not;
 /// [`no_imports`] takes none.
 ///
 /// # Errors
 /// With every fault of the document, each with its JSON pointer, or when it has more than
 /// [`MAX_DOCUMENT_BYTES`].
-pub fn parse(
-    id: &str,
-    text: &str,
-    mut resolve: impl FnMut(&ImportReference) -> Result<Camera, String>,
-) -> Result<ParsedScene, SceneError> {
-    read::parse(id, text, &mut resolve)
+pub fn parse(id: &str, text: &str, mut imports: impl Imports) -> Result<ParsedScene, SceneError> {
+    read::parse(id, text, &mut imports)
 }
 
 /// What a document says.
@@ -107,12 +108,10 @@ pub struct Scene {
     pub id: String,
     /// Name for people.
     pub name: String,
-    /// Ground and boxes, as rays meet them.
+    /// Ground and all that stands, as rays meet it.
     pub surfaces: Surfaces,
-    /// What the surfaces look like where no camera sees them, in the order of `surfaces`.
-    pub ground_materials: Vec<Material>,
-    /// What the boxes look like where no camera sees them, in the order of `surfaces`.
-    pub box_materials: Vec<Material>,
+    /// What the surfaces look like where no camera sees them, in the order of [`Surfaces::shapes`].
+    pub materials: Vec<Material>,
     /// Colour of the sky, 8-bit sRGB.
     pub sky_srgb: [u8; 3],
     /// Least extent of an entity, upwards or across, metres.
@@ -123,6 +122,14 @@ pub struct Scene {
     pub view: Option<SceneView>,
     /// The document in its normal form (JSON), as the API answers it.
     pub document: Arc<str>,
+}
+
+impl Scene {
+    /// What a surface looks like where no camera sees it.
+    #[must_use]
+    pub fn material(&self, surface: SurfaceId) -> Option<&Material> {
+        self.surfaces.place_of(surface).and_then(|place| self.materials.get(place))
+    }
 }
 
 /// A named place to look from.
@@ -146,8 +153,25 @@ pub struct SceneCamera {
 }
 
 /// What a surface looks like where no camera sees it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Material {
     /// 8-bit sRGB.
     pub color_srgb: [u8; 3],
+    /// Of a model whose parts differ: the colour of each triangle, 8-bit sRGB.
+    pub triangles_srgb: Option<Arc<[[u8; 3]]>>,
+}
+
+impl Material {
+    /// One colour all over.
+    #[must_use]
+    pub const fn plain(color_srgb: [u8; 3]) -> Self {
+        Self { color_srgb, triangles_srgb: None }
+    }
+
+    /// The colour of a part ([`crate::geometry::Hit::part`]), 8-bit sRGB.
+    #[must_use]
+    pub fn part_srgb(&self, part: u32) -> [u8; 3] {
+        let own = self.triangles_srgb.as_ref().and_then(|triangles| triangles.get(part as usize));
+        own.copied().unwrap_or(self.color_srgb)
+    }
 }

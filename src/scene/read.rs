@@ -1,15 +1,16 @@
 //! A document's tree -> the normalised document and the scene, or all of its faults.
 
 use super::document::{
-    BoxDocument, EntitiesDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument,
-    SceneDocument, VERSION, ViewDocument,
+    BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
+    SceneCameraDocument, SceneDocument, VERSION, ViewDocument,
 };
-use super::polygon::{first_crossing, first_repeat};
-use super::{Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json};
+use super::{
+    Imports, Material, ModelDocument, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json, shapes,
+};
 use crate::calibrate::CameraDocument;
 use crate::error::{Gatherer, pointer_to};
 use crate::frame::{CameraId, IdError, is_id};
-use crate::geometry::{Camera, GroundPolygon, OrientedBox, SurfaceError, Surfaces};
+use crate::geometry::{GroundPolygon, OrientedBox, Shape, SurfaceError, Surfaces};
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 use std::collections::HashSet;
@@ -25,32 +26,23 @@ const MAX_VIEW_M: f64 = 1e8;
 const MIN_VIEW_DISTANCE_M: f64 = 1e-3;
 
 /// A value and its place in the document.
-type Placed = (Value, String);
+pub(super) type Placed = (Value, String);
 
-/// Reads a document; `resolve` brings in calibrations that stand elsewhere.
-pub(super) fn parse(
-    id: &str,
-    text: &str,
-    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
-) -> Result<ParsedScene, SceneError> {
+/// Reads a document; `imports` brings in what stands elsewhere.
+pub(super) fn parse(id: &str, text: &str, imports: &mut dyn Imports) -> Result<ParsedScene, SceneError> {
     let mut gatherer = Gatherer::default();
     if !is_id(id) {
         gatherer.fault("", format!("invalid scene id {id:?}: {IdError}"));
     }
     let tree = json::tree(text, &mut gatherer)?;
-    let read = read(id, tree, resolve, &mut gatherer);
+    let read = read(id, tree, imports, &mut gatherer);
     match read {
         Some(parsed) if gatherer.faults().is_empty() => Ok(parsed),
         _ => Err(SceneError::Faults(gatherer.into_faults())),
     }
 }
 
-fn read(
-    id: &str,
-    tree: Value,
-    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
-    gatherer: &mut Gatherer,
-) -> Option<ParsedScene> {
+fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gatherer) -> Option<ParsedScene> {
     let mut fields = gatherer.object(tree, "")?;
     let version = fields.require("version", gatherer)?;
     if version.0.as_u64() != Some(u64::from(VERSION)) {
@@ -67,6 +59,10 @@ fn read(
     let sky = fields.take("sky").and_then(|(value, place)| gatherer.read(value, &place)).unwrap_or_default();
     let ground = gatherer.list(fields.take("ground"), MAX_POLYGONS);
     let boxes = gatherer.list(fields.take("boxes"), MAX_BOXES);
+    let cylinders = gatherer.list(fields.take("cylinders"), shapes::MAX_CYLINDERS);
+    let footprints = gatherer.list(fields.take("footprints"), shapes::MAX_FOOTPRINTS);
+    let height_fields = gatherer.list(fields.take("height_fields"), shapes::MAX_HEIGHT_FIELDS);
+    let models = gatherer.list(fields.take("models"), shapes::MAX_MODELS);
     let entities = fields.take("entities").and_then(|placed| entities(placed, gatherer)).unwrap_or_default();
     let cameras = gatherer.list(fields.take("cameras"), MAX_CAMERAS);
     let view = fields.take("view").and_then(|placed| view(placed, gatherer));
@@ -76,21 +72,35 @@ fn read(
     let ground = all(ground, |placed| polygon(placed, gatherer));
     let mut ids = HashSet::new();
     let boxes = all(boxes, |placed| upright_box(placed, &mut ids, gatherer));
+    let cylinders = all(cylinders, |placed| shapes::cylinder(placed, &mut ids, gatherer));
+    let footprints = shapes::bounded_footprints(footprints, gatherer);
+    let footprints = all(footprints, |placed| shapes::footprint(placed, &mut ids, gatherer));
+    let height_fields = shapes::bounded_fields(height_fields, gatherer);
+    let height_fields = all(height_fields, |placed| shapes::height_field(placed, &mut ids, gatherer));
+    let mut n_left = shapes::max_triangles();
+    let models = all(models, |placed| shapes::model(placed, (&mut ids, &mut n_left), imports, gatherer));
     let mut ids = HashSet::new();
-    let cameras = all(cameras, |placed| camera(placed, &mut ids, resolve, gatherer));
+    let cameras = all(cameras, |placed| camera(placed, &mut ids, imports, gatherer));
 
-    let ground_materials = ground.iter().map(|(g, _)| Material { color_srgb: g.color_srgb.0 }).collect();
-    let box_materials = boxes.iter().map(|(b, _)| Material { color_srgb: b.color_srgb.0 }).collect();
-    let (ground_documents, ground) = ground.into_iter().unzip();
-    let (box_documents, boxes) = boxes.into_iter().unzip();
+    let mut standing = Standing::default();
+    let ground = standing.add(ground, |ground| ground.color_srgb, Shape::Ground);
+    let boxes = standing.add(boxes, |solid| solid.color_srgb, Shape::Box);
+    let cylinders = standing.add(cylinders, |cylinder| cylinder.color_srgb, Shape::Cylinder);
+    let footprints = standing.add(footprints, |footprint| footprint.color_srgb, Shape::Footprint);
+    let height_fields = standing.add(height_fields, |field| field.color_srgb, Shape::HeightField);
+    let models = standing.add_models(models);
     let (camera_documents, cameras) = cameras.into_iter().unzip();
     let document = SceneDocument {
         version: VERSION,
         name: name.clone(),
         origin,
         sky,
-        ground: ground_documents,
-        boxes: box_documents,
+        ground,
+        boxes,
+        cylinders,
+        footprints,
+        height_fields,
+        models,
         entities,
         cameras: camera_documents,
         view,
@@ -98,9 +108,8 @@ fn read(
     let scene = Scene {
         id: id.to_owned(),
         name,
-        surfaces: Surfaces { ground, boxes },
-        ground_materials,
-        box_materials,
+        surfaces: Surfaces::new(standing.shapes),
+        materials: standing.materials,
         sky_srgb: document.sky.color_srgb.0,
         min_entity_size_m: entities.min_size_m,
         cameras,
@@ -112,6 +121,39 @@ fn read(
         document: document.to_json().into(),
     };
     Some(ParsedScene { scene, document })
+}
+
+/// Shapes and what they look like, in the order of [`Surfaces::shapes`].
+#[derive(Default)]
+struct Standing {
+    shapes: Vec<Shape>,
+    materials: Vec<Material>,
+}
+
+impl Standing {
+    /// Adds shapes of one kind; their documents come back.
+    fn add<D, S>(
+        &mut self,
+        read: Vec<(D, S)>,
+        color: impl Fn(&D) -> Color,
+        shape: impl Fn(S) -> Shape,
+    ) -> Vec<D> {
+        let add = |(document, made): (D, S)| {
+            self.materials.push(Material::plain(color(&document).0));
+            self.shapes.push(shape(made));
+            document
+        };
+        read.into_iter().map(add).collect()
+    }
+
+    fn add_models(&mut self, read: Vec<shapes::PlacedModel>) -> Vec<ModelDocument> {
+        let add = |(document, (mesh, material)): shapes::PlacedModel| {
+            self.materials.push(material);
+            self.shapes.push(Shape::Model(mesh));
+            document
+        };
+        read.into_iter().map(add).collect()
+    }
 }
 
 /// The polygons, unless they have too many corners together. Asked before any is looked at closely.
@@ -175,18 +217,8 @@ fn polygon((value, place): Placed, gatherer: &mut Gatherer) -> Option<(GroundDoc
     let at = |key: &str| pointer_to(&place, key);
     let made =
         GroundPolygon::new(corners.iter().copied().map(DVec2::from_array).collect(), document.height_m);
-    if matches!(made, Ok(_) | Err(SurfaceError::NoArea)) {
-        // These two have a place that is nearer than the polygon's.
-        if let Some(corner) = first_repeat(corners) {
-            let message = "this corner repeats the one before it (a polygon closes by itself)";
-            gatherer.fault(format!("{place}/polygon/{corner}"), message);
-            return None;
-        }
-        if let Some((one, other)) = first_crossing(corners) {
-            let message = format!("the edge from this corner crosses the edge from corner {one}");
-            gatherer.fault(format!("{place}/polygon/{other}"), message);
-            return None;
-        }
+    if !shapes::outline_is_sound(corners, &made, &place, gatherer) {
+        return None;
     }
     match made {
         Ok(polygon) => Some((document, polygon)),
@@ -204,13 +236,7 @@ fn upright_box(
     gatherer: &mut Gatherer,
 ) -> Option<(BoxDocument, OrientedBox)> {
     let document: BoxDocument = gatherer.read(value, &place)?;
-    let id = &document.id;
-    if !is_id(id) {
-        let shown: String = id.chars().take(70).collect();
-        gatherer.fault(pointer_to(&place, "id"), format!("invalid id {shown:?}: {IdError}"));
-    } else if !ids.insert(id.clone()) {
-        gatherer.fault(pointer_to(&place, "id"), format!("there is another box `{id}`; ids are unique"));
-    }
+    shapes::unique_id(&document.id, (&place, "box"), ids, gatherer);
     range(gatherer, &place, "yaw_deg", document.yaw_deg, -360.0, 360.0, "degrees");
     let center = DVec3::from_array(document.center_m);
     let size = DVec3::from_array(document.size_m);
@@ -231,7 +257,7 @@ fn upright_box(
 fn camera(
     (value, place): Placed,
     ids: &mut HashSet<CameraId>,
-    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+    imports: &mut dyn Imports,
     gatherer: &mut Gatherer,
 ) -> Option<(SceneCameraDocument, SceneCamera)> {
     let mut fields = gatherer.object(value, &place)?;
@@ -247,7 +273,7 @@ fn camera(
     });
     let (calibration, place) = calibration?;
     let calibration = if calibration.get("import").is_some() {
-        import((calibration, place.clone()), resolve, gatherer)?
+        import((calibration, place.clone()), imports, gatherer)?
     } else {
         gatherer.read::<CameraDocument>(calibration, &place)?
     };
@@ -269,7 +295,7 @@ fn camera(
 
 fn import(
     (value, place): Placed,
-    resolve: &mut dyn FnMut(&ImportReference) -> Result<Camera, String>,
+    imports: &mut dyn Imports,
     gatherer: &mut Gatherer,
 ) -> Option<CameraDocument> {
     let mut fields = gatherer.object(value, &place)?;
@@ -279,7 +305,7 @@ fn import(
     if gatherer.is_faulty(&place) {
         return None;
     }
-    match resolve(&reference) {
+    match imports.calibration(&reference) {
         Ok(camera) => Some(CameraDocument::from_camera(&camera)),
         Err(message) => {
             gatherer.fault(place, message);
@@ -288,7 +314,15 @@ fn import(
     }
 }
 
-fn range(gatherer: &mut Gatherer, place: &str, key: &str, value: f64, least: f64, most: f64, unit: &str) {
+pub(super) fn range(
+    gatherer: &mut Gatherer,
+    place: &str,
+    key: &str,
+    value: f64,
+    least: f64,
+    most: f64,
+    unit: &str,
+) {
     if !(least..=most).contains(&value) {
         gatherer.fault(pointer_to(place, key), format!("expected {least} to {most} {unit}, got {value}"));
     }

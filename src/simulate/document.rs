@@ -56,12 +56,12 @@ impl World {
     /// # Errors
     /// When the size is none that a camera can have.
     pub fn scene_json(&self, size_px: impl Into<Option<(u32, u32)>>) -> Result<String, SimulateError> {
-        let ground = self.surfaces().ground.iter().zip(0..).map(|(polygon, idx)| GroundDocument {
+        let ground = self.surfaces().ground().zip(0..).map(|(polygon, idx)| GroundDocument {
             polygon: polygon.corners().iter().map(|corner| corner.to_array().map(whole_mm)).collect(),
             height_m: polygon.height_m(),
             color_srgb: hex(self.mean_srgb(SurfaceId::Ground(idx))),
         });
-        let boxes = self.surfaces().boxes.iter().zip(0..).map(|(solid, idx)| BoxDocument {
+        let boxes = self.surfaces().boxes().zip(0..).map(|(solid, idx)| BoxDocument {
             id: &self.box_ids[usize::from(idx)],
             center_m: solid.center().to_array().map(whole_mm),
             size_m: (solid.half_size() * 2.0).to_array().map(whole_mm),
@@ -147,7 +147,7 @@ impl World {
     }
 
     fn n_terraces(&self) -> u32 {
-        let room = 256_usize.saturating_sub(self.surfaces().ground.len());
+        let room = 256_usize.saturating_sub(self.surfaces().ground().len());
         (1..=MAX_TERRACES).rev().find(|n| (*n as usize).pow(2) <= room).unwrap_or(1)
     }
 
@@ -156,7 +156,7 @@ impl World {
         const STEPS: u32 = 6;
         let Some(terrain) = self.solids.terrain() else { return Vec::new() };
         let (low, high) = (0..terrain.n_triangles())
-            .map(|idx| terrain.bounds(idx))
+            .map(|idx| terrain.part_bounds(idx))
             .reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
             .map_or((DVec2::ZERO, DVec2::ZERO), |(low, high)| (low.truncate(), high.truncate()));
         let n = self.n_terraces();

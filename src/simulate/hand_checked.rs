@@ -12,7 +12,7 @@ mod tests {
     use super::super::shape::{Part, Shape};
     use super::super::solids::{SolidId, Solids};
     use super::super::{CastOptions, Layers, Shot, Terrain, Truth, World, pinhole};
-    use crate::geometry::{Camera, GroundPolygon, Surfaces};
+    use crate::geometry::{Camera, GroundPolygon, SurfaceId, Surfaces};
     use glam::{DVec2, DVec3};
 
     fn options(samples_per_side: u32) -> CastOptions<'static> {
@@ -33,7 +33,7 @@ mod tests {
     fn world(posts: Vec<Part>) -> World {
         let corners = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]].map(DVec2::from_array);
         let ground = GroundPolygon::new(corners.to_vec(), 0.0).unwrap();
-        let surfaces = Surfaces { ground: vec![ground], boxes: Vec::new() };
+        let surfaces = Surfaces::of_ground_and_boxes(vec![ground], Vec::new());
         let mut world = World::plaza();
         world.actors.clear();
         world.effects = Effects::default();
@@ -394,9 +394,13 @@ mod tests {
             world.plate(&camera, 1).unwrap().truth().depth_m.iter().filter(|depth| **depth == 0.0).count();
         let n_seen: u64 = visible.iter().map(|share| share.n_pixels).sum();
         assert_eq!(n_seen + n_sky as u64, 200 * 100);
-        for solid in
-            [SolidId::Ground(0), SolidId::Box(0), SolidId::Terrain, SolidId::Post(0), SolidId::Crown(0)]
-        {
+        for solid in [
+            SolidId::Surface(SurfaceId::Ground(0)),
+            SolidId::Surface(SurfaceId::Box(0)),
+            SolidId::Terrain,
+            SolidId::Post(0),
+            SolidId::Crown(0),
+        ] {
             assert!(
                 visible.iter().any(|share| share.solid == solid && share.n_pixels > 5),
                 "{solid:?}: {visible:?}"

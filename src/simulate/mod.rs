@@ -15,7 +15,6 @@
 //! `render`, so that the errors of one do not cancel in the other.
 
 mod actor;
-mod bounds;
 mod cast;
 mod delivery;
 mod document;
@@ -37,13 +36,13 @@ mod shape;
 mod solids;
 mod station;
 mod sun;
-mod terrain;
 mod truth;
 mod video;
 mod world;
 mod world_file;
 mod write;
 
+pub use crate::geometry::HeightField as Terrain;
 pub use actor::ActorKind;
 pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use delivery::{Arrival, Delivery, Fate, deliver};
@@ -55,7 +54,6 @@ pub use seen::{JudgedView, SolidShare};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
 pub use station::{Exposure, Station, Wanted};
-pub use terrain::Terrain;
 pub use truth::{MOVING, OUTSIDE, SHADOW, STATIC, UNKNOWN, labels};
 pub use world::{CameraSetting, FigurePosition, ViewSetting, World, pinhole};
 pub use write::{run, write, write_with};

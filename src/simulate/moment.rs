@@ -6,12 +6,12 @@
 //! and a ray is cast at the one nearest to its own. What stands is `Solids`'; nothing here knows pixels.
 
 use super::SimulateError;
-use super::bounds::{Bounds, BoundsTree, Quality};
 use super::effects::{Draw, Effects, LightGains};
 use super::figure::Body;
 use super::shape::Entry;
 use super::solids::{Crowns, line};
 use super::world::World;
+use crate::geometry::{Bounds, BoundsTree, Quality};
 use crate::geometry::{Camera, Ray};
 use glam::DVec3;
 use rayon::prelude::*;

@@ -10,7 +10,7 @@ use super::material::noise::noise;
 use super::moment::Moment;
 use super::solids::{Crowns, SolidHit, SolidId};
 use super::world::{World, srgb_code};
-use crate::geometry::{Face, OrientedBox, Ray, SurfaceId};
+use crate::geometry::{Face, Ray, Shape, SurfaceId};
 use glam::{DMat2, DVec2, DVec3};
 
 /// The nearest thing on a ray's way.
@@ -160,7 +160,7 @@ impl Scene<'_> {
 
 /// Whether water could stand there: ground that slopes less than 1 in 4.
 fn is_level_ground(hit: &SolidHit) -> bool {
-    matches!(hit.solid, SolidId::Ground(_) | SolidId::Terrain) && hit.normal.z > 0.97
+    matches!(hit.solid, SolidId::Surface(SurfaceId::Ground(_)) | SolidId::Terrain) && hit.normal.z > 0.97
 }
 
 /// How wide a sample is on a surface: across the ray as given, along the surface stretched by 1/cos; the mean of both.
@@ -172,15 +172,17 @@ impl World {
     /// What share of light a place of something that stands reflects, for a sample of this width.
     fn albedo(&self, hit: &SolidHit, footprint_m: f64) -> DVec3 {
         match hit.solid {
-            SolidId::Ground(idx) => self.ground_paints[usize::from(idx)]
+            SolidId::Surface(SurfaceId::Ground(idx)) => self.ground_paints[usize::from(idx)]
                 .albedo(&WallPoint::ground(hit.point.truncate()), footprint_m),
-            SolidId::Box(idx) => {
+            SolidId::Surface(SurfaceId::Box(idx)) => {
                 let idx = usize::from(idx);
                 self.box_paints[idx].albedo(&self.wall_point(idx, hit), footprint_m)
             }
             SolidId::Terrain => self.terrain_paint.as_ref().map_or(DVec3::ZERO, |paint| {
                 paint.albedo(&WallPoint::ground(hit.point.truncate()), footprint_m)
             }),
+            // Worlds are made of ground, boxes, terrain and parts alone.
+            SolidId::Surface(_) => DVec3::ZERO,
             SolidId::Post(_) => self.solids.part(hit.solid).map_or(DVec3::ZERO, |part| part.color),
             SolidId::Crown(_) => self.solids.part(hit.solid).map_or(DVec3::ZERO, |part| {
                 let at = hit.point.truncate() + DVec2::new(0.7, -0.6) * hit.point.z;
@@ -191,7 +193,9 @@ impl World {
     }
 
     fn wall_point(&self, idx: usize, hit: &SolidHit) -> WallPoint {
-        let solid = &self.solids.surfaces().boxes[idx];
+        let Some(solid) = self.solids.surfaces().boxes().nth(idx) else {
+            return WallPoint::ground(DVec2::ZERO);
+        };
         let box_from_world = DMat2::from_angle(-self.box_yaws_deg[idx].to_radians());
         let local = box_from_world * (hit.point - solid.center()).truncate();
         let half = solid.half_size();
@@ -230,17 +234,13 @@ impl World {
         let share = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS);
         let (mut sum, mut count) = (DVec3::ZERO, 0.0);
         let mut add = |point: DVec3, normal: DVec3, face: Face| {
-            let solid = match surface {
-                SurfaceId::Ground(idx) => SolidId::Ground(idx),
-                SurfaceId::Box(idx) => SolidId::Box(idx),
-            };
+            let solid = SolidId::Surface(surface);
             let hit = SolidHit { distance_m: 1.0, point, normal, face, solid };
             sum += self.still_light(&hit);
             count += 1.0;
         };
-        match surface {
-            SurfaceId::Ground(idx) => {
-                let polygon = &self.solids.surfaces().ground[usize::from(idx)];
+        match self.solids.surfaces().shape(surface) {
+            Some(Shape::Ground(polygon)) => {
                 let low = polygon.corners().iter().copied().fold(DVec2::INFINITY, DVec2::min);
                 let high = polygon.corners().iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
                 for i in 0..STEPS * STEPS {
@@ -250,8 +250,7 @@ impl World {
                     }
                 }
             }
-            SurfaceId::Box(idx) => {
-                let solid: &OrientedBox = &self.solids.surfaces().boxes[usize::from(idx)];
+            Some(Shape::Box(solid)) => {
                 let half = solid.half_size();
                 for wall in 0..4 {
                     let outward = DVec2::from_angle(f64::from(wall) * std::f64::consts::FRAC_PI_2);
@@ -265,6 +264,7 @@ impl World {
                     }
                 }
             }
+            _ => {}
         }
         (sum / f64::max(count, 1.0)).to_array().map(srgb_code)
     }

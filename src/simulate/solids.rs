@@ -3,19 +3,16 @@
 //! Owns the tree of boxes over it; what a solid looks like is `shade`'s. Answers exactly what trying every solid would
 //! answer, which a property test holds it to. Crowns stand in a tree of their own, because wind sways them.
 
-use super::bounds::{Bounds, BoundsTree, Quality};
+use super::Terrain;
 use super::shape::Part;
-use super::terrain::Terrain;
-use crate::geometry::{Face, Ray, SurfaceId, Surfaces};
+use crate::geometry::{Bounds, BoundsTree, Face, Quality, Ray, SurfaceId, Surfaces};
 use glam::DVec3;
 
 /// What stands somewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SolidId {
-    /// A ground polygon, by index.
-    Ground(u16),
-    /// A box, by index.
-    Box(u16),
+    /// Ground, a box, or another surface that scenes have as well.
+    Surface(SurfaceId),
     /// The terrain.
     Terrain,
     /// A post or trunk, by index.
@@ -49,7 +46,7 @@ pub struct Solids {
     terrain: Option<Terrain>,
     posts: Vec<Part>,
     crowns: Crowns,
-    /// Over ground, boxes, the terrain's triangles and posts, numbered in this order.
+    /// Over the surfaces' parts, the terrain's triangles and posts, numbered in this order.
     tree: BoundsTree,
 }
 
@@ -85,7 +82,7 @@ impl Crowns {
 }
 
 impl Solids {
-    /// Ground and boxes, and uneven ground.
+    /// Surfaces, and uneven ground.
     #[must_use]
     pub fn new(surfaces: Surfaces, terrain: Option<Terrain>) -> Self {
         Self::with_shapes(surfaces, terrain, Vec::new(), Vec::new())
@@ -99,23 +96,10 @@ impl Solids {
         posts: Vec<Part>,
         crowns: Vec<Part>,
     ) -> Self {
-        let mut bounds: Vec<Bounds> = Vec::new();
-        for polygon in &surfaces.ground {
-            let corners = || polygon.corners().iter().map(|corner| corner.extend(polygon.height_m()));
-            bounds.push((
-                corners().fold(DVec3::INFINITY, DVec3::min),
-                corners().fold(DVec3::NEG_INFINITY, DVec3::max),
-            ));
-        }
-        for solid in &surfaces.boxes {
-            let axis = |axis: DVec3| solid.world_from_box_point(axis) - solid.center();
-            let half = solid.half_size();
-            let axes = [DVec3::X * half, DVec3::Y * half, DVec3::Z * half].map(axis);
-            let reach = axes.into_iter().map(DVec3::abs).sum::<DVec3>();
-            bounds.push((solid.center() - reach, solid.center() + reach));
-        }
+        let mut bounds: Vec<Bounds> =
+            (0..surfaces.n_parts()).map(|part| surfaces.part_bounds(part)).collect();
         if let Some(terrain) = &terrain {
-            bounds.extend((0..terrain.n_triangles()).map(|idx| terrain.bounds(idx)));
+            bounds.extend((0..terrain.n_triangles()).map(|idx| terrain.part_bounds(idx)));
         }
         bounds.extend(posts.iter().map(|post| post.shape.bounds()));
         let tree = BoundsTree::new(&bounds, Quality::Lasting);
@@ -132,14 +116,15 @@ impl Solids {
         let middle = (low + high) * 0.5;
         let down = Ray { origin: middle, direction: -DVec3::Z };
         let is_ground = |(distance, (_, _, solid)): Met| {
-            matches!(solid, SolidId::Ground(_) | SolidId::Terrain).then_some((distance, ()))
+            matches!(solid, SolidId::Surface(SurfaceId::Ground(_)) | SolidId::Terrain)
+                .then_some((distance, ()))
         };
         self.tree
             .nearest(&down, |idx| is_ground(self.meet(idx, &down)?))
             .map_or(middle.z, |(distance, ())| distance)
     }
 
-    /// Ground polygons and boxes.
+    /// Ground, boxes and whatever else scenes have as well.
     #[must_use]
     pub const fn surfaces(&self) -> &Surfaces {
         &self.surfaces
@@ -166,35 +151,29 @@ impl Solids {
         match solid {
             SolidId::Post(idx) => self.posts.get(idx as usize),
             SolidId::Crown(idx) => self.crowns.parts.get(idx as usize),
-            SolidId::Ground(_) | SolidId::Box(_) | SolidId::Terrain => None,
+            SolidId::Surface(_) | SolidId::Terrain => None,
         }
     }
 
-    const fn n_in_tree(&self) -> u32 {
+    fn n_in_tree(&self) -> u32 {
         let n_triangles = match &self.terrain {
             Some(terrain) => terrain.n_triangles(),
             None => 0,
         };
-        (self.surfaces.ground.len() + self.surfaces.boxes.len() + self.posts.len()) as u32 + n_triangles
+        self.surfaces.n_parts() + self.posts.len() as u32 + n_triangles
     }
 
     /// Where the ray meets the tree's solid of this number: distance, normal, face, id.
     fn meet(&self, idx: u32, ray: &Ray) -> Option<(f64, (DVec3, Face, SolidId))> {
-        let (n_ground, n_boxes) = (self.surfaces.ground.len() as u32, self.surfaces.boxes.len() as u32);
-        if idx < n_ground {
-            let (distance, normal, face) = self.surfaces.hit_of(SurfaceId::Ground(idx as u16), ray)?;
-            return Some((distance, (normal, face, SolidId::Ground(idx as u16))));
+        if idx < self.surfaces.n_parts() {
+            let (surface, met) = self.surfaces.hit_part(idx, ray)?;
+            return Some((met.distance_m, (met.normal, met.face, SolidId::Surface(surface))));
         }
-        let idx = idx - n_ground;
-        if idx < n_boxes {
-            let (distance, normal, face) = self.surfaces.hit_of(SurfaceId::Box(idx as u16), ray)?;
-            return Some((distance, (normal, face, SolidId::Box(idx as u16))));
-        }
-        let mut idx = idx - n_boxes;
+        let mut idx = idx - self.surfaces.n_parts();
         if let Some(terrain) = &self.terrain {
             if idx < terrain.n_triangles() {
-                let (distance, normal, face) = terrain.hit(idx, ray)?;
-                return Some((distance, (normal, face, SolidId::Terrain)));
+                let met = terrain.hit_part(idx, ray)?;
+                return Some((met.distance_m, (met.normal, met.face, SolidId::Terrain)));
             }
             idx -= terrain.n_triangles();
         }
@@ -225,9 +204,10 @@ impl Solids {
     /// As [`Self::is_hidden`], with these crowns instead of those at rest.
     pub(super) fn is_hidden_with(&self, crowns: &Crowns, from: DVec3, to: DVec3) -> bool {
         let Some((ray, limit)) = line(from, to) else { return false };
-        let n_ground = self.surfaces.ground.len() as u32;
+        // Level ground comes first.
+        let n_level = self.surfaces.ground().len() as u32;
         let hides =
-            |idx: u32| idx >= n_ground && self.meet(idx, &ray).is_some_and(|(distance, _)| distance < limit);
+            |idx: u32| idx >= n_level && self.meet(idx, &ray).is_some_and(|(distance, _)| distance < limit);
         self.tree.any(&ray, limit, hides)
             || crowns.tree.any(&ray, limit, |idx| {
                 crowns.parts[idx as usize].shape.entry(&ray).is_some_and(|entry| entry.distance_m < limit)
@@ -313,7 +293,7 @@ mod tests {
         // The first polygon is wider than the tree takes, the next two lie on each other.
         let ground = vec![square(-4e4, 4e4, -2.0), square(-30.0, 30.0, 0.0), square(-30.0, 10.0, 0.0)];
         Solids::with_shapes(
-            Surfaces { ground, boxes: boxes.collect() },
+            Surfaces::of_ground_and_boxes(ground, boxes.collect()),
             Some(terrain),
             (0..12).map(post).collect(),
             (0..9).map(crown).collect(),
@@ -324,7 +304,7 @@ mod tests {
     fn is_hidden_by_trying_all(solids: &Solids, from: DVec3, to: DVec3) -> bool {
         let Some((ray, limit)) = line(from, to) else { return false };
         let hides = |distance: f64| distance < limit;
-        (solids.surfaces.ground.len() as u32..solids.n_in_tree())
+        (solids.surfaces.ground().len() as u32..solids.n_in_tree())
             .any(|idx| solids.meet(idx, &ray).is_some_and(|(distance, _)| hides(distance)))
             || solids
                 .crowns
@@ -414,6 +394,7 @@ mod tests {
     #[test]
     fn one_solid_of_each_kind_is_met_for_what_it_is() {
         let solids = town(DVec3::ZERO, 1);
+        let surface = SolidId::Surface;
         let mut found = std::collections::BTreeSet::new();
         for i in 0..20_000 {
             let place = DVec3::new(hash01(i, 0, 3) * 90.0 - 35.0, hash01(i, 1, 3) * 90.0 - 35.0, 20.0);
@@ -425,8 +406,14 @@ mod tests {
                 found.insert(hit.solid);
             }
         }
-        assert!(found.contains(&SolidId::Terrain) && found.contains(&SolidId::Box(0)), "{found:?}");
-        assert!(found.contains(&SolidId::Ground(0)) && found.contains(&SolidId::Ground(1)), "{found:?}");
+        assert!(
+            found.contains(&SolidId::Terrain) && found.contains(&surface(SurfaceId::Box(0))),
+            "{found:?}"
+        );
+        assert!(
+            found.contains(&surface(SurfaceId::Ground(0))) && found.contains(&surface(SurfaceId::Ground(1))),
+            "{found:?}"
+        );
         // Some thin posts stand under crowns.
         assert!((0..12).filter(|i| found.contains(&SolidId::Post(*i))).count() > 8, "{found:?}");
         assert!((0..9).all(|i| found.contains(&SolidId::Crown(i))), "{found:?}");

@@ -224,7 +224,7 @@ impl World {
     /// Height of the topmost ground at a place, metres; 0 beside all ground.
     #[must_use]
     pub fn ground_height(&self, at: DVec2) -> f64 {
-        ground_height(self.solids.surfaces(), self.solids.terrain(), at)
+        ground_height(self.solids.surfaces().ground(), self.solids.terrain(), at)
     }
 
     /// Where every actor that is there at `time_secs` is, by instance.

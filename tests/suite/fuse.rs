@@ -8,7 +8,10 @@ use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
 use videofields::fuse::{SceneState, assemble};
-use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Surfaces};
+use videofields::geometry::{
+    Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose, Ray,
+    Shape, Surfaces, TriangleMesh,
+};
 use videofields::scene::{Material, Scene, SceneCamera};
 use videofields::segment::{Blob, PixelRect};
 use videofields::timeline::Observation;
@@ -31,9 +34,14 @@ fn camera(eye: DVec3, target: DVec3, roll_deg: f64) -> Arc<Camera> {
 }
 
 fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
+    scene_of(cameras, boxes.into_iter().map(Shape::Box).collect())
+}
+
+/// A square of ground with these shapes on it.
+fn scene_of(cameras: &[Arc<Camera>], mut shapes: Vec<Shape>) -> Arc<Scene> {
     let corners =
         [[-60.0, -60.0], [60.0, -60.0], [60.0, 60.0], [-60.0, 60.0]].map(DVec2::from_array).to_vec();
-    let grey = Material { color_srgb: [128; 3] };
+    let grey = Material::plain([128; 3]);
     let member = |(i, camera): (usize, &Arc<Camera>)| SceneCamera {
         id: CameraId::new(&format!("c{i}")).expect("an id"),
         camera: Arc::clone(camera),
@@ -41,9 +49,11 @@ fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
     Arc::new(Scene {
         id: "test".to_owned(),
         name: String::new(),
-        ground_materials: vec![grey],
-        box_materials: vec![grey; boxes.len()],
-        surfaces: Surfaces { ground: vec![GroundPolygon::new(corners, 0.0).expect("a square")], boxes },
+        materials: vec![grey; 1 + shapes.len()],
+        surfaces: Surfaces::new({
+            shapes.push(Shape::Ground(GroundPolygon::new(corners, 0.0).expect("a square")));
+            shapes
+        }),
         sky_srgb: [0; 3],
         min_entity_size_m: 0.0,
         cameras: cameras.iter().enumerate().map(member).collect(),
@@ -231,8 +241,8 @@ fn feet_that_meet_nothing_or_a_wall_stay_finite() {
         contour: Arc::default(),
     };
     let wall = OrientedBox::new(DVec3::new(0.0, 10.0, 3.0), DVec3::new(8.0, 1.0, 6.0), 0.0).expect("a box");
-    let check = |boxes: Vec<OrientedBox>, expected: usize| {
-        let scene = scene(&[Arc::clone(&camera)], boxes);
+    let check = |shapes: Vec<Shape>, expected: usize| {
+        let scene = scene_of(&[Arc::clone(&camera)], shapes);
         let observe = |id: &CameraId| {
             let mut observation = observe(id, &camera, &[]);
             let mut labels = (*observation.labels).clone();
@@ -254,9 +264,27 @@ fn feet_that_meet_nothing_or_a_wall_stay_finite() {
         state
     };
     check(Vec::new(), 0);
-    let state = check(vec![wall], 1);
+    let outline = [[-4.0, 9.5], [4.0, 9.5], [4.0, 10.5], [-4.0, 10.5]].map(DVec2::from_array).to_vec();
+    let corners =
+        [[-4.0, 9.5, 0.0], [4.0, 9.5, 0.0], [4.0, 9.5, 6.0], [-4.0, 9.5, 6.0]].map(DVec3::from_array);
+    let walls = [
+        Shape::Box(wall),
+        Shape::Footprint(ExtrudedFootprint::new(outline, 0.0, 6.0).expect("a house")),
+        Shape::Model(TriangleMesh::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).expect("a screen")),
+        // Its round is nearest where the camera looks at it.
+        Shape::Cylinder(Cylinder::new(DVec3::new(0.0, 1e3 + 9.5, 0.0), 1e3, 6.0).expect("a tank")),
+    ];
+    for wall in walls {
+        let state = check(vec![wall], 1);
+        let foot = state.entities[0].foot_in_world;
+        assert!(foot.z.abs() < 1e-9 && (foot.y - 9.45).abs() < 1e-3, "at the wall's own foot: {foot}");
+    }
+    // A slope that one can stand on: the foot is where the ray meets it, 1.7 m high or more.
+    let hill =
+        HeightField::new(DVec2::new(-50.0, 5.0), 100.0, 2, vec![0.0, 0.0, 40.0, 40.0]).expect("a slope");
+    let state = check(vec![Shape::HeightField(hill)], 1);
     let foot = state.entities[0].foot_in_world;
-    assert!(foot.z.abs() < 1e-9 && (foot.y - 9.45).abs() < 1e-4, "at the wall's own foot: {foot}");
+    assert!(foot.z > 1.7 && (foot.z - 0.4 * (foot.y - 5.0)).abs() < 0.05, "on the slope: {foot}");
 }
 
 #[test]

@@ -71,7 +71,7 @@ fn pets_camera(path: &Path) -> Camera {
 fn ground(half_m: f64) -> Surfaces {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(x, y)| DVec2::new(x, y) * half_m).to_vec();
-    Surfaces { ground: vec![GroundPolygon::new(corners, 0.0).expect("ground")], boxes: Vec::new() }
+    Surfaces::of_ground_and_boxes(vec![GroundPolygon::new(corners, 0.0).expect("ground")], Vec::new())
 }
 
 /// Largest and mean distance to the independent inverse within [`FAR_M`], metres, and how many were compared.
@@ -134,11 +134,10 @@ fn a_stored_map_of_pets_keeps_the_centimetre() {
 fn a_grid_over_pets_keeps_its_stated_bound() {
     let Some(path) = real_data("pets2009_s2l1/calibration/View_001.xml") else { return };
     let camera = pets_camera(&path);
-    let mut surfaces = ground(60.0);
     // Something to hide ground behind, where the view has a sign post's island.
-    surfaces
-        .boxes
-        .push(OrientedBox::new(DVec3::new(-5.0, -2.0, 1.0), DVec3::new(2.0, 3.0, 2.0), 0.3).expect("a box"));
+    let island =
+        OrientedBox::new(DVec3::new(-5.0, -2.0, 1.0), DVec3::new(2.0, 3.0, 2.0), 0.3).expect("a box");
+    let surfaces = Surfaces::of_ground_and_boxes(ground(60.0).ground().cloned().collect(), vec![island]);
     let size = camera.size_px();
     #[expect(clippy::disallowed_methods, reason = "a figure to print, nothing is decided by it")]
     let start = Instant::now();

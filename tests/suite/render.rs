@@ -10,7 +10,7 @@ mod twin;
 mod views;
 
 use crate::support::golden::{self, MOVED, TWIN};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use stage::{SKY, Stage};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use std::path::PathBuf;
@@ -19,7 +19,7 @@ use videofields::config::RenderSettings;
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
-use videofields::geometry::Distortion;
+use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
 use videofields::plan::{self, EntityStyle, Frustum, MAX_SURFACE_CAMERAS, Picture, Plan, Sampling, Wishes};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
@@ -122,6 +122,53 @@ fn boxes_hide_what_the_twin_says_they_hide() {
     check_twin("plaza", &stage, &view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 240, 160), 0.7);
     check_twin("plaza_above", &stage, &view(v(0.5, 0.5, 24.0), v(0.5, 0.6, 0.0), 1.1, 240, 160), 0.6);
     check_twin("plaza_behind", &stage, &view(v(9.0, 14.0, 5.0), v(2.0, 0.0, 0.5), 1.0, 240, 160), 0.5);
+}
+
+/// A closed pyramid on a square, 3.5 m high.
+fn pyramid(at: DVec3) -> Shape {
+    let points =
+        [v(-2.0, -2.0, 0.0), v(2.0, -2.0, 0.0), v(2.0, 2.0, 0.0), v(-2.0, 2.0, 0.0), v(0.0, 0.0, 3.5)];
+    let triangles = vec![[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]];
+    Shape::Model(TriangleMesh::new(points.map(|point| at + point).to_vec(), triangles).expect("a pyramid"))
+}
+
+#[test]
+fn every_other_shape_is_drawn_as_the_twin_meets_it() {
+    for offset in [DVec3::ZERO, v(5e5, 5e6, 130.0)] {
+        let heights = (0..9 * 9).map(|i| {
+            let (x, y) = (f64::from(i % 9) / 8.0, f64::from(i / 9) / 8.0);
+            offset.z + 0.1 + 3.0 * (std::f64::consts::PI * x).sin() * (std::f64::consts::PI * y).sin()
+        });
+        let hill = HeightField::new(offset.truncate() + DVec2::new(-17.0, 2.0), 1.5, 9, heights.collect());
+        let outline = [[3.0, -9.0], [11.0, -9.0], [11.0, -6.0], [6.0, -6.0], [6.0, -3.0], [3.0, -3.0]];
+        let outline = outline.map(|corner| DVec2::from_array(corner) + offset.truncate());
+        let house = ExtrudedFootprint::new(outline.to_vec(), offset.z, offset.z + 3.0);
+        let tank = Cylinder::new(offset + v(-6.0, -5.0, 0.0), 2.0, 4.0);
+        let shapes = [
+            ("tank", Shape::Cylinder(tank.expect("a tank")), v(-6.0, -5.0, 2.0), 0.55),
+            ("house", Shape::Footprint(house.expect("a house")), v(6.0, -6.0, 1.0), 0.55),
+            ("hill", Shape::HeightField(hill.expect("a hill")), v(-11.0, 8.0, 0.5), 0.4),
+            ("pyramid", pyramid(offset + v(6.0, 6.0, 0.0)), v(7.0, 6.0, 1.0), 0.5),
+        ];
+        let yard = Stage::at(offset)
+            .with_camera(v(-14.0, -12.0, 7.0), v(0.0, 0.0, 0.5), RED)
+            .with_camera(v(14.0, -13.0, 6.0), v(0.0, 1.0, 0.5), GREEN)
+            .with_camera(v(1.0, 17.0, 8.0), v(0.0, 0.0, 0.5), BLUE);
+        let mut whole = yard.clone();
+        for (name, shape, middle, least_clear) in shapes {
+            let stage = yard.clone().with_shape(shape.clone());
+            let [front, back] = [v(-3.0, -12.0, 6.0), v(5.0, 11.0, 7.0)]
+                .map(|from| view(middle + from + offset, middle + offset, 0.9, 200, 140));
+            check_twin(&format!("{name}_front"), &stage, &front, least_clear);
+            check_twin(&format!("{name}_back"), &stage, &back, least_clear);
+            // And without any camera: the material alone.
+            let bare = Stage { cameras: Vec::new(), ..stage };
+            check_twin(&format!("{name}_bare"), &bare, &front, 0.8);
+            whole = whole.with_shape(shape);
+        }
+        let above = view(v(0.5, -22.0, 16.0) + offset, v(0.0, 0.0, 0.5) + offset, 0.9, 240, 160);
+        check_twin("all_shapes", &whole, &above, 0.4);
+    }
 }
 
 #[test]
@@ -250,7 +297,7 @@ fn points_of(state: &SceneState, foot: DVec3) -> Vec<EntityPoint> {
     let mut points = Vec::new();
     for y in 0..mask.height {
         for x in (0..mask.width).filter(|x| mask.get(*x, y) > 0) {
-            let texture = glam::DVec2::new(
+            let texture = DVec2::new(
                 (f64::from(x) + 0.5) / f64::from(mask.width),
                 (f64::from(y) + 0.5) / f64::from(mask.height),
             );
@@ -310,7 +357,7 @@ fn hard_views_give_finite_pictures() {
     let up = check("straight_up", view(v(0.0, -6.0, 1.0), v(0.0, -6.0, 9.0), 0.8, 60, 60));
     assert_eq!(pixel(&up, 30, 30), SKY);
     let below = check("below_ground", view(v(0.0, 0.0, -4.0), v(3.0, 0.0, 0.0), 1.0, 60, 60));
-    let ground = state.scene.ground_materials[0].color_srgb;
+    let ground = state.scene.materials[0].color_srgb;
     assert!(pixel(&below, 30, 30).iter().zip(ground).all(|(a, b)| a.abs_diff(b) <= 1), "material from below");
     let behind = check("away", view(v(0.0, -30.0, 3.0), v(0.0, -60.0, 4.0), 0.8, 60, 40));
     assert_eq!(pixel(&behind, 30, 10), SKY);
@@ -332,7 +379,7 @@ fn a_scene_without_cameras_shows_its_materials() {
     let state = stage.state();
     let (rendered, plan) = draw(&mut renderer, &state, &view, EntityStyle::Billboards);
     assert!(plan.surface_cameras.is_empty() && plan.depth_map_cameras.is_empty());
-    assert_eq!(pixel(&rendered.image, 45, 55), state.scene.ground_materials[0].color_srgb);
+    assert_eq!(pixel(&rendered.image, 45, 55), state.scene.materials[0].color_srgb);
     check_twin("no_camera", &stage, &view, 0.8);
 
     let mut empty = Arc::unwrap_or_clone(Arc::clone(&state.scene));

@@ -1,5 +1,8 @@
 //! The scene document as its authors write it: read whole, written back, and refused with places.
 
+#[path = "scene/models.rs"]
+mod models;
+
 use crate::support::real_data;
 use glam::DVec3;
 use proptest::prelude::*;
@@ -75,12 +78,12 @@ fn a_whole_document_is_read() {
         (scene.id.as_str(), scene.name.as_str(), scene.sky_srgb),
         ("plaza", "Plaza", [0x10, 0x20, 0x30])
     );
-    assert_eq!(scene.surfaces.ground[0].corners().len(), 4);
-    assert_eq!(scene.ground_materials[0].color_srgb, [0x8a, 0x8a, 0x84]);
+    assert_eq!(scene.surfaces.ground().next().unwrap().corners().len(), 4);
+    assert_eq!(scene.materials[0].color_srgb, [0x8a, 0x8a, 0x84]);
     // Turned by 90 degrees, its own x points north.
-    let corner = scene.surfaces.boxes[0].world_from_box_point(DVec3::new(10.0, 0.0, 0.0));
+    let corner = scene.surfaces.boxes().next().unwrap().world_from_box_point(DVec3::new(10.0, 0.0, 0.0));
     assert!((corner - DVec3::new(0.0, 25.0, 4.0)).length() < 1e-12, "{corner}");
-    assert_eq!(scene.box_materials[0].color_srgb, [0xb0, 0xa0, 0x80]);
+    assert_eq!(scene.materials[1].color_srgb, [0xb0, 0xa0, 0x80]);
     assert_eq!(scene.cameras[0].id.as_str(), "north");
     assert_eq!(scene.cameras[0].camera.size_px(), (640, 480));
     assert_eq!(document.origin.expect("an origin").latitude_deg, 52.09);
@@ -101,14 +104,16 @@ fn what_is_written_back_reads_the_same() {
 fn what_is_left_out_has_its_default() {
     let ParsedScene { scene, document } = parse(&json!({"version": 1})).expect("enough");
     assert_eq!((scene.name.as_str(), scene.sky_srgb), ("plaza", [0x87, 0xb5, 0xdd]));
-    assert!(scene.cameras.is_empty() && scene.surfaces.ground.is_empty() && scene.surfaces.boxes.is_empty());
+    assert!(
+        scene.cameras.is_empty() && scene.surfaces.ground().len() == 0 && scene.surfaces.boxes().len() == 0
+    );
     assert_eq!(document.origin, None);
     let parsed = parse(&json!({"version": 1,
         "ground": [{"polygon": [[0, 0], [1, 0], [0, 1]]}],
         "boxes": [{"id": "a", "center_m": [0, 0, 0], "size_m": [1, 1, 1]}]}))
     .expect("enough");
     assert_eq!((parsed.document.ground[0].height_m, parsed.document.boxes[0].yaw_deg), (0.0, 0.0));
-    assert_eq!(parsed.scene.ground_materials[0].color_srgb, [0x8a, 0x8a, 0x84]);
+    assert_eq!(parsed.scene.materials[0].color_srgb, [0x8a, 0x8a, 0x84]);
 }
 
 #[test]
@@ -461,7 +466,7 @@ proptest! {
         let pointer = &pointers[place.index(pointers.len())];
         let mutated = with(pointer, json!(number));
         match parse(&mutated) {
-            Ok(parsed) => prop_assert!(parsed.scene.surfaces.boxes.iter().all(|b| b.center().is_finite())),
+            Ok(parsed) => prop_assert!(parsed.scene.surfaces.boxes().all(|b| b.center().is_finite())),
             Err(error) => prop_assert!(!error.faults().is_empty()),
         }
     }

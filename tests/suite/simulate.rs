@@ -147,7 +147,7 @@ fn depth_along_the_ray_ends_on_what_is_seen() {
                 let point = ray.at(depth / ray.direction.dot(forward));
                 let instance = truth.instance.get(x, y);
                 if instance == 0 {
-                    let boxes = world.surfaces().boxes.iter();
+                    let boxes = world.surfaces().boxes();
                     let off = boxes.map(|solid| distance_to_box(solid, point)).fold(point.z.abs(), f64::min);
                     assert!(off < 1e-4, "{id} ({x}, {y}): {point} is {off} m off every surface");
                 } else {
@@ -226,7 +226,7 @@ fn buildings_are_seen_where_their_corners_project() {
             let depth = f64::from(plate.truth().depth_m[(y * SIZE.0 + x) as usize]);
             (depth > 0.0).then(|| ray.at(depth / ray.direction.dot(forward)))
         };
-        for (idx, solid) in world.surfaces().boxes[..2].iter().enumerate() {
+        for (idx, solid) in world.surfaces().boxes().take(2).enumerate() {
             let place = format!("{id}, box {idx}");
             let corners: Vec<_> = box_corners(-solid.half_size(), solid.half_size()).collect();
             for corner in &corners {
@@ -273,7 +273,7 @@ fn figures_walk_on_the_paving_clear_of_buildings_and_of_each_other() {
             let speed = (later[i].foot_in_world - foot).length() / 0.01;
             assert!((1.0..2.0).contains(&speed), "{} walks {speed} m/s", figure.name);
             assert!((1.6..1.9).contains(&figure.height_m));
-            for solid in &world.surfaces().boxes {
+            for solid in world.surfaces().boxes() {
                 let distance = distance_to_box(solid, foot + DVec3::Z);
                 let is_outside = !is_in(solid, foot + DVec3::Z);
                 assert!(is_outside && distance > 0.6, "{} at {time}: {distance} m", figure.name);
@@ -288,7 +288,7 @@ fn figures_walk_on_the_paving_clear_of_buildings_and_of_each_other() {
 
 fn is_in(solid: &OrientedBox, point: DVec3) -> bool {
     let toward_center = (solid.center() - point).normalize();
-    let world = videofields::geometry::Surfaces { ground: Vec::new(), boxes: vec![*solid] };
+    let world = videofields::geometry::Surfaces::of_ground_and_boxes(Vec::new(), vec![*solid]);
     // A ray from inside leaves: it meets the box on its way out, with an outward normal along it.
     world
         .hit(&Ray { origin: point, direction: toward_center }, 0.0)
@@ -342,8 +342,8 @@ fn the_scene_document_tells_of_the_same_world() {
         value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
     };
     let ground = json["ground"].as_array().unwrap();
-    assert_eq!(ground.len(), world.surfaces().ground.len());
-    for (written, polygon) in ground.iter().zip(&world.surfaces().ground) {
+    assert_eq!(ground.len(), world.surfaces().ground().len());
+    for (written, polygon) in ground.iter().zip(world.surfaces().ground()) {
         assert_eq!(written["height_m"].as_f64(), Some(polygon.height_m()));
         let corners: Vec<_> = written["polygon"].as_array().unwrap().iter().map(numbers).collect();
         let expected: Vec<_> = polygon.corners().iter().map(|corner| corner.to_array().to_vec()).collect();
@@ -351,8 +351,8 @@ fn the_scene_document_tells_of_the_same_world() {
         assert_ne!(color(written), 0);
     }
     let boxes = json["boxes"].as_array().unwrap();
-    assert_eq!(boxes.len(), world.surfaces().boxes.len());
-    for (written, solid) in boxes.iter().zip(&world.surfaces().boxes) {
+    assert_eq!(boxes.len(), world.surfaces().boxes().len());
+    for (written, solid) in boxes.iter().zip(world.surfaces().boxes()) {
         let vector = |field: &str| DVec3::from_slice(&numbers(&written[field]));
         let yaw_rad = written["yaw_deg"].as_f64().unwrap().to_radians();
         let read = OrientedBox::new(vector("center_m"), vector("size_m"), yaw_rad).unwrap();
@@ -630,7 +630,7 @@ fn what_cannot_be_simulated_is_refused_by_name() {
 #[test]
 fn a_view_from_inside_a_wall_or_straight_down_is_still_a_picture() {
     let world = World::plaza();
-    let hall = world.surfaces().boxes[0].center();
+    let hall = world.surfaces().boxes().next().unwrap().center();
     for (eye, target) in [
         (hall, hall + DVec3::Y),
         (DVec3::new(0.0, 0.0, 30.0), DVec3::ZERO),

@@ -122,7 +122,7 @@ fn what_moves_stands_on_the_ground_and_keeps_out_of_walls() {
                 };
                 assert!(tall.contains(&figure.height_m), "{place}: {} m tall", figure.height_m);
                 // A metre up, the middle of nobody is in a building.
-                for (idx, solid) in world.surfaces().boxes.iter().enumerate() {
+                for (idx, solid) in world.surfaces().boxes().enumerate() {
                     let axis = |axis: DVec3| (solid.world_from_box_point(axis) - solid.center()).normalize();
                     let from_middle = foot + DVec3::Z - solid.center();
                     let local = DVec3::new(

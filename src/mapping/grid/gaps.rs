@@ -90,8 +90,8 @@ impl Rows {
         }
         let weights = weights(places)?;
         let offset = blend(around.map(|sample| sample.offset.as_dvec3()).into_iter().zip(weights))?;
-        let is_seen = scene.is_seen(scene.eye() + offset, scene.patches[patch as usize].side);
-        is_seen.then_some((offset.as_vec3(), patch))
+        let seen = scene.seen(scene.eye() + offset, &scene.patches[patch as usize])?;
+        Some(((seen - scene.eye()).as_vec3(), patch))
     }
 
     /// The texel with a point that is nearest in one quarter.

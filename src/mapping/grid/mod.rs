@@ -10,7 +10,9 @@ mod gaps;
 use super::map::{Coverage, Texel, WorldMap};
 use super::side::Side;
 use super::{Builder, Location, MappingError, RELIABLE_THETA_RAD};
-use crate::geometry::{Camera, Face, GroundPolygon, Hit, Ray, SurfaceId, Surfaces};
+use crate::geometry::{
+    Camera, Face, GroundPolygon, Hit, OrientedBox, Ray, Shape, SurfaceId, Surfaces, Triangle,
+};
 use glam::{DMat2, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -118,8 +120,16 @@ struct Patch<'a> {
     normal: DVec3,
     side: Side,
     surface: SurfaceId,
-    /// Which of the rectangle's points lie on the surface; all, where there is none.
-    outline: Option<&'a GroundPolygon>,
+    part: u32,
+    outline: Outline<'a>,
+}
+
+/// Which of a rectangle's points lie on the surface.
+enum Outline<'a> {
+    Whole,
+    Polygon(&'a GroundPolygon),
+    /// Corners anticlockwise, metres along the rectangle's edges.
+    Triangle([DVec2; 3]),
 }
 
 impl<'a> Patch<'a> {
@@ -134,29 +144,38 @@ impl<'a> Patch<'a> {
             normal: hit.normal_in_world,
             side: Side::of(surfaces, hit),
             surface: hit.surface,
-            outline: None,
+            part: hit.part,
+            outline: Outline::Whole,
         }
     }
 
     /// The bounding rectangle of a ground polygon, on the side where the eye is.
-    fn ground(surfaces: &'a Surfaces, idx: usize, eye: DVec3, step_m: f64) -> Self {
-        let ground = &surfaces.ground[idx];
+    fn ground(
+        (surfaces, surface): (&Surfaces, SurfaceId),
+        ground: &'a GroundPolygon,
+        eye: DVec3,
+        step_m: f64,
+    ) -> Self {
         let corners = || ground.corners().iter().copied();
         let low = corners().fold(DVec2::INFINITY, DVec2::min);
         let size = corners().fold(DVec2::NEG_INFINITY, DVec2::max) - low;
         let (face, normal) =
             if eye.z > ground.height_m() { (Face::Top, DVec3::Z) } else { (Face::Bottom, -DVec3::Z) };
-        let hit = hit(SurfaceId::Ground(idx as u16), face, normal);
+        let hit = hit((surface, 0), face, normal);
         let edges = [DVec3::X * size.x, DVec3::Y * size.y];
         Self {
-            outline: Some(ground),
+            outline: Outline::Polygon(ground),
             ..Self::new(surfaces, low.extend(ground.height_m()), edges, step_m, &hit)
         }
     }
 
     /// One side of a box.
-    fn wall(surfaces: &'a Surfaces, idx: usize, axis: usize, sign: f64, step_m: f64) -> Self {
-        let shape = &surfaces.boxes[idx];
+    fn wall(
+        (surfaces, surface): (&Surfaces, SurfaceId),
+        shape: &OrientedBox,
+        (axis, sign): (usize, f64),
+        step_m: f64,
+    ) -> Self {
         let half = shape.half_size();
         let in_world = |local: DVec3| shape.world_from_box_point(local) - shape.center();
         let (right, up) = ((axis + 1) % 3, (axis + 2) % 3);
@@ -169,8 +188,28 @@ impl<'a> Patch<'a> {
             _ => Face::Side,
         };
         let edges = [right, up].map(|edge| in_world(DVec3::AXES[edge] * (2.0 * half[edge])));
-        let hit = hit(SurfaceId::Box(idx as u16), face, normal);
+        let hit = hit((surface, 2 * axis as u32 + u32::from(sign < 0.0)), face, normal);
         Self::new(surfaces, shape.world_from_box_point(corner), edges, step_m, &hit)
+    }
+
+    /// The rectangle along a triangle's longest edge that holds it.
+    fn triangle(surfaces: &Surfaces, surface: SurfaceId, triangle: &Triangle, step_m: f64) -> Self {
+        let [a, b, c] = triangle.corners;
+        let longest = [(a, b), (b, c), (c, a)]
+            .into_iter()
+            .max_by(|(a, b), (c, d)| a.distance_squared(*b).total_cmp(&c.distance_squared(*d)));
+        let (from, to) = longest.unwrap_or((a, b));
+        let along = (to - from).normalize_or_zero();
+        let axes = [along, triangle.normal.cross(along)];
+        let local = triangle.corners.map(|corner| DVec2::from(axes.map(|axis| (corner - from).dot(axis))));
+        let low = local.into_iter().fold(DVec2::INFINITY, DVec2::min);
+        let size = local.into_iter().fold(DVec2::NEG_INFINITY, DVec2::max) - low;
+        let hit = hit((surface, triangle.part), Face::Side, triangle.normal);
+        let edges = [axes[0] * size.x, axes[1] * size.y];
+        Self {
+            outline: Outline::Triangle(local.map(|corner| corner - low)),
+            ..Self::new(surfaces, from + axes[0] * low.x + axes[1] * low.y, edges, step_m, &hit)
+        }
     }
 
     const fn n_points(&self) -> u64 {
@@ -178,9 +217,20 @@ impl<'a> Patch<'a> {
     }
 
     fn point(&self, idx: u64) -> Option<DVec3> {
-        let along = |axis: usize, cell: u64| self.axes[axis] * (self.spacing_m[axis] * (cell as f64 + 0.5));
-        let point = self.corner + along(0, idx % self.n_cells[0]) + along(1, idx / self.n_cells[0]);
-        self.outline.is_none_or(|outline| outline.covers(point.truncate())).then_some(point)
+        let along = |axis: usize, cell: u64| self.spacing_m[axis] * (cell as f64 + 0.5);
+        let (right, up) = (along(0, idx % self.n_cells[0]), along(1, idx / self.n_cells[0]));
+        let point = self.corner + self.axes[0] * right + self.axes[1] * up;
+        let is_on_it = match &self.outline {
+            Outline::Whole => true,
+            Outline::Polygon(polygon) => polygon.covers(point.truncate()),
+            Outline::Triangle([a, b, c]) => {
+                let at = DVec2::new(right, up);
+                [(a, b), (b, c), (c, a)]
+                    .into_iter()
+                    .all(|(from, to)| (*to - *from).perp_dot(at - *from) >= 0.0)
+            }
+        };
+        is_on_it.then_some(point)
     }
 
     fn faces(&self, eye: DVec3) -> bool {
@@ -189,23 +239,40 @@ impl<'a> Patch<'a> {
 }
 
 /// A hit that only says which side it is of.
-const fn hit(surface: SurfaceId, face: Face, normal_in_world: DVec3) -> Hit {
-    Hit { distance_m: 0.0, point_in_world: DVec3::ZERO, normal_in_world, surface, face }
+const fn hit((surface, part): (SurfaceId, u32), face: Face, normal_in_world: DVec3) -> Hit {
+    Hit { distance_m: 0.0, point_in_world: DVec3::ZERO, normal_in_world, surface, face, part }
 }
 
 fn patches(surfaces: &Surfaces, eye: DVec3, step_m: f64) -> Vec<Patch<'_>> {
-    let ground = (0..surfaces.ground.len()).map(|idx| Patch::ground(surfaces, idx, eye, step_m));
-    let walls = (0..surfaces.boxes.len()).flat_map(|idx| {
-        let sides = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)];
-        let mut sides: Vec<_> =
-            sides.into_iter().map(|(axis, sign)| Patch::wall(surfaces, idx, axis, sign, step_m)).collect();
-        // From outside only the sides that face the eye are seen; from inside none faces it and all are.
-        if sides.iter().any(|side| side.faces(eye)) {
-            sides.retain(|side| side.faces(eye));
+    let mut all = Vec::new();
+    for (surface, shape) in surfaces.named() {
+        let named = (surfaces, surface);
+        let first = all.len();
+        match shape {
+            Shape::Ground(polygon) => all.push(Patch::ground(named, polygon, eye, step_m)),
+            Shape::Box(solid) => {
+                let sides = [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)];
+                all.extend(sides.map(|side| Patch::wall(named, solid, side, step_m)));
+            }
+            Shape::Cylinder(_) | Shape::Footprint(_) | Shape::HeightField(_) | Shape::Model(_) => {
+                shape.triangles(&mut |triangle| {
+                    all.push(Patch::triangle(surfaces, surface, &triangle, step_m));
+                });
+            }
         }
-        sides
-    });
-    ground.chain(walls).collect()
+        // Of a solid only the sides that face the eye are seen; from inside all are. (Whether one faces it tells
+        // that of boxes alone; what has no inside is seen from both sides.)
+        let is_within = match shape {
+            Shape::Box(_) => !all[first..].iter().any(|side| side.faces(eye)),
+            Shape::Cylinder(_) | Shape::Footprint(_) => surfaces.is_within_solid(eye),
+            Shape::Ground(_) | Shape::HeightField(_) | Shape::Model(_) => true,
+        };
+        if !is_within {
+            let facing = all.split_off(first).into_iter().filter(|side| side.faces(eye));
+            all.extend(facing);
+        }
+    }
+    all
 }
 
 /// What the grid is laid over.
@@ -265,19 +332,24 @@ impl Scene<'_> {
         }
         let miss_squared = (place - texel - 0.5).length_squared() as f32;
         let texel = texel.y as usize * width + texel.x as usize;
-        if miss_squared >= samples[texel].miss_squared || !self.is_seen(point, patch.side) {
+        if miss_squared >= samples[texel].miss_squared {
             return None;
         }
+        let point = self.seen(point, patch)?;
         let offset = (point - self.eye()).as_vec3();
         let patch = patch_idx as u32;
         Some((texel, Sample { miss_squared, reach_px: 0.0, place: place.as_vec2(), offset, patch }))
     }
 
-    /// Whether the ray towards a point of this side meets that side first.
-    fn is_seen(&self, point: DVec3, side: Side) -> bool {
-        let Some(direction) = (point - self.eye()).try_normalize() else { return false };
+    /// Where the ray towards a point of a patch meets the patch's part of its surface, if it meets that first: for the
+    /// point itself, but of a cylinder the place on the round, not on the prism that the points lie on.
+    fn seen(&self, point: DVec3, patch: &Patch<'_>) -> Option<DVec3> {
+        let direction = (point - self.eye()).try_normalize()?;
         let ray = Ray { origin: self.eye(), direction };
-        self.surfaces.hit(&ray, 0.0).is_some_and(|hit| Side::of(self.surfaces, &hit) == side)
+        let hit = self.surfaces.hit(&ray, 0.0)?;
+        let is_first = hit.surface == patch.surface && hit.part == patch.part;
+        let is_round = matches!(hit.surface, SurfaceId::Cylinder(_));
+        is_first.then_some(if is_round { hit.point_in_world } else { point })
     }
 
     /// Texels per metre along the patch's axes around a point, as the columns of a matrix.

@@ -22,6 +22,7 @@ use super::effects::Effects;
 use super::solids::Solids;
 use super::world::World;
 use crate::error::{Fault, Gatherer, pointer_to};
+use crate::geometry::Surfaces;
 use crate::scene::{OriginDocument, SceneError, json_tree};
 use files::Files;
 use reader::{Placed, Reader};
@@ -92,12 +93,13 @@ fn read(id: &str, tree: Value, files: &dyn Files, reader: &mut Reader<'_>) -> Op
     let light::Lit { light, sky_srgb, sky } = lit?;
     let effects = effects.unwrap_or_else(|| Effects { seed, ..Effects::default() });
     let (terrain, terrain_paint) = still.terrain.unzip();
+    let surfaces = Surfaces::of_ground_and_boxes(still.ground, still.boxes);
     Some(World {
         id: id.to_owned(),
         name,
         origin,
         period_secs,
-        solids: Solids::with_shapes(still.surfaces, terrain, still.posts, still.crowns),
+        solids: Solids::with_shapes(surfaces, terrain, still.posts, still.crowns),
         ground_paints: still.ground_paints,
         box_paints: still.box_paints,
         box_ids: still.box_ids,

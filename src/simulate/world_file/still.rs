@@ -1,12 +1,12 @@
 //! What stands in a world document: terrain and buildings.
 
+use super::super::Terrain;
 use super::super::material::Material;
 use super::super::shape::Part;
-use super::super::terrain::Terrain;
 use super::materials::Materials;
 use super::reader::{Placed, Reader, three, two};
 use crate::error::pointer_to;
-use crate::geometry::{GroundPolygon, OrientedBox, Surfaces};
+use crate::geometry::{GroundPolygon, OrientedBox};
 use glam::DVec2;
 use serde::Deserialize;
 use std::collections::HashSet;
@@ -22,7 +22,8 @@ const MAX_POSTS: f64 = 513.0;
 /// What stands, with what it is painted with.
 #[derive(Default)]
 pub(super) struct Still {
-    pub(super) surfaces: Surfaces,
+    pub(super) ground: Vec<GroundPolygon>,
+    pub(super) boxes: Vec<OrientedBox>,
     pub(super) ground_paints: Vec<Arc<Material>>,
     pub(super) terrain: Option<(Terrain, Arc<Material>)>,
     pub(super) box_ids: Vec<String>,
@@ -36,13 +37,17 @@ pub(super) struct Still {
 impl Still {
     /// Height of the topmost ground at a place, metres; 0 beside all ground.
     pub(super) fn ground_height(&self, at: DVec2) -> f64 {
-        ground_height(&self.surfaces, self.terrain.as_ref().map(|(terrain, _)| terrain), at)
+        ground_height(self.ground.iter(), self.terrain.as_ref().map(|(terrain, _)| terrain), at)
     }
 }
 
 /// Height of the topmost ground at a place, metres; 0 beside all ground.
-pub(in crate::simulate) fn ground_height(surfaces: &Surfaces, terrain: Option<&Terrain>, at: DVec2) -> f64 {
-    let level = surfaces.ground.iter().filter(|polygon| polygon.covers(at)).map(GroundPolygon::height_m);
+pub(in crate::simulate) fn ground_height<'a>(
+    ground: impl Iterator<Item = &'a GroundPolygon>,
+    terrain: Option<&Terrain>,
+    at: DVec2,
+) -> f64 {
+    let level = ground.filter(|polygon| polygon.covers(at)).map(GroundPolygon::height_m);
     level.chain(terrain.and_then(|terrain| terrain.height_at(at))).reduce(f64::max).unwrap_or(0.0)
 }
 
@@ -126,7 +131,7 @@ pub(super) fn terrain(
 fn level(placed: Placed, materials: &Materials, still: &mut Still, reader: &mut Reader<'_>) {
     let place = placed.1.clone();
     let Some(document) = reader.read::<LevelDocument>(placed) else { return };
-    if still.surfaces.ground.len() >= MAX_POLYGONS {
+    if still.ground.len() >= MAX_POLYGONS {
         reader.fault(place, format!("at most {MAX_POLYGONS} polygons are allowed"));
         return;
     }
@@ -137,7 +142,7 @@ fn level(placed: Placed, materials: &Materials, still: &mut Still, reader: &mut 
     }
     match (GroundPolygon::new(corners, document.height_m), material) {
         (Ok(polygon), Some(material)) => {
-            still.surfaces.ground.push(polygon);
+            still.ground.push(polygon);
             still.ground_paints.push(material);
         }
         (Err(error), _) => reader.surface(&place, &error, ["polygon", "height_m", "polygon"]),
@@ -184,10 +189,10 @@ fn hills(placed: Placed, reader: &mut Reader<'_>) -> Option<(Terrain, String)> {
         document.height_m + raised.sum::<f64>()
     });
     let made = Terrain::new(low, document.step_m, columns, heights.collect());
-    if made.is_none() {
+    if made.is_err() {
         reader.fault(place, "the heights are out of range (1e8 metres)");
     }
-    Some((made?, document.material))
+    Some((made.ok()?, document.material))
 }
 
 fn grid(placed: Placed, reader: &mut Reader<'_>) -> Option<(Terrain, String)> {
@@ -202,13 +207,13 @@ fn grid(placed: Placed, reader: &mut Reader<'_>) -> Option<(Terrain, String)> {
     }
     let n_rows = document.heights_m.len() / document.columns as usize;
     let made = Terrain::new(two(document.low_m), document.step_m, document.columns, document.heights_m);
-    if made.is_none() || n_rows as f64 > MAX_POSTS {
+    if made.is_err() || n_rows as f64 > MAX_POSTS {
         let message =
             format!("expected 2 to {MAX_POSTS} whole rows of `columns` numbers, from south to north");
         reader.fault(pointer_to(&place, "heights_m"), message);
         return None;
     }
-    Some((made?, document.material))
+    Some((made.ok()?, document.material))
 }
 
 #[derive(Deserialize)]
@@ -240,7 +245,7 @@ pub(super) fn buildings(
             OrientedBox::new(three(document.center_m), three(document.size_m), document.yaw_deg.to_radians());
         match (made, material) {
             (Ok(made), Some(material)) if is_sound => {
-                still.surfaces.boxes.push(made);
+                still.boxes.push(made);
                 still.box_ids.push(document.id);
                 still.box_yaws_deg.push(document.yaw_deg);
                 still.box_paints.push(material);

@@ -7,7 +7,9 @@ use videofields::frame::{
     CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage, YuvLayout, srgb_from_linear,
 };
 use videofields::fuse::{Billboard, CameraState, Entity, SceneState};
-use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, SurfaceId, Surfaces};
+use videofields::geometry::{
+    Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Shape, SurfaceId, Surfaces,
+};
 use videofields::scene::{Material, Scene, SceneCamera};
 use videofields::segment::PixelRect;
 use videofields::timeline::Observation;
@@ -22,6 +24,8 @@ pub(super) struct Stage {
     pub offset: DVec3,
     pub half_ground_m: f64,
     pub boxes: Vec<OrientedBox>,
+    /// What else stands, in the world.
+    pub shapes: Vec<Shape>,
     pub cameras: Vec<(Arc<Camera>, [f64; 3])>,
     /// A person of 0.6 x 1.8 m: where the feet are.
     pub person: Option<DVec3>,
@@ -33,6 +37,7 @@ impl Stage {
             offset: DVec3::ZERO,
             half_ground_m: 20.0,
             boxes: Vec::new(),
+            shapes: Vec::new(),
             cameras: Vec::new(),
             person: None,
         }
@@ -44,6 +49,11 @@ impl Stage {
 
     pub(super) fn with_box(mut self, center: DVec3, size: DVec3, yaw_rad: f64) -> Self {
         self.boxes.push(OrientedBox::new(center + self.offset, size, yaw_rad).expect("a box"));
+        self
+    }
+
+    pub(super) fn with_shape(mut self, shape: Shape) -> Self {
+        self.shapes.push(shape);
         self
     }
 
@@ -78,7 +88,9 @@ impl Stage {
         let corner = |x: f64, y: f64| DVec2::new(x, y) + self.offset.truncate();
         let corners = vec![corner(-h, -h), corner(h, -h), corner(h, h), corner(-h, h)];
         let ground = vec![GroundPolygon::new(corners, self.offset.z).expect("ground")];
-        Surfaces { ground, boxes: self.boxes.clone() }
+        let ground = ground.into_iter().map(Shape::Ground);
+        let boxes = self.boxes.iter().copied().map(Shape::Box);
+        Surfaces::new(ground.chain(boxes).chain(self.shapes.iter().cloned()).collect())
     }
 
     /// Linear light of a surface. Smooth, so that what is compared is geometry and weights, not resampling.
@@ -86,11 +98,11 @@ impl Stage {
         let p = point - self.offset;
         let wave = |along: f64, length: f64| 0.5 + 0.5 * (along * std::f64::consts::TAU / length).sin();
         match surface {
-            SurfaceId::Ground(_) => {
+            SurfaceId::Ground(_) | SurfaceId::HeightField(_) => {
                 let squares = wave(p.x, 4.0) * wave(p.y, 4.0);
                 [0.15 + 0.6 * squares, 0.2 + 0.5 * wave(p.x + p.y, 9.0), 0.25 + 0.4 * squares]
             }
-            SurfaceId::Box(_) => {
+            _ => {
                 [0.6 + 0.2 * wave(p.z, 1.5), 0.2 + 0.15 * wave(p.x - p.y, 2.0), 0.12 + 0.05 * wave(p.z, 3.0)]
             }
         }
@@ -108,8 +120,14 @@ impl Stage {
         let scene = Scene {
             id: "stage".to_owned(),
             name: "Stage".to_owned(),
-            ground_materials: vec![Material { color_srgb: [110, 108, 100] }],
-            box_materials: vec![Material { color_srgb: [170, 150, 130] }; surfaces.boxes.len()],
+            materials: surfaces
+                .shapes()
+                .iter()
+                .map(|shape| match shape {
+                    Shape::Ground(_) | Shape::HeightField(_) => Material::plain([110, 108, 100]),
+                    _ => Material::plain([170, 150, 130]),
+                })
+                .collect(),
             surfaces,
             sky_srgb: SKY,
             min_entity_size_m: 0.0,

@@ -8,7 +8,7 @@ use super::stage::SKY;
 use glam::{DVec2, DVec3};
 use videofields::frame::{RgbImage, YuvImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
-use videofields::geometry::{Camera, Face, Hit, SurfaceId, Surfaces};
+use videofields::geometry::{Camera, Face, Hit, Shape, SurfaceId, Surfaces};
 use videofields::plan::{Plan, View};
 
 const FEATHER: f64 = 0.06;
@@ -59,7 +59,12 @@ struct Pixel {
 
 fn surface_of(hit: Option<&Hit>) -> Option<(SurfaceId, Face, [i64; 3])> {
     let turned = |normal: DVec3| (normal * 1e3).round().to_array().map(|n| n as i64);
-    hit.map(|hit| (hit.surface, hit.face, turned(hit.normal_in_world)))
+    let direction = |hit: &Hit| match hit.surface {
+        // Round, and one surface all the same.
+        SurfaceId::Cylinder(_) => [0; 3],
+        _ => turned(hit.normal_in_world),
+    };
+    hit.map(|hit| (hit.surface, hit.face, direction(hit)))
 }
 
 impl Pixel {
@@ -149,7 +154,7 @@ impl Pixel {
 
 /// Whether the camera sees the surface there, and whether a map could not think otherwise.
 fn visibility(surfaces: &Surfaces, camera: &Camera, texture: DVec2, hit: &Hit) -> (bool, bool) {
-    if surfaces.boxes.is_empty() {
+    if !surfaces.shapes().iter().any(Shape::hides) {
         return (true, true);
     }
     let seen = |offset: DVec2| camera.ray(texture + offset).and_then(|ray| surfaces.hit(&ray, 0.0));
@@ -167,19 +172,20 @@ fn visibility(surfaces: &Surfaces, camera: &Camera, texture: DVec2, hit: &Hit) -
 }
 
 fn material(state: &SceneState, hit: &Hit) -> [u8; 3] {
-    let material = match hit.surface {
-        SurfaceId::Ground(idx) => state.scene.ground_materials[usize::from(idx)],
-        SurfaceId::Box(idx) => state.scene.box_materials[usize::from(idx)],
-    };
+    let color_srgb = state.scene.material(hit.surface).expect("a material").part_srgb(hit.part);
     let lit = |n: DVec3| 0.6 + 0.4 * n.dot(DVec3::new(-0.36, -0.48, 0.8)).max(0.0) / 0.8;
-    // Light falls on a box's outside; a viewer inside it sees the same colours from behind.
-    let outward = if hit.face == Face::Bottom && matches!(hit.surface, SurfaceId::Ground(_)) {
-        DVec3::Z
-    } else {
-        hit.normal_in_world
+    // Light falls on the outside; a viewer inside sees the same colours from behind.
+    let normal = hit.normal_in_world;
+    let outward = match state.scene.surfaces.shape(hit.surface) {
+        Some(Shape::Ground(_) | Shape::HeightField(_)) => normal * normal.z.signum(),
+        Some(Shape::Model(mesh)) => {
+            let [a, b, c] = mesh.triangles()[hit.part as usize].map(|point| mesh.points()[point as usize]);
+            normal * normal.dot((b - a).cross(c - a)).signum()
+        }
+        _ => normal,
     };
     let light = lit(outward).min(1.0) as f32;
-    material.color_srgb.map(|code| {
+    color_srgb.map(|code| {
         (srgb_from_linear(linear_from_srgb(f32::from(code) / 255.0) * light) * 255.0).round() as u8
     })
 }

@@ -5,7 +5,7 @@
 //! more than everything f32 can round: rays enter relative to the middle of all boxes and at their edge, so no number
 //! in the tree exceeds their diagonal. Knows boxes and rays; knows nothing of what is in the boxes.
 
-use crate::geometry::Ray;
+use super::Ray;
 use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
@@ -15,7 +15,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use obvhs::ray::{Ray as TreeRay, RayHit};
 
 /// Low and high corner of a box along the world's axes, metres.
-pub(super) type Bounds = (DVec3, DVec3);
+pub(crate) type Bounds = (DVec3, DVec3);
 
 /// Padding of boxes relative to the diagonal of all: 32 roundings of f32. A ray's start, direction, reciprocal and
 /// product with it round once each, a box's corner once, and directions below f32's epsilon are taken as that.
@@ -28,7 +28,7 @@ const LARGE_M: f64 = 2e4;
 
 /// How much time goes into a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Quality {
+pub(crate) enum Quality {
     /// Cast through for long: built with care.
     Lasting,
     /// Cast through for one frame.
@@ -37,7 +37,7 @@ pub(super) enum Quality {
 
 /// A tree of boxes over solids that are numbered from 0.
 #[derive(Clone)]
-pub(super) struct BoundsTree {
+pub(crate) struct BoundsTree {
     tree: Bvh2,
     /// Middle and padded half extents of all boxes in the tree.
     center: DVec3,
@@ -70,7 +70,7 @@ impl Entering {
 
 impl BoundsTree {
     /// The tree over solids with these bounds, by their numbers.
-    pub(super) fn new(bounds: &[Bounds], quality: Quality) -> Self {
+    pub(crate) fn new(bounds: &[Bounds], quality: Quality) -> Self {
         let is_large = |(low, high): &Bounds| (*high - *low).max_element() > LARGE_M;
         let numbered = || (0_u32..).zip(bounds);
         let large = numbered().filter(|(_, bounds)| is_large(bounds)).map(|(idx, _)| idx).collect();
@@ -107,7 +107,7 @@ impl BoundsTree {
     /// The nearest solid that the ray meets and what `meet` says of it; of two at one distance the one with the
     /// lower number. `meet` gets a solid's number and gives the distance, metres, above 0, with whatever belongs to
     /// it.
-    pub(super) fn nearest<T>(&self, ray: &Ray, meet: impl Fn(u32) -> Option<(f64, T)>) -> Option<(f64, T)> {
+    pub(crate) fn nearest<T>(&self, ray: &Ray, meet: impl Fn(u32) -> Option<(f64, T)>) -> Option<(f64, T)> {
         let mut best: Option<(f64, u32, T)> = None;
         let mut try_solid = |idx: u32| {
             let (distance, met) = meet(idx)?;
@@ -133,7 +133,7 @@ impl BoundsTree {
     }
 
     /// Whether the ray meets any solid for which `is_met`, which must be no further than `max_distance_m`.
-    pub(super) fn any(&self, ray: &Ray, max_distance_m: f64, is_met: impl Fn(u32) -> bool) -> bool {
+    pub(crate) fn any(&self, ray: &Ray, max_distance_m: f64, is_met: impl Fn(u32) -> bool) -> bool {
         if self.large.iter().any(|idx| is_met(*idx)) {
             return true;
         }

@@ -1,0 +1,62 @@
+//! Models in files beside a scene document: glTF, GLB and PLY -> triangles with colours.
+//!
+//! Every count is held against a limit before room is made for what it counts, every offset against the bytes that are
+//! there; what is malformed is refused with a reason, and nothing is fetched from anywhere but the files that
+//! [`Imports`] allows.
+
+mod accessor;
+mod gltf;
+mod ply;
+
+use super::Imports;
+use glam::DVec3;
+use std::path::Path;
+
+/// Most bytes of a model's file, and of each file that it names.
+pub const MAX_MODEL_BYTES: usize = 64 << 20;
+
+/// Most triangles of all models of a scene together.
+pub const MAX_MODEL_TRIANGLES: usize = 1 << 20;
+
+/// Most points of one model.
+const MAX_POINTS: usize = 1 << 21;
+
+/// What a model's file holds.
+#[derive(Debug, Default)]
+pub(super) struct Model {
+    /// In the file's own axes and units.
+    pub(super) points: Vec<DVec3>,
+    /// Three indices of points each, counter-clockwise seen from outside.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The colour of each triangle, 8-bit sRGB; none where the file has no colours.
+    pub(super) triangles_srgb: Option<Vec<[u8; 3]>>,
+    /// Whether the file's axes have y upwards, as glTF's have; else z is.
+    pub(super) is_y_up: bool,
+}
+
+/// Reads a model with at most `most_triangles`.
+pub(super) fn read(file: &str, most_triangles: usize, imports: &mut dyn Imports) -> Result<Model, String> {
+    let bytes = imports.file(file, MAX_MODEL_BYTES)?;
+    let extension = Path::new(file).extension().and_then(|extension| extension.to_str()).unwrap_or_default();
+    let model = match extension.to_ascii_lowercase().as_str() {
+        "gltf" | "glb" => gltf::read(&bytes, file, most_triangles, imports),
+        "ply" => ply::read(&bytes, most_triangles),
+        _ => Err("a model's file ends with .gltf, .glb or .ply".to_owned()),
+    };
+    model.map_err(|reason| format!("cannot read {file:?}: {}", shortened(&reason)))
+}
+
+/// What a library says may repeat the file's own text at length.
+fn shortened(reason: &str) -> String {
+    const MOST_CHARS: usize = 300;
+    let line = |char: char| if char.is_control() { ' ' } else { char };
+    reason.chars().take(MOST_CHARS).map(line).collect()
+}
+
+/// What is said of too many triangles.
+fn too_many(count: usize, most_triangles: usize) -> String {
+    format!(
+        "{count} triangles, but of {MAX_MODEL_TRIANGLES} that all models of a scene may have together \
+         {most_triangles} are left"
+    )
+}
