@@ -13,6 +13,9 @@ const FULL_MASK: f32 = 0.8;
 // Pixels around the blob's rectangle over which it fades out.
 const RECT_FEATHER_PX: f32 = 2.0;
 
+// Whether any rectangle shows a second source: a variant without looks none up.
+override HAS_BESIDE: bool = true;
+
 struct BillboardIn {
     @location(0) foot_from_anchor: vec3<f32>,
     @location(1) camera_idx: u32,
@@ -26,6 +29,12 @@ struct BillboardIn {
     @location(6) rect: vec4<f32>,
     // Extent along the base line to the left (negative) and right edge, metres.
     @location(7) left_right_m: vec2<f32>,
+    // The second source: where it is looked up, and its share of the whole.
+    @location(8) beside_foot: vec3<f32>,
+    @location(9) beside_camera_idx: u32,
+    @location(10) beside_right: vec3<f32>,
+    @location(11) beside_weight: f32,
+    @location(12) beside_rect: vec4<f32>,
 }
 
 struct Varying {
@@ -34,6 +43,10 @@ struct Varying {
     @location(0) seen_from_anchor: vec3<f32>,
     @location(1) @interpolate(flat) camera_idx: u32,
     @location(2) @interpolate(flat) rect: vec4<f32>,
+    @location(3) beside_from_anchor: vec3<f32>,
+    @location(4) @interpolate(flat) beside_camera_idx: u32,
+    @location(5) @interpolate(flat) beside_rect: vec4<f32>,
+    @location(6) @interpolate(flat) beside_weight: f32,
 }
 
 @vertex
@@ -41,23 +54,43 @@ fn vs_main(in: BillboardIn, @builtin(vertex_index) corner: u32) -> Varying {
     let along = select(in.left_right_m.x, in.left_right_m.y, (corner & 1u) != 0u);
     let up = select(0.0, in.height_m, (corner & 2u) != 0u);
     let drawn = in.foot_from_anchor + in.turned_right * along + in.turned_up * up;
-    let seen = in.foot_from_anchor + in.right * along + vec3<f32>(0.0, 0.0, up);
-    return Varying(view.clip_from_anchor * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect);
+    let upright = vec3<f32>(0.0, 0.0, up);
+    let seen = in.foot_from_anchor + in.right * along + upright;
+    let beside = in.beside_foot + in.beside_right * along + upright;
+    return Varying(
+        view.clip_from_anchor * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect, beside, in.beside_camera_idx,
+        in.beside_rect, in.beside_weight,
+    );
 }
 
+// What a camera shows of the entity at a point: premultiplied by how much of it is the entity's.
+fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>) -> vec4<f32> {
+    let projection = project(camera_idx, point_from_anchor);
+    let texture = clamp(projection.texture, vec2<f32>(0.0), vec2<f32>(1.0));
+    let place = texture * cameras[camera_idx].frame_scale;
+    let color = textureSampleLevel(frames, frame_sampler, place, cameras[camera_idx].frame_layer, 0.0);
+    let beside = max(max(rect.xy - projection.texture, projection.texture - rect.zw), vec2<f32>(0.0));
+    let beside_px = beside * cameras[camera_idx].frame_size_px;
+    let inside = 1.0 - smoothstep(0.0, RECT_FEATHER_PX, max(beside_px.x, beside_px.y));
+    let alpha = select(0.0, smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside, projection.is_seen);
+    return vec4<f32>(color.rgb * alpha, alpha);
+}
+
+// Two sources of one entity are mixed before they cover anything. Where both show it, it is as opaque as by one; what one
+// alone shows is as opaque as that if it has half of the weight or more, and fades with less.
 @fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
-    let k = in.camera_idx;
-    let projection = project(k, in.seen_from_anchor);
-    let texture = clamp(projection.texture, vec2<f32>(0.0), vec2<f32>(1.0));
-    let color = textureSampleLevel(frames, frame_sampler, texture * cameras[k].frame_scale, cameras[k].frame_layer, 0.0);
-    let beside = max(max(in.rect.xy - projection.texture, projection.texture - in.rect.zw), vec2<f32>(0.0));
-    let beside_px = beside * cameras[k].frame_size_px;
-    let inside = 1.0 - smoothstep(0.0, RECT_FEATHER_PX, max(beside_px.x, beside_px.y));
-    let alpha = smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside;
-    let is_shown = projection.is_seen && alpha > 0.0;
-    if !is_shown {
+    var color = shown(in.camera_idx, in.seen_from_anchor, in.rect);
+    if HAS_BESIDE {
+        let beside = shown(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect);
+        let weights = vec2<f32>(1.0 - in.beside_weight, in.beside_weight);
+        let claims = vec2<f32>(color.a, beside.a) * min(2.0 * weights, vec2<f32>(1.0));
+        let sum = color * weights.x + beside * weights.y;
+        let alpha = max(claims.x, claims.y);
+        color = vec4<f32>(sum.rgb * (alpha / max(sum.a, 1e-6)), alpha);
+    }
+    if color.a <= 0.0 {
         discard;
     }
-    return vec4<f32>(color.rgb * alpha, alpha);
+    return color;
 }

@@ -16,10 +16,28 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, pl
             let of = |planned: &PlannedBillboard| {
                 state.entities[planned.entity].sources[planned.source].camera_idx
             };
-            plan.entity_cameras = busiest(seen.iter().map(of), state.cameras.len());
+            let beside = |planned: &PlannedBillboard| {
+                let source = planned.beside?.source;
+                Some(state.entities[planned.entity].sources[source].camera_idx)
+            };
+            // Of too many cameras, those that show somebody first go before those that show somebody beside another.
+            let first = busiest(seen.iter().map(of), state.cameras.len());
+            let second = busiest(seen.iter().filter_map(beside), state.cameras.len());
+            let room = MAX_ENTITY_CAMERAS - first.len();
+            let added: Vec<usize> =
+                second.into_iter().filter(|idx| !first.contains(idx)).take(room).collect();
+            plan.entity_cameras = first;
+            plan.entity_cameras.extend(added);
+            plan.entity_cameras.sort_unstable();
             let n_seen = seen.len();
             plan.billboards =
                 seen.into_iter().filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+            // Whose second camera has no room is shown by the first alone.
+            for planned in &mut plan.billboards {
+                if beside(planned).is_some_and(|idx| !plan.entity_cameras.contains(&idx)) {
+                    (planned.weight, planned.beside) = (1.0, None);
+                }
+            }
             let drawn = (plan.billboards.len(), n_seen, state.entities.len());
             (Some(because_of(drawn, "entities")), None)
         }

@@ -2,11 +2,11 @@
 
 use super::image_array::{Job, Wanted};
 use super::mesh::Mesh;
-use super::passes::{BillboardInstance, PointInstance};
+use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::SceneState;
-use crate::plan::{EntityStyle, Opened, Plan, Projection};
+use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -113,32 +113,28 @@ impl Renderer {
                     let hides = |opened: &Opened| opened.hides.contains(&entity);
                     plan.opened.iter().position(hides).unwrap_or(plan.opened.len())
                 };
-                let mut ordered: Vec<_> = plan
-                    .billboards
-                    .iter()
-                    .map(|planned| {
-                        let billboard = &state.entities[planned.entity].sources[planned.source];
-                        (slot(planned.entity), billboard)
-                    })
-                    .collect();
                 let distance = |foot: DVec3| match stand.parallel_to {
                     None => (foot - stand.eye_in_world).truncate().length_squared(),
                     Some(forward) => (foot - anchor).dot(forward),
                 };
-                ordered.sort_by(|(a_slot, a), (b_slot, b)| {
-                    let nearer = distance(b.foot_in_world).total_cmp(&distance(a.foot_in_world));
-                    a_slot.cmp(b_slot).then(nearer)
-                });
-                let end = |idx: usize| ordered.partition_point(|(slot, _)| *slot <= idx) as u32;
-                self.slot_ends.extend((0..plan.opened.len()).map(end));
-                self.billboards.extend(ordered.into_iter().filter_map(|(_, billboard)| {
+                let seen = |entity: usize, source: usize| {
+                    let billboard = &state.entities[entity].sources[source];
                     let camera = &state.cameras[billboard.camera_idx];
-                    let image = &camera.observation.frame.image;
-                    let size = (image.width(), image.height());
-                    let idx = shader_idx(billboard.camera_idx)?;
-                    let from = (anchor, picture.viewer);
-                    Some(BillboardInstance::new(billboard, &camera.camera, idx, size, from))
-                }));
+                    Some(Seen::new(billboard, camera, shader_idx(billboard.camera_idx)?))
+                };
+                let drawn = |planned: &PlannedBillboard| {
+                    let first = seen(planned.entity, planned.source)?;
+                    let beside = planned.beside.and_then(|PlannedSource { source, weight }| {
+                        Some((seen(planned.entity, source)?, weight))
+                    });
+                    let instance = BillboardInstance::new(&first, beside.as_ref(), anchor, picture.viewer);
+                    Some((slot(planned.entity), distance(first.foot_in_world()), instance))
+                };
+                let mut ordered: Vec<_> = plan.billboards.iter().filter_map(drawn).collect();
+                ordered.sort_by(|(a_slot, a, _), (b_slot, b, _)| a_slot.cmp(b_slot).then(b.total_cmp(a)));
+                let end = |idx: usize| ordered.partition_point(|(slot, ..)| *slot <= idx) as u32;
+                self.slot_ends.extend((0..plan.opened.len()).map(end));
+                self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
             }
             EntityStyle::Points => {
                 let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, anchor));

@@ -355,10 +355,14 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
         return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
     }
     for planned in &plan.billboards {
-        let source = state.entities.get(planned.entity).and_then(|entity| entity.sources.get(planned.source));
-        if source.is_none_or(|source| source.camera_idx >= state.cameras.len()) {
-            let message = format!("billboards names source {} of entity {}", planned.source, planned.entity);
-            return Err(RenderError::Plan(message));
+        let source_of =
+            |idx: usize| state.entities.get(planned.entity).and_then(|entity| entity.sources.get(idx));
+        let sources = std::iter::once(planned.source).chain(planned.beside.map(|beside| beside.source));
+        for idx in sources {
+            if source_of(idx).is_none_or(|source| source.camera_idx >= state.cameras.len()) {
+                let message = format!("billboards names source {idx} of entity {}", planned.entity);
+                return Err(RenderError::Plan(message));
+            }
         }
     }
     Ok(())

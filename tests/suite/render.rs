@@ -1,5 +1,7 @@
 //! The render room seen from outside: against its f64 twin, against goldens, and in every hard case.
 
+#[path = "render/blend.rs"]
+mod blend;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]

@@ -3,8 +3,7 @@
 use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, Translucent, draw_pipeline,
 };
-use crate::fuse::Billboard;
-use crate::geometry;
+use crate::fuse::{Billboard, CameraState};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::Viewer;
 use crate::render::image_array::ImageArray;
@@ -23,11 +22,16 @@ pub(in crate::render) struct Instance {
     turned_up: [f32; 3],
     rect: [f32; 4],
     left_right_m: [f32; 2],
+    beside_foot: [f32; 3],
+    beside_camera_idx: u32,
+    beside_right: [f32; 3],
+    beside_weight: f32,
+    beside_rect: [f32; 4],
 }
 
-const ATTRIBUTES: Attributes<8> = wgpu::vertex_attr_array![
+const ATTRIBUTES: Attributes<13> = wgpu::vertex_attr_array![
     0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x3, 6 => Float32x4,
-    7 => Float32x2
+    7 => Float32x2, 8 => Float32x3, 9 => Uint32, 10 => Float32x3, 11 => Float32, 12 => Float32x4
 ];
 
 /// Pixels of the camera's picture by which a rectangle is drawn larger than its blob, for the mask's soft edge.
@@ -37,37 +41,95 @@ const UNTURNED_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// Elevation of the viewer above which rectangles lean back.
 const UPRIGHT_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
-impl Instance {
-    pub(in crate::render) fn new(
-        billboard: &Billboard,
-        camera: &geometry::Camera,
+/// A source of an entity, and where shaders find what its camera shows.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Seen<'a> {
+    billboard: &'a Billboard,
+    camera: &'a CameraState,
+    camera_idx: usize,
+}
+
+impl<'a> Seen<'a> {
+    /// `camera_idx` is the shader's.
+    pub(in crate::render) const fn new(
+        billboard: &'a Billboard,
+        camera: &'a CameraState,
         camera_idx: usize,
-        frame_size_px: (u32, u32),
-        (anchor_in_world, viewer): (DVec3, Viewer),
     ) -> Self {
-        let Billboard { rect, foot_in_world, right_in_world, left_right_m: [left, right], height_m, .. } =
-            billboard;
-        let (width, height) = (f64::from(frame_size_px.0), f64::from(frame_size_px.1));
-        let edge_m = EDGE_PX * foot_in_world.distance(camera.pose().position_in_world)
-            / (camera.focal_px().min_element() * width / f64::from(camera.size_px().0));
+        Self { billboard, camera, camera_idx }
+    }
+
+    pub(in crate::render) const fn foot_in_world(&self) -> DVec3 {
+        self.billboard.foot_in_world
+    }
+
+    fn frame_size_px(&self) -> (f64, f64) {
+        let image = &self.camera.observation.frame.image;
+        (f64::from(image.width()), f64::from(image.height()))
+    }
+
+    /// The blob's rectangle in texture coordinates: upper left, lower right.
+    fn rect(&self) -> [f32; 4] {
+        let rect = self.billboard.rect;
+        let (width, height) = self.frame_size_px();
         let [x, y] = [f64::from(rect.x), f64::from(rect.y)];
+        let [right, bottom] = [x + f64::from(rect.width), y + f64::from(rect.height)];
+        [x / width, y / height, right / width, bottom / height].map(|share| share as f32)
+    }
+
+    /// What [`EDGE_PX`] are worth at the foot, metres.
+    fn edge_m(&self) -> f64 {
+        let camera = &self.camera.camera;
+        let distance_m = self.billboard.foot_in_world.distance(camera.pose().position_in_world);
+        let frame_px = self.frame_size_px().0 / f64::from(camera.size_px().0);
+        EDGE_PX * distance_m / (camera.focal_px().min_element() * frame_px)
+    }
+}
+
+impl Instance {
+    /// The rectangle as its first source has it, turned towards the viewer; with a second `beside` it and its weight, which
+    /// is looked up at the same metres from its own foot.
+    pub(in crate::render) fn new(
+        first: &Seen<'_>,
+        beside: Option<&(Seen<'_>, f32)>,
+        anchor_in_world: DVec3,
+        viewer: Viewer,
+    ) -> Self {
+        let Billboard { foot_in_world, right_in_world, .. } = first.billboard;
         let (to_viewer, away) = viewer.seen_from(*foot_in_world);
         let [turned_right, turned_up] = turned_towards(*right_in_world, to_viewer, away);
-        Self {
-            foot_from_anchor: (*foot_in_world - anchor_in_world).as_vec3().to_array(),
-            camera_idx: camera_idx as u32,
-            right: right_in_world.as_vec3().to_array(),
-            height_m: (height_m + edge_m) as f32,
-            turned_right: turned_right.as_vec3().to_array(),
-            turned_up: turned_up.as_vec3().to_array(),
-            rect: [
-                (x / width) as f32,
-                (y / height) as f32,
-                ((x + f64::from(rect.width)) / width) as f32,
-                ((y + f64::from(rect.height)) / height) as f32,
-            ],
-            left_right_m: [(left - edge_m) as f32, (right + edge_m) as f32],
+        let from_anchor = |point: DVec3| (point - anchor_in_world).as_vec3().to_array();
+        let direction = |direction: DVec3| direction.as_vec3().to_array();
+        // As large as the larger of both, so that neither is cut off.
+        let (mut left_right_m, mut height_m) = (first.billboard.left_right_m, first.billboard.height_m);
+        let mut edge_m = first.edge_m();
+        if let Some((beside, _)) = beside {
+            let [left, right] = beside.billboard.left_right_m;
+            left_right_m = [left_right_m[0].min(left), left_right_m[1].max(right)];
+            height_m = height_m.max(beside.billboard.height_m);
+            edge_m = edge_m.max(beside.edge_m());
         }
+        let second = beside.map_or(first, |(beside, _)| beside);
+        Self {
+            foot_from_anchor: from_anchor(*foot_in_world),
+            camera_idx: first.camera_idx as u32,
+            right: direction(*right_in_world),
+            height_m: (height_m + edge_m) as f32,
+            turned_right: direction(turned_right),
+            turned_up: direction(turned_up),
+            rect: first.rect(),
+            left_right_m: [(left_right_m[0] - edge_m) as f32, (left_right_m[1] + edge_m) as f32],
+            beside_foot: from_anchor(second.billboard.foot_in_world),
+            beside_camera_idx: second.camera_idx as u32,
+            beside_right: direction(second.billboard.right_in_world),
+            beside_weight: beside.map_or(0.0, |(_, weight)| *weight),
+            beside_rect: second.rect(),
+        }
+    }
+
+    /// Whether two sources are shown.
+    const fn is_blended(&self) -> bool {
+        self.beside_weight > 0.0
     }
 }
 
@@ -100,7 +162,8 @@ fn turned_towards(right_in_world: DVec3, to_viewer: DVec3, away: DVec2) -> [DVec
 #[derive(Debug)]
 pub(in crate::render) struct BillboardPass {
     frames: LiveFrames,
-    pipelines: BySamples,
+    /// Without a second source, and with.
+    pipelines: [BySamples; 2],
     instances: GrowingBuffer,
 }
 
@@ -110,7 +173,7 @@ impl BillboardPass {
     pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
-        Self { frames, pipelines: BySamples::default(), instances }
+        Self { frames, pipelines: Default::default(), instances }
     }
 
     /// Records the rectangles, given from back to front, and among them the surfaces that are translucent: the first of
@@ -130,6 +193,7 @@ impl BillboardPass {
             attributes: &ATTRIBUTES,
         };
         let samples = into.targets.samples();
+        let is_blended = instances.iter().any(Instance::is_blended);
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[into.frame_layout, &self.frames.layout],
@@ -140,10 +204,10 @@ impl BillboardPass {
                 writes_depth: false,
                 culls_back: false,
             },
-            variant: &[],
+            variant: &[("HAS_BESIDE", f64::from(u8::from(is_blended)))],
             samples,
         };
-        let pipeline = self.pipelines.get(samples, || draw_pipeline(gpu, wanted))?;
+        let pipeline = self.pipelines[usize::from(is_blended)].get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
         let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);

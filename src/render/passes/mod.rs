@@ -9,7 +9,7 @@ mod surface;
 mod yuv;
 
 pub(super) use average::AveragePass;
-pub(super) use billboard::{BillboardPass, Instance as BillboardInstance};
+pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
 pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass, Translucent};

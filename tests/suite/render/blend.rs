@@ -1,0 +1,106 @@
+//! One entity out of two cameras' pictures.
+
+use super::{Brush, keep, pixel, plaza, renderer, v, view};
+use glam::DVec3;
+use std::sync::Arc;
+use videofields::frame::{Mask, RgbImage};
+use videofields::fuse::SceneState;
+use videofields::plan::{EntityStyle, Plan, PlannedBillboard, PlannedSource};
+use videofields::render::View;
+
+const FOOT: DVec3 = DVec3::new(-1.0, -3.0, 0.0);
+
+/// Between the first two cameras of the plaza.
+fn between() -> View {
+    view(v(0.0, -13.0, 4.0), v(-1.0, -3.0, 0.9), 0.35, 160, 120)
+}
+
+/// A plan that shows the person by the first camera, and by `beside` with its weight.
+fn planned(brush: &Brush, state: &SceneState, beside: Option<(usize, f32)>) -> Plan {
+    let plan = brush.plan(state, &between(), EntityStyle::Billboards);
+    let beside = beside.map(|(source, weight)| PlannedSource { source, weight });
+    let weight = 1.0 - beside.map_or(0.0, |beside| beside.weight);
+    let billboards = vec![PlannedBillboard { entity: 0, source: 0, weight, beside }];
+    Plan { billboards, entity_cameras: vec![0, 1, 2], ..plan }
+}
+
+fn drawn(brush: &mut Brush, state: &SceneState, beside: Option<(usize, f32)>) -> RgbImage {
+    let plan = planned(brush, state, beside);
+    brush.render(state, &between(), &plan).expect("a picture").image
+}
+
+/// The greatest difference of two pictures, and the mean of all.
+fn differences(a: &RgbImage, b: &RgbImage) -> (u8, f64) {
+    let each = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b));
+    let mean = each.clone().map(f64::from).sum::<f64>() / a.data.len() as f64;
+    (each.max().unwrap_or(0), mean)
+}
+
+/// Where the person's chest is: red on the one side, yellow on the other, 1.2 m above the ground.
+fn chest(image: &RgbImage) -> [[u8; 3]; 2] {
+    [-0.12, 0.12].map(|across| {
+        let [x, y] = between().project(FOOT + v(across, 0.0, 1.2)).expect("in view");
+        pixel(image, (x * 160.0) as u32, (y * 120.0) as u32)
+    })
+}
+
+#[test]
+fn two_sources_are_as_opaque_as_one() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = plaza(DVec3::ZERO).with_person(FOOT).state();
+    let plan = planned(&brush, &state, Some((1, 0.5)));
+    // Before the cameras' ground and before none: what covers in full is the same before both.
+    let bare = Plan { surface_cameras: Vec::new(), depth_map_cameras: Vec::new(), ..plan.clone() };
+    let [before_ground, before_material] =
+        [plan, bare].map(|plan| brush.render(&state, &between(), &plan).expect("a picture").image);
+    keep("blend", &before_ground);
+    assert!(differences(&before_ground, &before_material).0 > 60, "the grounds differ");
+    let chests = [&before_ground, &before_material].map(chest);
+    assert!(
+        chests[0].iter().flatten().zip(chests[1].iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 1),
+        "{chests:?}"
+    );
+    // Both show the same chest, as far as chroma at half resolution goes.
+    let alone = chest(&drawn(&mut brush, &state, None));
+    assert!(
+        chests[0].iter().flatten().zip(alone.iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 32),
+        "{alone:?}"
+    );
+}
+
+#[test]
+fn a_second_source_comes_and_goes_without_a_step() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = plaza(DVec3::ZERO).with_person(FOOT).state();
+    let mut before = drawn(&mut brush, &state, None);
+    for step in 0..=50 {
+        let next = drawn(&mut brush, &state, Some((1, 1e-4 + 0.01 * step as f32)));
+        let (most, mean) = differences(&before, &next);
+        // Codes are steep in the dark, where 1 % of a bright colour is some levels.
+        assert!(most <= 24 && mean < 0.3, "step {step}: at most {most}, {mean:.3} on average");
+        before = next;
+    }
+}
+
+#[test]
+fn whom_the_second_camera_misses_stays_opaque() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let mut state = plaza(DVec3::ZERO).with_person(FOOT).state();
+    let alone = chest(&drawn(&mut brush, &state, None));
+    let mask = &mut state.cameras[1].observation.soft_mask;
+    *mask = Arc::new(Mask::filled(mask.width, mask.height, 0));
+    let both = chest(&drawn(&mut brush, &state, Some((1, 0.4))));
+    assert!(
+        alone.iter().flatten().zip(both.iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 2),
+        "{alone:?} {both:?}"
+    );
+}
+
+#[test]
+fn a_plan_with_a_second_source_that_is_not_there_is_refused() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = plaza(DVec3::ZERO).with_person(FOOT).state();
+    let plan = planned(&brush, &state, Some((7, 0.5)));
+    let error = brush.render(&state, &between(), &plan).expect_err("no such source");
+    assert!(error.to_string().contains("source 7"), "{error}");
+}
