@@ -18,6 +18,10 @@ const LEAST_RAD: f64 = 1e-3;
 /// A camera that looks across the viewer shows another side; it counts less from this much before, radians.
 const FADE_RAD: f64 = 0.26;
 
+/// A second camera that looks this much less as the viewer does than the first shows nothing, radians: cameras apart show
+/// other sides of other limbs, and a mixture of them for longer than a hand-over takes has four arms.
+const HAND_OVER_RAD: f64 = 0.2;
+
 /// Feet so far apart, and heights that differ so much, are no one rectangle, metres; half as much is none's concern.
 const FOOT_M: f64 = 0.5;
 const HEIGHT_M: f64 = 0.35;
@@ -45,7 +49,8 @@ pub(super) fn choose(
         let third = angles.get(2).map_or(0.0, |(third_rad, _)| third_rad.recip());
         let share = weight([first_rad.recip() - third, second_rad.recip() - third]);
         let facing = ((FRAC_PI_2 - second_rad) / FADE_RAD).clamp(0.0, 1.0);
-        let share = share * facing * agreement(&entity.sources[first], &entity.sources[second]);
+        let near = hand_over(first_rad, second_rad);
+        let share = share * facing * near * agreement(&entity.sources[first], &entity.sources[second]);
         (share > 0.0).then_some((second, share as f32))
     });
     Some((first, second))
@@ -63,6 +68,11 @@ fn weight([first, second]: [f64; 2]) -> f64 {
     let above = (share - LEAST_WEIGHT) / (0.5 - LEAST_WEIGHT);
     // Where both claims are 0, three cameras are as close.
     if above.is_finite() { 0.5 * above.clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// How far a hand-over from the first to the second has come, by how much further off the second is: 0 to 1.
+fn hand_over(first_rad: f64, second_rad: f64) -> f64 {
+    (1.0 - (second_rad - first_rad) / HAND_OVER_RAD).clamp(0.0, 1.0)
 }
 
 /// How much two rectangles are one, 0 to 1.
@@ -95,6 +105,23 @@ mod tests {
         let weights: Vec<f64> =
             angles().map(|second| of([0.3_f64.min(second), second.max(0.3), 1.2])).collect();
         assert!(weights.windows(2).all(|pair| (pair[0] - pair[1]).abs() < 0.02));
+    }
+
+    #[test]
+    fn two_cameras_are_mixed_only_while_one_takes_over_from_the_other() {
+        assert_eq!(hand_over(0.7, 0.7), 1.0);
+        assert!((hand_over(0.65, 0.75) - 0.5).abs() < 1e-9);
+        assert_eq!(hand_over(0.3, 0.9), 0.0);
+        assert_eq!(hand_over(1e-3, 0.2 + 1e-3), 0.0);
+        // From one camera to the other, 80 degrees apart: no step is more than the viewer's own.
+        let share = |at: f64| {
+            let [first, second] = [at.min(1.4 - at).max(LEAST_RAD), at.max(1.4 - at)];
+            weight([first.recip(), second.recip()]) * hand_over(first, second)
+        };
+        let shares: Vec<f64> = (0..=1400).map(|step| share(f64::from(step) * 1e-3)).collect();
+        assert!(shares.windows(2).all(|pair| (pair[0] - pair[1]).abs() < 0.01));
+        let n_mixed = shares.iter().filter(|share| **share > 0.0).count();
+        assert!((190..=210).contains(&n_mixed), "{n_mixed} of 1401 steps");
     }
 
     #[test]
