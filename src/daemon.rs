@@ -177,10 +177,12 @@ async fn load_scene(
         }
         Err(error) => {
             let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
-            tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document is served");
             // Its calibrations stand in it, its models still beside the scene's file.
             let imports = scene::FolderImports::beside(&settings.file, &config.settings().media.roots);
-            Ok(scene::parse(&settings.id, &kept.document, imports)?.scene)
+            let parsed = scene::parse(&settings.id, &kept.document, imports);
+            let then = if parsed.is_ok() { "is served" } else { "cannot be served either" };
+            tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document {then}");
+            Ok(parsed?.scene)
         }
     }
 }

@@ -113,7 +113,7 @@ fn sighting(
     let is_whole = !piece.is_truncated && piece.tracks.len() < 2;
     let image = &state.observation.frame.image;
     let height = height(&state.camera, &billboard, &foot, size);
-    let head = if is_whole { head(&state.camera, &billboard, height) } else { None };
+    let head = if is_whole { head(&state.camera, &billboard, height, size) } else { None };
     let estimate = Estimate {
         foot,
         ground_m: foot_in_world.z,
@@ -200,7 +200,7 @@ fn ground_covariance(camera: &Camera, place: DVec3, texture: DVec2, noise: DVec2
 }
 
 /// The ray over a piece's head; of what is broader than tall there is none: that is no person.
-fn head(camera: &Camera, billboard: &Billboard, height: Height) -> Option<Head> {
+fn head(camera: &Camera, billboard: &Billboard, height: Height, size: DVec2) -> Option<Head> {
     let [left, right] = billboard.left_right_m;
     let from_camera = billboard.foot_in_world - camera.pose().position_in_world;
     let distance_m = from_camera.truncate().length();
@@ -210,7 +210,7 @@ fn head(camera: &Camera, billboard: &Billboard, height: Height) -> Option<Head> 
         away: from_camera.truncate() / distance_m,
         distance_m,
         slope: (billboard.height_m + from_camera.z) / distance_m,
-        noise_m: height.sd_m.min(HEIGHT_M + HEAD_PX * distance_m / camera.focal_px().y),
+        noise_m: height.sd_m.min(HEIGHT_M + HEAD_PX * distance_m / pixels_per_focal(camera, size)),
     };
     (right - left < billboard.height_m && distance_m > NADIR_M).then_some(head)
 }
@@ -227,12 +227,16 @@ pub(super) fn brought_near(billboard: &Billboard, head: &Head, foot: DVec2) -> B
     }
 }
 
+/// The focal length in pixels of masks of `size`.
+fn pixels_per_focal(camera: &Camera, size: DVec2) -> f64 {
+    camera.focal_px().y * size.y / f64::from(camera.size_px().1)
+}
+
 /// A billboard's height, with how well it is known: by the head's pixels, and by the foot, which says how far away it is.
 fn height(camera: &Camera, billboard: &Billboard, foot: &Foot, size: DVec2) -> Height {
     let from_camera = billboard.foot_in_world - camera.pose().position_in_world;
     let away = from_camera.truncate();
-    let pixels_per_focal = camera.focal_px().y * size.y / f64::from(camera.size_px().1);
-    let head_m = HEAD_PX * from_camera.length() / pixels_per_focal;
+    let head_m = HEAD_PX * from_camera.length() / pixels_per_focal(camera, size);
     // What the height changes by when the plane moves away by a metre.
     let slope = (billboard.height_m + from_camera.z) / away.length().max(NADIR_M);
     let by_foot_m = slope * foot.sd_along_m(away.normalize_or_zero());

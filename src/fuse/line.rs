@@ -81,6 +81,10 @@ struct Tie {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Line {
     instant: Option<Timestamp>,
+    /// The latest instant there was: what was seen up to then is not evidence again.
+    newest: Option<Timestamp>,
+    /// What was seen last and who that is: asked for again, it is the same.
+    answered: (Vec<Billboard>, Vec<Entity>),
     /// When it was last asked for: a count that grows.
     pub(super) used: u64,
     /// In growing order of ids.
@@ -106,10 +110,16 @@ impl Line {
         followed: &[Followed],
         next_id: &mut u64,
     ) -> Vec<Entity> {
+        let seen: Vec<Billboard> = sightings.iter().map(|sighting| sighting.billboard.clone()).collect();
+        if self.instant == Some(instant) && self.answered.0 == seen {
+            return self.answered.1.clone();
+        }
         let passed_secs = self.secs_to(instant).unwrap_or(0.0);
-        let is_other_instant = self.instant != Some(instant);
-        let step_secs = passed_secs.abs().min(MAX_STEP_SECS);
+        let gained_secs = self.newest.map_or(0.0, |newest| instant.secs_since(newest));
+        let is_new = self.newest.is_none_or(|newest| instant > newest);
+        let step_secs = gained_secs.clamp(0.0, MAX_STEP_SECS);
         self.instant = Some(instant);
+        self.newest = self.newest.max(Some(instant));
         for known in &mut self.known {
             known.walk.pass(passed_secs);
         }
@@ -127,7 +137,7 @@ impl Line {
             let Some(said) = grouping.said(group, None) else { continue };
             let known = match self.known.get_mut(name) {
                 Some(known) => {
-                    if is_other_instant {
+                    if is_new {
                         known.see(&said, instant);
                     }
                     known
@@ -155,7 +165,9 @@ impl Line {
             self.tie(&grouping, (group, id), (&signs, &sightings), step_secs);
         }
         self.follow(followed, &sightings, step_secs);
-        draw(drawn, &grouping, &sightings)
+        let entities = draw(drawn, &grouping, &sightings);
+        self.answered = (seen, entities.clone());
+        entities
     }
 
     /// Lets go of who was not seen for long, and of tracks that ended.

@@ -34,10 +34,11 @@ const CLOSED_OPACITY: f32 = 0.99;
 const LOOKED_AT: [(f64, f64); 7] =
     [(0.0, 0.06), (0.0, 0.3), (0.0, 0.55), (0.0, 0.8), (0.0, 0.97), (-0.7, 0.6), (0.7, 0.6)];
 
-/// Most surfaces that a ray is followed through.
+/// Most surfaces that a ray is followed through, and most times that it meets any: models have many sides.
 const MAX_CROSSED: usize = 16;
+const MAX_HITS: usize = 256;
 
-/// Nearer than this to an entity's point a surface is what it stands at, not before it, metres.
+/// Nearer than this to what it met last, a ray meets the same again, and nearer to the viewer nothing hides, metres.
 const BESIDE_M: f64 = 0.02;
 
 /// An occluder that is drawn translucent.
@@ -232,8 +233,12 @@ fn to_viewer(picture: &Picture, point: DVec3) -> Option<(Ray, f64)> {
 /// The buildings that a ray crosses before `reach_m`, each once, with where it is first met, metres. Ground never opens.
 fn crossings(surfaces: &Surfaces, ray: &Ray, reach_m: f64) -> Vec<(SurfaceId, f64)> {
     let mut crossed: Vec<(SurfaceId, f64)> = Vec::new();
-    let mut from_m = BESIDE_M;
-    for _ in 0..MAX_CROSSED {
+    // What touches the point counts: an exact shape is met once alone.
+    let mut from_m = 0.0;
+    for _ in 0..MAX_HITS {
+        if crossed.len() == MAX_CROSSED {
+            break;
+        }
         let Some(hit) = surfaces.hit(ray, from_m).filter(|hit| hit.distance_m < reach_m) else { break };
         let is_known = crossed.iter().any(|(surface, _)| *surface == hit.surface);
         let is_ground = matches!(hit.surface, SurfaceId::Ground(_) | SurfaceId::HeightField(_));

@@ -79,7 +79,8 @@ fn hand_over(first_rad: f64, second_rad: f64) -> f64 {
 fn agreement(a: &Billboard, b: &Billboard) -> f64 {
     let feet = (a.foot_in_world - b.foot_in_world).length() / FOOT_M;
     let heights = (a.height_m - b.height_m).abs() / HEIGHT_M;
-    (2.0 * (1.0 - feet.max(heights))).clamp(0.0, 1.0)
+    // So written that what is no number agrees with nothing.
+    if feet <= 1.0 && heights <= 1.0 { (2.0 * (1.0 - feet.max(heights))).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -139,6 +140,7 @@ mod tests {
         assert!((0.1..0.9).contains(&agreement(&billboard(0.0, 1.7), &billboard(0.35, 1.7))));
         assert_eq!(agreement(&billboard(0.0, 1.7), &billboard(0.6, 1.7)), 0.0);
         assert_eq!(agreement(&billboard(0.0, 1.7), &billboard(0.0, 1.2)), 0.0);
-        assert_eq!(agreement(&billboard(f64::NAN, 1.7), &billboard(0.0, f64::NAN)).max(0.0), 0.0);
+        assert_eq!(agreement(&billboard(f64::NAN, 1.7), &billboard(0.0, 1.7)), 0.0);
+        assert_eq!(agreement(&billboard(0.0, 1.7), &billboard(0.0, f64::NAN)), 0.0);
     }
 }

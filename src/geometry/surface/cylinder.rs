@@ -74,7 +74,8 @@ impl Cylinder {
             // By the distance at which the ray passes the axis, so that nothing large is subtracted from itself.
             let passing = way.perp_dot(across) / squared.sqrt();
             let half_squared = (self.radius_m - passing) * (self.radius_m + passing) / squared;
-            if half_squared < 0.0 {
+            // So written that what is no number meets nothing.
+            if half_squared.is_nan() || half_squared < 0.0 {
                 return None;
             }
             let (middle, half) = (-across.dot(way) / squared, half_squared.sqrt());

@@ -9,14 +9,17 @@ use base64::Engine;
 use glam::{DMat4, DVec3, Mat4};
 use gltf::buffer::Source;
 use gltf::mesh::Mode;
-use gltf::{Gltf, Mesh, Node, Primitive, Semantic};
+use gltf::{Document, Gltf, Mesh, Node, Primitive, Semantic};
 use percent_encoding::percent_decode_str;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Most bytes of the JSON: its tree takes several times as much.
 const MAX_JSON_BYTES: usize = 16 << 20;
 /// Most nodes that are walked through, each as often as it is reached.
 const MAX_NODES: usize = 1 << 16;
+/// Most primitives of meshes that are looked at, each as often as a node shows it.
+const MAX_PRIMITIVES: usize = 1 << 16;
 /// Length of a GLB's header and of a chunk's.
 const HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
@@ -28,26 +31,27 @@ pub(super) fn read(
     imports: &mut dyn Imports,
 ) -> Result<Model, String> {
     check_lengths(bytes)?;
-    let gltf = Gltf::from_slice(bytes).map_err(|error| format!("not glTF 2.0: {error}"))?;
+    let gltf = parsed(bytes)?;
     let buffers = buffers(&gltf, file, imports)?;
     let mut reading = Reading {
         buffers,
         most_triangles,
+        n_primitives: 0,
         model: Model { is_y_up: true, triangles_srgb: Some(Vec::new()), ..Model::default() },
     };
     let scene = gltf.default_scene().or_else(|| gltf.scenes().next());
-    let roots: Vec<Node<'_>> = match scene {
-        Some(scene) => scene.nodes().collect(),
-        None => return Err("/scenes: there is none".to_owned()),
-    };
-    let mut waiting: Vec<(Node<'_>, DMat4)> = roots.into_iter().map(|node| (node, DMat4::IDENTITY)).collect();
+    let Some(scene) = scene else { return Err("/scenes: there is none".to_owned()) };
+    // Every node that is reached, as often as it is; one that is its own ancestor is met here as well.
     let mut n_nodes = 0;
+    let mut reach = |n_more: usize| {
+        n_nodes += n_more;
+        let message = || format!("/nodes: more than {MAX_NODES} are reached, or one is its own ancestor");
+        if n_nodes <= MAX_NODES { Ok(()) } else { Err(message()) }
+    };
+    reach(scene.nodes().len())?;
+    let mut waiting: Vec<(Node<'_>, DMat4)> = scene.nodes().map(|node| (node, DMat4::IDENTITY)).collect();
     while let Some((node, parent)) = waiting.pop() {
-        n_nodes += 1;
-        // A node that is its own ancestor is met here as well.
-        if n_nodes > MAX_NODES || waiting.len() > MAX_NODES {
-            return Err(format!("/nodes: more than {MAX_NODES} are reached, or one is its own ancestor"));
-        }
+        reach(node.children().len())?;
         let placed = parent * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
         if let Some(mesh) = node.mesh() {
             reading.mesh(&mesh, placed)?;
@@ -55,6 +59,26 @@ pub(super) fn read(
         waiting.extend(node.children().map(|child| (child, placed)));
     }
     Ok(reading.model)
+}
+
+/// The document, valid as far as the library checks it. Its check looks primitives' positions up by their numbers as they
+/// stand there, so these are checked before.
+fn parsed(bytes: &[u8]) -> Result<Gltf, String> {
+    let said = |error: gltf::Error| format!("not glTF 2.0: {error}");
+    let Gltf { document, blob } = Gltf::from_slice_without_validation(bytes).map_err(said)?;
+    let json = document.into_json();
+    let n_accessors = json.accessors.len();
+    for (mesh_idx, mesh) in json.meshes.iter().enumerate() {
+        for (idx, primitive) in mesh.primitives.iter().enumerate() {
+            if let Some(stray) = primitive.attributes.values().find(|stray| stray.value() >= n_accessors) {
+                return Err(format!(
+                    "/meshes/{mesh_idx}/primitives/{idx}/attributes: names accessor {} of {n_accessors}",
+                    stray.value()
+                ));
+            }
+        }
+    }
+    Ok(Gltf { document: Document::from_json(json).map_err(said)?, blob })
 }
 
 /// What the library takes on trust: that a GLB's header counts itself, and how long the JSON is.
@@ -122,6 +146,8 @@ fn linked(uri: &str, file: &str, imports: &mut dyn Imports) -> Result<Vec<u8>, S
 struct Reading {
     buffers: Vec<Vec<u8>>,
     most_triangles: usize,
+    /// Primitives that were looked at, each as often as it is reached.
+    n_primitives: usize,
     model: Model,
 }
 
@@ -129,9 +155,16 @@ impl Reading {
     /// Adds the triangles of a mesh, moved to where its node stands.
     fn mesh(&mut self, mesh: &Mesh<'_>, placed: DMat4) -> Result<(), String> {
         for primitive in mesh.primitives() {
-            let place = format!("/meshes/{}/primitives/{}", mesh.index(), primitive.index());
-            let within =
-                |reason: String| if reason.starts_with('/') { reason } else { format!("{place}: {reason}") };
+            let within = |reason: String| {
+                if reason.starts_with('/') {
+                    return reason;
+                }
+                format!("/meshes/{}/primitives/{}: {reason}", mesh.index(), primitive.index())
+            };
+            self.n_primitives += 1;
+            if self.n_primitives > MAX_PRIMITIVES {
+                return Err(format!("/meshes: more than {MAX_PRIMITIVES} primitives are reached"));
+            }
             self.primitive(&primitive, placed).map_err(within)?;
         }
         Ok(())
@@ -145,7 +178,7 @@ impl Reading {
         }
         let Some(positions) = primitive.get(&Semantic::Positions) else { return Ok(()) };
         let place = format!("/accessors/{}", positions.index());
-        let positions = Elements::new(&positions, &self.buffers, MAX_POINTS - self.model.points.len())?;
+        let positions = Elements::new(&positions, &self.buffers, MAX_POINTS)?;
         if positions.width != 3 || !positions.is_float() {
             return Err(format!("{place}: positions are three floats each"));
         }
@@ -173,7 +206,8 @@ impl Reading {
                 |idx: u32| DVec3::from([0, 1, 2].map(|channel| colors.number(idx as usize, channel)));
             factor * corners.map(corner).into_iter().sum::<DVec3>() / 3.0
         };
-        let first = self.model.points.len() as u32;
+        // Points that triangles name, each once: primitives often share one large accessor.
+        let mut kept: HashMap<u32, u32> = HashMap::new();
         // What mirrors turns triangles round.
         let is_mirrored = placed.determinant() < 0.0;
         let corner = |at: usize| indices.as_ref().map_or(at as u32, |indices| indices.number(at, 0) as u32);
@@ -194,13 +228,18 @@ impl Reading {
             if is_mirrored {
                 std::mem::swap(&mut b, &mut c);
             }
-            self.model.triangles.push([a, b, c].map(|corner| first + corner));
+            let points = &mut self.model.points;
+            let mut kept_at = |corner: u32| {
+                *kept.entry(corner).or_insert_with(|| {
+                    let point = [0, 1, 2].map(|axis| positions.number(corner as usize, axis));
+                    points.push(placed.transform_point3(DVec3::from(point)));
+                    points.len() as u32 - 1
+                })
+            };
+            self.model.triangles.push([a, b, c].map(&mut kept_at));
             let color = srgb_codes(color_of([a, b, c]));
             self.model.triangles_srgb.get_or_insert_default().push(color);
         }
-        let point = |idx: usize| DVec3::from([0, 1, 2].map(|axis| positions.number(idx, axis)));
-        let points = (0..positions.len()).map(|idx| placed.transform_point3(point(idx)));
-        self.model.points.extend(points);
         Ok(())
     }
 }

@@ -18,7 +18,7 @@ pub const MAX_MODEL_BYTES: usize = 64 << 20;
 /// Most triangles of all models of a scene together.
 pub const MAX_MODEL_TRIANGLES: usize = 1 << 20;
 
-/// Most points of one model.
+/// Most points that a list of them in a file may have.
 const MAX_POINTS: usize = 1 << 21;
 
 /// What a model's file holds.
@@ -32,6 +32,24 @@ pub(super) struct Model {
     pub(super) triangles_srgb: Option<Vec<[u8; 3]>>,
     /// Whether the file's axes have y upwards, as glTF's have; else z is.
     pub(super) is_y_up: bool,
+}
+
+impl Model {
+    /// Keeps the points alone that triangles name, in the order in which they do first: so triangles bound what it takes.
+    fn let_go_of_stray_points(&mut self) {
+        const NOWHERE: u32 = u32::MAX;
+        let mut places = vec![NOWHERE; self.points.len()];
+        let mut kept = Vec::new();
+        for corner in self.triangles.iter_mut().flatten() {
+            let place = &mut places[*corner as usize];
+            if *place == NOWHERE {
+                *place = kept.len() as u32;
+                kept.push(self.points[*corner as usize]);
+            }
+            *corner = *place;
+        }
+        self.points = kept;
+    }
 }
 
 /// Reads a model with at most `most_triangles`.

@@ -8,6 +8,9 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 /// Most corners of a face.
 const MAX_CORNERS: usize = 256;
 
+/// Most kinds of elements of a file.
+const MAX_ELEMENTS: usize = 16;
+
 /// One element of the file, of whatever kind.
 struct Element {
     point: DVec3,
@@ -78,7 +81,14 @@ pub(super) fn read(bytes: &[u8], most_triangles: usize) -> Result<Model, String>
     let parser = Parser::<Element>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(|error| format!("not a PLY file: {error}"))?;
+    if header.elements.len() > MAX_ELEMENTS {
+        return Err(format!("at most {MAX_ELEMENTS} elements are read, got {}", header.elements.len()));
+    }
     for (name, element) in &header.elements {
+        // What takes no bytes is not bounded by the file's.
+        if element.properties.is_empty() && element.count > 0 {
+            return Err(format!("element {name}: {} of them without a property", element.count));
+        }
         let most = if name == "vertex" { MAX_POINTS } else { most_triangles };
         if element.count > most && name != "face" {
             return Err(format!("element {name}: at most {most} are allowed, got {}", element.count));
@@ -124,5 +134,6 @@ pub(super) fn read(bytes: &[u8], most_triangles: usize) -> Result<Model, String>
         }
     }
     model.triangles_srgb = has_colors.then_some(triangles_srgb);
+    model.let_go_of_stray_points();
     Ok(model)
 }

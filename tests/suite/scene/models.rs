@@ -354,6 +354,32 @@ fn counts_are_refused_before_room_is_made_for_them() {
     );
     check("a.gltf", &edited(&|d| d["accessors"][0]["componentType"] = json!(5123)), "/accessors/0");
     check("a.gltf", &edited(&|d| d["nodes"][1]["children"] = json!([0])), "one is its own ancestor");
+    check(
+        "a.gltf",
+        &edited(&|d| d["nodes"][0]["children"] = json!(vec![1; 70_000])),
+        "/nodes: more than 65536",
+    );
+    check(
+        "a.gltf",
+        &edited(&|d| d["scenes"][0]["nodes"] = json!(vec![0; 70_000])),
+        "/nodes: more than 65536",
+    );
+    let stray = "/meshes/0/primitives/0/attributes: names accessor 9 of 2";
+    check(
+        "a.gltf",
+        &edited(&|d| d["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = json!(9)),
+        stray,
+    );
+    let lines = json!({"attributes": {"POSITION": 0}, "mode": 1});
+    check(
+        "a.gltf",
+        &edited(&|d| d["meshes"][0]["primitives"] = json!(vec![lines.clone(); 70_000])),
+        "/meshes: more than 65536 primitives",
+    );
+    let ply = |elements: &str| format!("ply\nformat ascii 1.0\n{elements}end_header\n");
+    check("a.ply", &ply("element nothing 1048576\n"), "element nothing: 1048576 of them without a property");
+    let kinds: String = (0..17).map(|idx| format!("element a{idx} 0\nproperty float x\n")).collect();
+    check("a.ply", &ply(&kinds), "at most 16 elements are read, got 17");
     check("a.gltf", &edited(&|d| d["nodes"][0]["translation"][0] = json!(1e30)), "a point must be finite");
     check(
         "a.gltf",
