@@ -127,7 +127,7 @@ impl RenderQueue {
             let waiting = state.n_waiting();
             if waiting >= self.max_pictures {
                 self.metrics.count_refused(ViewRefusal::QueueFull);
-                return Err(EngineError::Busy { waiting, retry_after: state.retry_after(now) });
+                return Err(EngineError::Busy { waiting, retry_after: state.retry_after(now, self.timeout) });
             }
             state.n_ever += 1;
             let id = PlaceId(state.n_ever);
@@ -244,7 +244,7 @@ impl RenderQueue {
 
     /// After how long a new request would about be answered.
     pub(super) fn retry_after(&self) -> Duration {
-        self.lock().retry_after(self.clock.monotonic())
+        self.lock().retry_after(self.clock.monotonic(), self.timeout)
     }
 
     /// Takes nothing more; what waits is still answered.
@@ -273,7 +273,7 @@ impl RenderQueue {
 
     /// Lets go who has left, and refuses who has waited too long.
     fn prune(&self, state: &mut State, now: Duration) {
-        let retry_after = state.retry_after(now);
+        let retry_after = state.retry_after(now, self.timeout);
         for place in &mut state.places {
             let stage = if place.begun_at.is_some() { LateStage::Drawing } else { LateStage::Waiting };
             let is_over = |caller: &mut Caller| {
@@ -290,6 +290,9 @@ impl RenderQueue {
             }
         }
         state.places.retain(|place| !place.callers.is_empty());
+        if !state.is_open && state.places.is_empty() {
+            self.changed.notify_all();
+        }
         self.tell_length(state);
     }
 
@@ -309,11 +312,13 @@ impl State {
     }
 
     /// What is before a new request takes about that long: what is in hand counts as one, since it is one drawing.
-    fn retry_after(&self, now: Duration) -> Duration {
+    /// After `timeout` nothing of that waits any more.
+    fn retry_after(&self, now: Duration, timeout: Duration) -> Duration {
         let n_waiting = self.n_waiting();
         let n_in_hand = usize::from(self.places.len() > n_waiting);
         let n_pictures = u32::try_from(n_waiting + n_in_hand).unwrap_or(u32::MAX);
-        self.pace.median().saturating_mul(n_pictures).max(self.down_until.saturating_sub(now))
+        let queued = self.pace.median().saturating_mul(n_pictures).min(timeout);
+        queued.max(self.down_until.saturating_sub(now))
     }
 }
 

@@ -39,10 +39,19 @@ pub(super) fn run(shared: &Shared) {
         }
         let now = shared.clock.monotonic();
         if let Some(past) = &shared.past {
-            past.tidy();
-            if looked.is_none_or(|looked: Duration| now.saturating_sub(looked) >= LOOK_INTERVAL) {
+            let is_due = looked.is_none_or(|looked: Duration| now.saturating_sub(looked) >= LOOK_INTERVAL);
+            if is_due {
                 looked = Some(now);
-                past.look();
+            }
+            let looking = thread.contained(|_| {
+                past.tidy();
+                if is_due {
+                    past.look();
+                }
+                Ok(())
+            });
+            if let Err(error) = looking {
+                tracing::error!(%error, "recordings could not be looked after");
             }
         }
         match shared.queue.next(thread.longest_wait()) {
@@ -175,7 +184,10 @@ impl<'a> RenderThread<'a> {
         let Some(mut answer) = drawn else { return Ok(None) };
         self.note_drawn(&answer, clock.monotonic().saturating_sub(resolved), started);
         answer.timings.insert(0, resolving);
-        self.cache.insert(Arc::clone(&subject), answer.clone());
+        // What a session shows depends on what it showed before: after a seek the same instant is another picture.
+        if subject.session.is_none() {
+            self.cache.insert(Arc::clone(&subject), answer.clone());
+        }
         shared.metrics.render_cache.set(i64::try_from(self.cache.bytes()).unwrap_or(i64::MAX));
         Ok(Some((subject, answer)))
     }
@@ -252,8 +264,10 @@ impl<'a> RenderThread<'a> {
     fn recovers_from(&mut self, error: &RenderError) -> bool {
         match error {
             RenderError::Gpu(GpuError::OutOfMemory { .. }) => {
-                tracing::warn!(%error, "all caches are dropped");
+                tracing::warn!(%error, "all that is kept is dropped, on the device too");
                 self.drop_kept();
+                self.renderer = None;
+                self.shared.set_device_loss(None);
                 true
             }
             _ if error.kind() == ErrorKind::Unavailable => {
@@ -262,7 +276,7 @@ impl<'a> RenderThread<'a> {
                 true
             }
             // Also after a fault that the device survives: what it could not allocate stays unusable.
-            _ if error.kind() == ErrorKind::Internal => {
+            RenderError::Gpu(_) if error.kind() == ErrorKind::Internal => {
                 tracing::warn!(%error, "the renderer failed and will be made anew");
                 self.drop_renderer(&error.to_string());
                 false

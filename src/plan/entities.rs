@@ -42,15 +42,12 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, pl
             (Some(because_of(drawn, "entities")), None)
         }
         EntityStyle::Points => {
-            let in_view = || {
-                state
-                    .points
-                    .iter()
-                    .filter(|point: &&EntityPoint| picture.shows(point.position_in_world, POINT_MARGIN))
-            };
-            plan.entity_cameras = busiest(in_view().map(|point| point.camera_idx), state.cameras.len());
-            let n_drawn = in_view().filter(|point| plan.entity_cameras.contains(&point.camera_idx)).count();
-            (None, Some(because_of((n_drawn, in_view().count(), state.points.len()), "points")))
+            let shows = |point: &&EntityPoint| picture.shows(point.position_in_world, POINT_MARGIN);
+            let cameras: Vec<usize> =
+                state.points.iter().filter(shows).map(|point| point.camera_idx).collect();
+            plan.entity_cameras = busiest(cameras.iter().copied(), state.cameras.len());
+            let n_drawn = cameras.iter().filter(|camera| plan.entity_cameras.contains(camera)).count();
+            (None, Some(because_of((n_drawn, cameras.len(), state.points.len()), "points")))
         }
         EntityStyle::None => (None, None),
     };

@@ -173,7 +173,7 @@ pub fn make_for(
     };
     entities::plan(state, picture, wishes.entities, &mut plan);
     if wishes.see_through {
-        see_through::plan(state, picture, session, &mut plan);
+        see_through::plan(state, picture, (wishes.entities, session), &mut plan);
     } else {
         let because = "not asked for".to_owned();
         plan.reasons.push(Reason { effect: "see_through", is_on: false, because });

@@ -41,6 +41,9 @@ const MAX_HITS: usize = 256;
 /// Nearer than this to what it met last, a ray meets the same again, and nearer to the viewer nothing hides, metres.
 const BESIDE_M: f64 = 0.02;
 
+/// What lies no further than this above or below a foot is what it stands on, metres.
+const STEP_M: f64 = 0.1;
+
 /// An occluder that is drawn translucent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Opened {
@@ -63,14 +66,20 @@ struct Occluder {
     distance_m: f64,
 }
 
-/// What is smoothed over scene time for one who looks: an operator's window, or all tiles of a wall.
+/// What is smoothed over scene time for one who looks: an operator's window, or all tiles of a wall, whichever of them is
+/// drawn first.
 ///
 /// It belongs to a scene: with another it begins anew.
 #[derive(Clone, Debug, Default)]
 pub struct ViewSession {
     scene: Weak<Scene>,
     at: Option<Timestamp>,
-    opacities: Vec<Opening>,
+    /// How far everything had opened before the instant, and what share of a change is done by then.
+    before: Vec<Opening>,
+    gain: f32,
+    /// What hides at the instant, as far as any picture of it has told.
+    hiding: Vec<(SurfaceId, f64)>,
+    now: Vec<Opening>,
 }
 
 /// How far an occluder has opened.
@@ -79,43 +88,62 @@ struct Opening {
     surface: SurfaceId,
     opacity: f32,
     is_open: bool,
+    /// Greatest distance to the viewer at which it hid somebody when it last did, metres.
+    distance_m: f64,
 }
 
 impl ViewSession {
-    /// Goes on to `instant`, at which `occluders` hide something, and returns how opaque each surface that is not closed is.
-    fn advance(&mut self, state: &SceneState, occluders: &[Occluder]) -> Vec<(SurfaceId, f32)> {
+    /// Goes on to the state's instant, at which `occluders` hide something; what is not closed then stands in `now`.
+    fn advance(&mut self, state: &SceneState, occluders: &[Occluder]) {
         let passed_secs = self.at.map(|at| state.instant.secs_since(at));
         let goes_on = std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(&state.scene))
             && passed_secs.is_some_and(|passed| (-LONGEST_BACK_SECS..=LONGEST_STEP_SECS).contains(&passed));
-        if !goes_on {
-            self.opacities.clear();
-            self.scene = Arc::downgrade(&state.scene);
-        }
         let passed_secs = passed_secs.filter(|_| goes_on);
-        // Three time constants leave 5 %.
-        let gain = passed_secs.map_or(1.0, |passed| 1.0 - (-3.0 * passed.max(0.0) / SETTLED_SECS).exp());
-        for occluder in occluders {
-            if !self.opacities.iter().any(|opening| opening.surface == occluder.surface) {
-                self.opacities.push(Opening { surface: occluder.surface, opacity: 1.0, is_open: false });
+        match passed_secs {
+            // A picture of a little before is shown as it is now.
+            Some(passed) if passed < 0.0 => return,
+            Some(passed) if passed > 0.0 => {
+                self.before = std::mem::take(&mut self.now);
+                // Three time constants leave 5 %.
+                self.gain = 1.0 - (-3.0 * passed / SETTLED_SECS).exp() as f32;
+                self.hiding.clear();
+            }
+            // Another picture of the same instant.
+            Some(_) => {}
+            None => {
+                *self = Self { scene: Arc::downgrade(&state.scene), gain: 1.0, ..Self::default() };
             }
         }
-        for opening in &mut self.opacities {
-            let hidden = occluders.iter().find(|occluder| occluder.surface == opening.surface);
-            let share = hidden.map_or(0.0, |occluder| occluder.share);
+        self.at = Some(state.instant);
+        for Occluder { surface, share, distance_m, .. } in occluders {
+            match self.hiding.iter_mut().find(|(known, _)| known == surface) {
+                Some((_, most)) => *most = most.max(*share),
+                None => self.hiding.push((*surface, *share)),
+            }
+            if let Some(known) = self.before.iter_mut().find(|opening| opening.surface == *surface) {
+                known.distance_m = *distance_m;
+            } else {
+                let (surface, distance_m) = (*surface, *distance_m);
+                self.before.push(Opening { surface, opacity: 1.0, is_open: false, distance_m });
+            }
+        }
+        self.now.clone_from(&self.before);
+        for opening in &mut self.now {
+            let hiding = self.hiding.iter().find(|(surface, _)| *surface == opening.surface);
+            let share = hiding.map_or(0.0, |(_, share)| *share);
             opening.is_open = share >= if opening.is_open { CLOSES_BELOW } else { OPENS_AT };
             let settled = if opening.is_open { OPEN_OPACITY } else { 1.0 };
-            opening.opacity += (settled - opening.opacity) * gain as f32;
+            opening.opacity += (settled - opening.opacity) * self.gain;
         }
-        self.opacities.retain(|opening| opening.is_open || opening.opacity < CLOSED_OPACITY);
-        if passed_secs.is_none_or(|passed| passed > 0.0) {
-            self.at = Some(state.instant);
-        }
+        self.now.retain(|opening| opening.is_open || opening.opacity < CLOSED_OPACITY);
+    }
+
+    /// What is seen through, the farthest first.
+    fn seen_through(&self) -> Vec<Opening> {
         let is_seen_through = |opening: &&Opening| opening.opacity < CLOSED_OPACITY;
-        self.opacities
-            .iter()
-            .filter(is_seen_through)
-            .map(|opening| (opening.surface, opening.opacity))
-            .collect()
+        let mut found: Vec<Opening> = self.now.iter().filter(is_seen_through).copied().collect();
+        found.sort_by(|a, b| b.distance_m.total_cmp(&a.distance_m));
+        found
     }
 }
 
@@ -123,35 +151,42 @@ impl ViewSession {
 pub(super) fn plan(
     state: &SceneState,
     picture: &Picture,
-    session: Option<&mut ViewSession>,
+    (wished, session): (EntityStyle, Option<&mut ViewSession>),
     plan: &mut Plan,
 ) {
-    let mut drawn: Vec<usize> = match plan.entities {
-        EntityStyle::Billboards => plan.billboards.iter().map(|planned| planned.entity).collect(),
+    // By which source each is drawn; points are of all.
+    let drawn: Vec<(usize, usize)> = match plan.entities {
+        EntityStyle::Billboards => {
+            plan.billboards.iter().map(|planned| (planned.entity, planned.source)).collect()
+        }
         EntityStyle::Points => {
-            (0..state.entities.len()).filter(|idx| is_in_view(state, picture, *idx)).collect()
+            let in_view = (0..state.entities.len()).filter(|idx| is_in_view(state, picture, *idx));
+            in_view.map(|idx| (idx, 0)).collect()
         }
         EntityStyle::None => Vec::new(),
     };
-    drawn.dedup();
-    let mut occluders = occluders(state, picture, &drawn);
-    occluders.sort_by(|a, b| b.distance_m.total_cmp(&a.distance_m));
+    // All pictures of a session agree on what opens, so they also look for whom they do not show themselves.
+    let mut looked_for = drawn.clone();
+    if session.is_some() && wished != EntityStyle::None {
+        let others = (0..state.entities.len()).filter(|idx| drawn.iter().all(|(entity, _)| entity != idx));
+        looked_for.extend(others.map(|idx| (idx, 0)));
+    }
+    let occluders = if looked_for.is_empty() { Vec::new() } else { occluders(state, picture, &looked_for) };
     let mut alone = ViewSession::default();
-    let opacities = session.unwrap_or(&mut alone).advance(state, &occluders);
-    let opacity_of = |surface: SurfaceId| {
-        opacities.iter().find(|(opened, _)| *opened == surface).map(|(_, opacity)| *opacity)
-    };
-    let hiding = occluders.into_iter().filter_map(|Occluder { surface, hides, .. }| {
-        Some(Opened { surface, opacity: opacity_of(surface)?, hides })
-    });
-    plan.opened = hiding.collect();
-    // What closes again hides nobody any more: drawn first, as if it were the farthest.
-    let closing: Vec<Opened> = opacities
-        .iter()
-        .filter(|(surface, _)| plan.opened.iter().all(|opened| opened.surface != *surface))
-        .map(|(surface, opacity)| Opened { surface: *surface, opacity: *opacity, hides: Vec::new() })
-        .collect();
-    plan.opened.splice(0..0, closing);
+    let session = session.unwrap_or(&mut alone);
+    if wished != EntityStyle::None {
+        session.advance(state, &occluders);
+        let hides = |surface: SurfaceId| {
+            let hiding = occluders.iter().find(|occluder| occluder.surface == surface);
+            hiding.map_or_else(Vec::new, |occluder| occluder.hides.clone())
+        };
+        let opened = session.seen_through().into_iter().map(|Opening { surface, opacity, .. }| Opened {
+            surface,
+            opacity,
+            hides: hides(surface),
+        });
+        plan.opened = opened.collect();
+    }
     let because = match (plan.opened.len(), drawn.len()) {
         (0, 0) => "no entity is drawn".to_owned(),
         (0, n) => format!("none of {n} entities is hidden by a building"),
@@ -178,14 +213,20 @@ fn is_in_view(state: &SceneState, picture: &Picture, entity: usize) -> bool {
 }
 
 /// What stands between the viewer and the entities.
-fn occluders(state: &SceneState, picture: &Picture, entities: &[usize]) -> Vec<Occluder> {
+fn occluders(state: &SceneState, picture: &Picture, entities: &[(usize, usize)]) -> Vec<Occluder> {
+    let surfaces = &state.scene.surfaces;
+    let stood_upon: Vec<SurfaceId> =
+        state.entities.iter().filter_map(|entity| stood_upon(surfaces, entity.foot_in_world)).collect();
     let mut found: Vec<Occluder> = Vec::new();
-    for entity in entities {
-        let Some(billboard) = state.entities[*entity].sources.first() else { continue };
+    for (entity, source) in entities {
+        let Some(billboard) = state.entities[*entity].sources.get(*source) else { continue };
         let mut crossed: Vec<(SurfaceId, usize, f64)> = Vec::new();
         for point in looked_at(billboard) {
             let Some((ray, reach_m)) = to_viewer(picture, point) else { continue };
-            for (surface, distance_m) in crossings(&state.scene.surfaces, &ray, reach_m) {
+            let crossings = crossings(surfaces, &ray, reach_m);
+            for (surface, distance_m) in
+                crossings.into_iter().filter(|(surface, _)| !stood_upon.contains(surface))
+            {
                 let from_viewer_m = reach_m - distance_m;
                 match crossed.iter_mut().find(|(known, ..)| *known == surface) {
                     Some((_, n, farthest)) => (*n, *farthest) = (*n + 1, farthest.max(from_viewer_m)),
@@ -206,6 +247,13 @@ fn occluders(state: &SceneState, picture: &Picture, entities: &[usize]) -> Vec<O
         }
     }
     found
+}
+
+/// What an entity stands on: a model that somebody stands on is ground as well, and stays closed.
+fn stood_upon(surfaces: &Surfaces, foot: DVec3) -> Option<SurfaceId> {
+    let down = Ray { origin: foot + DVec3::Z * STEP_M, direction: -DVec3::Z };
+    let below = surfaces.hit(&down, 0.0)?;
+    (below.distance_m <= 2.0 * STEP_M).then_some(below.surface)
 }
 
 fn looked_at(billboard: &Billboard) -> impl Iterator<Item = DVec3> + '_ {
@@ -311,7 +359,7 @@ mod tests {
     }
 
     fn found(feet: &[DVec3], picture: &Picture) -> Vec<Occluder> {
-        let entities: Vec<usize> = (0..feet.len()).collect();
+        let entities: Vec<(usize, usize)> = (0..feet.len()).map(|idx| (idx, 0)).collect();
         occluders(&state(feet), picture, &entities)
     }
 
@@ -357,57 +405,93 @@ mod tests {
         SceneState { instant: Timestamp::from_nanos(millis * 1_000_000), ..state.clone() }
     }
 
+    fn advanced(
+        session: &mut ViewSession,
+        state: &SceneState,
+        occluders: &[Occluder],
+    ) -> Vec<(SurfaceId, f32)> {
+        session.advance(state, occluders);
+        session.seen_through().into_iter().map(|opening| (opening.surface, opening.opacity)).collect()
+    }
+
+    #[test]
+    fn pictures_of_one_instant_agree_in_whatever_order_they_are_drawn() {
+        let state = state(&[]);
+        let mut sessions = [ViewSession::default(), ViewSession::default()];
+        for session in &mut sessions {
+            advanced(session, &state, &[]);
+        }
+        for frame in 1..=20 {
+            let now = at(&state, frame * 40);
+            let [first, second] = &mut sessions;
+            // One tile shows whom the wall hides, the other shows nobody.
+            let told_first = advanced(first, &now, &hiding(0.8));
+            assert_eq!(advanced(first, &now, &[]), told_first);
+            advanced(second, &now, &[]);
+            assert_eq!(advanced(second, &now, &hiding(0.8)), told_first, "{frame}");
+        }
+        assert!((sessions[1].now[0].opacity - OPEN_OPACITY).abs() < 0.05);
+    }
+
+    #[test]
+    fn what_somebody_stands_on_stays_closed() {
+        let roof = DVec3::new(0.0, 0.0, 4.0);
+        let eye = from_eye(DVec3::new(0.0, -30.0, 1.7));
+        assert_eq!(found(&[DVec3::new(1.0, 6.0, 0.0)], &eye).len(), 1);
+        assert!(found(&[DVec3::new(1.0, 6.0, 0.0), roof], &eye).is_empty());
+    }
+
     #[test]
     fn a_session_opens_smoothly_and_a_single_picture_at_once() {
         let state = state(&[]);
-        let alone = ViewSession::default().advance(&state, &hiding(0.8));
+        let alone = advanced(&mut ViewSession::default(), &state, &hiding(0.8));
         assert_eq!(alone, [(WALL, OPEN_OPACITY)]);
         let mut session = ViewSession::default();
-        assert!(session.advance(&state, &[]).is_empty());
+        assert!(advanced(&mut session, &state, &[]).is_empty());
         let mut before = 1.0;
         for frame in 1..=25 {
-            let opened = session.advance(&at(&state, frame * 40), &hiding(0.8));
+            let opened = advanced(&mut session, &at(&state, frame * 40), &hiding(0.8));
             let [(WALL, opacity)] = opened[..] else { panic!("{frame}: {opened:?}") };
             assert!(opacity < before && before - opacity < 0.2, "{frame}: {before} to {opacity}");
             before = opacity;
         }
         assert!((before - OPEN_OPACITY).abs() < 0.01, "{before}");
         // The same instant again, and one a little earlier, change nothing.
-        let again = session.advance(&at(&state, 1000), &hiding(0.8));
-        assert_eq!(again, session.advance(&at(&state, 960), &hiding(0.8)));
+        let again = advanced(&mut session, &at(&state, 1000), &hiding(0.8));
+        assert_eq!(again, advanced(&mut session, &at(&state, 960), &hiding(0.8)));
         // It closes as smoothly, and is forgotten then.
         let closing: Vec<_> =
-            (26..=60).map(|frame| session.advance(&at(&state, frame * 40), &[]).len()).collect();
+            (26..=60).map(|frame| advanced(&mut session, &at(&state, frame * 40), &[]).len()).collect();
         assert_eq!((closing[0], closing[34]), (1, 0), "{closing:?}");
-        assert!(session.opacities.is_empty());
+        assert!(session.now.is_empty());
     }
 
     #[test]
     fn what_hides_a_part_now_and_then_does_not_flicker() {
         let state = state(&[]);
         let mut session = ViewSession::default();
-        session.advance(&state, &[]);
+        advanced(&mut session, &state, &[]);
         // Between both thresholds it stays closed, once open it stays open.
         for frame in 1..10 {
-            assert!(session.advance(&at(&state, frame * 40), &hiding(0.4)).is_empty());
+            assert!(advanced(&mut session, &at(&state, frame * 40), &hiding(0.4)).is_empty());
         }
-        session.advance(&at(&state, 400), &hiding(0.6));
+        advanced(&mut session, &at(&state, 400), &hiding(0.6));
         for frame in 11..40 {
-            session.advance(&at(&state, frame * 40), &hiding(if frame % 2 == 0 { 0.3 } else { 0.45 }));
+            advanced(&mut session, &at(&state, frame * 40), &hiding(if frame % 2 == 0 { 0.3 } else { 0.45 }));
         }
-        assert!((session.opacities[0].opacity - OPEN_OPACITY).abs() < 0.01);
+        assert!((session.now[0].opacity - OPEN_OPACITY).abs() < 0.01);
     }
 
     #[test]
     fn a_seek_or_another_scene_begins_anew() {
         let state = state(&[]);
         let mut session = ViewSession::default();
-        session.advance(&at(&state, 0), &[]);
-        session.advance(&at(&state, 40), &hiding(1.0));
-        assert_eq!(session.advance(&at(&state, 60_000), &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
-        assert!(session.advance(&at(&state, 1000), &[]).is_empty(), "back by a minute");
-        session.advance(&at(&state, 1040), &hiding(1.0));
+        advanced(&mut session, &at(&state, 0), &[]);
+        advanced(&mut session, &at(&state, 40), &hiding(1.0));
+        assert_eq!(advanced(&mut session, &at(&state, 60_000), &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
+        assert!(advanced(&mut session, &at(&state, 1000), &[]).is_empty(), "back by a minute");
+        advanced(&mut session, &at(&state, 1040), &hiding(1.0));
         let other = SceneState { scene: Arc::new(Scene::clone(&state.scene)), ..at(&state, 1080) };
-        assert_eq!(session.advance(&other, &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
+        assert_eq!(advanced(&mut session, &other, &hiding(1.0)), [(WALL, OPEN_OPACITY)]);
     }
 }
