@@ -228,6 +228,43 @@ fn two_who_prove_to_be_one_merge_after_a_while_and_the_older_id_stays() {
 }
 
 #[test]
+fn what_was_seen_is_evidence_once_however_often_it_is_looked_at() {
+    // As above: after some time both prove to be one.
+    let seen = |secs: f64| {
+        vec![plain(0, 1, DVec2::ZERO), plain(1, 1, DVec2::new(0.0, (3.0 - secs).clamp(0.0, 1.5)))]
+    };
+    let mut association = Association::default();
+    let one = steps(0.0, 8.0).find(|secs| see(&mut association, *secs, seen(*secs)).len() == 1);
+    let one = one.expect("they merge");
+    let mut association = Association::default();
+    let before: Vec<f64> = steps(0.0, one - 0.05).collect();
+    for secs in &before {
+        assert_eq!(ids(&see(&mut association, *secs, seen(*secs))), [1, 2]);
+    }
+    // Two who look, one a tenth of a second behind the other, add nothing to what was seen until then.
+    for _ in 0..100 {
+        for secs in before.iter().rev().take(2) {
+            assert_eq!(ids(&see(&mut association, *secs, seen(*secs))), [1, 2], "{secs} of {one}");
+        }
+    }
+    assert_eq!(ids(&see(&mut association, one, seen(one))), [1]);
+}
+
+#[test]
+fn an_instant_that_is_asked_for_again_is_answered_alike() {
+    let mut association = Association::default();
+    // Known so badly that nothing says it is even itself.
+    let vague = || {
+        let covariance = DMat2::from_diagonal(DVec2::new(100.0, 4.0));
+        vec![sighting(0, &[], DVec2::ZERO, covariance), sighting(1, &[], DVec2::new(9.0, 0.0), covariance)]
+    };
+    let first = see(&mut association, 1.0, vague());
+    for _ in 0..20 {
+        assert_eq!(see(&mut association, 1.0, vague()), first);
+    }
+}
+
+#[test]
 fn a_tracker_made_anew_gives_old_numbers_to_new_people() {
     let mut association = Association::default();
     for secs in steps(0.0, 2.0) {

@@ -85,16 +85,16 @@ pub(super) fn read(bytes: &[u8], most_triangles: usize) -> Result<Model, String>
         return Err(format!("at most {MAX_ELEMENTS} elements are read, got {}", header.elements.len()));
     }
     for (name, element) in &header.elements {
-        // What takes no bytes is not bounded by the file's.
-        if element.properties.is_empty() && element.count > 0 {
-            return Err(format!("element {name}: {} of them without a property", element.count));
-        }
         let most = if name == "vertex" { MAX_POINTS } else { most_triangles };
         if element.count > most && name != "face" {
             return Err(format!("element {name}: at most {most} are allowed, got {}", element.count));
         }
         if element.count > most {
             return Err(too_many(element.count, most_triangles));
+        }
+        // What takes no bytes is not bounded by the file's.
+        if element.properties.is_empty() && element.count > 0 {
+            return Err(format!("element {name}: {} of them without a property", element.count));
         }
     }
     let mut model = Model::default();
