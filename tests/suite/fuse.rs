@@ -275,9 +275,14 @@ fn feet_that_meet_nothing_or_a_wall_stay_finite() {
         Shape::Cylinder(Cylinder::new(DVec3::new(0.0, 1e3 + 9.5, 0.0), 1e3, 6.0).expect("a tank")),
     ];
     for wall in walls {
+        // Half a metre beside where it is nearest, the tank's round lies x^2 / 2 r further: 1.25e-4 m.
+        let round_m = if matches!(wall, Shape::Cylinder(_)) { 1.5e-4 } else { 0.0 };
         let state = check(vec![wall], 1);
         let foot = state.entities[0].foot_in_world;
-        assert!(foot.z.abs() < 1e-9 && (foot.y - 9.45).abs() < 1e-3, "at the wall's own foot: {foot}");
+        assert!(
+            foot.z.abs() < 1e-9 && (foot.y - 9.45).abs() < 1e-4 + round_m,
+            "at the wall's own foot: {foot}"
+        );
     }
     // A slope that one can stand on: the foot is where the ray meets it, 1.7 m high or more.
     let hill =
