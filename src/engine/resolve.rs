@@ -11,15 +11,13 @@ use crate::clock::Timestamp;
 use crate::config::RenderSettings;
 use crate::frame::CameraId;
 use crate::plan::ViewLimits;
+use crate::render::view_limits;
 use crate::scene::Scene;
 use std::sync::Arc;
 
 /// A live view shows what moved before a camera that lags, until its newest picture is this much older than the instant
 /// shown; then its background alone, since whom it saw last may be long gone.
 const STALE_NANOS: i64 = 5_000_000_000;
-
-/// Most columns and rows of a picture: what its formats hold. What a device cannot hold is drawn in pieces.
-const MAX_SIDE_PX: u32 = 65_535;
 
 /// What cameras saw of an instant, and which of them saw nothing then.
 pub(super) type Seen = (Observations, Vec<CameraId>);
@@ -32,7 +30,7 @@ pub(super) struct Resolved {
 
 /// The largest picture that may be asked for; the renderer's own, known without one.
 pub(super) const fn limits_of(settings: &RenderSettings) -> ViewLimits {
-    ViewLimits { max_side_px: MAX_SIDE_PX, max_pixels: settings.max_pixels }
+    view_limits(settings.max_pixels)
 }
 
 impl Shared {

@@ -17,7 +17,7 @@ mod targets;
 
 pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
-pub use renderer::{Rendered, Renderer};
+pub use renderer::{Rendered, Renderer, view_limits};
 
 use crate::gpu::Mirror;
 

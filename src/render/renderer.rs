@@ -29,7 +29,7 @@ const MAX_KEPT_READBACK_BYTES: u64 = 64 << 20;
 
 /// Most bytes of targets that one piece of a picture is drawn on: larger pictures are drawn in bands.
 const MAX_PIECE_BYTES: u64 = 256 << 20;
-/// Most columns and rows of a picture: what its formats hold.
+/// Most columns and rows of a picture: what its formats hold. What a device cannot hold is drawn in pieces.
 const MAX_SIDE_PX: u32 = 65_535;
 
 /// A finished picture.
@@ -78,6 +78,12 @@ struct Shown<'a> {
     view: View,
     mesh: &'a Mesh,
     stand: Stand,
+}
+
+/// The largest picture that any renderer can be asked for, where at most `max_pixels` may be drawn.
+#[must_use]
+pub const fn view_limits(max_pixels: u64) -> ViewLimits {
+    ViewLimits { max_side_px: MAX_SIDE_PX, max_pixels }
 }
 
 /// The pass in `slot`, made now if it was not before.
@@ -129,7 +135,7 @@ impl Renderer {
     /// The largest picture that can be asked for: what one drawing cannot hold is drawn in several.
     #[must_use]
     pub const fn view_limits(&self) -> ViewLimits {
-        ViewLimits { max_side_px: MAX_SIDE_PX, max_pixels: self.max_pixels }
+        view_limits(self.max_pixels)
     }
 
     /// Draws `picture` of `state` as `plan` says, and waits for it.
