@@ -8,7 +8,7 @@ const MODEL_FISHEYE: u32 = 2u;
 const CAMERA_NEAR_M: f32 = 0.01;
 
 // Most cameras of one frame: MAX_CAMERAS of src/render/camera_data.rs.
-const MAX_CAMERAS: u32 = 128u;
+const MAX_CAMERAS: u32 = 212u;
 // Whether any camera has a lens that bends: a variant without leaves the models out. Rasterisers on a processor run
 // both sides of every branch.
 override HAS_LENSES: bool = true;

@@ -12,8 +12,16 @@
 @group(1) @binding(2) var depth_maps: texture_2d_array<f32>;
 @group(1) @binding(3) var depth_sampler: sampler;
 
-// Cameras whose backgrounds are projected. A constant saves rasterisers on a processor one more round of the loop.
-override N_SURFACE_CAMERAS: u32 = 0u;
+// The cameras of a batch of patches, by their places in `cameras`.
+struct CameraList {
+    low: vec4<u32>,
+    high: vec4<u32>,
+}
+
+@group(1) @binding(4) var<uniform> list: CameraList;
+
+// How many the list has. A constant saves rasterisers on a processor one more round of the loop.
+override N_LISTED: u32 = 0u;
 // Whether any camera has a depth map, and whether any map is a cube: variants without leave them out.
 override HAS_DEPTH_MAPS: bool = true;
 override HAS_DEPTH_CUBES: bool = true;
@@ -34,7 +42,8 @@ struct VertexIn {
 }
 
 struct Varying {
-    @builtin(position) position: vec4<f32>,
+    // The same to the last bit in all variants, so that what was found nearest is drawn.
+    @builtin(position) @invariant position: vec4<f32>,
     // At the covered part of the pixel, so that nothing beyond the surface's edge is projected.
     @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
     @location(1) @interpolate(flat) normal: vec3<f32>,
@@ -124,6 +133,11 @@ fn level_of_detail(camera_idx: u32, step_x: vec2<f32>, step_y: vec2<f32>) -> f32
 }
 
 @fragment
+fn fs_depth() -> @location(0) vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
+@fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     let point = in.position_from_anchor;
     let to_viewer = to_viewer_from(point);
@@ -137,7 +151,8 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     // What shows where every weight vanishes.
     var squarest = 0.0;
     var fallback = in.material;
-    for (var k = 0u; k < N_SURFACE_CAMERAS; k++) {
+    for (var idx = 0u; idx < N_LISTED; idx++) {
+        let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
         let projection = project(k, point);
         let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
         let to_camera = normalize(cameras[k].position_from_anchor - point);

@@ -20,9 +20,8 @@ use crate::error::Fault;
 use crate::fuse::SceneState;
 use serde::Serialize;
 
-/// Most cameras whose backgrounds are blended in one picture: the cost of every pixel grows with each, and beyond
-/// the best few their weights are too small to see.
-pub const MAX_SURFACE_CAMERAS: usize = 8;
+/// Most cameras whose backgrounds are taken for one picture; a pixel costs what the few of them cost that see it.
+pub const MAX_SURFACE_CAMERAS: usize = 100;
 
 /// Most cameras whose live frames are drawn with entities in one picture; with the surfaces' cameras, what a frame's
 /// data holds.

@@ -13,7 +13,7 @@ const N_LIMIT_DIRECTIONS: usize = 64;
 /// Beyond this tangent (for fisheyes, angle) nothing is looked for.
 const WIDEST_TANGENT: f64 = 1e4;
 /// Most cameras of one frame, backgrounds and live frames together: the size of the uniform array.
-pub(super) const MAX_CAMERAS: usize = 128;
+pub(super) const MAX_CAMERAS: usize = 212;
 /// Lenses whose tables are kept.
 const MAX_LENSES: usize = 256;
 

@@ -38,24 +38,6 @@ impl Mesh {
         Self { scene: Arc::clone(scene), number, vertices, ranges, bounds }
     }
 
-    /// The stretches of vertices that are of other surfaces than those left out.
-    pub(super) fn without(&self, left_out: impl Fn(SurfaceId) -> bool) -> Vec<Range<u32>> {
-        let mut kept: Vec<Range<u32>> = Vec::new();
-        for (_, range) in self.ranges.iter().filter(|(surface, _)| !left_out(*surface)) {
-            match kept.last_mut().filter(|last| last.end == range.start) {
-                Some(last) => last.end = range.end,
-                None => kept.push(range.clone()),
-            }
-        }
-        kept
-    }
-
-    /// The vertices of one surface; none of one that the scene lacks.
-    pub(super) fn range_of(&self, surface: SurfaceId) -> Range<u32> {
-        let found = self.ranges.iter().find(|(known, _)| *known == surface);
-        found.map_or(0..0, |(_, range)| range.clone())
-    }
-
     /// What points are relative to, seen from `eye`: the eye itself, unless it is so far away that single precision could
     /// not tell the scene's points apart; then the scene's nearest corner or side.
     pub(super) fn anchor(&self, eye: DVec3) -> DVec3 {

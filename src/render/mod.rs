@@ -10,6 +10,7 @@ mod error;
 mod image_array;
 mod mesh;
 mod passes;
+mod patches;
 mod pieces;
 mod prepare;
 mod renderer;
@@ -59,7 +60,8 @@ impl Pass {
 /// Every Rust struct that mirrors a WGSL struct, for the test that holds them together.
 #[must_use]
 pub fn mirrors() -> Vec<Mirror> {
-    let mut mirrors = vec![camera_data::View::MIRROR, camera_data::Camera::MIRROR];
+    let mut mirrors =
+        vec![camera_data::View::MIRROR, camera_data::Camera::MIRROR, patches::CameraList::MIRROR];
     mirrors.extend(passes::mirrors());
     mirrors
 }

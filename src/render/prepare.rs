@@ -3,6 +3,7 @@
 use super::image_array::{Job, Wanted};
 use super::mesh::Mesh;
 use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
+use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::SceneState;
@@ -43,7 +44,7 @@ impl Renderer {
         state: &'s SceneState,
         picture: &Picture,
         stand: &Stand,
-        plan: &Plan,
+        (plan, patches): (&Plan, &Patches),
     ) -> Result<Uploads<'s>, RenderError> {
         let anchor = stand.anchor_in_world;
         let mut uploads = Uploads::default();
@@ -76,17 +77,32 @@ impl Renderer {
         };
         let wanted: Vec<_> = plan.entity_cameras.iter().map(live).collect();
         self.frames.assign(&self.gpu, &wanted, &mut layers, &mut uploads.frames)?;
-        // Which of the shader's cameras an entity's camera is: entities look only their live frames up.
-        let n_surface_cameras = self.frame.scratch.len();
+        // Which of the shader's cameras an entity's camera is.
+        let mut places: Vec<(usize, usize)> = Vec::with_capacity(plan.entity_cameras.len());
         for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {
             let scale = self.frames.scale(wanted.image);
-            let data = self.frame.add(&state.cameras[*idx].camera, anchor);
+            let place = shader_idx(idx).unwrap_or_else(|| {
+                self.frame.add(&state.cameras[*idx].camera, anchor);
+                self.frame.scratch.len() - 1
+            });
+            places.push((*idx, place));
+            let data = &mut self.frame.scratch[place];
             data.frame_layer = *layer;
             data.frame_scale = scale;
             data.frame_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
         }
+        let camera = |idx: &usize| Arc::clone(&state.cameras[*idx].camera);
+        let cameras: Vec<_> = plan.surface_cameras.iter().map(camera).collect();
+        let drawing = Drawing {
+            stand,
+            cameras: &cameras,
+            data: &self.frame.scratch,
+            opened: &plan.opened,
+            most_cameras: MOST_LISTED,
+        };
+        patches.batch(&drawing, &mut self.batches);
         self.frame.write_cameras(&self.gpu);
-        self.prepare_entities(state, picture, stand, plan, n_surface_cameras);
+        self.prepare_entities(state, picture, stand, (plan, &places));
         Ok(uploads)
     }
 
@@ -95,13 +111,11 @@ impl Renderer {
         state: &SceneState,
         picture: &Picture,
         stand: &Stand,
-        plan: &Plan,
-        first_camera: usize,
+        (plan, places): (&Plan, &[(usize, usize)]),
     ) {
         let anchor = stand.anchor_in_world;
         let shader_idx = |camera_idx: usize| {
-            let place = plan.entity_cameras.iter().position(|camera| *camera == camera_idx);
-            place.map(|place| first_camera + place)
+            places.iter().find(|(camera, _)| *camera == camera_idx).map(|(_, place)| *place)
         };
         self.billboards.clear();
         self.slot_ends.clear();

@@ -6,9 +6,10 @@ use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, StaticScene,
-    SurfaceKey, SurfacePass, YuvPass, see_through,
+    SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
+use super::patches::{Batches, Patches};
 use super::pieces::{self, Piece};
 use super::prepare::{Stand, Uploads};
 use super::targets::{Place, TargetCache, TargetKey};
@@ -52,6 +53,9 @@ pub struct Renderer {
     targets: TargetCache,
     mesh: Option<Arc<Mesh>>,
     n_meshes: u64,
+    patches: Option<Arc<Patches>>,
+    n_patches: u64,
+    pub(super) batches: Batches,
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
     pub(super) depth_maps: DepthMaps,
@@ -77,6 +81,7 @@ struct Passes {
 struct Shown<'a> {
     view: View,
     mesh: &'a Mesh,
+    patches: &'a Patches,
     stand: Stand,
 }
 
@@ -113,6 +118,9 @@ impl Renderer {
             targets: TargetCache::default(),
             mesh: None,
             n_meshes: 0,
+            patches: None,
+            n_patches: 0,
+            batches: Batches::default(),
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
             depth_maps: DepthMaps::new(settings.depth_map_side_px),
@@ -193,6 +201,7 @@ impl Renderer {
     ) -> Result<Option<Rendered>, RenderError> {
         self.gpu.check()?;
         let mesh = self.mesh_of(&state.scene);
+        let patches = self.patches_of(&mesh, state);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
@@ -208,7 +217,7 @@ impl Renderer {
             let stand = Stand::of(view, &mesh);
             let mut uploads = Uploads::default();
             if prepared.replace(stand) != Some(stand) {
-                uploads = self.prepare(state, picture, &stand, plan)?;
+                uploads = self.prepare(state, picture, &stand, (plan, &patches))?;
             }
             let pieces = pieces::of(view, plan.sampling, max_side_px, max_bytes);
             for (idx, Piece { columns, rows }) in pieces.enumerate() {
@@ -216,7 +225,8 @@ impl Renderer {
                     return Ok(None);
                 }
                 let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
-                let piece = Shown { view: view.cropped(columns, rows), mesh: &mesh, stand };
+                let view = view.cropped(columns, rows);
+                let piece = Shown { view, mesh: &mesh, patches: &patches, stand };
                 self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
@@ -238,6 +248,17 @@ impl Renderer {
         }
         self.n_meshes += 1;
         Arc::clone(self.mesh.insert(Arc::new(Mesh::new(scene, self.n_meshes))))
+    }
+
+    /// The mesh in patches for the state's cameras, made anew where the mesh or a camera is another.
+    fn patches_of(&mut self, mesh: &Mesh, state: &SceneState) -> Arc<Patches> {
+        let cameras: Vec<_> = state.cameras.iter().map(|camera| Arc::clone(&camera.camera)).collect();
+        if let Some(patches) = self.patches.as_ref().filter(|patches| patches.serve(mesh, &cameras)) {
+            return Arc::clone(patches);
+        }
+        self.n_patches += 1;
+        let patches = Patches::new(mesh, cameras, self.depth_maps.side_px(), self.n_patches);
+        Arc::clone(self.patches.insert(Arc::new(patches)))
     }
 
     /// Hands the drawing of one piece of a picture to the device.
@@ -281,16 +302,15 @@ impl Renderer {
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, .. } = self;
+        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, .. } = self;
         let gpu = &*gpu;
-        let Shown { view, mesh, stand } = piece;
+        let Shown { view, mesh, patches, stand } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
             pass.record(&mut recording, depth_maps, &mesh.vertices);
         }
 
-        let key = SurfaceKey::of(&frame.scratch[..plan.surface_cameras.len()]);
         let reach = Reach { anchor_in_world: stand.anchor_in_world, depths_m: mesh.depths_m(&view.pose) };
         let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
         let times = plan.sampling.supersampling;
@@ -305,8 +325,8 @@ impl Renderer {
         let place = Place { clear: Some(sky(scene)), is_last: !has_more };
         let mut into = DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
-        let static_scene =
-            StaticScene { mesh, anchor_in_world: stand.anchor_in_world, key, opened: &plan.opened };
+        let anchor_in_world = stand.anchor_in_world;
+        let static_scene = StaticScene { patches, batches, anchor_in_world, opened: &plan.opened };
         let opened = surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
         into.place = Place { clear: None, is_last: true };
         if !self.billboards.is_empty() {
@@ -355,7 +375,8 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
             return Err(RenderError::Plan(message));
         }
     }
-    let needed = plan.surface_cameras.len() + plan.entity_cameras.len();
+    let is_another = |camera: &&usize| !plan.surface_cameras.contains(camera);
+    let needed = plan.surface_cameras.len() + plan.entity_cameras.iter().filter(is_another).count();
     if needed > MAX_CAMERAS {
         let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
         return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });

@@ -23,7 +23,7 @@ use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
 use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, EntityStyle, Frustum, MAX_SURFACE_CAMERAS, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{self, EntityStyle, Frustum, Picture, Plan, Sampling, Wishes};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
@@ -393,7 +393,7 @@ fn a_scene_without_cameras_shows_its_materials() {
 }
 
 #[test]
-fn sixteen_cameras_are_ranked_and_the_best_are_blended() {
+fn sixteen_cameras_are_ranked_and_those_that_count_are_blended() {
     let Some(mut renderer) = renderer("", 1) else { return };
     let mut stage = Stage::new().with_box(v(0.0, 4.0, 1.0), v(2.0, 2.0, 2.0), 0.3);
     for idx in 0..16 {
@@ -403,14 +403,13 @@ fn sixteen_cameras_are_ranked_and_the_best_are_blended() {
     let state = stage.state();
     let view = view(v(0.0, -16.0, 6.0), v(0.0, 0.0, 0.0), 1.0, 160, 100);
     let (_, plan) = draw(&mut renderer, &state, &view, EntityStyle::None);
-    assert_eq!(plan.surface_cameras.len(), MAX_SURFACE_CAMERAS);
+    assert_eq!(plan.surface_cameras.len(), 16, "all of them see some of it");
     assert_eq!(plan.surface_cameras[0], 12, "the camera beside the viewer is the best: {plan:?}");
     check_twin("sixteen", &stage, &view, 0.5);
-    let all = Plan { surface_cameras: (0..16).collect(), depth_map_cameras: (0..16).collect(), ..plan };
-    let rendered = renderer.render(&state, &view, &all).expect("a plan may also name all");
-    let twin = twin::render(&state, &view, &all);
-    golden::compare(&rendered.image, &twin.image, TWIN, |idx| twin.is_clear[idx])
-        .expect("the twin's picture");
+    let few =
+        Plan { surface_cameras: plan.surface_cameras[..3].to_vec(), depth_map_cameras: vec![12], ..plan };
+    let rendered = renderer.render(&state, &view, &few).expect("a plan may also name a few");
+    assert_eq!(rendered.image.width, 160);
 }
 
 #[test]

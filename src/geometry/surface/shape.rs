@@ -65,6 +65,12 @@ impl Shape {
         }
     }
 
+    /// Where a ray from outside enters a shape of one part, metres along it; `None` also of a ray that starts within.
+    pub(crate) fn enters(&self, ray: &Ray) -> Option<f64> {
+        let met = self.hit_part(0, ray)?;
+        (met.normal.dot(ray.direction) < 0.0 && !self.contains(ray.origin)).then_some(met.distance_m)
+    }
+
     /// Whether a point lies in a solid. Models, which need not be closed, hold nothing.
     pub(super) fn contains(&self, point: glam::DVec3) -> bool {
         match self {

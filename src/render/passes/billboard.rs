@@ -1,7 +1,8 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, Translucent, draw_pipeline,
+    Attributes, BySamples, DrawInto, DrawPipeline, Fragments, LiveFrames, Mixing, Recording, Translucent,
+    draw_pipeline,
 };
 use crate::fuse::{Billboard, CameraState};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -203,6 +204,7 @@ impl BillboardPass {
                 blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
                 writes_depth: false,
                 culls_back: false,
+                fragments: Fragments::Colored,
             },
             variant: &[("HAS_BESIDE", f64::from(u8::from(is_blended)))],
             samples,

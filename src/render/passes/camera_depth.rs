@@ -74,6 +74,11 @@ impl DepthMaps {
         Self { side_px, maps: Vec::new(), textures: None, frame: 0 }
     }
 
+    /// Texels of a map each way.
+    pub(in crate::render) const fn side_px(&self) -> u32 {
+        self.side_px
+    }
+
     /// Reserves a map for every camera and tells `data`, in the same order, where it will be.
     ///
     /// # Errors
@@ -226,7 +231,7 @@ impl Textures {
 }
 
 /// Middle and half extent (tangents) of what the camera sees, where one pinhole face covers it.
-fn single_face_bounds(camera: &geometry::Camera) -> Option<[f64; 4]> {
+pub(in crate::render) fn single_face_bounds(camera: &geometry::Camera) -> Option<[f64; 4]> {
     const STEPS: u32 = 24;
     let camera_from_world = camera.pose().world_from_local.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

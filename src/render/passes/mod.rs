@@ -10,9 +10,9 @@ mod yuv;
 
 pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
-pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
+pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use points::{Instance as PointInstance, PointsPass};
-pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass, Translucent};
+pub(super) use surface::{StaticScene, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;
 
 use super::image_array::ImageArray;
@@ -88,9 +88,19 @@ struct Mixing {
     blend: Option<wgpu::BlendState>,
     writes_depth: bool,
     culls_back: bool,
+    /// `fs_main`, or what only finds depths.
+    fragments: Fragments,
 }
 
-/// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` of the shader of the label's stem.
+/// What becomes of fragments.
+#[derive(Clone, Copy)]
+enum Fragments {
+    Colored,
+    /// They leave a depth alone: `fs_depth`.
+    Deep,
+}
+
+/// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` (or `fs_depth`) of the shader of the label's stem.
 struct DrawPipeline<'a> {
     label: &'static str,
     bind_groups: &'a [&'a wgpu::BindGroupLayout],
@@ -108,6 +118,10 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
     let compilation_options = wgpu::PipelineCompilationOptions {
         constants: variant,
         ..wgpu::PipelineCompilationOptions::default()
+    };
+    let (entry_point, write_mask) = match mixing.fragments {
+        Fragments::Colored => ("fs_main", wgpu::ColorWrites::ALL),
+        Fragments::Deep => ("fs_depth", wgpu::ColorWrites::empty()),
     };
     let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -139,12 +153,12 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some("fs_main"),
+            entry_point: Some(entry_point),
             compilation_options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: COLOR_FORMAT,
                 blend: mixing.blend,
-                write_mask: wgpu::ColorWrites::ALL,
+                write_mask,
             })],
         }),
         multiview_mask: None,

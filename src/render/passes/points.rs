@@ -1,6 +1,8 @@
 //! Entities as squares in space, one a foreground texel.
 
-use super::{Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{
+    Attributes, BySamples, DrawInto, DrawPipeline, Fragments, LiveFrames, Mixing, Recording, draw_pipeline,
+};
 use crate::fuse::EntityPoint;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::image_array::ImageArray;
@@ -67,7 +69,12 @@ impl PointsPass {
             bind_groups: &[into.frame_layout, &self.frames.layout],
             vertices: layout,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
-            mixing: Mixing { blend: None, writes_depth: true, culls_back: false },
+            mixing: Mixing {
+                blend: None,
+                writes_depth: true,
+                culls_back: false,
+                fragments: Fragments::Colored,
+            },
             variant: &[],
             samples,
         };

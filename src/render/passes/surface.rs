@@ -2,16 +2,15 @@
 
 use super::camera_depth::DepthMaps;
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, FILTERED, Mixing, Recording, SAMPLER_ENTRY, UNFILTERED,
-    draw_pipeline, linear_sampler, texture_entry,
+    Attributes, BySamples, DrawInto, DrawPipeline, FILTERED, Fragments, Mixing, Recording, SAMPLER_ENTRY,
+    UNFILTERED, draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::Opened;
-use crate::render::camera_data::Camera;
 use crate::render::image_array::ImageArray;
-use crate::render::mesh::Mesh;
+use crate::render::patches::{Batch, Batches, CameraList, Patches, Shading};
 use glam::DVec3;
-use std::ops::Range;
+use std::num::NonZeroU64;
 
 /// One corner of a triangle, relative to the anchor.
 #[repr(C)]
@@ -24,40 +23,25 @@ struct Vertex {
 
 const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3];
 
-/// Which variant of the shader a frame needs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) struct SurfaceKey {
-    n_cameras: usize,
-    has_lenses: bool,
-    has_depth_maps: bool,
-    has_depth_cubes: bool,
+fn constants(shading: Shading) -> [(&'static str, f64); 4] {
+    let flag = |is_set: bool| f64::from(u8::from(is_set));
+    [
+        ("N_LISTED", shading.n_cameras as f64),
+        ("HAS_LENSES", flag(shading.has_lenses)),
+        ("HAS_DEPTH_MAPS", flag(shading.has_depth_maps)),
+        ("HAS_DEPTH_CUBES", flag(shading.has_depth_cubes)),
+    ]
 }
 
-impl SurfaceKey {
-    /// The least that serves the cameras whose backgrounds are projected.
-    pub(in crate::render) fn of(cameras: &[Camera]) -> Self {
-        Self {
-            n_cameras: cameras.len(),
-            has_lenses: cameras.iter().any(Camera::has_lens),
-            has_depth_maps: cameras.iter().any(|camera| camera.n_depth_faces > 0),
-            has_depth_cubes: cameras.iter().any(|camera| camera.n_depth_faces > 1),
-        }
-    }
-
-    fn constants(self) -> [(&'static str, f64); 4] {
-        let flag = |is_set: bool| f64::from(u8::from(is_set));
-        [
-            ("N_SURFACE_CAMERAS", self.n_cameras as f64),
-            ("HAS_LENSES", flag(self.has_lenses)),
-            ("HAS_DEPTH_MAPS", flag(self.has_depth_maps)),
-            ("HAS_DEPTH_CUBES", flag(self.has_depth_cubes)),
-        ]
-    }
-}
+/// Bytes from one list of cameras to the next: what every device takes as an offset.
+const LIST_STRIDE: u32 = 256;
+type PaddedList = [CameraList; LIST_STRIDE as usize / size_of::<CameraList>()];
 
 /// Whether a surface covers what lies behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cover {
+    /// Its depth alone, so that of what lies one behind the other only the nearest is shaded.
+    Depth,
     Whole,
     /// By the blend constant, seen from outside alone.
     Partly,
@@ -70,8 +54,11 @@ impl Cover {
             dst_factor,
             operation: wgpu::BlendOperation::Add,
         };
+        let whole =
+            Mixing { blend: None, writes_depth: true, culls_back: false, fragments: Fragments::Colored };
         match self {
-            Self::Whole => Mixing { blend: None, writes_depth: true, culls_back: false },
+            Self::Depth => Mixing { fragments: Fragments::Deep, ..whole },
+            Self::Whole => whole,
             Self::Partly => {
                 let color = factor(wgpu::BlendFactor::Constant, wgpu::BlendFactor::OneMinusConstant);
                 let alpha = factor(wgpu::BlendFactor::Zero, wgpu::BlendFactor::One);
@@ -79,8 +66,32 @@ impl Cover {
                     blend: Some(wgpu::BlendState { color, alpha }),
                     writes_depth: false,
                     culls_back: true,
+                    ..whole
                 }
             }
+        }
+    }
+}
+
+/// Batches with their pipelines, ready to be drawn.
+#[derive(Debug)]
+struct Ready {
+    textures: wgpu::BindGroup,
+    vertices: wgpu::Buffer,
+    indices: wgpu::Buffer,
+}
+
+/// A batch with its pipeline.
+type Item = (wgpu::RenderPipeline, Batch);
+
+impl Ready {
+    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, items: &[Item]) {
+        pass.set_vertex_buffer(0, self.vertices.slice(..));
+        pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
+        for (pipeline, batch) in items {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, &self.textures, &[batch.list * LIST_STRIDE]);
+            pass.draw_indexed(batch.indices.clone(), 0, 0..1);
         }
     }
 }
@@ -88,36 +99,31 @@ impl Cover {
 /// Surfaces that are drawn translucent, ready to be drawn within a pass.
 #[derive(Debug)]
 pub(in crate::render) struct Translucent {
-    pipeline: wgpu::RenderPipeline,
-    textures: wgpu::BindGroup,
-    vertices: wgpu::Buffer,
-    /// Vertices and opacity of each.
-    items: Vec<(Range<u32>, f32)>,
+    ready: Ready,
+    /// What is drawn of each, and its opacity.
+    surfaces: Vec<(Vec<Item>, f32)>,
 }
 
 impl Translucent {
     pub(in crate::render) const fn len(&self) -> usize {
-        self.items.len()
+        self.surfaces.len()
     }
 
     /// Draws one of them over what was drawn before; what else is drawn in the pass must set its own pipeline again.
     pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, idx: usize) {
-        let (range, opacity) = &self.items[idx];
+        let (items, opacity) = &self.surfaces[idx];
         let opacity = f64::from(*opacity);
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(1, &self.textures, &[]);
-        pass.set_vertex_buffer(0, self.vertices.slice(..));
         pass.set_blend_constant(wgpu::Color { r: opacity, g: opacity, b: opacity, a: opacity });
-        pass.draw(range.clone(), 0..1);
+        self.ready.draw(pass, items);
     }
 }
 
-/// What is shown, from where, by which variant.
+/// What is shown, from where.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct StaticScene<'a> {
-    pub mesh: &'a Mesh,
+    pub patches: &'a Patches,
+    pub batches: &'a Batches,
     pub anchor_in_world: DVec3,
-    pub key: SurfaceKey,
     /// Surfaces that are drawn translucent, after what lies behind them.
     pub opened: &'a [Opened],
 }
@@ -126,12 +132,14 @@ pub(in crate::render) struct StaticScene<'a> {
 #[derive(Debug)]
 pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
-    pipelines: Vec<(SurfaceKey, Cover, BySamples)>,
+    pipelines: Vec<(Shading, Cover, BySamples)>,
     background_sampler: wgpu::Sampler,
     depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
+    indices: GrowingBuffer,
+    lists: GrowingBuffer,
     scratch: Vec<Vertex>,
-    /// Of which mesh, relative to what the vertices are: parts of a picture mostly share both.
+    /// Of which patches, relative to what the vertices are: parts of a picture mostly share both.
     written: Option<(u64, DVec3)>,
 }
 
@@ -145,6 +153,16 @@ impl SurfacePass {
             ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::NonFiltering),
             count: None,
         };
+        let list_entry = wgpu::BindGroupLayoutEntry {
+            binding: 4,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: true,
+                min_binding_size: NonZeroU64::new(size_of::<CameraList>() as u64),
+            },
+            count: None,
+        };
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[
@@ -152,6 +170,7 @@ impl SurfacePass {
                 SAMPLER_ENTRY,
                 texture_entry(2, wgpu::TextureViewDimension::D2Array, UNFILTERED),
                 depth_sampler_entry,
+                list_entry,
             ],
         });
         Self {
@@ -163,6 +182,8 @@ impl SurfacePass {
                 ..wgpu::SamplerDescriptor::default()
             }),
             vertices: GrowingBuffer::new("surface vertices", wgpu::BufferUsages::VERTEX),
+            indices: GrowingBuffer::new("surface indices", wgpu::BufferUsages::INDEX),
+            lists: GrowingBuffer::new("surface lists", wgpu::BufferUsages::UNIFORM),
             scratch: Vec::new(),
             written: None,
         }
@@ -173,7 +194,7 @@ impl SurfacePass {
         &mut self,
         gpu: &Gpu,
         into: &DrawInto<'_>,
-        key: SurfaceKey,
+        key: Shading,
         cover: Cover,
     ) -> Result<&wgpu::RenderPipeline, GpuError> {
         let vertices = wgpu::VertexBufferLayout {
@@ -193,13 +214,26 @@ impl SurfacePass {
             vertices,
             topology: wgpu::PrimitiveTopology::TriangleList,
             mixing: cover.mixing(),
-            variant: &key.constants(),
+            variant: &constants(key),
             samples,
         };
         self.pipelines[idx].2.get(samples, || draw_pipeline(gpu, wanted))
     }
 
-    /// Records the sky (the colour to clear with) and the scene's mesh; returns what of it is drawn later.
+    /// The batches with their pipelines.
+    fn items(
+        &mut self,
+        gpu: &Gpu,
+        into: &DrawInto<'_>,
+        batches: &[Batch],
+        cover: Cover,
+    ) -> Result<Vec<Item>, GpuError> {
+        let item =
+            |batch: &Batch| Ok((self.pipeline(gpu, into, batch.shading, cover)?.clone(), batch.clone()));
+        batches.iter().map(item).collect()
+    }
+
+    /// Records the sky (the colour to clear with) and the scene's patches; returns what of them is drawn later.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,
@@ -209,36 +243,40 @@ impl SurfacePass {
         depth_maps: &mut DepthMaps,
     ) -> Result<Option<Translucent>, GpuError> {
         let gpu = recording.gpu;
+        let Batches { indices, lists, opaque, opened, .. } = shown.batches;
         let vertices = self.write(gpu, shown).clone();
-        let textures = self.bind(gpu, backgrounds, depth_maps);
-        let pipeline = self.pipeline(gpu, into, shown.key, Cover::Whole)?.clone();
-        let is_opened = |surface| shown.opened.iter().any(|opened| opened.surface == surface);
-        let opaque = shown.mesh.without(is_opened);
+        let indices = self.indices.write(gpu, indices).clone();
+        let padded: Vec<PaddedList> = lists.iter().map(|list| [*list; _]).collect();
+        let lists = self.lists.write(gpu, &padded).clone();
+        let textures = self.bind(gpu, backgrounds, depth_maps, &lists);
+        let ready = Ready { textures, vertices, indices };
+        let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
+        let is_dear = opaque.iter().any(|batch| batch.shading.n_cameras > 0);
+        let depth = Batch { shading: Shading::default(), list: 0, indices: 0..n_indices };
+        let depth = if is_dear { self.items(gpu, into, &[depth], Cover::Depth)? } else { Vec::new() };
+        let opaque = self.items(gpu, into, opaque, Cover::Whole)?;
         let mut pass = recording.draw(LABEL, into);
-        if !opaque.is_empty() {
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(1, &textures, &[]);
-            pass.set_vertex_buffer(0, vertices.slice(..));
-            opaque.into_iter().for_each(|range| pass.draw(range, 0..1));
-        }
+        ready.draw(&mut pass, &depth);
+        ready.draw(&mut pass, &opaque);
         drop(pass);
         if shown.opened.is_empty() {
             return Ok(None);
         }
-        let pipeline = self.pipeline(gpu, into, shown.key, Cover::Partly)?.clone();
-        let item = |opened: &Opened| (shown.mesh.range_of(opened.surface), opened.opacity);
-        let items = shown.opened.iter().map(item).collect();
-        Ok(Some(Translucent { pipeline, textures, vertices, items }))
+        let mut surfaces = Vec::with_capacity(shown.opened.len());
+        for (batches, Opened { opacity, .. }) in opened.iter().zip(shown.opened) {
+            surfaces.push((self.items(gpu, into, batches, Cover::Partly)?, *opacity));
+        }
+        Ok(Some(Translucent { ready, surfaces }))
     }
 
-    /// The mesh's vertices on the device, written where mesh or anchor are others than the last frame's.
+    /// The patches' vertices on the device, written where they or the anchor are others than the last frame's.
     fn write(&mut self, gpu: &Gpu, shown: &StaticScene<'_>) -> &wgpu::Buffer {
-        let wanted = (shown.mesh.number, shown.anchor_in_world);
+        let wanted = (shown.patches.number, shown.anchor_in_world);
         match self.vertices.get() {
             Some(_) if self.written == Some(wanted) => {}
             _ => {
                 self.scratch.clear();
-                self.scratch.extend(shown.mesh.vertices.iter().map(|vertex| Vertex {
+                self.scratch.extend(shown.patches.vertices.iter().map(|vertex| Vertex {
                     position_from_anchor:
                         (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
                     normal: vertex.normal.to_array(),
@@ -251,7 +289,18 @@ impl SurfacePass {
         self.vertices.get().expect("they have just been written")
     }
 
-    fn bind(&self, gpu: &Gpu, backgrounds: &mut ImageArray, depth_maps: &mut DepthMaps) -> wgpu::BindGroup {
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        backgrounds: &mut ImageArray,
+        depth_maps: &mut DepthMaps,
+        lists: &wgpu::Buffer,
+    ) -> wgpu::BindGroup {
+        let list = wgpu::BufferBinding {
+            buffer: lists,
+            offset: 0,
+            size: NonZeroU64::new(size_of::<CameraList>() as u64),
+        };
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
@@ -261,6 +310,7 @@ impl SurfacePass {
                 entry(1, wgpu::BindingResource::Sampler(&self.background_sampler)),
                 entry(2, wgpu::BindingResource::TextureView(depth_maps.view(gpu))),
                 entry(3, wgpu::BindingResource::Sampler(&self.depth_sampler)),
+                entry(4, wgpu::BindingResource::Buffer(list)),
             ],
         })
     }
