@@ -1,3 +1,5 @@
+//! Patches held to rays, to their areas and to one another.
+
 use super::*;
 use crate::geometry::{Distortion, ExtrudedFootprint, GroundPolygon, OrientedBox, Pose, Surfaces};
 use crate::scene::{Material, Scene};
