@@ -31,6 +31,7 @@ pub(in crate::render) struct SurfaceKey {
     has_lenses: bool,
     has_depth_maps: bool,
     has_depth_cubes: bool,
+    has_gains: bool,
 }
 
 impl SurfaceKey {
@@ -41,16 +42,18 @@ impl SurfaceKey {
             has_lenses: cameras.iter().any(Camera::has_lens),
             has_depth_maps: cameras.iter().any(|camera| camera.n_depth_faces > 0),
             has_depth_cubes: cameras.iter().any(|camera| camera.n_depth_faces > 1),
+            has_gains: cameras.iter().any(Camera::has_gain),
         }
     }
 
-    fn constants(self) -> [(&'static str, f64); 4] {
+    fn constants(self) -> [(&'static str, f64); 5] {
         let flag = |is_set: bool| f64::from(u8::from(is_set));
         [
             ("N_SURFACE_CAMERAS", self.n_cameras as f64),
             ("HAS_LENSES", flag(self.has_lenses)),
             ("HAS_DEPTH_MAPS", flag(self.has_depth_maps)),
             ("HAS_DEPTH_CUBES", flag(self.has_depth_cubes)),
+            ("HAS_GAINS", flag(self.has_gains)),
         ]
     }
 }
