@@ -60,7 +60,7 @@ impl Exposure {
 
     /// Gives the cameras of a state their gains: the state must be of the overlap's scene, else nothing is evened.
     ///
-    /// **Cost** once a second of scene time 25 texels for each camera that sees one of the overlap's places, and the
+    /// **Cost** once a second of scene time 9 texels for each camera that sees one of the overlap's places, and the
     /// least squares; else next to nothing. Without overlap nothing is looked at.
     pub fn even(&mut self, state: &mut SceneState) {
         if self.overlap.is_empty() || state.scene.cameras.len() != self.overlap.n_members() {

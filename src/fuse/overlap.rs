@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Most rays that are cast from one camera, and from all of a scene.
 const MAX_RAYS: usize = 512;
-const MAX_ALL_RAYS: usize = 16_384;
+const MAX_ALL_RAYS: usize = 8192;
 
 /// Most other cameras that one place is compared with.
 const MAX_OTHERS: usize = 3;
@@ -20,8 +20,10 @@ const MAX_OTHERS: usize = 3;
 /// mirrors the sky.
 const LEAST_SINE: f64 = 0.1;
 
-/// Colours are the mean over a patch of so many texels each way, of the coarser camera's.
-const PATCH: i8 = 5;
+/// Colours are the mean over a patch of so many texels each way.
+const PATCH: i8 = 3;
+/// So many texels of the coarser camera apart.
+const PATCH_STEP: f64 = 1.5;
 
 /// sRGB codes that a camera's colour counts within: beyond them it is clipped, or mostly noise.
 const CODES: [u8; 2] = [10, 248];
@@ -57,7 +59,7 @@ impl Overlap {
     /// Looks for places along rays from every camera of a scene: kept are those that another camera sees too, with
     /// nothing before it and neither at a grazing angle. The same scene has the same places.
     ///
-    /// **Cost** at most 16384 rays, and for each some projections and up to 20 further rays; over all cores.
+    /// **Cost** at most 8192 rays, and for each a projection into every camera and a ray from those that look there; over all cores.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
         let cameras: Vec<&Camera> = scene.cameras.iter().map(|member| &*member.camera).collect();
@@ -100,7 +102,7 @@ impl Overlap {
 
     /// What backgrounds, in the order of the scene's cameras, show of the places; what is clipped or black is left out.
     ///
-    /// **Cost** 25 texels for each camera that sees a place.
+    /// **Cost** 9 texels for each camera that sees a place.
     pub(super) fn differences(&self, backgrounds: &[Option<&YuvImage>]) -> Vec<Difference> {
         let light: Vec<f32> = (0..=u8::MAX).map(|code| linear_from_srgb(f32::from(code) / 255.0)).collect();
         let seen = |sight: &Sight| {
@@ -160,7 +162,7 @@ fn sights(
         let camera = cameras[*member];
         camera.pose().position_in_world.distance(hit.point_in_world) / camera.focal_px().min_element()
     };
-    let step_m = seeing.iter().map(texel_m).fold(0.0, f64::max);
+    let step_m = PATCH_STEP * seeing.iter().map(texel_m).fold(0.0, f64::max);
     let found: Vec<Sight> =
         seeing.iter().filter_map(|member| sight(cameras[*member], surfaces, *member, &hit, step_m)).collect();
     let is_shared = found.len() > 1 && usize::from(found[0].member) == member;
