@@ -1,18 +1,18 @@
 //! What a picture costs once its cameras' pictures and depth maps are on the device.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::hint::black_box;
 use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::config::RenderSettings;
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{CameraState, SceneState};
+use videofields::fuse::{CameraState, Exposure, Overlap, SceneState};
 use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
 use videofields::gpu::Gpu;
-use videofields::plan::{self, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
 use videofields::render::Renderer;
-use videofields::scene::{Material, Scene};
+use videofields::scene::{Material, Scene, SceneCamera};
 use videofields::timeline::Observation;
 
 const WIDTH: u32 = 1280;
@@ -34,7 +34,7 @@ fn state(n_cameras: u32) -> SceneState {
             OrientedBox::new(center, DVec3::new(2.0, 3.0, 3.0), f64::from(idx)).expect("a box")
         })
         .collect();
-    let cameras = (0..n_cameras)
+    let cameras: Vec<CameraState> = (0..n_cameras)
         .map(|idx| {
             let (sin, cos) = (f64::from(idx) * std::f64::consts::TAU / f64::from(n_cameras)).sin_cos();
             let pose =
@@ -55,7 +55,8 @@ fn state(n_cameras: u32) -> SceneState {
                 blobs: Arc::from([]),
                 tracks: Arc::from([]),
             };
-            CameraState { id, camera: Arc::new(camera.expect("a camera")), observation }
+            let camera = Arc::new(camera.expect("a camera"));
+            CameraState { id, camera, observation, gain: Vec3::ONE }
         })
         .collect();
     let scene = Scene {
@@ -67,7 +68,10 @@ fn state(n_cameras: u32) -> SceneState {
         surfaces: Surfaces::of_ground_and_boxes(vec![ground], boxes),
         sky_srgb: [120, 160, 210],
         min_entity_size_m: 0.0,
-        cameras: Vec::new(),
+        cameras: cameras
+            .iter()
+            .map(|state| SceneCamera { id: state.id.clone(), camera: Arc::clone(&state.camera) })
+            .collect(),
         view: None,
         document: Arc::from("{}"),
     };
@@ -75,6 +79,7 @@ fn state(n_cameras: u32) -> SceneState {
         scene: Arc::new(scene),
         instant: Timestamp::from_nanos(0),
         cameras,
+        n_overlapping: 0,
         entities: Vec::new(),
         points: Vec::new(),
     }
@@ -93,6 +98,7 @@ fn render(criterion: &mut Criterion) {
         entities: EntityStyle::None,
         sampling: Sampling { samples, supersampling: 1 },
         see_through: false,
+        colors: Colors::Even,
     };
     for samples in [1, 4] {
         let Ok(gpu) = Gpu::new("") else { return };
@@ -129,5 +135,27 @@ fn render(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, render);
+/// Cameras' gains: places in common once a scene, a look at them once a second, and any other picture.
+fn even(criterion: &mut Criterion) {
+    let mut group = criterion.benchmark_group("even");
+    group.sample_size(10);
+    for n_cameras in [4, 100] {
+        let mut state = state(n_cameras);
+        group.bench_function(format!("places/{n_cameras}_cameras"), |bencher| {
+            bencher.iter(|| Overlap::of(black_box(&state.scene)));
+        });
+        let mut exposure = Exposure::new(Arc::new(Overlap::of(&state.scene)));
+        for (what, step_millis) in [("compared", 1000), ("between", 0)] {
+            group.bench_function(format!("{what}/{n_cameras}_cameras"), |bencher| {
+                bencher.iter(|| {
+                    state.instant = state.instant.saturating_add_nanos(step_millis * 1_000_000);
+                    exposure.even(&mut state);
+                });
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, render, even);
 criterion_main!(benches);

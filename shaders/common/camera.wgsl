@@ -12,6 +12,8 @@ const MAX_CAMERAS: u32 = 212u;
 // Whether any camera has a lens that bends: a variant without leaves the models out. Rasterisers on a processor run
 // both sides of every branch.
 override HAS_LENSES: bool = true;
+// Whether any camera's gain is not 1.
+override HAS_GAINS: bool = true;
 
 // Directions around the axis in which the lens's limit is tabulated.
 const N_LIMIT_DIRECTIONS: u32 = 64u;
@@ -47,6 +49,9 @@ struct Camera {
     // Layers of faces 0 to 3, then of 4 and 5.
     depth_layers_low: vec4<u32>,
     depth_layers_high: vec4<u32>,
+    // What the camera's colours are multiplied by in linear light.
+    gain: vec3<f32>,
+    pad_gain: u32,
 }
 
 @group(0) @binding(1) var<uniform> cameras: array<Camera, MAX_CAMERAS>;
@@ -118,4 +123,12 @@ fn project(camera_idx: u32, point_from_anchor: vec3<f32>) -> Projection {
     }
     let texture = cameras[camera_idx].focal * distorted + cameras[camera_idx].center;
     return Projection(texture, is_seen, local);
+}
+
+// A colour of the camera's, in linear light, as it agrees with other cameras'; what is brighter than white is white.
+fn evened(camera_idx: u32, color: vec3<f32>) -> vec3<f32> {
+    if HAS_GAINS {
+        return min(color * cameras[camera_idx].gain, vec3<f32>(1.0));
+    }
+    return color;
 }

@@ -73,7 +73,7 @@ fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>) -> vec4
     let beside_px = beside * cameras[camera_idx].frame_size_px;
     let inside = 1.0 - smoothstep(0.0, RECT_FEATHER_PX, max(beside_px.x, beside_px.y));
     let alpha = select(0.0, smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside, projection.is_seen);
-    return vec4<f32>(color.rgb * alpha, alpha);
+    return vec4<f32>(evened(camera_idx, color.rgb) * alpha, alpha);
 }
 
 // Two sources of one entity are mixed before they cover anything. Where both show it, it is as opaque as by one; what one

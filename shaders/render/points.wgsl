@@ -31,7 +31,7 @@ fn vs_main(in: PointIn, @builtin(vertex_index) corner: u32) -> Varying {
     let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor + view.right * x + view.down * y, 1.0);
     // Beyond infinity: clipped.
     let nowhere = vec4<f32>(0.0, 0.0, -1.0, 1.0);
-    return Varying(select(nowhere, position, color.a >= LEAST_MASK), color.rgb);
+    return Varying(select(nowhere, position, color.a >= LEAST_MASK), evened(k, color.rgb));
 }
 
 @fragment

@@ -168,7 +168,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         }
         let place = projection.texture * cameras[k].background_scale;
         let layer = cameras[k].background_layer;
-        let color = textureSampleLevel(backgrounds, background_sampler, place, layer, level).rgb;
+        let color = evened(k, textureSampleLevel(backgrounds, background_sampler, place, layer, level).rgb);
         if open.x >= 0.5 && cosine > squarest {
             squarest = cosine;
             fallback = color;

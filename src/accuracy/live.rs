@@ -23,7 +23,7 @@ use crate::fuse;
 use crate::geometry::{Camera, Surfaces};
 use crate::gpu::Gpu;
 use crate::ingest::{self, MediaRoots};
-use crate::plan::{self, EntityStyle, Frustum, Picture, Sampling, View, Wishes};
+use crate::plan::{self, Colors, EntityStyle, Frustum, Picture, Sampling, View, Wishes};
 use crate::render::Renderer;
 use crate::scene::{Scene, SceneCamera};
 use crate::segment::{BACKGROUND, MOVING, Segmenter};
@@ -263,6 +263,7 @@ fn leave_out(
         entities: EntityStyle::None,
         sampling: Sampling { samples, supersampling: 1 },
         see_through: false,
+        colors: Colors::Raw,
     };
     let plan = plan::make(&state, &picture, wishes);
     let drawn = renderer.render(&state, &picture, &plan)?.image;

@@ -14,7 +14,7 @@ use super::subject::{Subject, SubjectView};
 use crate::frame::{CameraId, Mask, RgbImage};
 use crate::fuse::{self, Billboard, EntityPoint, SceneState};
 use crate::gpu::Gpu;
-use crate::plan::{self, EntityStyle, Picture, Sampling, Spread, Wishes};
+use crate::plan::{self, Colors, EntityStyle, Picture, Sampling, Spread, Wishes};
 use crate::render::{RenderError, Renderer};
 use crate::timeline::Observation;
 use std::collections::BTreeMap;
@@ -81,8 +81,11 @@ impl Easel {
         let state = fuse::assemble(&subject.scene, instant, find, stride);
         let picture = Picture::from(view.view);
         let sampling = Sampling { samples: self.form.samples, supersampling: 1 };
-        let mut plan =
-            plan::make(&state, &picture, Wishes { entities: entities.style, sampling, see_through: false });
+        let mut plan = plan::make(
+            &state,
+            &picture,
+            Wishes { entities: entities.style, sampling, see_through: false, colors: Colors::Raw },
+        );
         if self.form.depth_map_side_px.is_none() {
             plan.depth_map_cameras.clear();
         }

@@ -9,7 +9,7 @@ use crate::clock::Timestamp;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
-use crate::plan::{EntityStyle, MAX_SUPERSAMPLING};
+use crate::plan::{Colors, EntityStyle, MAX_SUPERSAMPLING};
 use crate::scene::SceneView;
 use axum::extract::{RawQuery, State};
 use glam::DVec3;
@@ -40,7 +40,7 @@ const KINDS: [(&str, &[&str]); 6] = [
     ("window", &["eye", "window"]),
 ];
 
-const PARAMETERS: [&str; 18] = [
+const PARAMETERS: [&str; 19] = [
     "projection",
     "eye",
     "target",
@@ -56,6 +56,7 @@ const PARAMETERS: [&str; 18] = [
     "t",
     "entities",
     "see_through",
+    "colors",
     "session",
     "samples",
     "supersampling",
@@ -137,6 +138,7 @@ fn read(
         at: moment.at,
         style: query.choice("entities", &STYLES).unwrap_or_default(),
         see_through: query.choice("see_through", &[("on", true), ("off", false)]).unwrap_or(true),
+        colors: query.choice("colors", &[("even", Colors::Even), ("raw", Colors::Raw)]).unwrap_or_default(),
         session: query.id("session"),
         samples: query.choice("samples", &[("1", 1), ("4", 4)]),
         supersampling: query.whole("supersampling", &(1..=MAX_SUPERSAMPLING)).unwrap_or(1),

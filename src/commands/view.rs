@@ -70,6 +70,9 @@ pub(crate) struct View {
     /// Whether buildings open where they hide somebody: on (the default) or off.
     #[arg(long, value_name = "ON_OFF", allow_hyphen_values = true)]
     see_through: Option<String>,
+    /// Whether exposure and white balance are evened out between cameras: even (the default) or raw.
+    #[arg(long, value_name = "EVEN_RAW", allow_hyphen_values = true)]
+    colors: Option<String>,
     /// Samples a pixel, 1 or 4; as the configuration has it if absent.
     #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
     samples: Option<String>,
@@ -133,6 +136,7 @@ impl View {
             ("convergence", &self.convergence),
             ("window", &self.window),
             ("see_through", &self.see_through),
+            ("colors", &self.colors),
             ("samples", &self.samples),
             ("supersampling", &self.supersampling),
         ];

@@ -1,25 +1,34 @@
-//! Who is who in the scenes that are looked at: one association a scene, of few scenes.
+//! What is remembered of the scenes that are looked at from instant to instant, of few scenes: who is who, and how cameras'
+//! colours agree.
 
-use crate::fuse::Association;
+use crate::fuse::{Association, Exposure, Overlap};
 use crate::scene::Scene;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
-/// Scenes whose entities are remembered, those asked for last: an association is small, a scene's document may not be.
+/// Scenes whose entities and gains are remembered, those asked for last: both are small, a scene's document may not be.
 const MAX_SCENES: usize = 32;
 
-/// Associations by scene; the scene asked for last is the last.
+/// What pictures of one scene remember.
 #[derive(Debug, Default)]
-pub(super) struct Associations(Vec<(Arc<Scene>, Association)>);
+pub(super) struct Remembered {
+    pub(super) association: Association,
+    /// None before colours are first evened.
+    pub(super) exposure: Option<Exposure>,
+}
+
+/// What is remembered by scene; the scene asked for last is the last.
+#[derive(Debug, Default)]
+pub(super) struct Associations(Vec<(Arc<Scene>, Remembered)>);
 
 impl Associations {
-    /// The association of `scene`. A scene that was changed is another one: its cameras and ground are.
-    pub(super) fn of(&mut self, scene: &Arc<Scene>) -> &mut Association {
+    /// What is remembered of `scene`. A scene that was changed is another one: its cameras and ground are.
+    pub(super) fn of(&mut self, scene: &Arc<Scene>) -> &mut Remembered {
         let own = match self.0.iter().position(|(of, _)| Arc::ptr_eq(of, scene)) {
             Some(place) => self.0.remove(place),
             None => {
                 // What a changed scene was before is of no use to anybody.
                 self.0.retain(|(of, _)| of.id != scene.id);
-                (Arc::clone(scene), Association::default())
+                (Arc::clone(scene), Remembered::default())
             }
         };
         if self.0.len() == MAX_SCENES {
@@ -28,6 +37,36 @@ impl Associations {
         self.0.push(own);
         let last = self.0.len() - 1;
         &mut self.0[last].1
+    }
+}
+
+/// A scene's overlap, once it was found.
+type Found = Arc<OnceLock<Arc<Overlap>>>;
+
+/// Where the cameras of scenes overlap: found once a scene, by whoever asks first, while others wait.
+#[derive(Debug, Default)]
+pub(super) struct Overlaps(Mutex<Vec<(Weak<Scene>, Found)>>);
+
+impl Overlaps {
+    /// That of `scene`.
+    pub(super) fn of(&self, scene: &Arc<Scene>) -> Arc<Overlap> {
+        let own = self.found(scene);
+        Arc::clone(own.get_or_init(|| Arc::new(Overlap::of(scene))))
+    }
+
+    fn found(&self, scene: &Arc<Scene>) -> Found {
+        // A panic leaves the list whole: it is changed entry by entry.
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        known.retain(|(of, _)| of.strong_count() > 0);
+        if let Some((_, own)) = known.iter().find(|(of, _)| std::ptr::eq(of.as_ptr(), Arc::as_ptr(scene))) {
+            return Arc::clone(own);
+        }
+        if known.len() == MAX_SCENES {
+            known.remove(0);
+        }
+        let own = Found::default();
+        known.push((Arc::downgrade(scene), Arc::clone(&own)));
+        own
     }
 }
 
@@ -51,5 +90,18 @@ mod tests {
             associations.of(&scene(&format!("s{number}")));
         }
         assert_eq!(associations.0.len(), MAX_SCENES);
+    }
+
+    #[test]
+    fn overlaps_are_found_once_a_scene_and_go_with_it() {
+        let (overlaps, kept) = (Overlaps::default(), scene("a"));
+        let found = overlaps.of(&kept);
+        assert!(Arc::ptr_eq(&overlaps.of(&kept), &found));
+        assert!(!Arc::ptr_eq(&overlaps.of(&scene("a")), &found), "another scene of the same id");
+        assert!(Arc::ptr_eq(&overlaps.of(&kept), &found));
+        assert_eq!(overlaps.0.lock().unwrap().len(), 1);
+        let many: Vec<_> = (0..MAX_SCENES + 3).map(|number| scene(&format!("s{number}"))).collect();
+        many.iter().for_each(|scene| drop(overlaps.of(scene)));
+        assert_eq!(overlaps.0.lock().unwrap().len(), MAX_SCENES);
     }
 }

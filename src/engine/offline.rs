@@ -1,6 +1,7 @@
 //! One picture without a daemon: every camera of the scene is played up to the instant as fast as it goes.
 
 use super::EngineError;
+use super::associations::{Overlaps, Remembered};
 use super::handle::At;
 use super::picture::{Observations, Subject, failure_of};
 use super::renderer::open_renderer;
@@ -10,7 +11,6 @@ use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
 use crate::error::Fault;
 use crate::frame::{CameraId, Frame};
-use crate::fuse::Association;
 use crate::ingest::{self, MediaRoots, Pipeline};
 use crate::scene::Scene;
 use crate::timeline::Observation;
@@ -65,7 +65,8 @@ pub fn view_once(
     let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
     let instant = until.or(latest).unwrap_or_default();
     let subject = Subject::of(request, scene, instant, &found, limits)?;
-    let drawn = subject.draw(&found, (&mut Association::default(), None), &mut renderer, clock, &mut || true);
+    let memory = (&mut Remembered::default(), &Overlaps::default(), None);
+    let drawn = subject.draw(&found, memory, &mut renderer, clock, &mut || true);
     let drawn = drawn.map_err(|error| failure_of(&error))?;
     drawn.ok_or_else(|| EngineError::Internal("a picture that is wanted was given up".to_owned()))
 }

@@ -1,14 +1,15 @@
 //! From observations to a picture: fuse, plan, render, each timed. Used by the render thread and without a daemon.
 
 use super::EngineError;
+use super::associations::{Overlaps, Remembered};
 use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
 use crate::frame::{CameraId, Mask, YuvImage};
-use crate::fuse::{self, Association, SceneState};
+use crate::fuse::{self, Exposure, SceneState};
 use crate::geometry::Surfaces;
 use crate::plan::{
-    self, ACROSS_M, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, ViewSession, Wishes,
+    self, ACROSS_M, Colors, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, ViewSession, Wishes,
 };
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
@@ -95,7 +96,12 @@ impl Subject {
             (Arc::downgrade(&of.frame.image), Arc::downgrade(&of.soft_mask), Arc::downgrade(&of.background))
         };
         let seen = observations.iter().map(memory).collect();
-        let wishes = Wishes { entities: request.style, sampling, see_through: request.see_through };
+        let wishes = Wishes {
+            entities: request.style,
+            sampling,
+            see_through: request.see_through,
+            colors: request.colors,
+        };
         let session = request.session.clone();
         let (scene, gaps) = (Arc::clone(scene), Vec::new());
         Ok(Self { scene, from, kind, picture, wishes, instant, sources, gaps, seen, session })
@@ -110,13 +116,23 @@ impl Subject {
     }
 
     /// What stands where, by what was seen.
-    /// Entities keep the ids that they have in the scene's `association`.
-    pub(super) fn state(&self, observations: &Observations, association: &mut Association) -> SceneState {
+    /// Entities keep the ids, and cameras go on from the gains, that are `remembered` of the scene.
+    pub(super) fn state(
+        &self,
+        observations: &Observations,
+        remembered: &mut Remembered,
+        overlaps: &Overlaps,
+    ) -> SceneState {
         let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
-        fuse::assemble_within(association, &self.scene, self.instant, find, point_stride)
+        let Remembered { association, exposure } = remembered;
+        let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, point_stride);
+        if self.wishes.colors == Colors::Even {
+            exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
+        }
+        state
     }
 
     /// What must be drawn of that, as the next of a session if there is one.
@@ -128,13 +144,13 @@ impl Subject {
     pub(super) fn draw(
         &self,
         observations: &Observations,
-        (association, session): (&mut Association, Option<&mut ViewSession>),
+        (remembered, overlaps, session): (&mut Remembered, &Overlaps, Option<&mut ViewSession>),
         renderer: &mut Renderer,
         clock: &dyn Clock,
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, RenderError> {
         let started = clock.monotonic();
-        let state = self.state(observations, association);
+        let state = self.state(observations, remembered, overlaps);
         let fused = clock.monotonic();
         let plan = self.plan(&state, session);
         let planned = clock.monotonic();

@@ -1,6 +1,7 @@
 //! The plan of a view without its picture: what would be drawn of whom and why. Needs no device, and waits for none.
 
 use super::EngineError;
+use super::associations::Remembered;
 use super::handle::surface_name;
 use super::picture::Subject;
 use super::resolve::Resolved;
@@ -8,7 +9,7 @@ use super::shared::Shared;
 use super::view::{SourceTime, ViewKind, ViewRequest};
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
-use crate::fuse::{Association, SceneState};
+use crate::fuse::SceneState;
 use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, Reason, Sampling};
 use crate::scene::SceneView;
 use glam::DVec3;
@@ -75,7 +76,7 @@ impl Shared {
     pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
         // What is remembered from picture to picture is the render thread's; this is what it comes to.
-        let state = subject.state(&observations, &mut Association::default());
+        let state = subject.state(&observations, &mut Remembered::default(), &self.overlaps);
         let plan = subject.plan(&state, None);
         Ok(named(&subject, &state, plan))
     }

@@ -69,7 +69,7 @@ struct RenderThread<'a> {
     was_opened: bool,
     cache: FrameCache,
     sessions: Sessions,
-    /// Who is who in each scene.
+    /// Who is who in each scene, and how its cameras' colours agree.
     associations: Associations,
 }
 
@@ -167,14 +167,15 @@ impl<'a> RenderThread<'a> {
             )));
         }
         shared.metrics.render_cache_misses.inc();
-        // A panic on the way costs what is known of who is who, and no more.
+        // A panic on the way costs what is known of who is who and of gains, and no more.
         let mut associations = std::mem::take(&mut self.associations);
-        let association = associations.of(&subject.scene);
+        let remembered = associations.of(&subject.scene);
         let mut session = subject.session.as_deref().map(|name| self.sessions.take(&request.scene, name));
         let drawn = self.twice_at_most(|thread| {
             let renderer = thread.ensure_renderer()?;
             let mut wanted = || shared.queue.is_wanted();
-            Ok(subject.draw(&seen.0, (&mut *association, session.as_mut()), renderer, clock, &mut wanted)?)
+            let memory = (&mut *remembered, &shared.overlaps, session.as_mut());
+            Ok(subject.draw(&seen.0, memory, renderer, clock, &mut wanted)?)
         });
         self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
@@ -349,7 +350,8 @@ fn no_renderer(shared: &Shared, reason: String) -> EngineError {
 
 /// Whether two requests may mean one picture, by what can be told without a look at any camera.
 fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
-    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling, of.see_through);
+    let drawn =
+        |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling, of.see_through, of.colors);
     a.scene == b.scene && a.session == b.session && drawn(a) == drawn(b)
 }
 
@@ -401,6 +403,7 @@ mod tests {
             at: At::Live,
             style: crate::plan::EntityStyle::None,
             see_through: true,
+            colors: crate::plan::Colors::Even,
             session: None,
             samples: None,
             supersampling: 1,

@@ -4,6 +4,7 @@ mod door;
 
 use super::EngineError;
 use super::accuracy::AccuracyBoard;
+use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
 use super::handle::{At, Door};
 use super::past::Past;
@@ -84,6 +85,7 @@ pub(super) struct Shared {
     /// What loses the device in use, for tests.
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
+    pub(super) overlaps: Overlaps,
 }
 
 /// Loses a device.
@@ -131,6 +133,7 @@ impl Shared {
             renderer: Mutex::new(Err("starting".to_owned())),
             device_loss: Mutex::new(None),
             queue,
+            overlaps: Overlaps::default(),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::handle::At;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
-use crate::plan::{EntityStyle, Plan};
+use crate::plan::{Colors, EntityStyle, Plan};
 use crate::scene::SceneView;
 use glam::DVec3;
 use std::sync::Arc;
@@ -73,6 +73,8 @@ pub struct ViewRequest {
     pub style: EntityStyle,
     /// Whether buildings open where they hide somebody.
     pub see_through: bool,
+    /// Whether cameras' colours are made to agree.
+    pub colors: Colors,
     /// Who looks: what changes over time does so smoothly from one picture of a session to its next. Without one, every
     /// picture shows what it comes to.
     pub session: Option<String>,

@@ -288,6 +288,19 @@ impl YuvImage {
         }
         RgbImage { width, height, data }
     }
+
+    /// One pixel as 8-bit sRGB, the same as in [`Self::to_rgb`].
+    ///
+    /// # Panics
+    /// When it lies beyond the picture.
+    #[must_use]
+    pub fn rgb_at(&self, x: u32, y: u32) -> [u8; 3] {
+        let texel = |plane: usize, x: u32, y: u32| [self.plane(plane).row(y)[x as usize]];
+        let [luma, u, v] = [texel(0, x, y), texel(1, x / 2, y / 2), texel(2, x / 2, y / 2)];
+        let mut rgb = [0; 3];
+        rgb_from_yuv_rows(self.matrix, self.range, &luma, &u, &v, &mut rgb);
+        rgb
+    }
 }
 
 const fn plane_size(layout: &YuvLayout, index: usize) -> (u32, u32) {
@@ -314,7 +327,9 @@ mod tests {
     #[test]
     fn known_codes_become_known_colours() {
         let check = |yuv, matrix, range, expected: [u8; 3]| {
-            let rgb = YuvImage::filled(3, 3, yuv, matrix, range).to_rgb();
+            let image = YuvImage::filled(3, 3, yuv, matrix, range);
+            let rgb = image.to_rgb();
+            assert_eq!(image.rgb_at(2, 1), rgb.data[15..18]);
             assert_eq!(rgb.data.len(), 27);
             for pixel in rgb.data.chunks_exact(3) {
                 for (got, want) in pixel.iter().zip(expected) {

@@ -6,9 +6,12 @@
 mod association;
 mod billboard;
 mod estimate;
+mod exposure;
+mod gains;
 mod grouping;
 mod line;
 mod look;
+mod overlap;
 mod pieces;
 mod points;
 #[cfg(test)]
@@ -16,6 +19,8 @@ mod tests;
 mod walk;
 
 pub use association::Association;
+pub use exposure::Exposure;
+pub use overlap::Overlap;
 
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
@@ -25,7 +30,7 @@ use crate::segment::PixelRect;
 use crate::timeline::Observation;
 use crate::track::Track;
 use estimate::{Estimate, Head};
-use glam::{DMat2, DVec3};
+use glam::{DMat2, DVec3, Vec3};
 use line::Followed;
 use std::sync::Arc;
 
@@ -59,9 +64,8 @@ pub fn assemble_within(
         .enumerate()
         .filter_map(|(idx, member)| {
             let observation = observe(&member.id)?;
-            let state =
-                CameraState { id: member.id.clone(), camera: Arc::clone(&member.camera), observation };
-            Some((idx, state))
+            let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
+            Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE }))
         })
         .unzip();
     let sightings: Vec<Sighting> = cameras
@@ -82,7 +86,7 @@ pub fn assemble_within(
     let points = point_stride.map_or_else(Vec::new, |stride| {
         sources().flat_map(|source| points::points(&cameras[source.camera_idx], source, stride)).collect()
     });
-    SceneState { scene: Arc::clone(scene), instant, entities, cameras, points }
+    SceneState { scene: Arc::clone(scene), instant, entities, cameras, n_overlapping: 0, points }
 }
 
 /// A billboard with what it says of whom it shows.
@@ -106,6 +110,9 @@ pub struct SceneState {
     pub instant: Timestamp,
     /// The cameras that have an observation at that instant, in the scene's order.
     pub cameras: Vec<CameraState>,
+    /// How many of the cameras were compared with others that see the same surfaces ([`Exposure::even`]); 0 where nobody
+    /// looked.
+    pub n_overlapping: usize,
     /// What stands on the ground.
     pub entities: Vec<Entity>,
     /// The entities' foreground texels as points; empty unless points were asked for.
@@ -121,6 +128,9 @@ pub struct CameraState {
     pub camera: Arc<Camera>,
     /// What it saw.
     pub observation: Observation,
+    /// What its colours are multiplied by in linear light to agree with other cameras', a channel: 1 where nothing is
+    /// evened out, above 0, finite.
+    pub gain: Vec3,
 }
 
 /// One thing that stands on the ground, seen by one camera or several.

@@ -6,6 +6,7 @@
 mod cost;
 mod coverage;
 mod entities;
+mod exposure;
 mod picture;
 mod see_through;
 mod sources;
@@ -72,6 +73,17 @@ impl Sampling {
     }
 }
 
+/// Whose word on colours counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Colors {
+    /// Exposure and white balance are evened out between cameras that see the same surfaces.
+    #[default]
+    Even,
+    /// As each camera gives them.
+    Raw,
+}
+
 /// What whoever asks for a picture may wish for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wishes {
@@ -81,6 +93,8 @@ pub struct Wishes {
     pub sampling: Sampling,
     /// Whether buildings open where they hide somebody.
     pub see_through: bool,
+    /// Whether cameras' colours are made to agree.
+    pub colors: Colors,
 }
 
 /// Which passes a picture needs, and why.
@@ -100,6 +114,8 @@ pub struct Plan {
     /// Buildings that are drawn translucent, since they hide an entity, the farthest first.
     #[serde(skip)]
     pub opened: Vec<Opened>,
+    /// Whether the cameras' colours are multiplied by their gains.
+    pub evens_colors: bool,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// One line an effect: on or off, and the reason.
@@ -167,10 +183,12 @@ pub fn make_for(
         billboards: Vec::new(),
         entity_cameras: Vec::new(),
         opened: Vec::new(),
+        evens_colors: false,
         sampling: wishes.sampling,
         reasons,
     };
     entities::plan(state, picture, wishes.entities, &mut plan);
+    exposure::plan(state, wishes.colors, &mut plan);
     if wishes.see_through {
         see_through::plan(state, picture, (wishes.entities, session), &mut plan);
     } else {

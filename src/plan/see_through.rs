@@ -348,6 +348,7 @@ mod tests {
             scene: Arc::new(scene),
             instant: Timestamp::from_nanos(0),
             cameras: Vec::new(),
+            n_overlapping: 0,
             entities: feet.iter().map(entity).collect(),
             points: Vec::new(),
         }

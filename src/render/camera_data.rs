@@ -54,6 +54,8 @@ pub(super) struct Camera {
     pub depth_bounds: [f32; 4],
     pub depth_layers_low: [u32; 4],
     pub depth_layers_high: [u32; 4],
+    pub gain: [f32; 3],
+    pad_gain: u32,
 }}
 
 /// What of the world a view's numbers must be good for.
@@ -150,6 +152,7 @@ impl Camera {
             coefficients_low: low.map(|k| k as f32),
             coefficients_high: high.map(|k| k as f32),
             limit_offset: limit_offset as u32,
+            gain: [1.0; 3],
             ..bytemuck::Zeroable::zeroed()
         }
     }
@@ -157,6 +160,11 @@ impl Camera {
     /// Whether the lens bends what a pinhole shows.
     pub(super) const fn has_lens(&self) -> bool {
         self.model != 0
+    }
+
+    /// Whether its colours are multiplied by anything but 1.
+    pub(super) fn has_gain(&self) -> bool {
+        self.gain != [1.0; 3]
     }
 }
 

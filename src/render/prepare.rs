@@ -8,7 +8,7 @@ use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::SceneState;
 use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// From where a part is seen, as far as what is made ready for it depends on that.
@@ -47,6 +47,7 @@ impl Renderer {
         (plan, patches): (&Plan, &Patches),
     ) -> Result<Uploads<'s>, RenderError> {
         let anchor = stand.anchor_in_world;
+        let gain = |idx: usize| if plan.evens_colors { state.cameras[idx].gain } else { Vec3::ONE };
         let mut uploads = Uploads::default();
         let mut layers = Vec::new();
         let background =
@@ -57,6 +58,7 @@ impl Renderer {
         for ((idx, wanted), layer) in plan.surface_cameras.iter().zip(&wanted).zip(&layers) {
             let scale = self.backgrounds.scale(wanted.image);
             let data = self.frame.add(&state.cameras[*idx].camera, anchor);
+            data.gain = gain(*idx).to_array();
             data.background_layer = *layer;
             data.background_scale = scale;
             data.background_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
@@ -87,6 +89,7 @@ impl Renderer {
             });
             places.push((*idx, place));
             let data = &mut self.frame.scratch[place];
+            data.gain = gain(*idx).to_array();
             data.frame_layer = *layer;
             data.frame_scale = scale;
             data.frame_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];

@@ -323,7 +323,9 @@ impl Renderer {
         let targets = self.targets.get(gpu, targets);
         let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
         let place = Place { clear: Some(sky(scene)), is_last: !has_more };
-        let mut into = DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), place };
+        let has_gains = plan.evens_colors;
+        let mut into =
+            DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), has_gains, place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
         let anchor_in_world = stand.anchor_in_world;
         let static_scene = StaticScene { patches, batches, anchor_in_world, opened: &plan.opened };

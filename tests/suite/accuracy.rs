@@ -15,7 +15,7 @@ use videofields::clock::{SystemClock, Timestamp};
 use videofields::engine::{At, ViewKind, ViewRequest, view_once};
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
-use videofields::plan::EntityStyle;
+use videofields::plan::{Colors, EntityStyle};
 use videofields::simulate::{World, pinhole};
 
 /// A picture by formula, the same in any language: value = f(x, y, channel) in whole numbers.
@@ -167,6 +167,7 @@ fn the_demo_is_true_where_no_camera_stands() {
             at,
             style,
             see_through: false,
+            colors: Colors::Raw,
             session: None,
             samples: None,
             supersampling: 1,

@@ -25,7 +25,7 @@ use tower::ServiceExt;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
 use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
-use videofields::plan::EntityStyle;
+use videofields::plan::{Colors, EntityStyle};
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
 #[derive(Default)]
@@ -293,14 +293,15 @@ async fn every_kind_of_view_is_asked_for_and_said_in_the_same_words() {
         assert!(said.len() >= words.len(), "{words}: {said}");
     }
     assert_eq!(
-        bench.get("/api/v1/scenes/plaza/view.png?samples=1&supersampling=3").await.status,
+        bench.get("/api/v1/scenes/plaza/view.png?samples=1&supersampling=3&colors=raw").await.status,
         StatusCode::OK
     );
     let request = asked(&bench);
-    assert_eq!((request.samples, request.supersampling), (Some(1), 3));
+    assert_eq!((request.samples, request.supersampling, request.colors), (Some(1), 3, Colors::Raw));
     assert_eq!(bench.get("/api/v1/scenes/plaza/view.png").await.status, StatusCode::OK);
     let request = asked(&bench);
     assert_eq!((request.kind, request.samples, request.supersampling), (ViewKind::Perspective, None, 1));
+    assert_eq!(request.colors, Colors::Even);
 }
 
 #[tokio::test]

@@ -26,7 +26,7 @@ use videofields::engine::{
 };
 use videofields::error::ErrorKind;
 use videofields::frame::{CameraId, RgbImage};
-use videofields::plan::EntityStyle;
+use videofields::plan::{Colors, EntityStyle};
 use videofields::scene::{self, Scene};
 use videofields::segment::MOVING;
 use videofields::store::Store;
@@ -158,6 +158,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         style: EntityStyle::Billboards,
         kind: ViewKind::Perspective,
         see_through: true,
+        colors: Colors::Even,
         session: None,
         samples: None,
         supersampling: 1,

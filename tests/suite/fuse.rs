@@ -1,6 +1,7 @@
 //! The fuse room seen from outside: flat figures of known place and size, drawn into masks by projecting them, are
 //! found again.
 
+mod exposure;
 mod truth;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};

@@ -2,6 +2,8 @@
 
 #[path = "render/blend.rs"]
 mod blend;
+#[path = "render/exposure.rs"]
+mod exposure;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]
@@ -23,7 +25,7 @@ use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
 use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, EntityStyle, Frustum, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Wishes};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
@@ -42,6 +44,7 @@ impl Brush {
             entities,
             sampling: Sampling { samples: self.samples, supersampling: 1 },
             see_through: false,
+            colors: Colors::Even,
         }
     }
 

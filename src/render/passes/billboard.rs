@@ -163,8 +163,8 @@ fn turned_towards(right_in_world: DVec3, to_viewer: DVec3, away: DVec2) -> [DVec
 #[derive(Debug)]
 pub(in crate::render) struct BillboardPass {
     frames: LiveFrames,
-    /// Without a second source, and with.
-    pipelines: [BySamples; 2],
+    /// Without a second source, and with; each without gains, and with.
+    pipelines: [[BySamples; 2]; 2],
     instances: GrowingBuffer,
 }
 
@@ -206,10 +206,14 @@ impl BillboardPass {
                 culls_back: false,
                 fragments: Fragments::Colored,
             },
-            variant: &[("HAS_BESIDE", f64::from(u8::from(is_blended)))],
+            variant: &[
+                ("HAS_BESIDE", f64::from(u8::from(is_blended))),
+                ("HAS_GAINS", f64::from(u8::from(into.has_gains))),
+            ],
             samples,
         };
-        let pipeline = self.pipelines[usize::from(is_blended)].get(samples, || draw_pipeline(gpu, wanted))?;
+        let pipeline = self.pipelines[usize::from(is_blended)][usize::from(into.has_gains)]
+            .get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
         let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);

@@ -41,6 +41,8 @@ pub(super) struct DrawInto<'a> {
     /// Bind group 0 and its layout.
     pub frame: &'a wgpu::BindGroup,
     pub frame_layout: &'a wgpu::BindGroupLayout,
+    /// Whether cameras' colours are multiplied by their gains: which variant of a pipeline draws.
+    pub has_gains: bool,
     pub place: Place,
 }
 

@@ -36,7 +36,8 @@ impl Instance {
 #[derive(Debug)]
 pub(in crate::render) struct PointsPass {
     frames: LiveFrames,
-    pipelines: BySamples,
+    /// Without gains, and with.
+    pipelines: [BySamples; 2],
     instances: GrowingBuffer,
 }
 
@@ -46,7 +47,7 @@ impl PointsPass {
     pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
         let instances = GrowingBuffer::new("points instances", wgpu::BufferUsages::VERTEX);
-        Self { frames, pipelines: BySamples::default(), instances }
+        Self { frames, pipelines: Default::default(), instances }
     }
 
     /// Records the squares, in any order.
@@ -75,10 +76,11 @@ impl PointsPass {
                 culls_back: false,
                 fragments: Fragments::Colored,
             },
-            variant: &[],
+            variant: &[("HAS_GAINS", f64::from(u8::from(into.has_gains)))],
             samples,
         };
-        let pipeline = self.pipelines.get(samples, || draw_pipeline(gpu, wanted))?;
+        let pipeline =
+            self.pipelines[usize::from(into.has_gains)].get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
         let vertices = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);

@@ -23,13 +23,14 @@ struct Vertex {
 
 const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3];
 
-fn constants(shading: Shading) -> [(&'static str, f64); 4] {
+fn constants(shading: Shading) -> [(&'static str, f64); 5] {
     let flag = |is_set: bool| f64::from(u8::from(is_set));
     [
         ("N_LISTED", shading.n_cameras as f64),
         ("HAS_LENSES", flag(shading.has_lenses)),
         ("HAS_DEPTH_MAPS", flag(shading.has_depth_maps)),
         ("HAS_DEPTH_CUBES", flag(shading.has_depth_cubes)),
+        ("HAS_GAINS", flag(shading.has_gains)),
     ]
 }
 

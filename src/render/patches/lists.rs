@@ -28,6 +28,7 @@ pub(in crate::render) struct Shading {
     pub has_lenses: bool,
     pub has_depth_maps: bool,
     pub has_depth_cubes: bool,
+    pub has_gains: bool,
 }
 
 /// Patches that are drawn together: by one variant, with one list of cameras.
@@ -138,6 +139,7 @@ fn drawn(ranked: &[Ranked], data: &[Camera], layer: usize, patch: usize) -> Draw
         has_lenses: ranked.iter().any(|ranked| of(ranked).has_lens()),
         has_depth_maps,
         has_depth_cubes: has_depth_maps && ranked.iter().any(|ranked| of(ranked).n_depth_faces > 1),
+        has_gains: ranked.iter().any(|ranked| of(ranked).has_gain()),
     };
     Drawn { layer, shading, list, patch }
 }

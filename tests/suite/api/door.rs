@@ -515,6 +515,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         billboards: vec![],
         entity_cameras: vec![],
         opened: vec![],
+        evens_colors: false,
         sampling: Sampling::ONCE,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };

@@ -77,6 +77,9 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
     for times in ["0", "5", "1.5"] {
         check(VIEW, &format!("supersampling={times}"), "supersampling", "a whole number from 1 to 4").await;
     }
+    for colors in ["", "on", "Raw"] {
+        check(VIEW, &format!("colors={colors}"), "colors", "one of even, raw").await;
+    }
     for entities in ["", "Billboards", "sprites"] {
         check(VIEW, &format!("entities={entities}"), "entities", "one of billboards, points, none").await;
     }

@@ -11,7 +11,7 @@ use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{End, RenderSettings, Settings};
 use videofields::engine::{At, Door, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
 use videofields::error::ErrorKind;
-use videofields::plan::EntityStyle;
+use videofields::plan::{Colors, EntityStyle, Plan, Reason};
 
 /// Longer than anything here may take, short of hanging.
 const BOUNDED: Duration = Duration::from_secs(60);
@@ -312,5 +312,51 @@ fn a_plan_says_what_its_picture_does() {
             (drawn.plan.entities, drawn.plan.billboards.len())
         );
     }
+    bench.stop();
+}
+
+/// Both cameras of the yard, the southern one a stop darker.
+fn unequal_yard(folder: &TempDir) -> Bench {
+    let camera =
+        ["north", "south"].map(|id| camera(id, pictures(folder.path(), id, 0..20), End::Stop)).to_vec();
+    for number in 0..20 {
+        let file = folder.path().join(format!("south/in{number:04}.png"));
+        let mut picture = image::open(&file).unwrap().into_luma8();
+        picture.iter_mut().for_each(|code| *code = (f32::from(*code) * 0.73) as u8);
+        picture.save(&file).unwrap();
+    }
+    let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &[("yard", SCENE)]);
+    bench.wait_for_state("north", "ended");
+    bench.wait_for_state("south", "ended");
+    bench
+}
+
+fn exposure(reasons: &[Reason]) -> (bool, &str) {
+    let reason = reasons.iter().find(|reason| reason.effect == "exposure").unwrap();
+    (reason.is_on, &reason.because)
+}
+
+#[test]
+fn colours_are_evened_unless_they_are_asked_for_as_they_are() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let bench = unequal_yard(&folder);
+    let raw_request = ViewRequest { colors: Colors::Raw, ..still(40) };
+    let even = bench.view(still(40)).unwrap();
+    let raw = bench.view(raw_request.clone()).unwrap();
+    let of = |plan: &Plan| (plan.evens_colors, exposure(&plan.reasons).0);
+    assert_eq!((of(&even.plan), of(&raw.plan)), ((true, true), (false, false)), "{:?}", even.plan);
+    assert_eq!((even.origin, raw.origin), (Origin::Drawn, Origin::Drawn), "not the same picture");
+    assert_ne!(even.image.data, raw.image.data);
+    // What is kept of each is its own.
+    let again = [still(40), raw_request.clone()].map(|request| bench.view(request).unwrap().image);
+    assert!(Arc::ptr_eq(&again[0], &even.image) && Arc::ptr_eq(&again[1], &raw.image));
+    // A plan alone says the same.
+    let planned = bench.handle.plan(&still(40)).unwrap();
+    assert_eq!(exposure(&planned.reasons), exposure(&even.plan.reasons));
+    let planned = bench.handle.plan(&raw_request).unwrap();
+    assert_eq!(exposure(&planned.reasons), (false, "asked for as they are"));
     bench.stop();
 }

@@ -1,6 +1,6 @@
 //! Small worlds with exactly known pictures: ground and boxes painted by a formula, seen by cameras ray by ray.
 
-use glam::{DMat2, DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3, Vec3};
 use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::frame::{
@@ -148,6 +148,7 @@ impl Stage {
             scene: Arc::new(scene),
             instant: Timestamp::from_nanos(0),
             cameras,
+            n_overlapping: 0,
             entities,
             points: Vec::new(),
         }
@@ -194,7 +195,7 @@ impl Stage {
             blobs: Arc::from([]),
             tracks: Arc::from([]),
         };
-        CameraState { id, camera: Arc::clone(camera), observation }
+        CameraState { id, camera: Arc::clone(camera), observation, gain: Vec3::ONE }
     }
 
     /// The person is a flat figure that faces every camera: what billboards assume.

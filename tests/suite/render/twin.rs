@@ -30,11 +30,12 @@ pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
         .iter()
         .map(|idx| Pyramid::new(&state.cameras[*idx].observation.background))
         .collect();
-    let cameras: Vec<(&Camera, &Pyramid)> = plan
+    let gain = |idx: usize| if plan.evens_colors { state.cameras[idx].gain.as_dvec3() } else { DVec3::ONE };
+    let cameras: Vec<(&Camera, &Pyramid, DVec3)> = plan
         .surface_cameras
         .iter()
         .zip(&pyramids)
-        .map(|(idx, pyramid)| (&*state.cameras[*idx].camera, pyramid))
+        .map(|(idx, pyramid)| (&*state.cameras[*idx].camera, pyramid, gain(*idx)))
         .collect();
     let (mut data, mut is_clear) = (Vec::new(), Vec::new());
     for y in 0..view.height_px {
@@ -97,7 +98,7 @@ impl Pixel {
         Self { to_viewer, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
     }
 
-    fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid)]) -> ([u8; 3], bool) {
+    fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid, DVec3)]) -> ([u8; 3], bool) {
         let Some(hit) = &self.hit else { return (SKY, self.is_interior) };
         let point = hit.point_in_world;
         let to_viewer = self.to_viewer;
@@ -105,7 +106,7 @@ impl Pixel {
         let (mut sum, mut sum_of_weights) = (DVec3::ZERO, 0.0);
         let mut best: Option<(f64, DVec3)> = None;
         let mut is_clear = self.is_interior;
-        for (camera, pyramid) in cameras {
+        for (camera, pyramid, gain) in cameras {
             let to_camera = (camera.pose().position_in_world - point).normalize();
             let cosine = to_camera.dot(normal);
             let Some(projection) = camera.project(point) else { continue };
@@ -124,6 +125,7 @@ impl Pixel {
                 continue;
             }
             let color = pyramid.sample(texture, self.level_of_detail(camera, pyramid, point, texture));
+            let color = (color * *gain).min(DVec3::ONE);
             if best.is_none_or(|(most, _)| cosine > most) {
                 best = Some((cosine, color));
             }
