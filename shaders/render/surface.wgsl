@@ -17,6 +17,8 @@ override N_SURFACE_CAMERAS: u32 = 0u;
 // Whether any camera has a depth map, and whether any map is a cube: variants without leave them out.
 override HAS_DEPTH_MAPS: bool = true;
 override HAS_DEPTH_CUBES: bool = true;
+// Whether backgrounds are looked up in levels of detail.
+override HAS_LEVELS: bool = true;
 
 // Distance from the border at which a picture counts in full, share of its size.
 const FEATHER: f32 = 0.06;
@@ -139,7 +141,10 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     var fallback = in.material;
     for (var k = 0u; k < N_SURFACE_CAMERAS; k++) {
         let projection = project(k, point);
-        let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
+        var level = 0.0;
+        if HAS_LEVELS {
+            level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
+        }
         let to_camera = normalize(cameras[k].position_from_anchor - point);
         let cosine = dot(to_camera, normal);
         let inset = min(projection.texture, 1.0 - projection.texture);

@@ -5,6 +5,7 @@ mod door;
 use super::EngineError;
 use super::accuracy::AccuracyBoard;
 use super::checkpoint::StoreHealth;
+use super::forecaster::Forecaster;
 use super::handle::{At, Door};
 use super::past::Past;
 use super::playheads::Playheads;
@@ -84,6 +85,7 @@ pub(super) struct Shared {
     /// What loses the device in use, for tests.
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
+    pub(super) forecaster: Forecaster,
 }
 
 /// Loses a device.
@@ -131,6 +133,7 @@ impl Shared {
             renderer: Mutex::new(Err("starting".to_owned())),
             device_loss: Mutex::new(None),
             queue,
+            forecaster: Forecaster::default(),
         }
     }
 
@@ -145,6 +148,15 @@ impl Shared {
 
     pub(super) fn set_renderer_state(&self, state: Result<String, String>) {
         *lock(&self.renderer) = state;
+    }
+
+    /// Brings what is known of this machine's costs up to the table that is up now, if the renderer's adapter is the one that it
+    /// was measured on.
+    pub(super) fn refresh_forecaster(&self) {
+        let adapter = lock(&self.renderer).clone();
+        if let Ok(adapter) = adapter {
+            self.forecaster.use_table(self.accuracy.status().table.as_ref(), &adapter);
+        }
     }
 
     pub(super) fn renderer_state(&self) -> String {

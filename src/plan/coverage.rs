@@ -46,6 +46,23 @@ pub(super) fn rank_cameras(state: &SceneState, picture: &Picture) -> Vec<usize> 
     ranked.into_iter().map(|(_, idx)| idx).collect()
 }
 
+/// Places of the view at which work is estimated: columns, rows.
+const WORK_GRID: (u32, u32) = (16, 9);
+
+/// The share of the picture that shows a surface, and the share that each of `cameras` sees of what it shows.
+pub(super) fn shares(state: &SceneState, picture: &Picture, cameras: &[usize]) -> (f64, Vec<f64>) {
+    let surfaces = &state.scene.surfaces;
+    let shown: Vec<Hit> =
+        grid(WORK_GRID).filter_map(|place| surfaces.hit(&picture.ray(place.x, place.y)?, 0.0)).collect();
+    let n_places = f64::from(WORK_GRID.0 * WORK_GRID.1);
+    let seen = |idx: &usize| {
+        let camera = &state.cameras[*idx].camera;
+        let is_seen = |hit: &&Hit| weight(camera, hit, picture.viewer) > 0.0;
+        shown.iter().filter(is_seen).count() as f64 / n_places
+    };
+    (shown.len() as f64 / n_places, cameras.iter().map(seen).collect())
+}
+
 /// The blending weight of a camera at a place that the viewer sees, occlusion left out.
 fn weight(camera: &Camera, hit: &Hit, viewer: Viewer) -> f64 {
     if !camera.project(hit.point_in_world).is_some_and(|projection| projection.is_inside()) {

@@ -10,6 +10,7 @@ mod error;
 mod image_array;
 mod mesh;
 mod passes;
+mod pending;
 mod pieces;
 mod prepare;
 mod renderer;
@@ -38,6 +39,8 @@ pub enum Pass {
     SeeThrough,
     /// Several pixels averaged into one.
     Average,
+    /// One pixel made several.
+    Enlarge,
 }
 
 impl Pass {
@@ -52,6 +55,7 @@ impl Pass {
             Self::Points => "points",
             Self::SeeThrough => "see_through",
             Self::Average => "average",
+            Self::Enlarge => "enlarge",
         }
     }
 }

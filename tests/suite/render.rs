@@ -2,6 +2,7 @@
 
 #[path = "render/blend.rs"]
 mod blend;
+mod knobs;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]
@@ -23,7 +24,9 @@ use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
 use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, EntityStyle, Frustum, MAX_SURFACE_CAMERAS, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{
+    self, EntityStyle, Frustum, MAX_SURFACE_CAMERAS, Picture, Plan, Sampling, Settings, Wishes,
+};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
@@ -38,11 +41,8 @@ struct Brush {
 
 impl Brush {
     fn wishes(&self, entities: EntityStyle) -> Wishes {
-        Wishes {
-            entities,
-            sampling: Sampling { samples: self.samples, supersampling: 1 },
-            see_through: false,
-        }
+        let sampling = Sampling { samples: self.samples, supersampling: 1 };
+        Wishes { settings: Settings { entities, sampling, ..Settings::default() }, see_through: false }
     }
 
     fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {

@@ -6,7 +6,7 @@ use super::{
     draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::Opened;
+use crate::plan::{Filtering, Opened};
 use crate::render::camera_data::Camera;
 use crate::render::image_array::ImageArray;
 use crate::render::mesh::Mesh;
@@ -31,26 +31,29 @@ pub(in crate::render) struct SurfaceKey {
     has_lenses: bool,
     has_depth_maps: bool,
     has_depth_cubes: bool,
+    filtering: Filtering,
 }
 
 impl SurfaceKey {
     /// The least that serves the cameras whose backgrounds are projected.
-    pub(in crate::render) fn of(cameras: &[Camera]) -> Self {
+    pub(in crate::render) fn of(cameras: &[Camera], filtering: Filtering) -> Self {
         Self {
             n_cameras: cameras.len(),
             has_lenses: cameras.iter().any(Camera::has_lens),
             has_depth_maps: cameras.iter().any(|camera| camera.n_depth_faces > 0),
             has_depth_cubes: cameras.iter().any(|camera| camera.n_depth_faces > 1),
+            filtering,
         }
     }
 
-    fn constants(self) -> [(&'static str, f64); 4] {
+    fn constants(self) -> [(&'static str, f64); 5] {
         let flag = |is_set: bool| f64::from(u8::from(is_set));
         [
             ("N_SURFACE_CAMERAS", self.n_cameras as f64),
             ("HAS_LENSES", flag(self.has_lenses)),
             ("HAS_DEPTH_MAPS", flag(self.has_depth_maps)),
             ("HAS_DEPTH_CUBES", flag(self.has_depth_cubes)),
+            ("HAS_LEVELS", flag(self.filtering == Filtering::Levels)),
         ]
     }
 }
@@ -128,6 +131,7 @@ pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(SurfaceKey, Cover, BySamples)>,
     background_sampler: wgpu::Sampler,
+    nearest_sampler: wgpu::Sampler,
     depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
     scratch: Vec<Vertex>,
@@ -158,6 +162,10 @@ impl SurfacePass {
             layout,
             pipelines: Vec::new(),
             background_sampler: linear_sampler(gpu, LABEL),
+            nearest_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("surface nearest"),
+                ..wgpu::SamplerDescriptor::default()
+            }),
             depth_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("surface depth"),
                 ..wgpu::SamplerDescriptor::default()
@@ -210,7 +218,7 @@ impl SurfacePass {
     ) -> Result<Option<Translucent>, GpuError> {
         let gpu = recording.gpu;
         let vertices = self.write(gpu, shown).clone();
-        let textures = self.bind(gpu, backgrounds, depth_maps);
+        let textures = self.bind(gpu, shown.key.filtering, backgrounds, depth_maps);
         let pipeline = self.pipeline(gpu, into, shown.key, Cover::Whole)?.clone();
         let is_opened = |surface| shown.opened.iter().any(|opened| opened.surface == surface);
         let opaque = shown.mesh.without(is_opened);
@@ -251,14 +259,24 @@ impl SurfacePass {
         self.vertices.get().expect("they have just been written")
     }
 
-    fn bind(&self, gpu: &Gpu, backgrounds: &mut ImageArray, depth_maps: &mut DepthMaps) -> wgpu::BindGroup {
+    fn bind(
+        &self,
+        gpu: &Gpu,
+        filtering: Filtering,
+        backgrounds: &mut ImageArray,
+        depth_maps: &mut DepthMaps,
+    ) -> wgpu::BindGroup {
+        let sampler = match filtering {
+            Filtering::Nearest => &self.nearest_sampler,
+            Filtering::Bilinear | Filtering::Levels => &self.background_sampler,
+        };
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
             layout: &self.layout,
             entries: &[
                 entry(0, wgpu::BindingResource::TextureView(&backgrounds.store(gpu).sampled)),
-                entry(1, wgpu::BindingResource::Sampler(&self.background_sampler)),
+                entry(1, wgpu::BindingResource::Sampler(sampler)),
                 entry(2, wgpu::BindingResource::TextureView(depth_maps.view(gpu))),
                 entry(3, wgpu::BindingResource::Sampler(&self.depth_sampler)),
             ],

@@ -6,7 +6,7 @@ use glam::DVec3;
 use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
 use videofields::geometry::SurfaceId;
-use videofields::plan::{self, EntityStyle, OPEN_OPACITY, Opened, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{self, EntityStyle, OPEN_OPACITY, Opened, Picture, Plan, Sampling, Settings, Wishes};
 
 /// A wall, a camera on each side, and a person.
 fn wall(foot: DVec3) -> SceneState {
@@ -27,7 +27,11 @@ fn from_the_front() -> Picture {
 
 fn planned(brush: &Brush, state: &SceneState, entities: EntityStyle) -> Plan {
     let sampling = Sampling { samples: brush.samples, supersampling: 1 };
-    plan::make(state, &from_the_front(), Wishes { entities, sampling, see_through: true })
+    plan::make(
+        state,
+        &from_the_front(),
+        Wishes { settings: Settings { entities, sampling, ..Settings::default() }, see_through: true },
+    )
 }
 
 fn drawn(brush: &mut Brush, state: &SceneState, plan: &Plan) -> RgbImage {
