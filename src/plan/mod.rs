@@ -11,11 +11,11 @@ mod errors;
 mod fit;
 mod picture;
 mod predict;
-#[cfg(test)]
-mod predict_tests;
 mod see_through;
 mod settings;
 mod sources;
+#[cfg(test)]
+mod tests;
 mod view;
 mod work;
 

@@ -1,3 +1,5 @@
+//! What pictures take and leave, learned from machines made up here, and what a deadline chooses by it.
+
 use super::*;
 
 const MACHINE_MS: [(Feature, f64); 7] = [
