@@ -4,7 +4,7 @@ use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, pictures, reques
 use std::time::Duration;
 use tempfile::TempDir;
 use videofields::config::{End, Settings};
-use videofields::engine::{At, Door, EngineError, Origin, ViewAnswer, ViewRequest};
+use videofields::engine::{At, EngineError, Origin, ViewAnswer, ViewRequest};
 use videofields::error::ErrorKind;
 use videofields::plan::{
     Aim, Basis, COST_TABLE_VERSION, CostTable, Deadline, Detail, Effort, Machine, Named, Preset,
