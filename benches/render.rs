@@ -10,7 +10,7 @@ use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImag
 use videofields::fuse::{CameraState, Exposure, Overlap, SceneState};
 use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
 use videofields::gpu::Gpu;
-use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes};
 use videofields::render::Renderer;
 use videofields::scene::{Material, Scene, SceneCamera};
 use videofields::timeline::Observation;
@@ -95,8 +95,11 @@ fn render(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("render");
     group.sample_size(20);
     let wishes = |samples| Wishes {
-        entities: EntityStyle::None,
-        sampling: Sampling { samples, supersampling: 1 },
+        settings: Settings {
+            entities: EntityStyle::None,
+            sampling: Sampling { samples, supersampling: 1 },
+            ..Settings::default()
+        },
         see_through: false,
         colors: Colors::Even,
     };

@@ -25,6 +25,8 @@ override N_LISTED: u32 = 0u;
 // Whether any camera has a depth map, and whether any map is a cube: variants without leave them out.
 override HAS_DEPTH_MAPS: bool = true;
 override HAS_DEPTH_CUBES: bool = true;
+// Whether backgrounds are looked up in levels of detail.
+override HAS_LEVELS: bool = true;
 
 // Distance from the border at which a picture counts in full, share of its size.
 const FEATHER: f32 = 0.06;
@@ -154,7 +156,10 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     for (var idx = 0u; idx < N_LISTED; idx++) {
         let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
         let projection = project(k, point);
-        let level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
+        var level = 0.0;
+        if HAS_LEVELS {
+            level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
+        }
         let to_camera = normalize(cameras[k].position_from_anchor - point);
         let cosine = dot(to_camera, normal);
         let inset = min(projection.texture, 1.0 - projection.texture);

@@ -23,7 +23,7 @@ use crate::fuse;
 use crate::geometry::{Camera, Surfaces};
 use crate::gpu::Gpu;
 use crate::ingest::{self, MediaRoots};
-use crate::plan::{self, Colors, EntityStyle, Frustum, Picture, Sampling, View, Wishes};
+use crate::plan::{self, Colors, EntityStyle, Frustum, Picture, Preset, Settings, View, Wishes};
 use crate::render::Renderer;
 use crate::scene::{Scene, SceneCamera};
 use crate::segment::{BACKGROUND, MOVING, Segmenter};
@@ -260,8 +260,7 @@ fn leave_out(
     let state = fuse::assemble(scene, own.frame.timestamp, observe, None);
     let picture = Picture::from(view);
     let wishes = Wishes {
-        entities: EntityStyle::None,
-        sampling: Sampling { samples, supersampling: 1 },
+        settings: Settings { entities: EntityStyle::None, ..Preset::Balanced.settings(samples) },
         see_through: false,
         colors: Colors::Raw,
     };

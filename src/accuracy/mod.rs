@@ -45,7 +45,7 @@ pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
 pub use subject::{Scope, Subject, SubjectCamera, SubjectView, owners};
 pub use sweep::{Example, Skipped, Stage, Sweep, sweep, sweep_gated};
 pub use unjudged::{HeldBack, LeftOut, Unjudged, UnjudgedCamera};
-pub use views::{Easel, ViewsRun, view_times};
+pub use views::{Easel, ViewForm, ViewTime, ViewsRun, view_times};
 
 use crate::config::ConfigError;
 use crate::error::{ErrorKind, Fault};

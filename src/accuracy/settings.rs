@@ -2,7 +2,9 @@
 
 use crate::config::{CameraSettings, RenderSettings, Resolution};
 use crate::mapping::{Builder, GridSettings};
-use crate::plan::EntityStyle;
+use crate::plan::{
+    Detail, EntityStyle, Filtering, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES, Sampling, Settings,
+};
 
 /// Steps of the map's grid, metres, from coarse to fine.
 const GRID_STEPS_M: [f64; 7] = [1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01];
@@ -84,36 +86,78 @@ pub fn map_forms() -> Vec<(String, Builder)> {
 /// How surfaces are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurfaceForm {
-    /// Samples a pixel.
-    pub samples: u32,
+    /// How often a pixel is looked at.
+    pub sampling: Sampling,
+    /// How many of the pixels are drawn.
+    pub resolution: Detail,
     /// Texels each way of the cameras' depth maps; `None` draws without them.
     pub depth_map_side_px: Option<u32>,
+    /// Most cameras that are blended at a pixel.
+    pub most_cameras: usize,
+    /// How cameras' backgrounds are looked up.
+    pub filtering: Filtering,
 }
 
 impl SurfaceForm {
     /// As the settings have it.
     #[must_use]
     pub const fn of(settings: &RenderSettings) -> Self {
-        Self { samples: settings.samples, depth_map_side_px: Some(settings.depth_map_side_px) }
+        Self {
+            sampling: Sampling { samples: settings.samples, supersampling: 1 },
+            resolution: Detail::Whole,
+            depth_map_side_px: Some(settings.depth_map_side_px),
+            most_cameras: MAX_BLENDED_CAMERAS,
+            filtering: Filtering::Levels,
+        }
     }
 
-    /// One knob after the other around `self`.
+    /// One knob after the other around `self`, where at most `n_cameras` can be blended.
     #[must_use]
-    pub fn sweep(&self) -> Vec<(&'static str, String, Self)> {
-        let of_samples = [1, 4].map(|samples| ("samples", samples.to_string(), Self { samples, ..*self }));
+    pub fn sweep(&self, n_cameras: usize) -> Vec<(&'static str, String, Self)> {
+        let once = |samples| Sampling { samples, supersampling: 1 };
+        let of_samples =
+            [1, 4].map(|samples| ("samples", samples.to_string(), Self { sampling: once(samples), ..*self }));
+        let of_supersampling = [1, 2].map(|supersampling| {
+            let sampling = Sampling { supersampling, ..self.sampling };
+            ("supersampling", supersampling.to_string(), Self { sampling, ..*self })
+        });
+        let of_resolution = Detail::ALL
+            .map(|(name, resolution)| ("resolution", name.to_owned(), Self { resolution, ..*self }));
         let sides = [None, Some(512), Some(1024), Some(2048)];
         let name = |side: Option<u32>| side.map_or_else(|| "off".to_owned(), |side| format!("{side} px"));
         let of_depth_maps = sides.map(|depth_map_side_px| {
             ("depth maps", name(depth_map_side_px), Self { depth_map_side_px, ..*self })
         });
-        of_samples.into_iter().chain(of_depth_maps).collect()
+        let of_filtering = Filtering::ALL
+            .map(|(name, filtering)| ("filtering", name.to_owned(), Self { filtering, ..*self }));
+        let most = [1, 2, 3, 4, 6].into_iter().filter(|most| *most < n_cameras).chain([self.most_cameras]);
+        let of_cameras =
+            most.map(|most_cameras| ("cameras", most_cameras.to_string(), Self { most_cameras, ..*self }));
+        let mut sweep: Vec<_> = of_samples.into_iter().chain(of_depth_maps).chain(of_supersampling).collect();
+        sweep.extend(of_resolution.into_iter().chain(of_filtering).chain(of_cameras));
+        sweep
+    }
+
+    /// The picture's settings with this form, with entities of `form`.
+    #[must_use]
+    pub const fn with(&self, form: EntityForm) -> Settings {
+        Settings {
+            entities: form.style,
+            point_stride: form.stride,
+            sources: form.sources,
+            most_cameras: self.most_cameras,
+            depth_maps: self.depth_map_side_px.is_some(),
+            filtering: self.filtering,
+            sampling: self.sampling,
+            resolution: self.resolution,
+        }
     }
 
     /// The renderer's settings with this form.
     #[must_use]
     pub fn applied(&self, settings: &RenderSettings) -> RenderSettings {
         RenderSettings {
-            samples: self.samples,
+            samples: self.sampling.samples,
             depth_map_side_px: self.depth_map_side_px.unwrap_or(settings.depth_map_side_px),
             ..settings.clone()
         }
@@ -127,21 +171,24 @@ pub struct EntityForm {
     pub style: EntityStyle,
     /// With points, every how manieth texel each way.
     pub stride: u32,
+    /// With billboards, by how many cameras one entity is shown.
+    pub sources: u32,
 }
 
 impl EntityForm {
     /// What is drawn where nothing else is asked for.
-    pub const DEFAULT: Self = Self { style: EntityStyle::Billboards, stride: 1 };
+    pub const DEFAULT: Self = Self { style: EntityStyle::Billboards, stride: 1, sources: MAX_ENTITY_SOURCES };
 
     /// Nothing is drawn: what the others are held against.
-    pub const NOTHING: Self = Self { style: EntityStyle::None, stride: 1 };
+    pub const NOTHING: Self = Self { style: EntityStyle::None, ..Self::DEFAULT };
 
     /// All forms from cheap to exact, after nothing.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::NOTHING,
-        Self { style: EntityStyle::Points, stride: 4 },
-        Self { style: EntityStyle::Points, stride: 2 },
-        Self { style: EntityStyle::Points, stride: 1 },
+        Self { style: EntityStyle::Points, stride: 4, ..Self::DEFAULT },
+        Self { style: EntityStyle::Points, stride: 2, ..Self::DEFAULT },
+        Self { style: EntityStyle::Points, stride: 1, ..Self::DEFAULT },
+        Self { sources: 1, ..Self::DEFAULT },
         Self::DEFAULT,
     ];
 
@@ -150,6 +197,7 @@ impl EntityForm {
     pub fn label(&self) -> String {
         match self.style {
             EntityStyle::None => "none".to_owned(),
+            EntityStyle::Billboards if self.sources == 1 => "billboards, one source".to_owned(),
             EntityStyle::Billboards => "billboards".to_owned(),
             EntityStyle::Points => format!("points, stride {}", self.stride),
         }

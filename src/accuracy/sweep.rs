@@ -8,13 +8,13 @@ use super::map::MapRun;
 use super::segmentation::SegmentationRun;
 use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
 use super::subject::{Scope, Subject};
-use super::views::{Easel, ViewsRun, view_times};
+use super::views::{Easel, ViewForm, ViewTime, ViewsRun, view_times};
 use super::{AccuracyError, SweepError};
 use crate::config::RenderSettings;
 use crate::frame::RgbImage;
 use crate::geometry::Shape;
 use crate::mapping::{Builder, MappingError};
-use crate::plan::{CostRow, EntityStyle, Spread};
+use crate::plan::{self, CostRow, EntityStyle, Sampling, Spread};
 use crate::simulate::World;
 use std::collections::BTreeMap;
 
@@ -215,9 +215,11 @@ impl Sweeper<'_> {
     /// Every easel that the stages need, and what a view takes on each.
     fn studio(&mut self, observed: &SegmentationRun, stages: &[Stage]) -> Result<Studio, SweepError> {
         let default = SurfaceForm::of(&self.subject.render);
-        let mut wanted: Vec<(SurfaceForm, EntityForm)> = Vec::new();
+        let mut wanted: Vec<ViewForm> = Vec::new();
         if stages.contains(&Stage::Surfaces) {
-            wanted.extend(default.sweep().into_iter().map(|(.., form)| (form, EntityForm::NOTHING)));
+            wanted.extend(
+                default.sweep(self.n_cameras()).into_iter().map(|(.., form)| (form, EntityForm::NOTHING)),
+            );
         }
         if stages.contains(&Stage::Entities) || stages.contains(&Stage::Pipeline) {
             wanted.extend(EntityForm::ALL.map(|entities| (default, entities)));
@@ -227,24 +229,39 @@ impl Sweeper<'_> {
                 wanted.extend(EntityForm::ALL.into_iter().skip(1).map(|entities| (surface, entities)));
             }
         }
-        let mut combinations: Vec<(SurfaceForm, EntityForm)> = Vec::new();
-        let mut forms: Vec<SurfaceForm> = Vec::new();
+        let mut combinations: Vec<ViewForm> = Vec::new();
+        let mut easels: Vec<(u32, Easel)> = Vec::new();
         for pair in wanted {
             if !combinations.contains(&pair) {
                 combinations.push(pair);
             }
-            if !forms.contains(&pair.0) {
-                forms.push(pair.0);
+            let side_px = self.side_px(&pair.0);
+            if !easels.iter().any(|(of, _)| *of == side_px) {
+                easels.push((side_px, self.easel(pair.0)?));
             }
         }
         (self.progress)(&format!("views: the time of {} ways to draw them, in turns", combinations.len()));
-        let mut easels = forms.iter().map(|form| self.easel(*form)).collect::<Result<Vec<_>, _>>()?;
-        let place_of = |form: &SurfaceForm| forms.iter().position(|of| of == form).unwrap_or(0);
-        let places: Vec<(usize, EntityForm)> =
-            combinations.iter().map(|(surface, entities)| (place_of(surface), *entities)).collect();
+        let (sides, mut easels): (Vec<u32>, Vec<Easel>) = easels.into_iter().unzip();
+        let place_of =
+            |form: &SurfaceForm| sides.iter().position(|of| *of == self.side_px(form)).unwrap_or(0);
+        let places: Vec<(usize, ViewForm)> =
+            combinations.iter().map(|form| (place_of(&form.0), *form)).collect();
         let times = view_times(self.subject, observed, &mut easels, &places, self.watch)?;
         let times = combinations.into_iter().zip(times).collect();
-        Ok(Studio { easels: forms.into_iter().zip(easels).collect(), times })
+        Ok(Studio {
+            default_px: self.subject.render.depth_map_side_px,
+            easels: sides.into_iter().zip(easels).collect(),
+            times,
+        })
+    }
+
+    /// Of which side the depth maps of the form's easel are.
+    fn side_px(&self, form: &SurfaceForm) -> u32 {
+        form.depth_map_side_px.unwrap_or(self.subject.render.depth_map_side_px)
+    }
+
+    fn n_cameras(&self) -> usize {
+        self.subject.cameras.len()
     }
 
     fn default_form(&self) -> Result<SegmentationForm, SweepError> {
@@ -349,14 +366,15 @@ impl Sweeper<'_> {
     fn surfaces(&mut self, studio: &mut Studio, observed: &SegmentationRun) -> Result<(), SweepError> {
         let default = SurfaceForm::of(&self.subject.render);
         let mut runs: Vec<(SurfaceForm, ViewsRun)> = Vec::new();
-        for (knob, value, form) in default.sweep() {
+        for (knob, value, form) in default.sweep(self.n_cameras()) {
             let known = runs.iter().position(|(of, _)| *of == form);
             let idx = match known {
                 Some(idx) => idx,
                 None => {
                     (self.progress)(&format!("surfaces: {knob} {value}"));
                     let easel = studio.easel(form)?;
-                    runs.push((form, easel.judge(self.subject, observed, EntityForm::NOTHING, self.watch)?));
+                    let form_of = (form, EntityForm::NOTHING);
+                    runs.push((form, easel.judge(self.subject, observed, form_of, self.watch)?));
                     runs.len() - 1
                 }
             };
@@ -365,6 +383,7 @@ impl Sweeper<'_> {
             measures.retain(|name, _| {
                 !name.starts_with("people") && name != "silhouette_iou" && name != "balanced_rmse"
             });
+            measures.extend(studio.work(form, EntityForm::NOTHING)?);
             let cost = Cost {
                 time_ms: studio.time_ms(form, EntityForm::NOTHING)?,
                 memory_bytes: run.target_bytes(),
@@ -386,12 +405,14 @@ impl Sweeper<'_> {
         let surface = SurfaceForm::of(&self.subject.render);
         for form in EntityForm::ALL {
             (self.progress)(&format!("entities: {}", form.label()));
-            let run = studio.easel(surface)?.judge(self.subject, observed, form, self.watch)?;
+            let run = studio.easel(surface)?.judge(self.subject, observed, (surface, form), self.watch)?;
+            let mut measures = run.measures();
+            measures.extend(studio.work(surface, form)?);
             let cost = Cost {
                 time_ms: studio.time_ms(surface, form)?,
                 memory_bytes: run.entity_bytes(),
                 error: run.people_rmse(),
-                measures: run.measures(),
+                measures,
             };
             self.push(
                 Stage::Entities,
@@ -447,7 +468,7 @@ impl Sweeper<'_> {
         for (count, combination) in combinations.iter().enumerate() {
             let (idx, surface, entity) = *combination;
             let (form, run) = &segmentations[idx];
-            let label = format!("{}; samples {}; {}", form.label(), surface.samples, entity.label());
+            let label = format!("{}; samples {}; {}", form.label(), surface.sampling.samples, entity.label());
             let spent_secs = clock.monotonic().saturating_sub(started).as_secs_f64();
             if count >= self.scope.max_pipelines || spent_secs > self.scope.max_pipelines_secs {
                 let reason = format!(
@@ -458,7 +479,7 @@ impl Sweeper<'_> {
                 continue;
             }
             (self.progress)(&format!("pipeline: {label}"));
-            let views = studio.easel(surface)?.judge(self.subject, run, entity, self.watch)?;
+            let views = studio.easel(surface)?.judge(self.subject, run, (surface, entity), self.watch)?;
             let n_cameras = self.subject.cameras.len() as f64;
             let time_ms = studio.time_ms(surface, entity)?.plus(run.time_ms, n_cameras);
             let mut measures = views.measures();
@@ -498,27 +519,41 @@ impl Sweeper<'_> {
     }
 }
 
-/// Renderers with what a view takes on each.
+/// Renderers, and what a view takes in each form.
 struct Studio {
-    easels: Vec<(SurfaceForm, Easel)>,
-    times: Vec<((SurfaceForm, EntityForm), Spread)>,
+    /// The side of depth maps where a form names none.
+    default_px: u32,
+    /// By the side of their depth maps.
+    easels: Vec<(u32, Easel)>,
+    times: Vec<(ViewForm, ViewTime)>,
 }
 
 impl Studio {
     fn easel(&mut self, form: SurfaceForm) -> Result<&mut Easel, SweepError> {
-        let found = self.easels.iter_mut().find(|(of, _)| *of == form);
+        let side_px = form.depth_map_side_px.unwrap_or(self.default_px);
+        let found = self.easels.iter_mut().find(|(of, _)| *of == side_px);
         found.map(|(_, easel)| easel).ok_or(SweepError::Untimed)
     }
 
-    fn time_ms(&self, surface: SurfaceForm, entities: EntityForm) -> Result<Spread, SweepError> {
+    fn time(&self, surface: SurfaceForm, entities: EntityForm) -> Result<&ViewTime, SweepError> {
         let found = self.times.iter().find(|(of, _)| *of == (surface, entities));
-        found.map(|(_, time_ms)| *time_ms).ok_or(SweepError::Untimed)
+        found.map(|(_, time)| time).ok_or(SweepError::Untimed)
+    }
+
+    fn time_ms(&self, surface: SurfaceForm, entities: EntityForm) -> Result<Spread, SweepError> {
+        Ok(self.time(surface, entities)?.time_ms)
+    }
+
+    /// How much work a form's views are and what each stage takes of it, as measures.
+    fn work(&self, surface: SurfaceForm, entities: EntityForm) -> Result<BTreeMap<String, f64>, SweepError> {
+        let middle = self.time(surface, entities)?.middle;
+        Ok(middle.map(|(work, took)| plan::told(&work, &took).collect()).unwrap_or_default())
     }
 }
 
 /// The surfaces' forms of whole pipelines: what a view's edges cost.
 fn pipeline_surfaces(default: SurfaceForm) -> [SurfaceForm; 2] {
-    [1, 4].map(|samples| SurfaceForm { samples, ..default })
+    [1, 4].map(|samples| SurfaceForm { sampling: Sampling { samples, supersampling: 1 }, ..default })
 }
 
 /// The segmentations on their own front, and the default.

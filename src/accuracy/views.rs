@@ -11,23 +11,27 @@ use super::measures::{MaskScore, Mean, Pooled, add_flicker, add_seam_energy, dil
 use super::segmentation::SegmentationRun;
 use super::settings::{EntityForm, SurfaceForm};
 use super::subject::{Subject, SubjectView};
+use crate::clock::Clock;
 use crate::frame::{CameraId, Mask, RgbImage};
 use crate::fuse::{self, Billboard, EntityPoint, SceneState};
 use crate::gpu::Gpu;
-use crate::plan::{self, Colors, EntityStyle, Picture, Sampling, Spread, Wishes};
+use crate::plan::{self, Colors, EntityStyle, Picture, Spread, StageTimes, Survey, Wishes, Work};
 use crate::render::{RenderError, Renderer};
 use crate::timeline::Observation;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Pixels around people that count as theirs: what is drawn beside them is an error too.
 const PEOPLE_MARGIN_PX: u32 = 4;
 
-/// A renderer with the surfaces' form that it draws with.
+/// How surfaces are drawn, and how entities are.
+pub type ViewForm = (SurfaceForm, EntityForm);
+
+/// A renderer with depth maps of one size.
 #[derive(Debug)]
 pub struct Easel {
     renderer: Renderer,
-    form: SurfaceForm,
 }
 
 /// What a form's pictures are worth.
@@ -47,14 +51,14 @@ pub struct ViewsRun {
 }
 
 impl Easel {
-    /// A renderer for `form` on the adapter that the subject's settings name.
+    /// A renderer for forms with the depth maps of `form` on the adapter that the subject's settings name.
     ///
     /// # Errors
     /// When there is no such adapter, or it refuses.
     pub fn new(subject: &Subject, form: SurfaceForm) -> Result<Self, SweepError> {
         let settings = form.applied(&subject.render);
         let renderer = Renderer::new(Gpu::new(&settings.adapter)?, &settings)?;
-        Ok(Self { renderer, form })
+        Ok(Self { renderer })
     }
 
     /// The adapter's name.
@@ -70,8 +74,10 @@ impl Easel {
         view: &SubjectView,
         moment: Moment,
         observations: &SegmentationRun,
-        entities: EntityForm,
-    ) -> Result<(RgbImage, SceneState), RenderError> {
+        (surface, entities): ViewForm,
+        clock: &dyn Clock,
+    ) -> Result<Drawn, RenderError> {
+        let started = clock.monotonic();
         let stride = (entities.style == EntityStyle::Points).then_some(entities.stride);
         let find = |id: &CameraId| {
             let background = Arc::clone(&observations.of_frame(moment.background_frame, id)?.background);
@@ -80,17 +86,17 @@ impl Easel {
         let instant = subject.instant(moment.frame + subject.n_frames());
         let state = fuse::assemble(&subject.scene, instant, find, stride);
         let picture = Picture::from(view.view);
-        let sampling = Sampling { samples: self.form.samples, supersampling: 1 };
-        let mut plan = plan::make(
-            &state,
-            &picture,
-            Wishes { entities: entities.style, sampling, see_through: false, colors: Colors::Raw },
-        );
-        if self.form.depth_map_side_px.is_none() {
-            plan.depth_map_cameras.clear();
-        }
+        let settings = surface.with(entities);
+        let plan = plan::make(&state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
+        let survey = Survey::of(&state, &picture, &plan);
+        let work = survey.work(&settings, self.renderer.pending(&state, &plan));
+        let planned = clock.monotonic();
         let rendered = self.renderer.render(&state, &picture, &plan)?;
-        Ok((rendered.image, state))
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let [before, drawing] =
+            [planned.saturating_sub(started), clock.monotonic().saturating_sub(planned)].map(ms);
+        let passes = rendered.timings.iter().map(|pass| (pass.pass, ms(pass.gpu)));
+        Ok(Drawn { image: rendered.image, state, work, took: StageTimes::of(before, drawing, passes) })
     }
 
     /// Draws all of the subject's views and judges them.
@@ -101,23 +107,24 @@ impl Easel {
         &mut self,
         subject: &Subject,
         observations: &SegmentationRun,
-        entities: EntityForm,
+        (surface, entities): ViewForm,
         watch: &Stopwatch<'_>,
     ) -> Result<ViewsRun, SweepError> {
         let mut run = ViewsRun::default();
         for (view_idx, view) in subject.views.iter().enumerate() {
-            let (width, height) = (u64::from(view.view.width_px), u64::from(view.view.height_px));
-            let samples = u64::from(self.form.samples);
-            // Colour and depth, 4 bytes each, by sample; and the resolved picture, if there is more than one.
-            run.target_bytes = width * height * (8 * samples + if samples > 1 { 4 } else { 0 });
+            run.target_bytes = target_bytes(view, &surface);
             let mut pictures = Vec::new();
             for (frame, judged) in &view.frames {
                 watch.enter()?;
                 let moment = Moment { frame: *frame, background_frame: *frame };
-                let (picture, state) = self.draw(subject, view, moment, observations, entities)?;
+                let drawn =
+                    self.draw(subject, view, moment, observations, (surface, entities), watch.clock())?;
+                let (picture, state) = (drawn.image, drawn.state);
                 run.entity_bytes.add(entity_bytes(&state, entities.style) as f64);
                 watch.enter()?;
-                let (bare, _) = self.draw(subject, view, moment, observations, EntityForm::NOTHING)?;
+                let bare = self
+                    .draw(subject, view, moment, observations, (surface, EntityForm::NOTHING), watch.clock())?
+                    .image;
                 run.judge(view, judged, &picture, &bare)?;
                 pictures.push((*frame, picture));
             }
@@ -132,6 +139,16 @@ impl Easel {
     }
 }
 
+/// Bytes of what a view is drawn on.
+fn target_bytes(view: &SubjectView, form: &SurfaceForm) -> u64 {
+    let times = u64::from(form.sampling.supersampling);
+    let drawn = view.view.coarse(form.resolution.step_px(), 0);
+    let pixels = u64::from(drawn.width_px) * u64::from(drawn.height_px) * times * times;
+    let samples = u64::from(form.sampling.samples);
+    // Colour and depth, 4 bytes each, by sample; and the resolved picture, if there is more than one.
+    pixels * (8 * samples + if samples > 1 { 4 } else { 0 })
+}
+
 /// Which of the period's frames is drawn, over the backgrounds of which.
 #[derive(Clone, Copy)]
 struct Moment {
@@ -142,7 +159,7 @@ struct Moment {
 /// Times of a form that are enough to be told.
 const LEAST_TIMES: usize = 3;
 
-/// Draws the subject's views with every combination of an easel (by its place) and a form of entities, one picture of
+/// Draws the subject's views with every combination of an easel (by its place) and a form, one picture of
 /// each in turns, so that what else the machine does falls on all alike; their times. What the gate ends early is told
 /// as far as it went, once every combination was timed some times.
 ///
@@ -152,18 +169,19 @@ pub fn view_times(
     subject: &Subject,
     observations: &SegmentationRun,
     easels: &mut [Easel],
-    combinations: &[(usize, EntityForm)],
+    combinations: &[(usize, ViewForm)],
     watch: &Stopwatch<'_>,
-) -> Result<Vec<Spread>, SweepError> {
+) -> Result<Vec<ViewTime>, SweepError> {
     let mut times_ms: Vec<Vec<f64>> = vec![Vec::new(); combinations.len()];
+    let mut works: Vec<Vec<(Work, StageTimes)>> = vec![Vec::new(); combinations.len()];
     // The first round is not counted: pipelines and targets are made at the first picture.
     let pairs: Vec<_> = subject.views.iter().flat_map(frame_pairs).collect();
     let rounds = pairs.first().into_iter().chain(&pairs);
     'rounds: for (round, &(view, [before, frame])) in rounds.enumerate() {
-        for (idx, (easel, entities)) in combinations.iter().enumerate() {
+        for (idx, (easel, form)) in combinations.iter().enumerate() {
             let draw = |easel: &mut Easel, frame| {
                 let moment = Moment { frame, background_frame: before };
-                easel.draw(subject, view, moment, observations, *entities)
+                easel.draw(subject, view, moment, observations, *form, watch.clock())
             };
             // The frame before brings the backgrounds, untimed, so that every combination begins alike; were it to
             // fail, so would the next.
@@ -173,13 +191,40 @@ pub fn view_times(
                     Err(_stopped) if times_ms.iter().all(|times| times.len() >= LEAST_TIMES) => break 'rounds,
                     timed => timed?,
                 };
-            drawn?;
+            let drawn = drawn?;
             if round > 0 {
                 times_ms[idx].push(time_ms);
+                works[idx].push((drawn.work, drawn.took));
             }
         }
     }
-    times_ms.iter().map(|times| Spread::of(times).ok_or(SweepError::Untimed)).collect()
+    let told = |(times, works): (&Vec<f64>, Vec<(Work, StageTimes)>)| {
+        let time_ms = Spread::of(times).ok_or(SweepError::Untimed)?;
+        Ok(ViewTime { time_ms, middle: middle(works) })
+    };
+    times_ms.iter().zip(works).map(told).collect()
+}
+
+/// What a form's views take.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewTime {
+    /// All of it, milliseconds.
+    pub time_ms: Spread,
+    /// Of the picture that took the middle time: how much work it was, and what each stage took.
+    pub middle: Option<(Work, StageTimes)>,
+}
+
+fn middle(mut works: Vec<(Work, StageTimes)>) -> Option<(Work, StageTimes)> {
+    works.sort_by(|a, b| a.1.sum().total_cmp(&b.1.sum()));
+    works.get(works.len() / 2).copied()
+}
+
+/// A picture with what it was put together from.
+struct Drawn {
+    image: RgbImage,
+    state: SceneState,
+    work: Work,
+    took: StageTimes,
 }
 
 /// A view's pairs of frames that follow each other, each pair both ways round.

@@ -7,6 +7,8 @@
 mod accuracy;
 mod alignment;
 mod cameras;
+mod effort;
+mod encoding;
 mod error;
 mod events;
 mod exports;
@@ -83,6 +85,7 @@ struct Api {
     limits: Limits,
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
+    encoding_pace: Arc<encoding::EncodingPace>,
     strips: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
@@ -115,7 +118,17 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
     let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
     let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
-    let api = Api { door, clock, limits, requests, encoders, strips, answers, hosts: hosts.into() };
+    let api = Api {
+        door,
+        clock,
+        limits,
+        requests,
+        encoders,
+        encoding_pace: Arc::default(),
+        strips,
+        answers,
+        hosts: hosts.into(),
+    };
     let limited = Router::new()
         .merge(page::routes())
         .route("/api/v1/cameras", get(cameras::list))

@@ -5,8 +5,10 @@ use super::error::Problem;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
-use crate::engine::{OpenedBuilding, PlannedEntity, PlannedView};
+use crate::encode::PictureFormat;
+use crate::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
 use crate::frame::CameraId;
+use crate::plan::Preset;
 use axum::Json;
 use axum::extract::{RawQuery, State};
 use axum::http::header;
@@ -20,7 +22,7 @@ pub(super) async fn show(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let (request, _moment) = view::asked(&api, id, raw.as_deref())?;
+    let (request, _moment) = view::asked(&api, (id, PictureFormat::Jpeg), raw.as_deref())?;
     let planned = api.ask("planning a view", move |door| door.plan(&request)).await;
     let planned = planned.map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(document(&planned))).into_response())
@@ -29,6 +31,8 @@ pub(super) async fn show(
 fn document(planned: &PlannedView) -> Value {
     let source = |source: &crate::engine::SourceTime| json!({ "camera": source.camera.as_str(), "time": source.timestamp.to_string() });
     let style = view::STYLES.iter().find(|(_, style)| *style == planned.style).map(|(word, _)| *word);
+    let forecast = |of: fn(&Expected) -> f64| planned.expected.as_ref().map(|expected| rounded(of(expected)));
+    let left_out = planned.settings.left_out(&Preset::Exact.settings(4));
     json!({
         "time": planned.instant.to_string(),
         "view": shown(planned),
@@ -43,8 +47,19 @@ fn document(planned: &PlannedView) -> Value {
         "entity_style": style,
         "entities": planned.entities.iter().map(entity).collect::<Vec<_>>(),
         "opened": planned.opened.iter().map(opened).collect::<Vec<_>>(),
-        "sampling": planned.sampling,
+        "sampling": planned.settings.sampling,
+        "settings": planned.settings.knobs().into_iter().collect::<std::collections::BTreeMap<_, _>>(),
+        "left_out": left_out,
+        "expected_ms": forecast(|expected| expected.forecast.median_ms),
+        "expected_upper_ms": forecast(|expected| expected.forecast.upper_ms),
+        "expected_error": planned.expected.as_ref().and_then(|expected| expected.error).map(rounded),
+        "expected_by": planned.expected.as_ref().map(|expected| expected.forecast.basis.as_str()),
     })
+}
+
+/// With few digits: the rest of them means nothing.
+fn rounded(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3
 }
 
 /// The view by its parameters; the projection is always named.

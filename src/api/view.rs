@@ -4,12 +4,13 @@ use super::error::Problem;
 use super::picture::{Picture, server_timing, split, write_rgb};
 use super::query::{Moment, Query};
 use super::segments::Segments;
-use super::{Api, scenes};
+use super::{Api, effort, scenes};
 use crate::clock::Timestamp;
-use crate::engine::{EYE_DISTANCE_M, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
+use crate::encode::PictureFormat;
+use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
-use crate::plan::{Colors, EntityStyle, MAX_SUPERSAMPLING};
+use crate::plan::{Aim, Colors, EntityStyle, Preset};
 use crate::scene::SceneView;
 use axum::extract::{RawQuery, State};
 use glam::DVec3;
@@ -40,7 +41,8 @@ const KINDS: [(&str, &[&str]); 6] = [
     ("window", &["eye", "window"]),
 ];
 
-const PARAMETERS: [&str; 19] = [
+/// Those of [`effort`] come after them.
+const PARAMETERS: [&str; 17] = [
     "projection",
     "eye",
     "target",
@@ -58,8 +60,6 @@ const PARAMETERS: [&str; 19] = [
     "see_through",
     "colors",
     "session",
-    "samples",
-    "supersampling",
 ];
 
 /// Ranges of what only some kinds take.
@@ -76,20 +76,30 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
     let ((), format) = split(&file, &[("view", ())])?;
-    let (request, moment) = asked(&api, id, raw.as_deref())?;
+    let (request, moment) = asked(&api, (id, format), raw.as_deref())?;
+    let size_px = (request.width_px, request.height_px);
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
     let instant = answer.instant;
     let image = std::sync::Arc::clone(&answer.image);
     let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &image)).await?;
+    api.encoding_pace.note(format, size_px, encoding_time);
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
     let mut fields = vec![
         ("videofields-view", shown_text(&answer)),
         ("videofields-sources", sources(&answer)),
         ("videofields-plan", effects(&answer)),
+        ("videofields-settings", settings(&answer)),
         ("videofields-cache", origin(&answer).to_owned()),
         ("server-timing", server_timing(&stages)),
     ];
+    if let Some(expected) = &answer.expected {
+        fields.push(("videofields-expected", expected_text(expected)));
+        if expected.deadline.is_some() {
+            let left_out = answer.settings.left_out(&Preset::Exact.settings(4));
+            fields.push(("videofields-left-out", left_out.join(",")));
+        }
+    }
     if !answer.gaps.is_empty() {
         let gaps = answer.gaps.iter().map(CameraId::as_str).collect::<Vec<_>>();
         fields.push(("videofields-gaps", gaps.join(",")));
@@ -97,14 +107,22 @@ pub(super) async fn picture(
     Ok(Picture { format, bytes, moment, instant, fields })
 }
 
-/// The request for a view of the scene `id` that the query string `raw` is.
+/// The request for a view of the scene `id` that the query string `raw` is; of a deadline is kept what writing it in `format`
+/// takes.
 ///
 /// # Errors
 /// With every wrong parameter, or with the scenes that there are.
-pub(super) fn asked(api: &Api, id: String, raw: Option<&str>) -> Result<(ViewRequest, Moment), Problem> {
-    let (request, moment) = read(id, raw, |id| api.door.playhead_at(id))?;
+pub(super) fn asked(
+    api: &Api,
+    (id, format): (String, PictureFormat),
+    raw: Option<&str>,
+) -> Result<(ViewRequest, Moment), Problem> {
+    let (mut request, moment) = read(id, raw, |id| api.door.playhead_at(id))?;
     let own_view = scenes::find(api, &request.scene)?.view;
     check_direction(&request, own_view)?;
+    if let Aim::Within(deadline) = &mut request.effort.aim {
+        deadline.reserve = api.encoding_pace.expected(format, (request.width_px, request.height_px));
+    }
     Ok((request, moment))
 }
 
@@ -124,9 +142,11 @@ fn read(
     raw: Option<&str>,
     playhead: impl FnOnce(&str) -> Result<Timestamp, EngineError>,
 ) -> Result<(ViewRequest, Moment), Problem> {
-    let mut query = Query::parse(raw, &PARAMETERS);
+    let known = [PARAMETERS.as_slice(), &effort::PARAMETERS].concat();
+    let mut query = Query::parse(raw, &known);
     let moment = query.moment(playhead);
     let kind = read_kind(&mut query);
+    let style = query.choice("entities", &STYLES).unwrap_or_default();
     let request = ViewRequest {
         scene,
         kind: kind.unwrap_or_default(),
@@ -136,12 +156,11 @@ fn read(
         width_px: query.whole("width", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[0]),
         height_px: query.whole("height", &SIDE_PX).unwrap_or(DEFAULT_SIZE_PX[1]),
         at: moment.at,
-        style: query.choice("entities", &STYLES).unwrap_or_default(),
+        style,
         see_through: query.choice("see_through", &[("on", true), ("off", false)]).unwrap_or(true),
         colors: query.choice("colors", &[("even", Colors::Even), ("raw", Colors::Raw)]).unwrap_or_default(),
         session: query.id("session"),
-        samples: query.choice("samples", &[("1", 1), ("4", 4)]),
-        supersampling: query.whole("supersampling", &(1..=MAX_SUPERSAMPLING)).unwrap_or(1),
+        effort: effort::read(&mut query, style),
     };
     query.finish(Some((request, moment)))
 }
@@ -276,6 +295,25 @@ const fn origin(answer: &ViewAnswer) -> &'static str {
 fn sources(answer: &ViewAnswer) -> String {
     let source = |source: &crate::engine::SourceTime| format!("{}={}", source.camera, source.timestamp);
     answer.sources.iter().map(source).collect::<Vec<_>>().join(",")
+}
+
+fn settings(answer: &ViewAnswer) -> String {
+    let knob = |(name, value): (&str, String)| format!("{name}={value}");
+    answer.settings.knobs().into_iter().map(knob).collect::<Vec<_>>().join(";")
+}
+
+/// What was expected of a picture, milliseconds of drawing and codes.
+fn expected_text(expected: &Expected) -> String {
+    let forecast = &expected.forecast;
+    let mut text = format!("ms={:.1};upper_ms={:.1}", forecast.median_ms, forecast.upper_ms);
+    if let Some(deadline) = expected.deadline {
+        text.push_str(&format!(";encode_ms={:.1}", deadline.reserve.as_secs_f64() * 1e3));
+    }
+    if let Some(error) = expected.error {
+        text.push_str(&format!(";error={error:.2}"));
+    }
+    text.push_str(&format!(";basis={}", forecast.basis.as_str()));
+    text
 }
 
 fn effects(answer: &ViewAnswer) -> String {

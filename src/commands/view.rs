@@ -79,6 +79,27 @@ pub(crate) struct View {
     /// Pixels each way that are drawn for one and averaged, 1 to 4; 1 if absent.
     #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
     supersampling: Option<String>,
+    /// draft, balanced or exact; balanced if absent.
+    #[arg(long, value_name = "PRESET", allow_hyphen_values = true)]
+    quality: Option<String>,
+    /// How many of the pixels are drawn each way, the others between them: whole, half or quarter.
+    #[arg(long, value_name = "SHARE", allow_hyphen_values = true)]
+    resolution: Option<String>,
+    /// How backgrounds are looked up: nearest, bilinear or levels.
+    #[arg(long, value_name = "FORM", allow_hyphen_values = true)]
+    filtering: Option<String>,
+    /// Most cameras that are blended at a pixel, 1 to 8.
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
+    cameras: Option<String>,
+    /// Whether what stands before a surface keeps cameras' pictures off it: on or off.
+    #[arg(long, value_name = "ON_OFF", allow_hyphen_values = true)]
+    depth_maps: Option<String>,
+    /// By how many cameras one entity is shown, 1 or 2.
+    #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
+    sources: Option<String>,
+    /// With points, every how manieth texel each way: 1, 2 or 4.
+    #[arg(long, value_name = "TEXELS", allow_hyphen_values = true)]
+    stride: Option<String>,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]
     explain: bool,
@@ -139,6 +160,13 @@ impl View {
             ("colors", &self.colors),
             ("samples", &self.samples),
             ("supersampling", &self.supersampling),
+            ("quality", &self.quality),
+            ("resolution", &self.resolution),
+            ("filtering", &self.filtering),
+            ("cameras", &self.cameras),
+            ("depth_maps", &self.depth_maps),
+            ("sources", &self.sources),
+            ("stride", &self.stride),
         ];
         let pair = |(name, value): (&str, &Option<String>)| {
             value.as_ref().map(|value| format!("{name}={}", utf8_percent_encode(value, NON_ALPHANUMERIC)))

@@ -109,6 +109,17 @@ pub enum EngineError {
         /// About how long what is before it takes.
         retry_after: Duration,
     },
+    /// The deadline of a picture cannot be held now.
+    #[error(
+        "not within the deadline now: others are before it, and it takes about {:.0} ms by itself",
+        least.as_secs_f64() * 1e3
+    )]
+    Crowded {
+        /// What the fastest settings take, encoding included, were nothing before it.
+        least: Duration,
+        /// About how long what is before it takes.
+        retry_after: Duration,
+    },
     /// The renderer is gone and being made anew.
     #[error("no renderer: {reason}")]
     NoRenderer {
@@ -142,6 +153,7 @@ impl EngineError {
             Self::NoFrame { .. }
             | Self::Busy { .. }
             | Self::Late { .. }
+            | Self::Crowded { .. }
             | Self::NoRenderer { .. }
             | Self::Unavailable(_) => ErrorKind::Unavailable,
             Self::Internal(_) => ErrorKind::Internal,
@@ -154,6 +166,7 @@ impl EngineError {
         match self {
             Self::Busy { retry_after, .. }
             | Self::Late { retry_after, .. }
+            | Self::Crowded { retry_after, .. }
             | Self::NoRenderer { retry_after, .. } => Some(*retry_after),
             _ => None,
         }

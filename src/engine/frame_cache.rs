@@ -93,7 +93,7 @@ mod tests {
     use crate::engine::resolve::limits_of;
     use crate::engine::{At, Origin, ViewKind, ViewRequest};
     use crate::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-    use crate::plan::{EntityStyle, Plan, Sampling};
+    use crate::plan::{Detail, Effort, EntityStyle, Filtering, Plan, Sampling, Settings};
     use crate::scene::{self, Scene};
     use crate::timeline::{Observation, Timeline};
 
@@ -140,8 +140,7 @@ mod tests {
             see_through: true,
             colors: crate::plan::Colors::Even,
             session: None,
-            samples: None,
-            supersampling: 1,
+            effort: Effort::default(),
         };
         let limits = (limits_of(&RenderSettings::default()), 4);
         Arc::new(Subject::of(&request, scene, INSTANT, &observations(of), limits).expect("a picture"))
@@ -155,6 +154,8 @@ mod tests {
             view: subject.from,
             sources: subject.sources.clone(),
             gaps: Vec::new(),
+            settings: Settings::default(),
+            expected: None,
             plan: Arc::new(Plan {
                 surface_cameras: Vec::new(),
                 depth_map_cameras: Vec::new(),
@@ -163,7 +164,10 @@ mod tests {
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
                 evens_colors: false,
+                most_cameras_a_pixel: 8,
+                filtering: Filtering::Levels,
                 sampling: Sampling::ONCE,
+                resolution: Detail::Whole,
                 reasons: Vec::new(),
             }),
             timings: Vec::new(),

@@ -10,6 +10,7 @@ mod checkpoint;
 mod chronicle;
 mod error;
 mod exports;
+mod forecaster;
 mod frame_cache;
 mod handle;
 mod history;
@@ -38,6 +39,7 @@ pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
+pub use forecaster::Expected;
 pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
     SceneSummary,

@@ -2,8 +2,9 @@
 
 use super::EngineError;
 use super::associations::{Overlaps, Remembered};
+use super::forecaster::Forecaster;
 use super::handle::At;
-use super::picture::{Observations, Subject, failure_of};
+use super::picture::{Observations, Subject, failure_of, none_fits};
 use super::renderer::open_renderer;
 use super::resolve::limits_of;
 use super::view::{ViewAnswer, ViewRequest};
@@ -11,10 +12,13 @@ use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
 use crate::error::Fault;
 use crate::frame::{CameraId, Frame};
+use crate::fuse::SceneState;
 use crate::ingest::{self, MediaRoots, Pipeline};
+use crate::plan::Plan;
 use crate::scene::Scene;
 use crate::timeline::Observation;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Longest that a looped clip is played, seconds of scene time: playing on for the years since 1970 would never end.
 const MAX_LOOPED_SECS: f64 = 3600.0;
@@ -65,8 +69,19 @@ pub fn view_once(
     let latest = found.iter().map(|(_, observation)| observation.frame.timestamp).max();
     let instant = until.or(latest).unwrap_or_default();
     let subject = Subject::of(request, scene, instant, &found, limits)?;
-    let memory = (&mut Remembered::default(), &Overlaps::default(), None);
-    let drawn = subject.draw(&found, memory, &mut renderer, clock, &mut || true);
+    // Of this machine nothing is known yet.
+    let forecaster = Forecaster::default();
+    let started = clock.monotonic();
+    let state = subject.state(&found, &mut Remembered::default(), &Overlaps::default());
+    let fused = clock.monotonic();
+    let deadline = subject.deadline.map(|(deadline, _)| deadline);
+    let left = || deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
+    let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
+    let decided = subject
+        .decide(state, None, &forecaster, &left, &pending)
+        .map_err(|none| none_fits(deadline, none, Duration::ZERO))?;
+    let took = [fused.saturating_sub(started), clock.monotonic().saturating_sub(fused)];
+    let drawn = subject.paint(decided, took, &mut renderer, (clock, &forecaster), &mut || true);
     let drawn = drawn.map_err(|error| failure_of(&error))?;
     drawn.ok_or_else(|| EngineError::Internal("a picture that is wanted was given up".to_owned()))
 }

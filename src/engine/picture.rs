@@ -2,6 +2,7 @@
 
 use super::EngineError;
 use super::associations::{Overlaps, Remembered};
+use super::forecaster::{Decision, Forecaster, NoneFits};
 use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
@@ -9,21 +10,27 @@ use crate::frame::{CameraId, Mask, YuvImage};
 use crate::fuse::{self, Exposure, SceneState};
 use crate::geometry::Surfaces;
 use crate::plan::{
-    self, ACROSS_M, Colors, EntityStyle, Picture, Plan, Sampling, View, ViewLimits, ViewSession, Wishes,
+    self, ACROSS_M, Colors, Deadline, EntityStyle, Named, Pending, Picture, Plan, Settings, StageTimes,
+    Survey, View, ViewLimits, ViewSession, Wishes,
 };
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::Observation;
 use glam::{DVec2, DVec3};
 use std::sync::{Arc, Weak};
+use std::time::Duration;
 
 /// What decides a picture: requests that agree in this share one.
+#[derive(Clone)]
 pub(super) struct Subject {
     pub(super) scene: Arc<Scene>,
     pub(super) from: SceneView,
     pub(super) kind: ViewKind,
     pub(super) picture: Picture,
+    /// With a deadline, the most exact settings that may be chosen.
     pub(super) wishes: Wishes,
+    /// Where settings are chosen by the time that is left, within which, and what is not left to choose.
+    pub(super) deadline: Option<(Deadline, Named)>,
     pub(super) instant: Timestamp,
     pub(super) sources: Vec<SourceTime>,
     pub(super) gaps: Vec<CameraId>,
@@ -45,6 +52,7 @@ impl PartialEq for Subject {
             && self.kind == other.kind
             && self.picture == other.picture
             && self.wishes == other.wishes
+            && self.deadline == other.deadline
             && self.instant == other.instant
             && self.sources == other.sources
             && self.gaps == other.gaps
@@ -65,7 +73,7 @@ pub(super) const HOST_STAGES: [&str; 3] = ["fuse", "plan", "render"];
 pub(super) type Observations = Vec<(CameraId, Observation)>;
 
 impl Subject {
-    /// What `request` asks for, within `limits`; what names no samples gets as many as the settings have.
+    /// What `request` asks for, within `limits`; `samples` as the configuration has them.
     pub(super) fn of(
         request: &ViewRequest,
         scene: &Arc<Scene>,
@@ -79,13 +87,11 @@ impl Subject {
             target: request.target.unwrap_or(own.target),
             fov_y_rad: request.fov_y_rad.unwrap_or(own.fov_y_rad),
         };
-        let sampling =
-            Sampling { samples: request.samples.unwrap_or(samples), supersampling: request.supersampling };
-        sampling.check().map_err(EngineError::Request)?;
+        let settings = request.effort.settings(request.style, samples).map_err(EngineError::Request)?;
         let (kind, from, picture) =
             pictured(request, scene, from, &limits).map_err(|fault| view_failure(fault, request, &limits))?;
         limits
-            .check_drawn(request.width_px, request.height_px, sampling.supersampling)
+            .check_drawn(request.width_px, request.height_px, settings.sampling.supersampling)
             .map_err(EngineError::TooLarge)?;
         let source = |(camera, observation): &(CameraId, Observation)| SourceTime {
             camera: camera.clone(),
@@ -96,15 +102,11 @@ impl Subject {
             (Arc::downgrade(&of.frame.image), Arc::downgrade(&of.soft_mask), Arc::downgrade(&of.background))
         };
         let seen = observations.iter().map(memory).collect();
-        let wishes = Wishes {
-            entities: request.style,
-            sampling,
-            see_through: request.see_through,
-            colors: request.colors,
-        };
+        let wishes = Wishes { settings, see_through: request.see_through, colors: request.colors };
         let session = request.session.clone();
+        let deadline = request.effort.deadline().map(|deadline| (deadline, request.effort.named));
         let (scene, gaps) = (Arc::clone(scene), Vec::new());
-        Ok(Self { scene, from, kind, picture, wishes, instant, sources, gaps, seen, session })
+        Ok(Self { scene, from, kind, picture, wishes, deadline, instant, sources, gaps, seen, session })
     }
 
     /// Whether a later request can mean the same: not once what was seen has gone from memory.
@@ -115,7 +117,13 @@ impl Subject {
         self.seen.iter().all(is_there)
     }
 
-    /// What stands where, by what was seen.
+    /// The same picture with these settings, chosen or not.
+    pub(super) fn with(&self, settings: Settings) -> Self {
+        let wishes = Wishes { settings, ..self.wishes };
+        Self { wishes, deadline: None, ..self.clone() }
+    }
+
+    /// What stands where, by what was seen, without points.
     /// Entities keep the ids, and cameras go on from the gains, that are `remembered` of the scene.
     pub(super) fn state(
         &self,
@@ -123,46 +131,74 @@ impl Subject {
         remembered: &mut Remembered,
         overlaps: &Overlaps,
     ) -> SceneState {
-        let point_stride = (self.wishes.entities == EntityStyle::Points).then_some(1);
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
         let Remembered { association, exposure } = remembered;
-        let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, point_stride);
+        let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
         }
         state
     }
 
-    /// What must be drawn of that, as the next of a session if there is one.
-    pub(super) fn plan(&self, state: &SceneState, session: Option<&mut ViewSession>) -> Plan {
-        plan::make_for(state, &self.picture, self.wishes, session)
+    /// Decides what of `state` is drawn, and how exactly, as the next of a session if there is one. Of a deadline so much is
+    /// `left`; what of a plan is new to the device is `pending`.
+    ///
+    /// # Errors
+    /// Where nothing fits into what is left.
+    pub(super) fn decide(
+        &self,
+        mut state: SceneState,
+        session: Option<&mut ViewSession>,
+        forecaster: &Forecaster,
+        left: &dyn Fn() -> Duration,
+        pending: &dyn Fn(&SceneState, &Plan) -> Pending,
+    ) -> Result<Decided, NoneFits> {
+        let settings = self.wishes.settings;
+        let Some((deadline, named)) = self.deadline else {
+            let plan = self.plan(&mut state, settings, session);
+            let survey = Survey::of(&state, &self.picture, &plan);
+            let decision = forecaster.expect(&survey, pending(&state, &plan), &settings);
+            return Ok(Decided { state, plan, decision });
+        };
+        // Points are placed once it is known how many; they are told from their blobs until then.
+        let full = plan::make(&state, &self.picture, self.wishes);
+        let survey = Survey::of(&state, &self.picture, &full);
+        let new = (&survey, pending(&state, &full));
+        let decision = forecaster.choose(new, (settings.entities, &named), deadline, left())?;
+        let plan = self.plan(&mut state, decision.settings, session);
+        let decision = Forecaster::settled(decision, &survey, pending(&state, &plan));
+        Ok(Decided { state, plan, decision })
     }
 
-    /// Draws it; nothing comes of it once it is not `wanted` any more.
-    pub(super) fn draw(
+    fn plan(&self, state: &mut SceneState, settings: Settings, session: Option<&mut ViewSession>) -> Plan {
+        if settings.entities == EntityStyle::Points {
+            state.place_points(settings.point_stride);
+        }
+        plan::make_for(state, &self.picture, Wishes { settings, ..self.wishes }, session)
+    }
+
+    /// Draws what was decided; how long that `took`, fusing and planning, is told with what drawing takes. Nothing comes of it once it is not `wanted` any more.
+    pub(super) fn paint(
         &self,
-        observations: &Observations,
-        (remembered, overlaps, session): (&mut Remembered, &Overlaps, Option<&mut ViewSession>),
+        Decided { state, plan, decision }: Decided,
+        took: [Duration; 2],
         renderer: &mut Renderer,
-        clock: &dyn Clock,
+        (clock, forecaster): (&dyn Clock, &Forecaster),
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, RenderError> {
         let started = clock.monotonic();
-        let state = self.state(observations, remembered, overlaps);
-        let fused = clock.monotonic();
-        let plan = self.plan(&state, session);
-        let planned = clock.monotonic();
         let Some(rendered) = renderer.render_while(&state, &self.picture, &plan, wanted)? else {
             return Ok(None);
         };
-        let finished = clock.monotonic();
-        let mut timings = vec![
-            (HOST_STAGES[0], fused.saturating_sub(started)),
-            (HOST_STAGES[1], planned.saturating_sub(fused)),
-            (HOST_STAGES[2], finished.saturating_sub(planned)),
-        ];
+        let drawing = clock.monotonic().saturating_sub(started);
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let passes = rendered.timings.iter().map(|pass| (pass.pass, ms(pass.gpu)));
+        let before = ms(took[0].saturating_add(took[1]));
+        forecaster.note(&decision, StageTimes::of(before, ms(drawing), passes));
+        let mut timings =
+            vec![(HOST_STAGES[0], took[0]), (HOST_STAGES[1], took[1]), (HOST_STAGES[2], drawing)];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
         Ok(Some(ViewAnswer {
             image: Arc::new(rendered.image),
@@ -171,11 +207,36 @@ impl Subject {
             view: self.from,
             sources: self.sources.clone(),
             gaps: self.gaps.clone(),
+            settings: decision.settings,
+            expected: Some(decision.expected),
             plan: Arc::new(plan),
             timings,
             origin: Origin::Drawn,
         }))
     }
+}
+
+/// What is drawn, and how.
+pub(super) struct Decided {
+    pub(super) state: SceneState,
+    pub(super) plan: Plan,
+    pub(super) decision: Decision,
+}
+
+/// Why nothing fits, as callers are told: `waited` so long for it to be begun, of the deadline.
+pub(super) fn none_fits(
+    deadline: Option<Deadline>,
+    NoneFits { least }: NoneFits,
+    retry_after: Duration,
+) -> EngineError {
+    let total = deadline.map_or(Duration::ZERO, |deadline| deadline.total);
+    let ms = |time: Duration| (time.as_secs_f64() * 1e3).ceil();
+    if total < least {
+        let message =
+            format!("must be at least about {} for this picture: no settings are faster", ms(least));
+        return EngineError::TooLarge(Fault::new("deadline_ms", message));
+    }
+    EngineError::Crowded { least, retry_after }
 }
 
 /// Height of a map's eye above everything that stands, metres: room for people on roofs.

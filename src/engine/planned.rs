@@ -2,17 +2,18 @@
 
 use super::EngineError;
 use super::associations::Remembered;
+use super::forecaster::{Expected, usual_pending};
 use super::handle::surface_name;
-use super::picture::Subject;
+use super::picture::{Decided, Subject, none_fits};
 use super::resolve::Resolved;
 use super::shared::Shared;
 use super::view::{SourceTime, ViewKind, ViewRequest};
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
-use crate::fuse::SceneState;
-use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, Reason, Sampling};
+use crate::plan::{EntityStyle, Opened, PlannedBillboard, Reason, Settings};
 use crate::scene::SceneView;
 use glam::DVec3;
+use std::time::Duration;
 
 /// What would be drawn if the view were asked for now; cameras by their ids.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,8 +44,10 @@ pub struct PlannedView {
     pub entities: Vec<PlannedEntity>,
     /// Buildings that are drawn translucent, the farthest first.
     pub opened: Vec<OpenedBuilding>,
-    /// How often a pixel is looked at.
-    pub sampling: Sampling,
+    /// How exactly it is drawn.
+    pub settings: Settings,
+    /// What it is expected to take, and which error it leaves.
+    pub expected: Option<Expected>,
     /// One line an effect: on or off, and the reason.
     pub reasons: Vec<Reason>,
 }
@@ -75,15 +78,24 @@ impl Shared {
     /// Plans a view, as the render thread would now.
     pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
+        self.refresh_forecaster();
         // What is remembered from picture to picture is the render thread's; this is what it comes to.
         let state = subject.state(&observations, &mut Remembered::default(), &self.overlaps);
-        let plan = subject.plan(&state, None);
-        Ok(named(&subject, &state, plan))
+        let deadline = subject.deadline.map(|(deadline, _)| deadline);
+        let waits = self.queue.retry_after();
+        let left = || {
+            let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
+            drawing.saturating_sub(waits)
+        };
+        let decided = subject
+            .decide(state, None, &self.forecaster, &left, &usual_pending)
+            .map_err(|none| none_fits(deadline, none, waits))?;
+        Ok(named(&subject, decided))
     }
 }
 
 /// A plan with ids in place of indices.
-fn named(subject: &Subject, state: &SceneState, plan: Plan) -> PlannedView {
+fn named(subject: &Subject, Decided { state, plan, decision }: Decided) -> PlannedView {
     let id = |idx: usize| state.cameras[idx].id.clone();
     let ids = |cameras: &[usize]| cameras.iter().copied().map(id).collect::<Vec<_>>();
     let entity = |planned: &PlannedBillboard| {
@@ -112,7 +124,8 @@ fn named(subject: &Subject, state: &SceneState, plan: Plan) -> PlannedView {
         style: plan.entities,
         entities: plan.billboards.iter().map(entity).collect(),
         opened: plan.opened.iter().map(opened).collect(),
-        sampling: plan.sampling,
+        settings: decision.settings,
+        expected: Some(decision.expected),
         reasons: plan.reasons,
     }
 }

@@ -44,6 +44,16 @@ struct Place {
     begun_at: Option<Duration>,
 }
 
+impl Place {
+    /// How long a caller waits: until its deadline for the drawing to begin, and for what has begun as for any.
+    fn patience(&self, timeout: Duration) -> Duration {
+        match self.request.effort.deadline() {
+            Some(deadline) if self.begun_at.is_none() => deadline.total.min(timeout),
+            _ => timeout,
+        }
+    }
+}
+
 struct State {
     /// In the order of their first callers.
     places: Vec<Place>,
@@ -57,8 +67,8 @@ struct State {
 /// What the render thread is to do.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Next {
-    /// Draw this.
-    Picture(Box<ViewRequest>),
+    /// Draw this, which was first asked for then.
+    Picture(Box<ViewRequest>, Duration),
     /// Nothing was asked for.
     Nothing,
     /// Nothing will be asked for any more.
@@ -148,8 +158,9 @@ impl RenderQueue {
             if let Some(place) = state.places.iter_mut().find(|place| place.begun_at.is_none()) {
                 place.begun_at = Some(now);
                 let request = Box::new(place.request.clone());
+                let asked_at = place.callers.iter().map(|caller| caller.asked_at).min().unwrap_or(now);
                 self.tell_length(&state);
-                return Next::Picture(request);
+                return Next::Picture(request, asked_at);
             }
             if !state.is_open {
                 return Next::End;
@@ -262,9 +273,11 @@ impl RenderQueue {
             if !state.is_open && state.places.is_empty() {
                 return;
             }
-            let callers = state.places.iter().flat_map(|place| &place.callers);
-            let first = callers.map(|caller| caller.asked_at).min();
-            let sleep = first.map_or(NOBODY_WAITS, |first| (first + self.timeout).saturating_sub(now));
+            let ends = state.places.iter().flat_map(|place| {
+                let patience = place.patience(self.timeout);
+                place.callers.iter().map(move |caller| caller.asked_at.saturating_add(patience))
+            });
+            let sleep = ends.min().map_or(NOBODY_WAITS, |end| end.saturating_sub(now));
             // Never no time at all, so that a clock that stands still is no busy loop.
             let sleep = sleep.max(Duration::from_millis(1));
             state = self.changed.wait_timeout(state, sleep).unwrap_or_else(PoisonError::into_inner).0;
@@ -276,8 +289,9 @@ impl RenderQueue {
         let retry_after = state.retry_after(now, self.timeout);
         for place in &mut state.places {
             let stage = if place.begun_at.is_some() { LateStage::Drawing } else { LateStage::Waiting };
+            let patience = place.patience(self.timeout);
             let is_over = |caller: &mut Caller| {
-                caller.reply.is_closed() || now.saturating_sub(caller.asked_at) >= self.timeout
+                caller.reply.is_closed() || now.saturating_sub(caller.asked_at) >= patience
             };
             for caller in place.callers.extract_if(.., is_over) {
                 let waited = now.saturating_sub(caller.asked_at);
@@ -339,7 +353,7 @@ mod tests {
     use crate::engine::At;
     use crate::engine::view::ViewKind;
     use crate::frame::RgbImage;
-    use crate::plan::{EntityStyle, Plan, Sampling};
+    use crate::plan::{Aim, Deadline, Detail, Effort, EntityStyle, Filtering, Plan, Sampling, Settings};
     use crate::scene::SceneView;
     use glam::DVec3;
 
@@ -380,7 +394,7 @@ mod tests {
         /// The width of the picture that is to be drawn next; none where nothing waits.
         fn next(&self) -> Option<u32> {
             match self.queue.next(Duration::ZERO) {
-                Next::Picture(request) => Some(request.width_px),
+                Next::Picture(request, _) => Some(request.width_px),
                 Next::Nothing | Next::End => None,
             }
         }
@@ -408,8 +422,7 @@ mod tests {
             see_through: true,
             colors: crate::plan::Colors::Even,
             session: None,
-            samples: None,
-            supersampling: 1,
+            effort: Effort::default(),
         }
     }
 
@@ -421,6 +434,8 @@ mod tests {
             view: SceneView { eye: DVec3::ZERO, target: DVec3::X, fov_y_rad: 1.0 },
             sources: Vec::new(),
             gaps: Vec::new(),
+            settings: Settings::default(),
+            expected: None,
             plan: Arc::new(Plan {
                 surface_cameras: Vec::new(),
                 depth_map_cameras: Vec::new(),
@@ -429,7 +444,10 @@ mod tests {
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
                 evens_colors: false,
+                most_cameras_a_pixel: 8,
+                filtering: Filtering::Levels,
                 sampling: Sampling::ONCE,
+                resolution: Detail::Whole,
                 reasons: Vec::new(),
             }),
             timings: vec![("render", Duration::from_millis(5))],
@@ -537,6 +555,30 @@ mod tests {
         bench.queue.finish(&picture());
         bench.pass(60);
         assert!(bench.accuracy.is_quiet(), "nobody is waited for any more");
+    }
+
+    #[test]
+    fn a_deadline_bounds_the_wait_and_not_what_has_begun() {
+        let bench = Bench::new();
+        let ask = |width_px: u32| {
+            let (reply, answer) = oneshot::channel();
+            let total = Duration::from_secs(2);
+            let aim = Aim::Within(Deadline { total, reserve: Duration::ZERO });
+            let effort = Effort { aim, ..Effort::default() };
+            bench.queue.push(ViewRequest { effort, ..request(width_px) }, reply).expect("there is room");
+            answer
+        };
+        let (mut first, mut second) = (ask(1), ask(2));
+        assert_eq!(bench.next(), Some(1));
+        bench.pass(3);
+        assert!(bench.queue.is_wanted(), "what has begun is waited for");
+        let late = second.try_recv().expect("it is answered").expect_err("its time is up");
+        assert!(matches!(late, EngineError::Late { stage: LateStage::Waiting, .. }), "{late}");
+        assert!(first.try_recv().is_err(), "not yet");
+        bench.pass(5);
+        assert!(!bench.queue.is_wanted());
+        let late = first.try_recv().expect("it is answered").expect_err("its time is up too");
+        assert!(matches!(late, EngineError::Late { stage: LateStage::Drawing, .. }), "{late}");
     }
 
     #[test]

@@ -4,19 +4,22 @@
 //! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
 use super::EngineError;
-use super::associations::Associations;
+use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
 use super::handle::At;
 use super::pace::Backoff;
-use super::picture::{HOST_STAGES, Subject, failure_of};
+use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
 use super::queue::{Next, PlaceId};
 use super::resolve::{Resolved, Seen};
 use super::sessions::Sessions;
 use super::shared::Shared;
 use super::view::{Origin, ViewAnswer, ViewRequest};
 use crate::error::ErrorKind;
+use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError};
+use crate::plan::{Plan, ViewSession};
 use crate::render::{RenderError, Renderer};
+use crate::telemetry::ViewRefusal;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,7 +58,7 @@ pub(super) fn run(shared: &Shared) {
             }
         }
         match shared.queue.next(thread.longest_wait()) {
-            Next::Picture(request) => thread.serve(&request),
+            Next::Picture(request, asked_at) => thread.serve(&request, asked_at),
             Next::Nothing => {}
             Next::End => break,
         }
@@ -133,9 +136,9 @@ impl<'a> RenderThread<'a> {
     }
 
     /// Answers the picture in hand, and all that turn out to be the same.
-    fn serve(&mut self, request: &ViewRequest) {
+    fn serve(&mut self, request: &ViewRequest, asked_at: Duration) {
         let queue = &self.shared.queue;
-        let (subject, answer) = match self.contained(|thread| thread.answer(request)) {
+        let (subject, answer) = match self.contained(|thread| thread.answer(request, asked_at)) {
             Ok(Some(drawn)) => drawn,
             Ok(None) => return tracing::debug!("a picture was given up: nobody waits for it"),
             Err(error) => return queue.finish(&Err(error)),
@@ -152,8 +155,8 @@ impl<'a> RenderThread<'a> {
         }
     }
 
-    /// The picture that `request` means now; none once nobody waits for it.
-    fn answer(&mut self, request: &ViewRequest) -> Result<Option<Drawn>, EngineError> {
+    /// The picture that `request` means now, which was first asked for at `asked_at`; none once nobody waits for it.
+    fn answer(&mut self, request: &ViewRequest, asked_at: Duration) -> Result<Option<Drawn>, EngineError> {
         let (shared, clock) = (self.shared, &*self.shared.clock);
         let started = clock.monotonic();
         let Resolved { subject, seen } = shared.resolve(request)?;
@@ -171,11 +174,10 @@ impl<'a> RenderThread<'a> {
         let mut associations = std::mem::take(&mut self.associations);
         let remembered = associations.of(&subject.scene);
         let mut session = subject.session.as_deref().map(|name| self.sessions.take(&request.scene, name));
+        shared.refresh_forecaster();
         let drawn = self.twice_at_most(|thread| {
-            let renderer = thread.ensure_renderer()?;
-            let mut wanted = || shared.queue.is_wanted();
-            let memory = (&mut *remembered, &shared.overlaps, session.as_mut());
-            Ok(subject.draw(&seen.0, memory, renderer, clock, &mut wanted)?)
+            thread.ensure_renderer()?;
+            thread.drawn(&subject, &seen, (&mut *remembered, session.as_mut()), asked_at)
         });
         self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
@@ -183,14 +185,57 @@ impl<'a> RenderThread<'a> {
         }
         let drawn = drawn?;
         let Some(mut answer) = drawn else { return Ok(None) };
+        if answer.origin == Origin::Kept {
+            answer.timings = vec![resolving];
+            return Ok(Some((subject, answer)));
+        }
         self.note_drawn(&answer, clock.monotonic().saturating_sub(resolved), started);
         answer.timings.insert(0, resolving);
         // What a session shows depends on what it showed before: after a seek the same instant is another picture.
         if subject.session.is_none() {
-            self.cache.insert(Arc::clone(&subject), answer.clone());
+            let chosen = || Arc::new(subject.with(answer.settings));
+            let kept = if subject.deadline.is_some() { chosen() } else { Arc::clone(&subject) };
+            self.cache.insert(kept, answer.clone());
         }
         shared.metrics.render_cache.set(i64::try_from(self.cache.bytes()).unwrap_or(i64::MAX));
         Ok(Some((subject, answer)))
+    }
+
+    /// Decides and draws `subject`, or finds what was decided among the pictures that are kept.
+    fn drawn(
+        &mut self,
+        subject: &Subject,
+        seen: &Seen,
+        (remembered, session): (&mut Remembered, Option<&mut ViewSession>),
+        asked_at: Duration,
+    ) -> Result<Option<ViewAnswer>, Failure> {
+        let (shared, clock) = (self.shared, &*self.shared.clock);
+        let forecaster = &shared.forecaster;
+        let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
+        let started = clock.monotonic();
+        let state = subject.state(&seen.0, remembered, &self.shared.overlaps);
+        let fused = clock.monotonic();
+        let deadline = subject.deadline.map(|(deadline, _)| deadline);
+        let left = || {
+            let drawing = deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
+            asked_at.saturating_add(drawing).saturating_sub(clock.monotonic())
+        };
+        let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
+        let decided = subject.decide(state, session, forecaster, &left, &pending).map_err(|none| {
+            shared.metrics.count_refused(ViewRefusal::Deadline);
+            none_fits(deadline, none, shared.queue.retry_after())
+        })?;
+        if subject.deadline.is_some()
+            && subject.session.is_none()
+            && let Some(kept) = self.cache.get(&subject.with(decided.decision.settings))
+        {
+            let expected = Some(decided.decision.expected);
+            return Ok(Some(ViewAnswer { origin: Origin::Kept, expected, ..kept }));
+        }
+        let planned = clock.monotonic();
+        let took = [fused.saturating_sub(started), planned.saturating_sub(fused)];
+        let mut wanted = || shared.queue.is_wanted();
+        Ok(subject.paint(decided, took, renderer, (clock, forecaster), &mut wanted)?)
     }
 
     fn note_drawn(&mut self, answer: &ViewAnswer, took: Duration, started: Duration) {
@@ -199,6 +244,15 @@ impl<'a> RenderThread<'a> {
         let metrics = &self.shared.metrics;
         let all = self.shared.clock.monotonic().saturating_sub(started);
         metrics.render_picture.observe(all.as_secs_f64());
+        if let Some(expected) = &answer.expected {
+            let measured_ms: f64 = answer
+                .timings
+                .iter()
+                .filter(|(stage, _)| HOST_STAGES.contains(stage))
+                .map(|(_, time)| time.as_secs_f64() * 1e3)
+                .sum();
+            metrics.render_expected_ratio.observe(measured_ms / expected.forecast.median_ms.max(1e-3));
+        }
         for (pass, time) in answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage)) {
             metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
         }
@@ -331,6 +385,7 @@ impl<'a> RenderThread<'a> {
                 }
                 self.shared.set_renderer_state(Ok(adapter));
                 self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
+                self.shared.forecaster.forget_programs();
                 self.renderer = Some(renderer);
             }
             Err(error) => {
@@ -350,8 +405,7 @@ fn no_renderer(shared: &Shared, reason: String) -> EngineError {
 
 /// Whether two requests may mean one picture, by what can be told without a look at any camera.
 fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
-    let drawn =
-        |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.supersampling, of.see_through, of.colors);
+    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.see_through, of.colors);
     a.scene == b.scene && a.session == b.session && drawn(a) == drawn(b)
 }
 
@@ -405,11 +459,10 @@ mod tests {
             see_through: true,
             colors: crate::plan::Colors::Even,
             session: None,
-            samples: None,
-            supersampling: 1,
+            effort: crate::plan::Effort::default(),
         };
         shared.queue.push(request, reply).expect("there is room");
-        assert!(matches!(shared.queue.next(Duration::ZERO), Next::Picture(_)));
+        assert!(matches!(shared.queue.next(Duration::ZERO), Next::Picture(..)));
         answer
     }
 

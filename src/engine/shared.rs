@@ -6,6 +6,7 @@ use super::EngineError;
 use super::accuracy::AccuracyBoard;
 use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
+use super::forecaster::Forecaster;
 use super::handle::{At, Door};
 use super::past::Past;
 use super::playheads::Playheads;
@@ -86,6 +87,7 @@ pub(super) struct Shared {
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
     pub(super) overlaps: Overlaps,
+    pub(super) forecaster: Forecaster,
 }
 
 /// Loses a device.
@@ -134,6 +136,7 @@ impl Shared {
             device_loss: Mutex::new(None),
             queue,
             overlaps: Overlaps::default(),
+            forecaster: Forecaster::default(),
         }
     }
 
@@ -148,6 +151,15 @@ impl Shared {
 
     pub(super) fn set_renderer_state(&self, state: Result<String, String>) {
         *lock(&self.renderer) = state;
+    }
+
+    /// Brings what is known of this machine's costs up to the table that is up now, if the renderer's adapter is the one that it
+    /// was measured on.
+    pub(super) fn refresh_forecaster(&self) {
+        let adapter = lock(&self.renderer).clone();
+        if let Ok(adapter) = adapter {
+            self.forecaster.use_table(self.accuracy.status().table.as_ref(), &adapter);
+        }
     }
 
     pub(super) fn renderer_state(&self) -> String {

@@ -1,9 +1,10 @@
 //! What a picture of a scene is asked for by, and what the answer says of it.
 
+use super::forecaster::Expected;
 use super::handle::At;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
-use crate::plan::{Colors, EntityStyle, Plan};
+use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
 use crate::scene::SceneView;
 use glam::DVec3;
 use std::sync::Arc;
@@ -78,10 +79,8 @@ pub struct ViewRequest {
     /// Who looks: what changes over time does so smoothly from one picture of a session to its next. Without one, every
     /// picture shows what it comes to.
     pub session: Option<String>,
-    /// Samples a pixel, 1 or 4; as the renderer's settings have it if absent.
-    pub samples: Option<u32>,
-    /// Pixels each way that are drawn for one, 1 to [`MAX_SUPERSAMPLING`](crate::plan::MAX_SUPERSAMPLING).
-    pub supersampling: u32,
+    /// How exactly it is drawn, or how soon it must be there.
+    pub effort: Effort,
 }
 
 /// Which frame of a camera went into a picture.
@@ -119,6 +118,10 @@ pub struct ViewAnswer {
     pub sources: Vec<SourceTime>,
     /// Those of them that saw nothing near the instant: of these the background alone is shown.
     pub gaps: Vec<CameraId>,
+    /// How exactly it was drawn.
+    pub settings: Settings,
+    /// What was expected of it before it was drawn.
+    pub expected: Option<Expected>,
     /// Which effects ran, and why.
     pub plan: Arc<Plan>,
     /// What the stages took: name and time. First comes `wait`, until the picture was begun or found.

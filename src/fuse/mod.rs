@@ -82,11 +82,18 @@ pub fn assemble_within(
     };
     let followed: Vec<Followed> = members.iter().zip(&cameras).flat_map(tracks).collect();
     let entities = association.update(instant, sightings, &followed);
-    let sources = || entities.iter().flat_map(|entity| &entity.sources);
-    let points = point_stride.map_or_else(Vec::new, |stride| {
-        sources().flat_map(|source| points::points(&cameras[source.camera_idx], source, stride)).collect()
-    });
-    SceneState { scene: Arc::clone(scene), instant, entities, cameras, n_overlapping: 0, points }
+    let mut state = SceneState {
+        scene: Arc::clone(scene),
+        instant,
+        entities,
+        cameras,
+        n_overlapping: 0,
+        points: Vec::new(),
+    };
+    if let Some(stride) = point_stride {
+        state.place_points(stride);
+    }
+    state
 }
 
 /// A billboard with what it says of whom it shows.
@@ -117,6 +124,17 @@ pub struct SceneState {
     pub entities: Vec<Entity>,
     /// The entities' foreground texels as points; empty unless points were asked for.
     pub points: Vec<EntityPoint>,
+}
+
+impl SceneState {
+    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are.
+    pub fn place_points(&mut self, stride: u32) {
+        let sources = self.entities.iter().flat_map(|entity| &entity.sources);
+        let of = |source: &'_ Billboard| {
+            points::points(&self.cameras[source.camera_idx], source, stride).collect::<Vec<_>>()
+        };
+        self.points = sources.flat_map(of).collect();
+    }
 }
 
 /// One camera at the instant.

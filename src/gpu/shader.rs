@@ -16,6 +16,7 @@ shaders![
     "common/fullscreen.wgsl",
     "common/view.wgsl",
     "render/average.wgsl",
+    "render/enlarge.wgsl",
     "render/billboard.wgsl",
     "render/camera_depth.wgsl",
     "render/points.wgsl",

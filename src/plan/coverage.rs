@@ -46,6 +46,24 @@ pub(super) fn rank_cameras(state: &SceneState, picture: &Picture) -> Vec<usize> 
     ranked.into_iter().map(|(_, idx)| idx).collect()
 }
 
+/// Places of the view at which work is estimated: columns, rows.
+const WORK_GRID: (u32, u32) = (16, 9);
+
+/// The number of places that were looked at, and for each that shows a surface which of `cameras` see it, the greatest
+/// weight first.
+pub(super) fn seen(state: &SceneState, picture: &Picture, cameras: &[usize]) -> (usize, Vec<Vec<usize>>) {
+    let surfaces = &state.scene.surfaces;
+    let shown = grid(WORK_GRID).filter_map(|place| surfaces.hit(&picture.ray(place.x, place.y)?, 0.0));
+    let seen_by = |hit: Hit| {
+        let weigh = |idx: &usize| (weight(&state.cameras[*idx].camera, &hit, picture.viewer), *idx);
+        let mut weighed: Vec<(f64, usize)> = cameras.iter().map(weigh).filter(|(w, _)| *w > 0.0).collect();
+        weighed.sort_by(|(a, a_idx), (b, b_idx)| b.total_cmp(a).then(a_idx.cmp(b_idx)));
+        weighed.into_iter().map(|(_, idx)| idx).collect()
+    };
+    let n_places = (WORK_GRID.0 * WORK_GRID.1) as usize;
+    (n_places, shown.map(seen_by).collect())
+}
+
 /// The blending weight of a camera at a place that the viewer sees, occlusion left out.
 fn weight(camera: &Camera, hit: &Hit, viewer: Viewer) -> f64 {
     if !camera.project(hit.point_in_world).is_some_and(|projection| projection.is_inside()) {

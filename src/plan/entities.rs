@@ -1,18 +1,27 @@
 //! Which entities are drawn, how, and from which camera.
 
 use super::sources;
-use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, PlannedSource, Reason};
+use super::work::rectangle_px;
+use super::{
+    EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, PlannedSource, Reason, Settings,
+};
 use crate::fuse::{Billboard, Entity, EntityPoint, SceneState};
 use glam::DVec3;
+
+/// Most entities that are drawn in one picture: of more, those that cover most of it.
+const MAX_ENTITIES: usize = 1024;
 
 /// How far beside the picture (share of its size) a point still counts as in view: it has a size.
 const POINT_MARGIN: f64 = 0.1;
 
 /// Fills in the entities' part of a plan.
-pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, plan: &mut Plan) {
+pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, plan: &mut Plan) {
+    let style = settings.entities;
     let (billboard, points) = match style {
         EntityStyle::Billboards => {
-            let seen = billboards(state, picture);
+            let seen = billboards(state, picture, settings.sources);
+            let n_seen = seen.len();
+            let seen = largest(seen, MAX_ENTITIES);
             let of = |planned: &PlannedBillboard| {
                 state.entities[planned.entity].sources[planned.source].camera_idx
             };
@@ -21,17 +30,18 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, pl
                 Some(state.entities[planned.entity].sources[source].camera_idx)
             };
             // Of too many cameras, those that show somebody first go before those that show somebody beside another.
-            let first = busiest(seen.iter().map(of), state.cameras.len());
-            let second = busiest(seen.iter().filter_map(beside), state.cameras.len());
+            let shown = seen.iter().map(|(px, planned)| (of(planned), *px));
+            let first = most_salient(shown, state.cameras.len());
+            let shown = seen.iter().filter_map(|(px, planned)| Some((beside(planned)?, *px)));
+            let second = most_salient(shown, state.cameras.len());
             let room = MAX_ENTITY_CAMERAS - first.len();
             let added: Vec<usize> =
                 second.into_iter().filter(|idx| !first.contains(idx)).take(room).collect();
             plan.entity_cameras = first;
             plan.entity_cameras.extend(added);
             plan.entity_cameras.sort_unstable();
-            let n_seen = seen.len();
-            plan.billboards =
-                seen.into_iter().filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+            let seen = seen.into_iter().map(|(_, planned)| planned);
+            plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
             // Whose second camera has no room is shown by the first alone.
             for planned in &mut plan.billboards {
                 if beside(planned).is_some_and(|idx| !plan.entity_cameras.contains(&idx)) {
@@ -45,7 +55,8 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, style: EntityStyle, pl
             let shows = |point: &&EntityPoint| picture.shows(point.position_in_world, POINT_MARGIN);
             let cameras: Vec<usize> =
                 state.points.iter().filter(shows).map(|point| point.camera_idx).collect();
-            plan.entity_cameras = busiest(cameras.iter().copied(), state.cameras.len());
+            let each = cameras.iter().map(|camera| (*camera, 1.0));
+            plan.entity_cameras = most_salient(each, state.cameras.len());
             let n_drawn = cameras.iter().filter(|camera| plan.entity_cameras.contains(camera)).count();
             (None, Some(because_of((n_drawn, cameras.len(), state.points.len()), "points")))
         }
@@ -67,27 +78,41 @@ fn because_of((n_drawn, n_seen, n_all): (usize, usize, usize), what: &str) -> (b
         (drawn, seen, all) if drawn < seen => (
             true,
             format!(
-                "{seen} of {all} {what} lie in view; {drawn}, of the busiest {MAX_ENTITY_CAMERAS} cameras, are drawn"
+                "{seen} of {all} {what} lie in view; {drawn}, the largest of at most {MAX_ENTITY_CAMERAS} cameras, are drawn"
             ),
         ),
         (_, seen, all) => (true, format!("{seen} of {all} {what} lie in view")),
     }
 }
 
-/// The cameras that occur, in their order; of more than a picture can have, those that occur most often.
-fn busiest(cameras: impl Iterator<Item = usize>, n_cameras: usize) -> Vec<usize> {
-    let mut counts = vec![0_usize; n_cameras];
-    for camera in cameras {
-        counts[camera] += 1;
+/// The cameras that show most, in their order, of pairs of a camera and about how many pixels it shows: somebody near counts
+/// more than many far away.
+fn most_salient(shown: impl Iterator<Item = (usize, f64)>, n_cameras: usize) -> Vec<usize> {
+    let mut pixels: Vec<Option<f64>> = vec![None; n_cameras];
+    for (camera, px) in shown {
+        *pixels[camera].get_or_insert(0.0) += px;
     }
-    let mut found: Vec<usize> = (0..n_cameras).filter(|camera| counts[*camera] > 0).collect();
-    found.sort_by_key(|camera| std::cmp::Reverse(counts[*camera]));
+    let mut found: Vec<(usize, f64)> =
+        pixels.into_iter().enumerate().filter_map(|(camera, px)| Some((camera, px?))).collect();
+    found.sort_by(|(a, a_px), (b, b_px)| b_px.total_cmp(a_px).then(a.cmp(b)));
     found.truncate(MAX_ENTITY_CAMERAS);
-    found.sort_unstable();
-    found
+    let mut cameras: Vec<usize> = found.into_iter().map(|(camera, _)| camera).collect();
+    cameras.sort_unstable();
+    cameras
 }
 
-fn billboards(state: &SceneState, picture: &Picture) -> Vec<PlannedBillboard> {
+/// The `most` that cover most pixels, in the order in which they came.
+fn largest(mut seen: Vec<(f64, PlannedBillboard)>, most: usize) -> Vec<(f64, PlannedBillboard)> {
+    if seen.len() > most {
+        seen.sort_by(|(a_px, a), (b_px, b)| b_px.total_cmp(a_px).then(a.entity.cmp(&b.entity)));
+        seen.truncate(most);
+        seen.sort_by_key(|(_, planned)| planned.entity);
+    }
+    seen
+}
+
+/// What is in view, with about how many pixels it covers.
+fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(f64, PlannedBillboard)> {
     let is_in_view = |billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
         let middle = billboard.foot_in_world + DVec3::Z * (billboard.height_m * 0.5);
@@ -97,9 +122,12 @@ fn billboards(state: &SceneState, picture: &Picture) -> Vec<PlannedBillboard> {
     };
     let planned = |(entity, candidate): (usize, &Entity)| {
         let (source, beside) = sources::choose(candidate, state, picture.viewer)?;
-        let beside = beside.map(|(source, weight)| PlannedSource { source, weight });
+        let beside =
+            beside.filter(|_| most_sources > 1).map(|(source, weight)| PlannedSource { source, weight });
         let weight = 1.0 - beside.map_or(0.0, |beside| beside.weight);
-        is_in_view(&candidate.sources[source]).then_some(PlannedBillboard { entity, source, weight, beside })
+        let billboard = &candidate.sources[source];
+        let planned = PlannedBillboard { entity, source, weight, beside };
+        is_in_view(billboard).then(|| (rectangle_px(picture, billboard), planned))
     };
     state.entities.iter().enumerate().filter_map(planned).collect()
 }
@@ -109,15 +137,33 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_too_many_cameras_the_busiest_are_drawn() {
-        let once = 0..200;
-        let twice = (150..200).rev();
-        let found = busiest(once.chain(twice), 256);
+    fn of_too_many_cameras_those_that_show_most_are_drawn() {
+        let small = (0..200).map(|camera| (camera, 10.0));
+        let large = (150..200).rev().map(|camera| (camera, 500.0));
+        let found = most_salient(small.chain(large), 256);
         assert_eq!(found.len(), MAX_ENTITY_CAMERAS);
         assert!(found.windows(2).all(|pair| pair[0] < pair[1]));
         assert!((150..200).all(|camera| found.contains(&camera)));
-        assert_eq!(busiest([3, 1, 3].into_iter(), 4), [1, 3]);
-        assert!(busiest(std::iter::empty(), 4).is_empty());
+        // One that is near counts more than many far away.
+        let crowd = (0..MAX_ENTITY_CAMERAS).flat_map(|camera| [(camera, 3.0); 20]);
+        let found = most_salient(crowd.chain([(200, 5000.0)]), 256);
+        assert!(found.contains(&200) && found.len() == MAX_ENTITY_CAMERAS);
+        assert_eq!(most_salient([(3, 1.0), (1, 0.0), (3, 1.0)].into_iter(), 4), [1, 3]);
+        assert!(most_salient(std::iter::empty(), 4).is_empty());
+    }
+
+    #[test]
+    fn of_too_many_entities_the_largest_are_drawn() {
+        let planned = |entity| PlannedBillboard { entity, source: 0, weight: 1.0, beside: None };
+        let seen: Vec<(f64, PlannedBillboard)> =
+            (0..9).map(|entity| (((entity * 7) % 9) as f64, planned(entity))).collect();
+        let found = largest(seen.clone(), 4);
+        assert_eq!(found.len(), 4);
+        assert!(found.iter().all(|(px, _)| *px >= 5.0), "{found:?}");
+        assert!(found.windows(2).all(|pair| pair[0].1.entity < pair[1].1.entity));
+        assert_eq!(largest(seen.clone(), 9), seen);
+        let odd = vec![(f64::NAN, planned(0)), (2.0, planned(1))];
+        assert_eq!(largest(odd, 1).len(), 1);
     }
 
     #[test]
@@ -125,6 +171,6 @@ mod tests {
         assert_eq!(because_of((0, 0, 0), "points"), (false, "no points at this instant".to_owned()));
         assert_eq!(because_of((0, 0, 9), "points"), (false, "none of 9 points lies in view".to_owned()));
         assert_eq!(because_of((4, 4, 9), "points"), (true, "4 of 9 points lie in view".to_owned()));
-        assert!(because_of((3, 4, 9), "points").1.contains("3, of the busiest"));
+        assert!(because_of((3, 4, 9), "points").1.contains("3, the largest"));
     }
 }

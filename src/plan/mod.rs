@@ -3,19 +3,35 @@
 //! In: a `SceneState` and a [`Picture`] with the caller's [`Wishes`]. Out: a [`Plan`], made without drawing anything. Must not know the GPU: it says
 //! what is needed, `render` alone knows how.
 
+mod choose;
 mod cost;
 mod coverage;
 mod entities;
+mod errors;
 mod exposure;
+mod fit;
 mod picture;
+mod predict;
 mod see_through;
+mod settings;
 mod sources;
+#[cfg(test)]
+mod tests;
 mod view;
+mod work;
 
+pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
+pub use errors::Errors;
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
+pub use predict::{Basis, Forecast, Model, StageTimes, Task, TimedStage, told};
 pub use see_through::{OPEN_OPACITY, Opened, ViewSession};
+pub use settings::{
+    Aim, Deadline, Detail, Effort, Filtering, MAX_ENTITY_SOURCES, Named, POINT_STRIDES, Preset, Settings,
+    candidates,
+};
 pub use view::{Frustum, Projection, View, ViewLimits};
+pub use work::{Feature, Pending, Program, Survey, Variant, Work};
 
 use crate::error::Fault;
 use crate::fuse::SceneState;
@@ -24,12 +40,17 @@ use serde::Serialize;
 /// Most cameras whose backgrounds are taken for one picture; a pixel costs what the few of them cost that see it.
 pub const MAX_SURFACE_CAMERAS: usize = 100;
 
+/// Most cameras that are blended at a pixel: beyond the best few their weights are too small to see.
+pub const MAX_BLENDED_CAMERAS: usize = 8;
+
 /// Most cameras whose live frames are drawn with entities in one picture; with the surfaces' cameras, what a frame's
 /// data holds.
 pub const MAX_ENTITY_CAMERAS: usize = 112;
 
 /// How moving entities are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, serde::Deserialize,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum EntityStyle {
     /// One upright textured rectangle an entity (deferred pruning, Video Fields algorithm 2).
@@ -45,7 +66,7 @@ pub enum EntityStyle {
 pub const MAX_SUPERSAMPLING: u32 = 4;
 
 /// How often a pixel is looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 pub struct Sampling {
     /// Places of a pixel at which edges are looked for, while its colour is found once: 1 or 4.
     pub samples: u32,
@@ -87,10 +108,8 @@ pub enum Colors {
 /// What whoever asks for a picture may wish for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wishes {
-    /// How moving entities are drawn.
-    pub entities: EntityStyle,
-    /// How often a pixel is looked at.
-    pub sampling: Sampling,
+    /// How exactly it is drawn.
+    pub settings: Settings,
     /// Whether buildings open where they hide somebody.
     pub see_through: bool,
     /// Whether cameras' colours are made to agree.
@@ -116,8 +135,14 @@ pub struct Plan {
     pub opened: Vec<Opened>,
     /// Whether the cameras' colours are multiplied by their gains.
     pub evens_colors: bool,
+    /// Most cameras that are blended at a pixel.
+    pub most_cameras_a_pixel: usize,
+    /// How cameras' backgrounds are looked up.
+    pub filtering: Filtering,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
+    /// How many of the pixels are drawn.
+    pub resolution: Detail,
     /// One line an effect: on or off, and the reason.
     pub reasons: Vec<Reason>,
 }
@@ -174,8 +199,15 @@ pub fn make_for(
     session: Option<&mut ViewSession>,
 ) -> Plan {
     let mut reasons = Vec::new();
+    let settings = wishes.settings;
     let surface_cameras = plan_surface(state, picture, &mut reasons);
-    let depth_map_cameras = plan_depth_maps(state, &surface_cameras, &mut reasons);
+    let depth_map_cameras = if settings.depth_maps {
+        plan_depth_maps(state, &surface_cameras, &mut reasons)
+    } else {
+        let because = "left out by the settings".to_owned();
+        reasons.push(Reason { effect: "camera_depth", is_on: false, because });
+        Vec::new()
+    };
     let mut plan = Plan {
         surface_cameras,
         depth_map_cameras,
@@ -184,18 +216,21 @@ pub fn make_for(
         entity_cameras: Vec::new(),
         opened: Vec::new(),
         evens_colors: false,
-        sampling: wishes.sampling,
+        most_cameras_a_pixel: settings.most_cameras,
+        filtering: settings.filtering,
+        sampling: settings.sampling,
+        resolution: settings.resolution,
         reasons,
     };
-    entities::plan(state, picture, wishes.entities, &mut plan);
+    entities::plan(state, picture, &settings, &mut plan);
     exposure::plan(state, wishes.colors, &mut plan);
     if wishes.see_through {
-        see_through::plan(state, picture, (wishes.entities, session), &mut plan);
+        see_through::plan(state, picture, (settings.entities, session), &mut plan);
     } else {
         let because = "not asked for".to_owned();
         plan.reasons.push(Reason { effect: "see_through", is_on: false, because });
     }
-    plan_sampling(wishes.sampling, &mut plan.reasons);
+    plan_sampling(&settings, &mut plan.reasons);
     plan
 }
 
@@ -240,12 +275,19 @@ fn plan_depth_maps(state: &SceneState, surface_cameras: &[usize], reasons: &mut 
     cameras
 }
 
-fn plan_sampling(sampling: Sampling, reasons: &mut Vec<Reason>) {
-    let times = sampling.supersampling;
+fn plan_sampling(settings: &Settings, reasons: &mut Vec<Reason>) {
+    let times = settings.sampling.supersampling;
     let (is_on, because) = if times > 1 {
         (true, format!("{times} x {times} pixels are drawn for one: asked for"))
     } else {
         (false, "not asked for".to_owned())
     };
     reasons.push(Reason { effect: "average", is_on, because });
+    let step = settings.resolution.step_px();
+    let (is_on, because) = if step > 1 {
+        (true, format!("one of {step} x {step} pixels is drawn, the others lie between"))
+    } else {
+        (false, "every pixel is drawn".to_owned())
+    };
+    reasons.push(Reason { effect: "enlarge", is_on, because });
 }

@@ -230,6 +230,18 @@ impl View {
         is_within(local.x, self.frustum.x) && is_within(local.y, self.frustum.y)
     }
 
+    /// Pixels that a metre across the line of sight covers at a point, along rows and along columns; at and behind the eye those
+    /// of a metre before it.
+    #[must_use]
+    pub fn pixels_per_metre(&self, point_in_world: DVec3) -> [f64; 2] {
+        let depth_m = match self.frustum.projection {
+            Projection::Perspective => self.pose.local_from_world_point(point_in_world).z.max(1.0),
+            Projection::Orthographic => 1.0,
+        };
+        let along = |side_px: u32, [first, last]: [f64; 2]| f64::from(side_px) / (last - first) / depth_m;
+        [along(self.width_px, self.frustum.x), along(self.height_px, self.frustum.y)]
+    }
+
     /// The part of the view that fills some columns and rows of its picture; they must lie within it.
     #[must_use]
     pub fn cropped(&self, columns: Range<u32>, rows: Range<u32>) -> Self {
@@ -248,6 +260,20 @@ impl View {
     #[must_use]
     pub const fn enlarged(&self, times: u32) -> Self {
         Self { width_px: self.width_px * times, height_px: self.height_px * times, ..*self }
+    }
+
+    /// The same view with one column and row for `step_px` of them (the last may reach beyond), and `margin_px` of such
+    /// columns and rows more on every side.
+    #[must_use]
+    pub fn coarse(&self, step_px: u32, margin_px: u32) -> Self {
+        let step_px = step_px.max(1);
+        let along = |side: u32| {
+            let share = |coarse: f64| coarse * f64::from(step_px) / f64::from(side);
+            let n = side.div_ceil(step_px);
+            (n + 2 * margin_px, [share(-f64::from(margin_px)), share(f64::from(n + margin_px))])
+        };
+        let ((width_px, x), (height_px, y)) = (along(self.width_px), along(self.height_px));
+        Self { pose: self.pose, frustum: self.frustum.cropped(x, y), width_px, height_px }
     }
 }
 

@@ -87,6 +87,11 @@ impl ImageArray {
         })
     }
 
+    /// Whether a picture is in its layer already.
+    pub(super) fn has(&self, wanted: &Wanted<'_>) -> bool {
+        self.slots.iter().any(|slot| slot.holds(wanted))
+    }
+
     /// Forgets what the layers hold.
     pub(super) fn clear(&mut self) {
         self.store = None;

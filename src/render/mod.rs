@@ -11,6 +11,7 @@ mod image_array;
 mod mesh;
 mod passes;
 mod patches;
+mod pending;
 mod pieces;
 mod prepare;
 mod renderer;
@@ -39,6 +40,8 @@ pub enum Pass {
     SeeThrough,
     /// Several pixels averaged into one.
     Average,
+    /// One pixel made several.
+    Enlarge,
 }
 
 impl Pass {
@@ -53,6 +56,7 @@ impl Pass {
             Self::Points => "points",
             Self::SeeThrough => "see_through",
             Self::Average => "average",
+            Self::Enlarge => "enlarge",
         }
     }
 }

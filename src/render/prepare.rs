@@ -101,7 +101,8 @@ impl Renderer {
             cameras: &cameras,
             data: &self.frame.scratch,
             opened: &plan.opened,
-            most_cameras: MOST_LISTED,
+            filtering: plan.filtering,
+            most_cameras: plan.most_cameras_a_pixel.min(MOST_LISTED),
         };
         patches.batch(&drawing, &mut self.batches);
         self.frame.write_cameras(&self.gpu);

@@ -5,8 +5,8 @@ use super::error::RenderError;
 use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
-    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, StaticScene,
-    SurfacePass, YuvPass, see_through,
+    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
+    PointsPass, Recording, StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -17,7 +17,7 @@ use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{Part, Picture, Plan, View, ViewLimits};
+use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
 use crate::scene::Scene;
 use std::sync::Arc;
 
@@ -75,11 +75,15 @@ struct Passes {
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
     average: Option<AveragePass>,
+    enlarge: Option<EnlargePass>,
 }
 
 /// A piece of a picture that is being drawn.
 struct Shown<'a> {
+    /// As it is drawn: of fewer pixels, and with a margin, where it is enlarged.
     view: View,
+    /// Columns and rows of the piece itself.
+    size_px: (u32, u32),
     mesh: &'a Mesh,
     patches: &'a Patches,
     stand: Stand,
@@ -189,6 +193,9 @@ impl Renderer {
         if let Some(average) = &mut self.passes.average {
             average.trim(MAX_KEPT_READBACK_BYTES);
         }
+        if let Some(enlarge) = &mut self.passes.enlarge {
+            enlarge.trim(MAX_KEPT_READBACK_BYTES);
+        }
         rendered
     }
 
@@ -226,7 +233,12 @@ impl Renderer {
                 }
                 let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
                 let view = view.cropped(columns, rows);
-                let piece = Shown { view, mesh: &mesh, patches: &patches, stand };
+                let size_px = (view.width_px, view.height_px);
+                let view = match plan.resolution.step_px() {
+                    1 => view,
+                    step_px => view.coarse(step_px, ENLARGE_MARGIN_PX),
+                };
+                let piece = Shown { view, size_px, mesh: &mesh, patches: &patches, stand };
                 self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
@@ -304,7 +316,7 @@ impl Renderer {
     ) -> Result<(), GpuError> {
         let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, .. } = self;
         let gpu = &*gpu;
-        let Shown { view, mesh, patches, stand } = piece;
+        let Shown { view, size_px, mesh, patches, stand } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
@@ -313,12 +325,12 @@ impl Renderer {
 
         let reach = Reach { anchor_in_world: stand.anchor_in_world, depths_m: mesh.depths_m(&view.pose) };
         let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
-        let times = plan.sampling.supersampling;
+        let (times, step_px) = (plan.sampling.supersampling, plan.resolution.step_px());
         let targets = TargetKey {
             width_px: view.width_px * times,
             height_px: view.height_px * times,
             samples: plan.sampling.samples,
-            is_read: times > 1,
+            is_read: times > 1 || step_px > 1,
         };
         let targets = self.targets.get(gpu, targets);
         let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
@@ -328,7 +340,13 @@ impl Renderer {
             DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), has_gains, place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
         let anchor_in_world = stand.anchor_in_world;
-        let static_scene = StaticScene { patches, batches, anchor_in_world, opened: &plan.opened };
+        let static_scene = StaticScene {
+            patches,
+            batches,
+            anchor_in_world,
+            filtering: plan.filtering,
+            opened: &plan.opened,
+        };
         let opened = surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
         into.place = Place { clear: None, is_last: true };
         if !self.billboards.is_empty() {
@@ -350,6 +368,9 @@ impl Renderer {
         let picture = if times > 1 {
             let pass = made(&mut passes.average, || Ok(AveragePass::new(gpu)))?;
             pass.record(&mut recording, &targets.color, times)?
+        } else if step_px > 1 {
+            let pass = made(&mut passes.enlarge, || Ok(EnlargePass::new(gpu)))?;
+            pass.record(&mut recording, &targets.color, step_px, *size_px)?
         } else {
             &targets.color
         };
@@ -366,6 +387,10 @@ fn sky(scene: &Scene) -> wgpu::Color {
 /// Holds a plan to the state it is drawn with.
 fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
     plan.sampling.check().map_err(RenderError::Sampling)?;
+    if plan.resolution != Detail::Whole && plan.sampling.supersampling > 1 {
+        let message = "a picture is supersampled or enlarged, not both".to_owned();
+        return Err(RenderError::Plan(message));
+    }
     let lists = [
         ("surface_cameras", &plan.surface_cameras),
         ("depth_map_cameras", &plan.depth_map_cameras),

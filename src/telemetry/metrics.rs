@@ -133,11 +133,13 @@ pub enum ViewRefusal {
     Late,
     /// There was no GPU to draw it.
     NoRenderer,
+    /// No settings were fast enough for its deadline.
+    Deadline,
 }
 
 impl ViewRefusal {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::QueueFull, Self::Late, Self::NoRenderer];
+    pub const ALL: [Self; 4] = [Self::QueueFull, Self::Late, Self::NoRenderer, Self::Deadline];
 
     /// The label's value.
     #[must_use]
@@ -146,6 +148,7 @@ impl ViewRefusal {
             Self::QueueFull => "queue_full",
             Self::Late => "late",
             Self::NoRenderer => "no_renderer",
+            Self::Deadline => "deadline",
         }
     }
 }
@@ -182,6 +185,8 @@ pub struct Metrics {
     pub timeline_kept: IntGaugeVec,
     /// Seconds from taking a request off the queue to its finished picture.
     pub render_picture: Histogram,
+    /// What a picture took, fusing to reading back, over what was expected.
+    pub render_expected_ratio: Histogram,
     /// Seconds of one pass on the GPU. Labels: pass.
     pub render_pass: HistogramVec,
     /// Pictures that wait for the renderer.
@@ -219,6 +224,9 @@ const FRAME_SECONDS: [f64; 12] = [0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.0
 
 /// Seconds; what people and disks wait for.
 const REQUEST_SECONDS: [f64; 12] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0];
+
+/// Shares of what was expected; within 15 % lie the three around 1.
+const EXPECTED_RATIOS: [f64; 12] = [0.25, 0.5, 0.7, 0.85, 0.93, 1.0, 1.07, 1.15, 1.3, 1.5, 2.0, 4.0];
 
 impl Metrics {
     /// All metrics at zero, in a registry of their own.
@@ -299,6 +307,12 @@ impl Metrics {
                 "render_picture_seconds",
                 "Time from taking a request off the queue to its finished picture.",
                 &REQUEST_SECONDS,
+            ),
+            render_expected_ratio: histogram(
+                r,
+                "render_expected_ratio",
+                "What a picture took over what was expected before it was drawn.",
+                &EXPECTED_RATIOS,
             ),
             render_pass: histograms(
                 r,

@@ -15,7 +15,7 @@ use videofields::clock::{SystemClock, Timestamp};
 use videofields::engine::{At, ViewKind, ViewRequest, view_once};
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
-use videofields::plan::{Colors, EntityStyle};
+use videofields::plan::{Colors, Effort, EntityStyle};
 use videofields::simulate::{World, pinhole};
 
 /// A picture by formula, the same in any language: value = f(x, y, channel) in whole numbers.
@@ -169,8 +169,7 @@ fn the_demo_is_true_where_no_camera_stands() {
             see_through: false,
             colors: Colors::Raw,
             session: None,
-            samples: None,
-            supersampling: 1,
+            effort: Effort::default(),
         };
         view_once(&config, &scene, &request, &SystemClock::new()).unwrap().image
     };

@@ -25,7 +25,7 @@ use tower::ServiceExt;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
 use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
-use videofields::plan::{Colors, EntityStyle};
+use videofields::plan::{Colors, Effort, EntityStyle};
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
 #[derive(Default)]
@@ -297,10 +297,12 @@ async fn every_kind_of_view_is_asked_for_and_said_in_the_same_words() {
         StatusCode::OK
     );
     let request = asked(&bench);
-    assert_eq!((request.samples, request.supersampling, request.colors), (Some(1), 3, Colors::Raw));
+    let named = request.effort.named;
+    assert_eq!((named.samples, named.supersampling), (Some(1), Some(3)));
+    assert_eq!(request.colors, Colors::Raw);
     assert_eq!(bench.get("/api/v1/scenes/plaza/view.png").await.status, StatusCode::OK);
     let request = asked(&bench);
-    assert_eq!((request.kind, request.samples, request.supersampling), (ViewKind::Perspective, None, 1));
+    assert_eq!((request.kind, request.effort), (ViewKind::Perspective, Effort::default()));
     assert_eq!(request.colors, Colors::Even);
 }
 
@@ -374,6 +376,15 @@ async fn a_plan_is_answered_without_a_picture() {
             "entities": [{"foot_m": [1.5, -2.0, 0.0], "shown_from": "north", "seen_by": ["north", "south"]}],
             "opened": [{"surface": "box", "surface_idx": 2, "opacity": 0.3}],
             "sampling": {"samples": 4, "supersampling": 2},
+            "settings": {
+                "resolution": "whole", "samples": "4", "supersampling": "2", "filtering": "levels", "cameras": "8",
+                "depth_maps": "on", "sources": "2",
+            },
+            "left_out": [],
+            "expected_ms": 40.25,
+            "expected_upper_ms": 50.5,
+            "expected_error": 4.125,
+            "expected_by": "table",
         })
     );
     let shown = async |query: &str| bench.get(&format!("{path}?{query}")).await.json()["view"].clone();

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
 mod costs;
+mod deadlines;
 mod feed;
 mod frozen;
 mod mutations;
@@ -26,7 +27,7 @@ use videofields::engine::{
 };
 use videofields::error::ErrorKind;
 use videofields::frame::{CameraId, RgbImage};
-use videofields::plan::{Colors, EntityStyle};
+use videofields::plan::{Colors, Effort, EntityStyle, Named};
 use videofields::scene::{self, Scene};
 use videofields::segment::MOVING;
 use videofields::store::Store;
@@ -160,9 +161,12 @@ fn request(scene: &str, at: At) -> ViewRequest {
         see_through: true,
         colors: Colors::Even,
         session: None,
-        samples: None,
-        supersampling: 1,
+        effort: Effort::default(),
     }
+}
+
+fn named(samples: Option<u32>, supersampling: Option<u32>) -> Effort {
+    Effort { named: Named { samples, supersampling, ..Named::default() }, ..Effort::default() }
 }
 
 fn at(nanos: i64) -> At {
@@ -352,9 +356,9 @@ fn pictures_are_drawn_and_shared(bench: &Bench) {
     let round = ViewKind::Panorama { span_rad: std::f64::consts::TAU };
     check(ViewRequest { kind: round, width_px: 1, ..good() }, ErrorKind::Invalid, "width");
     let large = ViewRequest { width_px: 6000, height_px: 3000, ..good() };
-    check(ViewRequest { supersampling: 2, ..large }, ErrorKind::TooLarge, "supersampling");
-    check(ViewRequest { supersampling: 5, ..good() }, ErrorKind::Invalid, "supersampling");
-    check(ViewRequest { samples: Some(3), ..good() }, ErrorKind::Invalid, "samples");
+    check(ViewRequest { effort: named(None, Some(2)), ..large }, ErrorKind::TooLarge, "supersampling");
+    check(ViewRequest { effort: named(None, Some(5)), ..good() }, ErrorKind::Invalid, "supersampling");
+    check(ViewRequest { effort: named(Some(3), None), ..good() }, ErrorKind::Invalid, "samples");
     check(ViewRequest { eye: good().target, ..good() }, ErrorKind::Invalid, "target");
     check(ViewRequest { eye: Some(DVec3::NAN), ..good() }, ErrorKind::Invalid, "eye");
     check(ViewRequest { fov_y_rad: Some(f64::NAN), ..good() }, ErrorKind::Invalid, "fov");

@@ -4,6 +4,8 @@
 mod blend;
 #[path = "render/exposure.rs"]
 mod exposure;
+#[path = "render/knobs.rs"]
+mod knobs;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]
@@ -25,7 +27,7 @@ use videofields::frame::{Mask, RgbImage};
 use videofields::fuse::{EntityPoint, SceneState};
 use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Settings, Wishes};
 use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
@@ -40,12 +42,9 @@ struct Brush {
 
 impl Brush {
     fn wishes(&self, entities: EntityStyle) -> Wishes {
-        Wishes {
-            entities,
-            sampling: Sampling { samples: self.samples, supersampling: 1 },
-            see_through: false,
-            colors: Colors::Even,
-        }
+        let sampling = Sampling { samples: self.samples, supersampling: 1 };
+        let settings = Settings { entities, sampling, ..Settings::default() };
+        Wishes { settings, see_through: false, colors: Colors::Even }
     }
 
     fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {

@@ -272,7 +272,10 @@ fn pipeline_figure(report: &Report, found: &StageReport) -> Figure {
 }
 
 fn table(stage: Stage, rows: &[CostRow], front: &[String], knee: Option<&str>) -> String {
-    let names: BTreeSet<&str> = rows.iter().flat_map(|row| row.measures.keys().map(String::as_str)).collect();
+    // What the times were of is for those who predict, and stands in the CSV files.
+    let is_shown = |name: &&str| !name.starts_with("work_") && !name.starts_with("took_ms_");
+    let names: BTreeSet<&str> =
+        rows.iter().flat_map(|row| row.measures.keys().map(String::as_str)).filter(is_shown).collect();
     let is_whole = stage == Stage::Pipeline;
     let mut rows: Vec<&CostRow> = rows.iter().collect();
     if is_whole {

@@ -1,6 +1,7 @@
 //! `bench`: what the paths that run at every frame cost on this machine, beside the peer that others would use.
 
 mod background;
+mod deadlines;
 mod quality;
 mod vision;
 
@@ -16,6 +17,7 @@ pub(crate) struct Bench {
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Background(background::Background),
+    Deadlines(deadlines::Deadlines),
     Quality(quality::Quality),
     Vision(vision::Vision),
 }
@@ -24,6 +26,7 @@ impl Bench {
     pub(crate) fn run(&self) -> Result<()> {
         match &self.what {
             What::Background(background) => background.run(),
+            What::Deadlines(deadlines) => deadlines.run(),
             What::Quality(quality) => quality.run(),
             What::Vision(vision) => vision.run(),
         }

@@ -119,6 +119,11 @@ impl DepthMaps {
         self.textures = None;
     }
 
+    /// Whether a camera's map is there.
+    pub(in crate::render) fn has(&self, scene: &Arc<Scene>, camera: &Arc<geometry::Camera>) -> bool {
+        self.position(scene, camera).is_some_and(|idx| self.maps[idx].is_drawn)
+    }
+
     /// Whether a map waits to be drawn.
     pub(in crate::render) fn has_jobs(&self) -> bool {
         self.maps.iter().any(|map| !map.is_drawn)

@@ -3,6 +3,7 @@
 mod average;
 mod billboard;
 mod camera_depth;
+mod enlarge;
 mod points;
 pub(super) mod see_through;
 mod surface;
@@ -11,6 +12,7 @@ mod yuv;
 pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
+pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use points::{Instance as PointInstance, PointsPass};
 pub(super) use surface::{StaticScene, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;

@@ -6,7 +6,7 @@ use super::{
     UNFILTERED, draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::Opened;
+use crate::plan::{Filtering, Opened};
 use crate::render::image_array::ImageArray;
 use crate::render::patches::{Batch, Batches, CameraList, Patches, Shading};
 use glam::DVec3;
@@ -23,7 +23,7 @@ struct Vertex {
 
 const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3];
 
-fn constants(shading: Shading) -> [(&'static str, f64); 5] {
+fn constants(shading: Shading) -> [(&'static str, f64); 6] {
     let flag = |is_set: bool| f64::from(u8::from(is_set));
     [
         ("N_LISTED", shading.n_cameras as f64),
@@ -31,6 +31,7 @@ fn constants(shading: Shading) -> [(&'static str, f64); 5] {
         ("HAS_DEPTH_MAPS", flag(shading.has_depth_maps)),
         ("HAS_DEPTH_CUBES", flag(shading.has_depth_cubes)),
         ("HAS_GAINS", flag(shading.has_gains)),
+        ("HAS_LEVELS", flag(shading.has_levels)),
     ]
 }
 
@@ -125,6 +126,7 @@ pub(in crate::render) struct StaticScene<'a> {
     pub patches: &'a Patches,
     pub batches: &'a Batches,
     pub anchor_in_world: DVec3,
+    pub filtering: Filtering,
     /// Surfaces that are drawn translucent, after what lies behind them.
     pub opened: &'a [Opened],
 }
@@ -135,6 +137,7 @@ pub(in crate::render) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(Shading, Cover, BySamples)>,
     background_sampler: wgpu::Sampler,
+    nearest_sampler: wgpu::Sampler,
     depth_sampler: wgpu::Sampler,
     vertices: GrowingBuffer,
     indices: GrowingBuffer,
@@ -178,6 +181,10 @@ impl SurfacePass {
             layout,
             pipelines: Vec::new(),
             background_sampler: linear_sampler(gpu, LABEL),
+            nearest_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+                label: Some("surface nearest"),
+                ..wgpu::SamplerDescriptor::default()
+            }),
             depth_sampler: gpu.device.create_sampler(&wgpu::SamplerDescriptor {
                 label: Some("surface depth"),
                 ..wgpu::SamplerDescriptor::default()
@@ -249,7 +256,7 @@ impl SurfacePass {
         let indices = self.indices.write(gpu, indices).clone();
         let padded: Vec<PaddedList> = lists.iter().map(|list| [*list; _]).collect();
         let lists = self.lists.write(gpu, &padded).clone();
-        let textures = self.bind(gpu, backgrounds, depth_maps, &lists);
+        let textures = self.bind(gpu, shown.filtering, (backgrounds, depth_maps, &lists));
         let ready = Ready { textures, vertices, indices };
         let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
         let is_dear = opaque.iter().any(|batch| batch.shading.n_cameras > 0);
@@ -293,14 +300,17 @@ impl SurfacePass {
     fn bind(
         &self,
         gpu: &Gpu,
-        backgrounds: &mut ImageArray,
-        depth_maps: &mut DepthMaps,
-        lists: &wgpu::Buffer,
+        filtering: Filtering,
+        (backgrounds, depth_maps, lists): (&mut ImageArray, &mut DepthMaps, &wgpu::Buffer),
     ) -> wgpu::BindGroup {
         let list = wgpu::BufferBinding {
             buffer: lists,
             offset: 0,
             size: NonZeroU64::new(size_of::<CameraList>() as u64),
+        };
+        let sampler = match filtering {
+            Filtering::Nearest => &self.nearest_sampler,
+            Filtering::Bilinear | Filtering::Levels => &self.background_sampler,
         };
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
@@ -308,7 +318,7 @@ impl SurfacePass {
             layout: &self.layout,
             entries: &[
                 entry(0, wgpu::BindingResource::TextureView(&backgrounds.store(gpu).sampled)),
-                entry(1, wgpu::BindingResource::Sampler(&self.background_sampler)),
+                entry(1, wgpu::BindingResource::Sampler(sampler)),
                 entry(2, wgpu::BindingResource::TextureView(depth_maps.view(gpu))),
                 entry(3, wgpu::BindingResource::Sampler(&self.depth_sampler)),
                 entry(4, wgpu::BindingResource::Buffer(list)),

@@ -3,14 +3,14 @@
 use super::{Patch, Patches, Sight};
 use crate::geometry;
 use crate::gpu::mirror;
-use crate::plan::Opened;
+use crate::plan::{Filtering, Opened};
 use crate::render::camera_data::Camera;
 use crate::render::prepare::Stand;
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Most cameras that are blended in one pixel: what a list holds.
-pub(in crate::render) const MOST_LISTED: usize = 8;
+pub(in crate::render) const MOST_LISTED: usize = crate::plan::MAX_BLENDED_CAMERAS;
 /// What is left out may have this share of a colour together, where others are sure to have the rest.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -29,6 +29,7 @@ pub(in crate::render) struct Shading {
     pub has_depth_maps: bool,
     pub has_depth_cubes: bool,
     pub has_gains: bool,
+    pub has_levels: bool,
 }
 
 /// Patches that are drawn together: by one variant, with one list of cameras.
@@ -83,6 +84,7 @@ pub(in crate::render) struct Drawing<'a> {
     pub cameras: &'a [Arc<geometry::Camera>],
     pub data: &'a [Camera],
     pub opened: &'a [Opened],
+    pub filtering: Filtering,
     /// Most cameras that are blended in one pixel, at most [`MOST_LISTED`].
     pub most_cameras: usize,
 }
@@ -106,7 +108,7 @@ impl Patches {
             prune(ranked, drawing.most_cameras.min(MOST_LISTED));
             let is_this = |opened: &Opened| opened.surface == patch.surface;
             let layer = drawing.opened.iter().position(is_this).map_or(0, |place| place + 1);
-            scratch.push(drawn(ranked, drawing.data, layer, idx));
+            scratch.push(drawn(ranked, drawing, layer, idx));
         }
         scratch.sort_unstable();
         indices.clear();
@@ -127,12 +129,12 @@ impl Patches {
     }
 }
 
-fn drawn(ranked: &[Ranked], data: &[Camera], layer: usize, patch: usize) -> Drawn {
+fn drawn(ranked: &[Ranked], drawing: &Drawing<'_>, layer: usize, patch: usize) -> Drawn {
     let mut list = [0; MOST_LISTED];
     for (slot, camera) in list.iter_mut().zip(ranked) {
         *slot = camera.camera;
     }
-    let of = |ranked: &Ranked| &data[usize::from(ranked.camera)];
+    let of = |ranked: &Ranked| &drawing.data[usize::from(ranked.camera)];
     let has_depth_maps = ranked.iter().any(|ranked| ranked.is_tested && of(ranked).n_depth_faces > 0);
     let shading = Shading {
         n_cameras: ranked.len(),
@@ -140,6 +142,7 @@ fn drawn(ranked: &[Ranked], data: &[Camera], layer: usize, patch: usize) -> Draw
         has_depth_maps,
         has_depth_cubes: has_depth_maps && ranked.iter().any(|ranked| of(ranked).n_depth_faces > 1),
         has_gains: ranked.iter().any(|ranked| of(ranked).has_gain()),
+        has_levels: drawing.filtering == Filtering::Levels && !ranked.is_empty(),
     };
     Drawn { layer, shading, list, patch }
 }

@@ -209,8 +209,14 @@ fn cameras_calibrated_alike_are_known_once_and_listed_each() {
         parallel_to: None,
     };
     let data: [crate::render::camera_data::Camera; 2] = bytemuck::Zeroable::zeroed();
-    let drawing =
-        Drawing { stand: &stand, cameras: &[one, twin], data: &data, opened: &[], most_cameras: MOST_LISTED };
+    let drawing = Drawing {
+        stand: &stand,
+        cameras: &[one, twin],
+        data: &data,
+        opened: &[],
+        filtering: crate::plan::Filtering::Levels,
+        most_cameras: MOST_LISTED,
+    };
     let mut batches = Batches::default();
     patches.batch(&drawing, &mut batches);
     assert!(batches.opaque.iter().any(|batch| batch.shading.n_cameras == 2));

@@ -11,13 +11,17 @@ use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin, PairAlignment,
-    PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary, SceneAlignment,
-    SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewRequest,
+    Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
+    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary,
+    SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer,
+    ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
-use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Sampling, Spread};
+use videofields::plan::{
+    Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
+    Settings, Spread,
+};
 use videofields::scene::{Scene, SceneView};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
@@ -438,7 +442,8 @@ impl Door for FakeDoor {
                 seen_by: vec![id("north"), id("south")],
             }],
             opened: vec![OpenedBuilding { surface: "box", surface_idx: 2, opacity: 0.3 }],
-            sampling: Sampling { samples: 4, supersampling: 2 },
+            settings: Settings { sampling: Sampling { samples: 4, supersampling: 2 }, ..Settings::default() },
+            expected: Some(expected()),
             reasons: plan.reasons.clone(),
         })
     }
@@ -504,6 +509,11 @@ fn own_view() -> SceneView {
     }
 }
 
+fn expected() -> Expected {
+    let forecast = Forecast { median_ms: 40.25, upper_ms: 50.5, fuse_ms: 2.0, basis: Basis::Table };
+    Expected { forecast, error: Some(4.125), deadline: None }
+}
+
 /// A picture whose every byte is 200, at most 64 x 64 so that huge requests stay cheap here.
 fn answer(request: &ViewRequest) -> ViewAnswer {
     let (width, height) = (request.width_px.min(64), request.height_px.min(64));
@@ -516,7 +526,10 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         entity_cameras: vec![],
         opened: vec![],
         evens_colors: false,
+        most_cameras_a_pixel: 8,
+        filtering: Filtering::Levels,
         sampling: Sampling::ONCE,
+        resolution: Detail::Whole,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };
     ViewAnswer {
@@ -533,6 +546,8 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
             SourceTime { camera: id("south"), timestamp: FIRST },
         ],
         gaps: vec![id("south")],
+        settings: Settings::default(),
+        expected: Some(expected()),
         plan: Arc::new(plan),
         timings: vec![("fuse", Duration::from_micros(1500)), ("render", Duration::from_millis(4))],
         origin: Origin::Drawn,

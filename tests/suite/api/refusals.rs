@@ -71,6 +71,15 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
     for window in ["", "1,2,3", "0,0,0,1,0,0,0,0,NaN", "0,0,0,1,0,0,0,0,1,0", "0,0,0,1,0,0,0,0,1e9"] {
         check(VIEW, &format!("projection=window&window={window}"), "window", "x,y,z three times").await;
     }
+    for deadline in ["0", "-5", "NaN", "inf", "1e9", "", "soon"] {
+        check(VIEW, &format!("deadline_ms={deadline}"), "deadline_ms", "a number from 1 to 10000 ms").await;
+    }
+    check(VIEW, "deadline_ms=50&quality=draft", "deadline_ms", "together with quality").await;
+    check(VIEW, "quality=best", "quality", "one of draft, balanced, exact").await;
+    check(VIEW, "cameras=0", "cameras", "a whole number from 1 to 8").await;
+    check(VIEW, "resolution=third", "resolution", "one of quarter, half, whole").await;
+    check(VIEW, "stride=2", "stride", "entities=points alone").await;
+    check(VIEW, "entities=none&sources=1", "sources", "entities=billboards alone").await;
     for samples in ["0", "2", "8", ""] {
         check(VIEW, &format!("samples={samples}"), "samples", "one of 1, 4").await;
     }

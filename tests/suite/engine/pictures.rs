@@ -1,6 +1,6 @@
 //! Pictures asked for by many at once: shared, kept, refused in time, and drawn again after the device is lost.
 
-use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, pictures, request};
+use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, named, pictures, request};
 use crate::support::wait_for;
 use glam::DVec3;
 use std::sync::Arc;
@@ -65,7 +65,7 @@ fn a_wall_that_asks_fifteen_times_is_drawn_for_once() {
     let wall: Vec<Asked> = (0..15)
         .flat_map(|idx| {
             // Others ask between, and some name what the others leave open.
-            let own = ViewRequest { samples: Some(4), ..still(40) };
+            let own = ViewRequest { effort: named(Some(4), None), ..still(40) };
             let other = (idx % 5 == 0).then(|| ask(&bench, still(41 + idx)).unwrap());
             let same = if idx % 2 == 0 { still(40) } else { own };
             [Some(ask(&bench, same).unwrap()), other]
@@ -306,7 +306,7 @@ fn a_plan_says_what_its_picture_does() {
         let drawn = bench.view(request).unwrap();
         assert_eq!((planned.kind, planned.view), (drawn.kind, drawn.view), "also what was left open");
         assert_eq!((planned.instant, &planned.sources), (drawn.instant, &drawn.sources));
-        assert_eq!((&planned.reasons, planned.sampling), (&drawn.plan.reasons, drawn.plan.sampling));
+        assert_eq!((&planned.reasons, planned.settings.sampling), (&drawn.plan.reasons, drawn.plan.sampling));
         assert_eq!(
             (planned.style, planned.entities.len()),
             (drawn.plan.entities, drawn.plan.billboards.len())

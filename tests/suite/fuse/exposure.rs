@@ -14,7 +14,7 @@ use videofields::frame::{
 };
 use videofields::fuse::{Exposure, Overlap, SceneState, assemble};
 use videofields::geometry::{Camera, GroundPolygon, OrientedBox, Shape, Surfaces};
-use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, View, ViewLimits, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes};
 use videofields::render::Renderer;
 use videofields::scene::{self, Scene};
 use videofields::simulate::{CastOptions, Layers, World};
@@ -138,7 +138,8 @@ fn keep(name: &str, state: &SceneState) {
     let (eye, target) = (DVec3::new(-1.0, -24.0, 11.0), DVec3::new(0.0, 0.0, 0.0));
     let picture = Picture::from(View::new(eye, target, 0.8, 960, 540, &limits).unwrap());
     let sampling = Sampling { samples: 4, supersampling: 1 };
-    let wishes = Wishes { entities: EntityStyle::None, sampling, see_through: false, colors: Colors::Even };
+    let settings = Settings { entities: EntityStyle::None, sampling, ..Settings::default() };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Even };
     let plan = plan::make(state, &picture, wishes);
     let mut renderer = Renderer::new(gpu, &RenderSettings::default()).unwrap();
     let drawn = renderer.render(state, &picture, &plan).unwrap();

@@ -6,7 +6,9 @@ use glam::DVec3;
 use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
 use videofields::geometry::SurfaceId;
-use videofields::plan::{self, Colors, EntityStyle, OPEN_OPACITY, Opened, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{
+    self, Colors, EntityStyle, OPEN_OPACITY, Opened, Picture, Plan, Sampling, Settings, Wishes,
+};
 
 /// A wall, a camera on each side, and a person.
 fn wall(foot: DVec3) -> SceneState {
@@ -30,7 +32,11 @@ fn planned(brush: &Brush, state: &SceneState, entities: EntityStyle) -> Plan {
     plan::make(
         state,
         &from_the_front(),
-        Wishes { entities, sampling, see_through: true, colors: Colors::Raw },
+        Wishes {
+            settings: Settings { entities, sampling, ..Settings::default() },
+            see_through: true,
+            colors: Colors::Raw,
+        },
     )
 }
 

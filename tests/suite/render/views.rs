@@ -7,7 +7,7 @@ use glam::DVec3;
 use std::f64::consts::TAU;
 use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
-use videofields::plan::{self, Colors, EntityStyle, Part, Picture, Plan, Sampling, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Part, Picture, Plan, Sampling, Settings, Wishes};
 use videofields::render::View;
 
 /// Draws a picture of the static scene, one sample a pixel unless the brush has more.
@@ -16,7 +16,11 @@ fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, supersampling
     let plan = plan::make(
         state,
         picture,
-        Wishes { entities: EntityStyle::Billboards, sampling, see_through: false, colors: Colors::Raw },
+        Wishes {
+            settings: Settings { sampling, ..Settings::default() },
+            see_through: false,
+            colors: Colors::Raw,
+        },
     );
     let image = brush.renderer.render(state, picture, &plan).expect("a picture").image;
     assert_eq!((image.width, image.height), (picture.width_px, picture.height_px));

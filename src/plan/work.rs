@@ -1,0 +1,329 @@
+//! How much work a picture is: what the time that it takes depends on, known before it is drawn.
+//!
+//! A [`Survey`] is made once of a picture and serves every setting; [`Work`] is what one setting makes of it. Plain numbers,
+//! no device and no clock.
+
+use super::coverage;
+use super::{
+    EntityStyle, Filtering, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling, Settings,
+};
+use crate::fuse::{Billboard, SceneState};
+use glam::DVec3;
+
+/// Bytes of a megabyte, pixels of a megapixel, points of a thousand: features are of the order of one.
+const MILLION: f64 = 1e6;
+
+/// What time depends on; a [`Work`] holds one number of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feature {
+    /// 1.
+    One,
+    /// Parts of the picture.
+    Parts,
+    /// Megapixels that are drawn.
+    Drawn,
+    /// The same where each has several samples, else 0.
+    Sampled,
+    /// Drawn megapixels of surface.
+    Surface,
+    /// Drawn megapixels times the cameras that are blended at each, looked up between no texels.
+    Nearest,
+    /// As `Nearest`, between texels.
+    Bilinear,
+    /// As `Nearest`, between texels and levels.
+    Levels,
+    /// The same of the cameras with a depth map.
+    DepthTests,
+    /// The same of the cameras with a lens that bends.
+    Lenses,
+    /// Drawn megapixels that rectangles cover, times their sources.
+    Rectangles,
+    /// Rectangles, by the hundred.
+    Entities,
+    /// Points, by the thousand.
+    Points,
+    /// Drawn megapixels times samples where entities are drawn over them, else 0.
+    Later,
+    /// Megabytes of pictures that are new to the device.
+    Uploads,
+    /// Depth maps that are not there yet.
+    DepthMaps,
+    /// Megapixels that are read and written where pixels are averaged or enlarged.
+    Resampled,
+    /// Megapixels of the finished picture.
+    Finished,
+    /// Cameras that saw something of the instant.
+    Cameras,
+    /// Rectangles of all entities, by the hundred, whether shown or not.
+    Sources,
+}
+
+/// How many features there are.
+pub(super) const N_FEATURES: usize = Feature::ALL.len();
+
+impl Feature {
+    /// All of them with their names in tables.
+    pub const ALL: [(&'static str, Self); 20] = [
+        ("one", Self::One),
+        ("parts", Self::Parts),
+        ("drawn", Self::Drawn),
+        ("sampled", Self::Sampled),
+        ("surface", Self::Surface),
+        ("nearest", Self::Nearest),
+        ("bilinear", Self::Bilinear),
+        ("levels", Self::Levels),
+        ("depth_tests", Self::DepthTests),
+        ("lenses", Self::Lenses),
+        ("rectangles", Self::Rectangles),
+        ("entities", Self::Entities),
+        ("points", Self::Points),
+        ("later", Self::Later),
+        ("uploads", Self::Uploads),
+        ("depth_maps", Self::DepthMaps),
+        ("resampled", Self::Resampled),
+        ("finished", Self::Finished),
+        ("cameras", Self::Cameras),
+        ("sources", Self::Sources),
+    ];
+}
+
+/// One number for each [`Feature`], finite and at least 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Work([f64; N_FEATURES]);
+
+impl Work {
+    /// How much there is of a feature.
+    #[must_use]
+    pub const fn of(&self, feature: Feature) -> f64 {
+        self.0[feature as usize]
+    }
+
+    /// Sets a feature; what is not finite or below 0 counts as none.
+    pub const fn set(&mut self, feature: Feature, value: f64) {
+        self.0[feature as usize] = if value.is_finite() && value > 0.0 { value } else { 0.0 };
+    }
+}
+
+/// What the device does not have yet of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Pending {
+    /// Bytes of cameras' pictures that it must be given.
+    pub upload_bytes: u64,
+    /// Depth maps that must be drawn.
+    pub depth_maps: u32,
+}
+
+/// What a picture shows, as far as its cost goes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Survey {
+    size_px: (u32, u32),
+    n_parts: usize,
+    /// Share of the picture that shows a surface.
+    surface_share: f64,
+    /// Where at most n cameras are blended at a pixel, from 0 on.
+    cameras: Vec<Blended>,
+    /// Pixels that the first sources' rectangles cover, and those of the sources beside them.
+    rectangles_px: [f64; 2],
+    n_billboards: usize,
+    /// Texels of the entities' blobs.
+    n_texels: f64,
+    n_observations: usize,
+    n_sources: usize,
+    n_opened: usize,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Blended {
+    /// Cameras at a pixel of the picture in the mean; of those with a depth map, and with a lens that bends.
+    all: f64,
+    with_depth_maps: f64,
+    with_lenses: f64,
+}
+
+/// A program that a pass draws with: one that was never drawn with is made first, which takes its time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Program {
+    /// Cameras, whether any has a depth map, a lens that bends, whether anything is open; look-up and samples.
+    Surface(usize, [bool; 3], Filtering, u32),
+    /// Whether any is shown by two cameras; samples.
+    Billboard(bool, u32),
+    /// Samples.
+    Points(u32),
+    /// Pixels drawn for one each way, and drawn one for.
+    Resample(u32, u32),
+}
+
+/// The programs that a picture needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Variant([Option<Program>; 3]);
+
+impl Variant {
+    /// Every one of them.
+    pub fn programs(&self) -> impl Iterator<Item = Program> {
+        self.0.into_iter().flatten()
+    }
+}
+
+impl Survey {
+    /// Looks at `picture` of `state`, of which `plan` is the plan with every camera and source.
+    ///
+    /// **Cost** some hundred rays through the scene's surfaces, each projected into every camera of the plan.
+    #[must_use]
+    pub fn of(state: &SceneState, picture: &Picture, plan: &Plan) -> Self {
+        let (n_places, seen) = coverage::seen(state, picture, &plan.surface_cameras);
+        let share = |n: usize| n as f64 / n_places.max(1) as f64;
+        let has_lens =
+            |idx: &usize| *state.cameras[*idx].camera.distortion() != crate::geometry::Distortion::None;
+        let blended = |most: usize| {
+            let of_all = |is_one: &dyn Fn(&usize) -> bool| {
+                let of_place =
+                    |cameras: &Vec<usize>| cameras.iter().take(most).filter(|idx| is_one(idx)).count();
+                share(seen.iter().map(of_place).sum())
+            };
+            Blended {
+                all: of_all(&|_| true),
+                with_depth_maps: of_all(&|idx| plan.depth_map_cameras.contains(idx)),
+                with_lenses: of_all(&has_lens),
+            }
+        };
+        let surface_share = share(seen.len());
+        let cameras = (0..=MAX_BLENDED_CAMERAS.min(plan.surface_cameras.len())).map(blended).collect();
+        let area = |of: &PlannedBillboard, source: usize| {
+            rectangle_px(picture, &state.entities[of.entity].sources[source])
+        };
+        let mut rectangles_px = [0.0; 2];
+        for planned in &plan.billboards {
+            rectangles_px[0] += area(planned, planned.source);
+            rectangles_px[1] += planned.beside.map_or(0.0, |beside| area(planned, beside.source));
+        }
+        let sources = || state.entities.iter().flat_map(|entity| &entity.sources);
+        Self {
+            size_px: (picture.width_px, picture.height_px),
+            n_parts: picture.parts.len(),
+            surface_share,
+            cameras,
+            rectangles_px,
+            n_billboards: plan.billboards.len(),
+            n_texels: sources()
+                .map(|source| f64::from(source.rect.width) * f64::from(source.rect.height))
+                .sum(),
+            n_observations: state.cameras.len(),
+            n_sources: sources().count(),
+            n_opened: plan.opened.len(),
+        }
+    }
+
+    /// Megapixels of the finished picture.
+    #[must_use]
+    pub fn megapixels(&self) -> f64 {
+        f64::from(self.size_px.0) * f64::from(self.size_px.1) / MILLION
+    }
+
+    /// How much work the picture is with `settings`, where the device lacks `pending`.
+    #[must_use]
+    pub fn work(&self, settings: &Settings, pending: Pending) -> Work {
+        let (_, first) = self.first(settings);
+        let finished = self.megapixels();
+        let step = f64::from(settings.resolution.step_px());
+        let times = f64::from(settings.sampling.supersampling);
+        let drawn = finished * times * times / (step * step);
+        let surface = drawn * self.surface_share;
+        let looked_up = drawn * first.all;
+        let n_samples = f64::from(settings.sampling.samples);
+        // Where rectangles lie over one another, or reach beyond the picture, each pixel of theirs counts once and more.
+        let share = |pixels: f64| drawn * pixels / (finished * MILLION).max(1.0);
+        let is_billboards = settings.entities == EntityStyle::Billboards;
+        let [alone, beside] = self.rectangles_px;
+        let rectangles = alone + if settings.sources > 1 { beside } else { 0.0 };
+        let stride = f64::from(settings.point_stride);
+        let n_points =
+            if settings.entities == EntityStyle::Points { self.n_texels / (stride * stride) } else { 0.0 };
+        let n_shown = if is_billboards { self.n_billboards } else { 0 };
+        let has_entities = n_shown > 0 || n_points > 0.0;
+        let is_resampled = step > 1.0 || times > 1.0;
+        let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
+        let is_filtering = |filtering| settings.filtering == filtering;
+        let mut work = Work::default();
+        for (feature, value) in [
+            (Feature::One, 1.0),
+            (Feature::Parts, self.n_parts as f64),
+            (Feature::Drawn, drawn),
+            (Feature::Sampled, only(n_samples > 1.0, drawn)),
+            (Feature::Surface, surface),
+            (Feature::Nearest, only(is_filtering(Filtering::Nearest), looked_up)),
+            (Feature::Bilinear, only(is_filtering(Filtering::Bilinear), looked_up)),
+            (Feature::Levels, only(is_filtering(Filtering::Levels), looked_up)),
+            (Feature::DepthTests, only(settings.depth_maps, drawn * first.with_depth_maps)),
+            (Feature::Lenses, drawn * first.with_lenses),
+            (Feature::Rectangles, only(is_billboards, share(rectangles))),
+            (Feature::Entities, n_shown as f64 / 100.0),
+            (Feature::Points, n_points / 1000.0),
+            (Feature::Later, only(has_entities, drawn * n_samples)),
+            (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
+            (Feature::DepthMaps, only(settings.depth_maps, f64::from(pending.depth_maps))),
+            (Feature::Resampled, only(is_resampled, drawn + finished)),
+            (Feature::Finished, finished),
+            (Feature::Cameras, self.n_observations as f64),
+            (Feature::Sources, self.n_sources as f64 / 100.0),
+        ] {
+            work.set(feature, value);
+        }
+        work
+    }
+
+    /// The programs that the picture needs with `settings`.
+    #[must_use]
+    pub fn variant(&self, settings: &Settings) -> Variant {
+        let (n_cameras, first) = self.first(settings);
+        let Sampling { samples, supersampling } = settings.sampling;
+        let kinds =
+            [settings.depth_maps && first.with_depth_maps > 0.0, first.with_lenses > 0.0, self.n_opened > 0];
+        let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;
+        let entities = match settings.entities {
+            EntityStyle::Billboards if self.n_billboards > 0 => Some(Program::Billboard(has_beside, samples)),
+            EntityStyle::Points if self.n_texels > 0.0 => Some(Program::Points(samples)),
+            _ => None,
+        };
+        let step_px = settings.resolution.step_px();
+        let resample = (step_px.max(supersampling) > 1).then_some(Program::Resample(supersampling, step_px));
+        Variant([Some(Program::Surface(n_cameras, kinds, settings.filtering, samples)), entities, resample])
+    }
+
+    fn first(&self, settings: &Settings) -> (usize, Blended) {
+        let n_cameras = settings.most_cameras.min(MAX_BLENDED_CAMERAS).min(self.cameras.len().max(1) - 1);
+        (n_cameras, self.cameras.get(n_cameras).copied().unwrap_or_default())
+    }
+}
+
+/// About how many pixels of a picture a rectangle covers: of the part that shows it largest, never more than the part has.
+pub(super) fn rectangle_px(picture: &Picture, billboard: &Billboard) -> f64 {
+    let [left, right] = billboard.left_right_m;
+    let foot = billboard.foot_in_world;
+    let middle = foot + DVec3::Z * (0.5 * billboard.height_m);
+    let radius_m = 0.5 * (right - left).hypot(billboard.height_m);
+    let of_part = |part: &super::Part| {
+        if !part.view.may_show(middle, radius_m) {
+            return 0.0;
+        }
+        let [across, down] = part.view.pixels_per_metre(middle);
+        let (width, height) = (f64::from(part.view.width_px), f64::from(part.view.height_px));
+        (across * (right - left).max(0.0)).min(width) * (down * billboard.height_m.max(0.0)).min(height)
+    };
+    picture.parts.iter().map(of_part).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+impl Survey {
+    /// A picture of which three quarters show surfaces, half of them seen by each of its cameras.
+    pub(super) fn for_tests(size_px: (u32, u32), n_cameras: usize) -> Self {
+        let first = |n| Blended { all: 0.4 * n as f64, with_depth_maps: 0.0, with_lenses: 0.0 };
+        Self {
+            size_px,
+            n_parts: 1,
+            surface_share: 0.75,
+            cameras: (0..=n_cameras).map(first).collect(),
+            n_observations: n_cameras,
+            ..Self::default()
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! A coarse picture enlarged: what was not drawn lies between what was.
+
+use super::{FILTERED, Recording, SAMPLER_ENTRY, linear_sampler, texture_entry};
+use crate::gpu::{Gpu, GpuError};
+use crate::render::targets::COLOR_FORMAT;
+
+const LABEL: &str = "enlarge";
+
+/// Pixels of the coarse picture beside what is shown of it, on every side: what lies at the edge lies between pixels too, so
+/// that no seam shows where two pieces meet.
+pub(in crate::render) const MARGIN_PX: u32 = 1;
+
+/// Enlarges pictures.
+#[derive(Debug)]
+pub(in crate::render) struct EnlargePass {
+    layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    /// By how many pixels each way one becomes.
+    pipelines: Vec<(u32, wgpu::RenderPipeline)>,
+    /// The last size's picture.
+    enlarged: Option<wgpu::Texture>,
+}
+
+impl EnlargePass {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(LABEL),
+            entries: &[texture_entry(0, wgpu::TextureViewDimension::D2, FILTERED), SAMPLER_ENTRY],
+        });
+        Self { layout, sampler: linear_sampler(gpu, LABEL), pipelines: Vec::new(), enlarged: None }
+    }
+
+    /// Records that one pixel of `coarse` becomes `times` each way, and hands out the picture of `size_px`. The coarse one
+    /// has [`MARGIN_PX`] on every side.
+    pub(in crate::render) fn record(
+        &mut self,
+        recording: &mut Recording<'_>,
+        coarse: &wgpu::Texture,
+        times: u32,
+        size_px: (u32, u32),
+    ) -> Result<&wgpu::Texture, GpuError> {
+        let gpu = recording.gpu;
+        let pipeline = self.pipeline(gpu, times)?;
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let source = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(LABEL),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&view(coarse)),
+                },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+            ],
+        });
+        let (width, height) = size_px;
+        self.enlarged.take_if(|kept| (kept.width(), kept.height()) != (width, height));
+        let enlarged = self.enlarged.get_or_insert_with(|| picture(gpu, width, height));
+        let span = recording.timer.span(LABEL);
+        let mut pass = recording.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view(enlarged),
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: None,
+            timestamp_writes: recording.timer.writes(span, 0, 1),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &source, &[]);
+        pass.draw(0..3, 0..1);
+        Ok(enlarged)
+    }
+
+    /// Lets go of a picture of more than `max_bytes`.
+    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+        self.enlarged.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
+    }
+
+    fn pipeline(&mut self, gpu: &Gpu, times: u32) -> Result<wgpu::RenderPipeline, GpuError> {
+        if let Some((_, known)) = self.pipelines.iter().find(|(known, _)| *known == times) {
+            return Ok(known.clone());
+        }
+        let module = gpu.shader("render/enlarge.wgsl")?;
+        let constants = [("TIMES", f64::from(times)), ("MARGIN_PX", f64::from(MARGIN_PX))];
+        let compilation_options = wgpu::PipelineCompilationOptions {
+            constants: &constants,
+            ..wgpu::PipelineCompilationOptions::default()
+        };
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(LABEL),
+            bind_group_layouts: &[Some(&self.layout)],
+            immediate_size: 0,
+        });
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(LABEL),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vs_main"),
+                compilation_options: compilation_options.clone(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fs_main"),
+                compilation_options,
+                targets: &[Some(COLOR_FORMAT.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        self.pipelines.push((times, pipeline.clone()));
+        Ok(pipeline)
+    }
+}
+
+fn picture(gpu: &Gpu, width: u32, height: u32) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(LABEL),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: COLOR_FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}
