@@ -161,6 +161,7 @@ mod tests {
                 billboards: Vec::new(),
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
+                sky: false,
                 sampling: Sampling::ONCE,
                 reasons: Vec::new(),
             }),

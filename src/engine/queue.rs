@@ -427,6 +427,7 @@ mod tests {
                 billboards: Vec::new(),
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
+                sky: false,
                 sampling: Sampling::ONCE,
                 reasons: Vec::new(),
             }),

@@ -18,6 +18,7 @@ pub use view::{Frustum, Projection, View, ViewLimits};
 
 use crate::error::Fault;
 use crate::fuse::SceneState;
+use crate::scene::Sky;
 use serde::Serialize;
 
 /// Most cameras whose backgrounds are blended in one picture: the cost of every pixel grows with each, and beyond
@@ -101,6 +102,9 @@ pub struct Plan {
     /// Buildings that are drawn translucent, since they hide an entity, the farthest first.
     #[serde(skip)]
     pub opened: Vec<Opened>,
+    /// Whether the sky takes a pass: one colour is what the picture is cleared to.
+    #[serde(skip)]
+    pub sky: bool,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// One line an effect: on or off, and the reason.
@@ -168,6 +172,7 @@ pub fn make_for(
         billboards: Vec::new(),
         entity_cameras: Vec::new(),
         opened: Vec::new(),
+        sky: state.scene.sky.plain_srgb().is_none(),
         sampling: wishes.sampling,
         reasons,
     };
@@ -178,6 +183,7 @@ pub fn make_for(
         let because = "not asked for".to_owned();
         plan.reasons.push(Reason { effect: "see_through", is_on: false, because });
     }
+    plan_sky(&state.scene.sky, &mut plan.reasons);
     plan_sampling(wishes.sampling, &mut plan.reasons);
     plan
 }
@@ -221,6 +227,15 @@ fn plan_depth_maps(state: &SceneState, surface_cameras: &[usize], reasons: &mut 
     };
     reasons.push(Reason { effect: "camera_depth", is_on: !cameras.is_empty(), because });
     cameras
+}
+
+fn plan_sky(sky: &Sky, reasons: &mut Vec<Reason>) {
+    let (is_on, because) = match sky {
+        Sky::Plain { .. } => (false, "the sky is one colour, to which the picture is cleared"),
+        Sky::Gradient { .. } => (true, "the sky's colour follows the height above the horizon"),
+        Sky::Picture { .. } => (true, "the sky is a picture"),
+    };
+    reasons.push(Reason { effect: "sky", is_on, because: because.to_owned() });
 }
 
 fn plan_sampling(sampling: Sampling, reasons: &mut Vec<Reason>) {

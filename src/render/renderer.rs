@@ -5,19 +5,20 @@ use super::error::RenderError;
 use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
-    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, StaticScene,
-    SurfaceKey, SurfacePass, YuvPass, see_through,
+    AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, PointsPass, Recording, SkyPass,
+    StaticScene, SurfaceKey, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::pieces::{self, Piece};
 use super::prepare::{Stand, Uploads};
 use super::targets::{Place, TargetCache, TargetKey};
+use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{Part, Picture, Plan, View, ViewLimits};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sky};
 use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -55,6 +56,7 @@ pub struct Renderer {
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
     pub(super) depth_maps: DepthMaps,
+    textures: TextureStore,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
     /// How many of the billboards are drawn before each building that is open.
@@ -68,6 +70,7 @@ struct Passes {
     yuv: Option<YuvPass>,
     camera_depth: Option<CameraDepthPass>,
     surface: Option<SurfacePass>,
+    sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
     average: Option<AveragePass>,
@@ -78,6 +81,13 @@ struct Shown<'a> {
     view: View,
     mesh: &'a Mesh,
     stand: Stand,
+    pictures: &'a Pictures,
+}
+
+/// What surfaces and sky are painted with, as it is bound.
+struct Pictures {
+    surfaces: Vec<wgpu::BindGroup>,
+    sky: Option<wgpu::BindGroup>,
 }
 
 /// The largest picture that any renderer can be asked for, where at most `max_pixels` may be drawn.
@@ -116,6 +126,7 @@ impl Renderer {
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
             depth_maps: DepthMaps::new(settings.depth_map_side_px),
+            textures: TextureStore::default(),
             passes: Passes::default(),
             billboards: Vec::new(),
             slot_ends: Vec::new(),
@@ -130,6 +141,12 @@ impl Renderer {
     #[must_use]
     pub const fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// What pictures of surfaces and sky have cost the device so far.
+    #[must_use]
+    pub fn texture_use(&self) -> TextureUse {
+        self.textures.usage()
     }
 
     /// The largest picture that can be asked for: what one drawing cannot hold is drawn in several.
@@ -174,6 +191,7 @@ impl Renderer {
             self.backgrounds.clear();
             self.frames.clear();
             self.depth_maps.clear();
+            self.textures.clear();
             self.targets.clear();
         }
         self.targets.trim();
@@ -193,6 +211,7 @@ impl Renderer {
     ) -> Result<Option<Rendered>, RenderError> {
         self.gpu.check()?;
         let mesh = self.mesh_of(&state.scene);
+        let pictures = self.pictures(&mesh, plan);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
@@ -216,7 +235,8 @@ impl Renderer {
                     return Ok(None);
                 }
                 let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
-                let piece = Shown { view: view.cropped(columns, rows), mesh: &mesh, stand };
+                let view = view.cropped(columns, rows);
+                let piece = Shown { view, mesh: &mesh, stand, pictures: &pictures };
                 self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
@@ -238,6 +258,18 @@ impl Renderer {
         }
         self.n_meshes += 1;
         Arc::clone(self.mesh.insert(Arc::new(Mesh::new(scene, self.n_meshes))))
+    }
+
+    /// The pictures of the scene's surfaces, and of its sky if that is planned, uploaded where they were not before.
+    fn pictures(&mut self, mesh: &Mesh, plan: &Plan) -> Pictures {
+        let sky = match &mesh.scene.sky {
+            Sky::Picture { texture, .. } if plan.sky => Some(texture),
+            _ => None,
+        };
+        let wanted: Vec<_> = mesh.textures.iter().chain(sky).collect();
+        let mut surfaces = self.textures.bind(&self.gpu, &wanted);
+        let sky = sky.and_then(|_| surfaces.pop());
+        Pictures { surfaces, sky }
     }
 
     /// Hands the drawing of one piece of a picture to the device.
@@ -281,9 +313,9 @@ impl Renderer {
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, .. } = self;
+        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, textures, .. } = self;
         let gpu = &*gpu;
-        let Shown { view, mesh, stand } = piece;
+        let Shown { view, mesh, stand, pictures } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
@@ -302,13 +334,25 @@ impl Renderer {
         };
         let targets = self.targets.get(gpu, targets);
         let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
-        let place = Place { clear: Some(sky(scene)), is_last: !has_more };
+        let place = Place { clear: Some(clear_color(&scene.sky)), is_last: !has_more && !plan.sky };
         let mut into = DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
-        let static_scene =
-            StaticScene { mesh, anchor_in_world: stand.anchor_in_world, key, opened: &plan.opened };
+        let covering = !pictures.surfaces.is_empty();
+        let static_scene = StaticScene {
+            mesh,
+            anchor_in_world: stand.anchor_in_world,
+            key,
+            textures: covering.then(|| (pictures.surfaces.as_slice(), textures.layout(gpu))),
+            opened: &plan.opened,
+        };
         let opened = surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
-        into.place = Place { clear: None, is_last: true };
+        into.place = Place { clear: None, is_last: !has_more };
+        if plan.sky {
+            let pass = made(&mut passes.sky, || Ok(SkyPass::new(gpu)))?;
+            let picture = pictures.sky.as_ref().map(|picture| (picture, textures.layout(gpu)));
+            pass.record(&mut recording, &into, (&scene.sky, view), picture)?;
+        }
+        into.place.is_last = true;
         if !self.billboards.is_empty() {
             let pass = made(&mut passes.billboard, || Ok(BillboardPass::new(gpu)))?;
             let among = opened.as_ref().map(|opened| (opened, self.slot_ends.as_slice()));
@@ -336,8 +380,10 @@ impl Renderer {
     }
 }
 
-fn sky(scene: &Scene) -> wgpu::Color {
-    let [r, g, b] = scene.sky_srgb.map(|code| f64::from(linear_from_srgb(f32::from(code) / 255.0)));
+/// What a picture is cleared to: what a sky of more colours covers afterwards.
+fn clear_color(sky: &Sky) -> wgpu::Color {
+    let color = sky.plain_srgb().unwrap_or_default();
+    let [r, g, b] = color.map(|code| f64::from(linear_from_srgb(f32::from(code) / 255.0)));
     wgpu::Color { r, g, b, a: 1.0 }
 }
 

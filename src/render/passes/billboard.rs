@@ -1,7 +1,8 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, Translucent, draw_pipeline,
+    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, Translucent,
+    draw_pipeline,
 };
 use crate::fuse::{Billboard, CameraState};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -197,7 +198,8 @@ impl BillboardPass {
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[into.frame_layout, &self.frames.layout],
-            vertices: layout,
+            vertices: &[Some(layout)],
+            entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
             mixing: Mixing {
                 blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),

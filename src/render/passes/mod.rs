@@ -5,6 +5,7 @@ mod billboard;
 mod camera_depth;
 mod points;
 pub(super) mod see_through;
+mod sky;
 mod surface;
 mod yuv;
 
@@ -12,6 +13,7 @@ pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps};
 pub(super) use points::{Instance as PointInstance, PointsPass};
+pub(super) use sky::SkyPass;
 pub(super) use surface::{StaticScene, SurfaceKey, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;
 
@@ -21,7 +23,7 @@ use crate::gpu::{Gpu, GpuError, Mirror, Timer};
 
 /// The mirror structs of all passes.
 pub(super) fn mirrors() -> Vec<Mirror> {
-    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR]
+    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR]
 }
 
 /// The vertex layouts of all passes: shader, entry point, attributes' locations and formats.
@@ -90,11 +92,16 @@ struct Mixing {
     culls_back: bool,
 }
 
-/// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` of the shader of the label's stem.
+/// Entry points of most drawing passes.
+const MAIN: [&str; 2] = ["vs_main", "fs_main"];
+
+/// A pipeline that draws into the frame's targets, by the shader of the label's stem.
 struct DrawPipeline<'a> {
     label: &'static str,
     bind_groups: &'a [&'a wgpu::BindGroupLayout],
-    vertices: wgpu::VertexBufferLayout<'a>,
+    vertices: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    /// Of vertices and of fragments.
+    entry_points: [&'static str; 2],
     topology: wgpu::PrimitiveTopology,
     mixing: Mixing,
     /// Values of the shader's override constants.
@@ -103,7 +110,8 @@ struct DrawPipeline<'a> {
 }
 
 fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipeline, GpuError> {
-    let DrawPipeline { label, bind_groups, vertices, topology, mixing, variant, samples } = wanted;
+    let DrawPipeline { label, bind_groups, vertices, entry_points, topology, mixing, variant, samples } =
+        wanted;
     let module = gpu.shader(&format!("render/{label}.wgsl"))?;
     let compilation_options = wgpu::PipelineCompilationOptions {
         constants: variant,
@@ -120,9 +128,9 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module: &module,
-            entry_point: Some("vs_main"),
+            entry_point: Some(entry_points[0]),
             compilation_options: compilation_options.clone(),
-            buffers: &[Some(vertices)],
+            buffers: vertices,
         },
         primitive: wgpu::PrimitiveState {
             topology,
@@ -139,7 +147,7 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some("fs_main"),
+            entry_point: Some(entry_points[1]),
             compilation_options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: COLOR_FORMAT,
@@ -152,7 +160,7 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
     }))
 }
 
-fn texture_entry(
+pub(super) fn texture_entry(
     binding: u32,
     view_dimension: wgpu::TextureViewDimension,
     sample_type: wgpu::TextureSampleType,
@@ -165,10 +173,10 @@ fn texture_entry(
     }
 }
 
-const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
+pub(super) const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
 const UNFILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: false };
 
-const SAMPLER_ENTRY: wgpu::BindGroupLayoutEntry = wgpu::BindGroupLayoutEntry {
+pub(super) const SAMPLER_ENTRY: wgpu::BindGroupLayoutEntry = wgpu::BindGroupLayoutEntry {
     binding: 1,
     visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
     ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),

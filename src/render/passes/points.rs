@@ -1,6 +1,8 @@
 //! Entities as squares in space, one a foreground texel.
 
-use super::{Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, Mixing, Recording, draw_pipeline};
+use super::{
+    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline,
+};
 use crate::fuse::EntityPoint;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::image_array::ImageArray;
@@ -65,7 +67,8 @@ impl PointsPass {
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[into.frame_layout, &self.frames.layout],
-            vertices: layout,
+            vertices: &[Some(layout)],
+            entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
             mixing: Mixing { blend: None, writes_depth: true, culls_back: false },
             variant: &[],

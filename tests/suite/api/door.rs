@@ -18,7 +18,7 @@ use videofields::engine::{
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
 use videofields::plan::{CostRow, CostTable, EntityStyle, Machine, Plan, Reason, Sampling, Spread};
-use videofields::scene::{Scene, SceneView};
+use videofields::scene::{Scene, SceneView, Sky};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
 use videofields::timeline::{Alignment, Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
@@ -391,7 +391,7 @@ impl Door for FakeDoor {
             name: "Plaza".into(),
             surfaces: Surfaces::default(),
             materials: Vec::new(),
-            sky_srgb: [0; 3],
+            sky: Sky::Plain { color_srgb: [0; 3] },
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: Some(own_view()),
@@ -515,6 +515,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         billboards: vec![],
         entity_cameras: vec![],
         opened: vec![],
+        sky: false,
         sampling: Sampling::ONCE,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
     };
