@@ -12,7 +12,7 @@ use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose
 use videofields::gpu::Gpu;
 use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes};
 use videofields::render::Renderer;
-use videofields::scene::{Material, Scene, SceneCamera};
+use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::timeline::Observation;
 
 const WIDTH: u32 = 1280;
@@ -66,7 +66,7 @@ fn state(n_cameras: u32) -> SceneState {
             .chain(boxes.iter().map(|_| Material::plain([170, 150, 130])))
             .collect(),
         surfaces: Surfaces::of_ground_and_boxes(vec![ground], boxes),
-        sky_srgb: [120, 160, 210],
+        sky: Sky::Plain { color_srgb: [120, 160, 210] },
         min_entity_size_m: 0.0,
         cameras: cameras
             .iter()

@@ -11,6 +11,9 @@
 // rg: the depths of camera_depth.wgsl, discontinuities dilated a little and further.
 @group(1) @binding(2) var depth_maps: texture_2d_array<f32>;
 @group(1) @binding(3) var depth_sampler: sampler;
+// The picture on what is drawn, for what has one.
+@group(2) @binding(0) var picture: texture_2d<f32>;
+@group(2) @binding(1) var picture_sampler: sampler;
 
 // The cameras of a batch of patches, by their places in `cameras`.
 struct CameraList {
@@ -34,6 +37,8 @@ const FEATHER: f32 = 0.06;
 const LEAST_SHARE: f32 = 1e-6;
 // Sine of half a degree: what a camera sees at less than that is smeared beyond use, and often not the surface.
 const LEAST_COSINE: f32 = 0.0087265;
+// Places at which a picture is looked up for a pixel.
+const N_TAPS: u32 = 4u;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
 
@@ -56,6 +61,46 @@ struct Varying {
 fn vs_main(in: VertexIn) -> Varying {
     let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
     return Varying(position, in.position_from_anchor, in.normal, in.material);
+}
+
+struct TexturedVarying {
+    @builtin(position) @invariant position: vec4<f32>,
+    @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
+    @location(1) @interpolate(flat) normal: vec3<f32>,
+    @location(2) @interpolate(flat) material: vec3<f32>,
+    // Homogeneous texture coordinate; w: whether the material shows beyond the picture.
+    @location(3) @interpolate(perspective, centroid) texture: vec4<f32>,
+    @location(4) @interpolate(flat) tint: vec3<f32>,
+}
+
+@vertex
+fn vs_textured(in: VertexIn, @location(3) texture: vec4<f32>, @location(4) tint: vec3<f32>) -> TexturedVarying {
+    let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
+    return TexturedVarying(position, in.position_from_anchor, in.normal, in.material, texture, tint);
+}
+
+// What the surface looks like where no camera sees it: its picture, as anisotropic filtering shows it
+// (EXT_texture_filter_anisotropic). N_TAPS places along the longer side of the pixel in the picture, each filtered so wide
+// as the shorter side or what lies between two of them; a square pixel is one place. Free of branches, for derivatives.
+fn material_color(in: TexturedVarying) -> vec3<f32> {
+    let is_before_horizon = in.texture.z > 1e-6;
+    let place = in.texture.xy / select(1.0, in.texture.z, is_before_horizon);
+    let size = vec2<f32>(textureDimensions(picture));
+    let step_x = dpdx(place);
+    let step_y = dpdy(place);
+    let length_x = length(step_x * size);
+    let length_y = length(step_y * size);
+    let longer = max(length_x, length_y);
+    let shorter = min(length_x, length_y);
+    let level = max(log2(max(max(longer / f32(N_TAPS), shorter), 1e-6)), 0.0);
+    let along = select(step_y, step_x, length_x >= length_y) * (1.0 - shorter / max(longer, 1e-12));
+    var sum = vec3<f32>(0.0);
+    for (var tap = 0u; tap < N_TAPS; tap++) {
+        let share = (f32(tap) + 0.5) / f32(N_TAPS) - 0.5;
+        sum += textureSampleLevel(picture, picture_sampler, place + along * share, level).rgb;
+    }
+    let is_within = is_before_horizon && all(place >= vec2<f32>(0.0)) && all(place <= vec2<f32>(1.0));
+    return select(in.material, in.tint * sum / f32(N_TAPS), is_within || in.texture.w < 0.5);
 }
 
 fn fifth_power(x: f32) -> f32 {
@@ -134,13 +179,8 @@ fn level_of_detail(camera_idx: u32, step_x: vec2<f32>, step_y: vec2<f32>) -> f32
     return max(0.25 * log2(max(dot(x, x) * dot(y, y), 1e-12)), 0.0);
 }
 
-@fragment
-fn fs_depth() -> @location(0) vec4<f32> {
-    return vec4<f32>(0.0);
-}
-
-@fragment
-fn fs_main(in: Varying) -> @location(0) vec4<f32> {
+// The colour of a fragment; `material` where no camera looks.
+fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
     let point = in.position_from_anchor;
     let to_viewer = to_viewer_from(point);
     let normal = select(-in.normal, in.normal, dot(in.normal, to_viewer) >= 0.0);
@@ -152,7 +192,7 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     var greatest = 0.0;
     // What shows where every weight vanishes.
     var squarest = 0.0;
-    var fallback = in.material;
+    var fallback = material;
     for (var idx = 0u; idx < N_LISTED; idx++) {
         let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
         let projection = project(k, point);
@@ -194,4 +234,20 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         greatest = max(greatest, s);
     }
     return vec4<f32>(select(fallback, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
+}
+
+@fragment
+fn fs_depth() -> @location(0) vec4<f32> {
+    return vec4<f32>(0.0);
+}
+
+@fragment
+fn fs_main(in: Varying) -> @location(0) vec4<f32> {
+    return shaded(in, in.material);
+}
+
+// Of what has a picture.
+@fragment
+fn fs_textured(in: TexturedVarying) -> @location(0) vec4<f32> {
+    return shaded(Varying(in.position, in.position_from_anchor, in.normal, in.material), material_color(in));
 }

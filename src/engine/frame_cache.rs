@@ -166,6 +166,7 @@ mod tests {
                 evens_colors: false,
                 most_cameras_a_pixel: 8,
                 filtering: Filtering::Levels,
+                sky: false,
                 sampling: Sampling::ONCE,
                 resolution: Detail::Whole,
                 reasons: Vec::new(),

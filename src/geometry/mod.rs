@@ -6,16 +6,22 @@
 mod bounds_tree;
 mod camera;
 mod distortion;
+mod geodetic;
+mod least_squares;
 mod pose;
 mod ray;
+mod registration;
 mod surface;
 
 pub(crate) use bounds_tree::{Bounds, BoundsTree, Quality};
 pub use camera::{Camera, CameraError, NEAR_M, Projection};
 pub use distortion::{Distortion, DistortionLimit};
+pub use geodetic::Geodetic;
+pub(crate) use least_squares::least_squares;
 pub use pose::Pose;
 pub use ray::Ray;
+pub use registration::{ControlPoint, PlaneMap, PlaneTransform, Registration, RegistrationError, register};
 pub use surface::{
     Cylinder, ExtrudedFootprint, Face, GroundPolygon, HeightField, Hit, MAX_POSTS, MAX_TRIANGLES,
-    OrientedBox, Shape, SurfaceError, SurfaceId, Surfaces, Triangle, TriangleMesh,
+    OrientedBox, Shape, Sheet, SheetKind, SurfaceError, SurfaceId, Surfaces, Triangle, TriangleMesh,
 };

@@ -20,6 +20,7 @@ shaders![
     "render/billboard.wgsl",
     "render/camera_depth.wgsl",
     "render/points.wgsl",
+    "render/sky.wgsl",
     "render/surface.wgsl",
     "render/yuv.wgsl",
 ];

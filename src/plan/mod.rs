@@ -35,6 +35,7 @@ pub use work::{Feature, Pending, Program, Survey, Variant, Work};
 
 use crate::error::Fault;
 use crate::fuse::SceneState;
+use crate::scene::Sky;
 use serde::Serialize;
 
 /// Most cameras whose backgrounds are taken for one picture; a pixel costs what the few of them cost that see it.
@@ -139,6 +140,9 @@ pub struct Plan {
     pub most_cameras_a_pixel: usize,
     /// How cameras' backgrounds are looked up.
     pub filtering: Filtering,
+    /// Whether the sky takes a pass: one colour is what the picture is cleared to.
+    #[serde(skip)]
+    pub sky: bool,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// How many of the pixels are drawn.
@@ -220,6 +224,7 @@ pub fn make_for(
         filtering: settings.filtering,
         sampling: settings.sampling,
         resolution: settings.resolution,
+        sky: state.scene.sky.plain_srgb().is_none(),
         reasons,
     };
     entities::plan(state, picture, &settings, &mut plan);
@@ -230,6 +235,7 @@ pub fn make_for(
         let because = "not asked for".to_owned();
         plan.reasons.push(Reason { effect: "see_through", is_on: false, because });
     }
+    plan_sky(&state.scene.sky, &mut plan.reasons);
     plan_sampling(&settings, &mut plan.reasons);
     plan
 }
@@ -273,6 +279,15 @@ fn plan_depth_maps(state: &SceneState, surface_cameras: &[usize], reasons: &mut 
     };
     reasons.push(Reason { effect: "camera_depth", is_on: !cameras.is_empty(), because });
     cameras
+}
+
+fn plan_sky(sky: &Sky, reasons: &mut Vec<Reason>) {
+    let (is_on, because) = match sky {
+        Sky::Plain { .. } => (false, "the sky is one colour, to which the picture is cleared"),
+        Sky::Gradient { .. } => (true, "the sky's colour follows the height above the horizon"),
+        Sky::Picture { .. } => (true, "the sky is a picture"),
+    };
+    reasons.push(Reason { effect: "sky", is_on, because: because.to_owned() });
 }
 
 fn plan_sampling(settings: &Settings, reasons: &mut Vec<Reason>) {

@@ -323,7 +323,7 @@ mod tests {
                 vec![GroundPolygon::new(corners.to_vec(), 0.0).expect("ground")],
                 vec![wall(0.0), wall(20.0)],
             ),
-            sky_srgb: [0; 3],
+            sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: None,

@@ -1,9 +1,10 @@
 //! A scene's surfaces as triangles in the world, f64, counter-clockwise seen from outside or above.
 
 use crate::frame::linear_from_srgb;
-use crate::geometry::{Pose, Shape, SurfaceId};
-use crate::scene::{Material, Scene};
-use glam::{DVec3, Vec3};
+use crate::geometry::{Pose, Shape, SurfaceId, Triangle};
+use crate::scene::{Material, Scene, Texture};
+use glam::{DVec3, Vec3, Vec4};
+use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -15,7 +16,15 @@ pub(super) struct MeshVertex {
     pub normal: Vec3,
     /// What the surface looks like where no camera sees it, linear light.
     pub material: Vec3,
+    /// Homogeneous texture coordinate s, t, q, linear over the triangle, and 1 where the plain colour shows beyond the picture,
+    /// else 0. Means nothing on what is plain.
+    pub texture: Vec4,
+    /// What the picture is multiplied by, linear light.
+    pub tint: Vec3,
 }
+
+/// Which part of its surface a triangle is of, and the place of the picture on it.
+pub(super) type PartAndPicture = (u32, Option<usize>);
 
 /// The triangles of one scene.
 #[derive(Debug)]
@@ -27,15 +36,56 @@ pub(super) struct Mesh {
     pub vertices: Vec<MeshVertex>,
     /// Which of the vertices are of which surface, in their order.
     pub ranges: Vec<(SurfaceId, Range<u32>)>,
+    /// The pictures on it, each once.
+    pub textures: Vec<Arc<Texture>>,
+    /// Of every triangle, in their order, its part of the surface and the place of the picture on it.
+    pub triangles: Vec<PartAndPicture>,
     /// Least and greatest coordinates; `None` of nothing.
     bounds: Option<[DVec3; 2]>,
 }
 
 impl Mesh {
     pub(super) fn new(scene: &Arc<Scene>, number: u64) -> Self {
-        let (vertices, ranges) = triangles(scene);
-        let bounds = scene.surfaces.bounds();
-        Self { scene: Arc::clone(scene), number, vertices, ranges, bounds }
+        let mut mesh = Self {
+            scene: Arc::clone(scene),
+            number,
+            vertices: Vec::new(),
+            ranges: Vec::new(),
+            textures: Vec::new(),
+            triangles: Vec::new(),
+            bounds: scene.surfaces.bounds(),
+        };
+        let fallback = Material::plain([128; 3]);
+        let mut places = HashMap::new();
+        for (place, (surface, shape)) in scene.surfaces.named().enumerate() {
+            let first = mesh.vertices.len() as u32;
+            mesh.append(shape, scene.materials.get(place).unwrap_or(&fallback), &mut places);
+            mesh.ranges.push((surface, first..mesh.vertices.len() as u32));
+        }
+        mesh
+    }
+
+    fn append(&mut self, shape: &Shape, material: &Material, places: &mut HashMap<*const Texture, usize>) {
+        let paint = material.paint.as_deref();
+        shape.triangles(&mut |triangle| {
+            let corners = plain(&triangle, material);
+            let Some(painted) = paint.and_then(|paint| paint.on(shape, &triangle)) else {
+                self.vertices.extend(corners);
+                self.triangles.push((triangle.part, None));
+                return;
+            };
+            let place = *places.entry(Arc::as_ptr(painted.picture)).or_insert_with(|| {
+                self.textures.push(Arc::clone(painted.picture));
+                self.textures.len() - 1
+            });
+            let light = Vec3::splat(light(corners[0].normal));
+            self.vertices.extend([0, 1, 2].map(|idx| MeshVertex {
+                texture: painted.corners[idx].as_vec3().extend(f32::from(u8::from(painted.ends))),
+                tint: if painted.is_tinted { corners[idx].material } else { light },
+                ..corners[idx]
+            }));
+            self.triangles.push((triangle.part, Some(place)));
+        });
     }
 
     /// What points are relative to, seen from `eye`: the eye itself, unless it is so far away that single precision could
@@ -72,33 +122,23 @@ const TO_LIGHT: Vec3 = Vec3::new(-0.36, -0.48, 0.8);
 /// Share of the light that comes from everywhere.
 const AMBIENT: f32 = 0.6;
 
-/// Three vertices a triangle, and which are of which surface.
-fn triangles(scene: &Scene) -> (Vec<MeshVertex>, Vec<(SurfaceId, Range<u32>)>) {
-    let (mut vertices, mut ranges) = (Vec::new(), Vec::new());
-    let fallback = Material::plain([128; 3]);
-    for (place, (surface, shape)) in scene.surfaces.named().enumerate() {
-        let first = vertices.len() as u32;
-        append(shape, scene.materials.get(place).unwrap_or(&fallback), &mut vertices);
-        ranges.push((surface, first..vertices.len() as u32));
-    }
-    (vertices, ranges)
+/// The corners of a triangle without a picture.
+fn plain(triangle: &Triangle, material: &Material) -> [MeshVertex; 3] {
+    let normal = triangle.normal.as_vec3();
+    let color = material.part_srgb(triangle.part).map(|code| linear_from_srgb(f32::from(code) / 255.0));
+    let material = Vec3::from(color) * light(normal);
+    triangle.corners.map(|position_in_world| MeshVertex {
+        position_in_world,
+        normal,
+        material,
+        texture: Vec4::ZERO,
+        tint: Vec3::ZERO,
+    })
 }
 
-fn append(shape: &Shape, material: &Material, vertices: &mut Vec<MeshVertex>) {
-    shape.triangles(&mut |triangle| {
-        let normal = triangle.normal.as_vec3();
-        let material = shaded(material.part_srgb(triangle.part), normal);
-        vertices.extend(triangle.corners.map(|position_in_world| MeshVertex {
-            position_in_world,
-            normal,
-            material,
-        }));
-    });
-}
-
-fn shaded(color_srgb: [u8; 3], normal: Vec3) -> Vec3 {
-    let color = Vec3::from(color_srgb.map(|code| linear_from_srgb(f32::from(code) / 255.0)));
-    color * (AMBIENT + (1.0 - AMBIENT) * normal.dot(TO_LIGHT).max(0.0) / TO_LIGHT.z).min(1.0)
+/// How much light falls on what faces there: 0 to 1.
+fn light(normal: Vec3) -> f32 {
+    (AMBIENT + (1.0 - AMBIENT) * normal.dot(TO_LIGHT).max(0.0) / TO_LIGHT.z).min(1.0)
 }
 
 #[cfg(test)]
@@ -112,6 +152,12 @@ mod tests {
         (b - a).cross(c - a)
     }
 
+    fn vertices_of(shape: &Shape) -> Vec<MeshVertex> {
+        let mut vertices = Vec::new();
+        shape.triangles(&mut |triangle| vertices.extend(plain(&triangle, &Material::plain([200; 3]))));
+        vertices
+    }
+
     #[test]
     fn ground_keeps_its_area_and_faces_up_either_way_round() {
         let offset = DVec2::new(5e5, 5e6);
@@ -120,8 +166,7 @@ mod tests {
             .into();
         for _ in 0..2 {
             let polygon = GroundPolygon::new(corners.clone(), 1.5).expect("a polygon");
-            let mut vertices = Vec::new();
-            append(&Shape::Ground(polygon), &Material::plain([200; 3]), &mut vertices);
+            let vertices = vertices_of(&Shape::Ground(polygon));
             let areas: Vec<f64> = vertices.chunks_exact(3).map(|t| normal_of(t).z * 0.5).collect();
             assert!(areas.iter().all(|area| *area > 0.0), "{areas:?}");
             assert!((areas.iter().sum::<f64>() - 10.0).abs() < 1e-6, "{areas:?}");
@@ -133,8 +178,7 @@ mod tests {
     fn a_box_faces_outwards_on_all_sides() {
         let center = DVec3::new(5.0, -3.0, 2.0);
         let solid = OrientedBox::new(center, DVec3::new(2.0, 6.0, 4.0), 0.7).expect("a box");
-        let mut vertices = Vec::new();
-        append(&Shape::Box(solid), &Material::plain([200; 3]), &mut vertices);
+        let vertices = vertices_of(&Shape::Box(solid));
         assert_eq!(vertices.len(), 36);
         for triangle in vertices.chunks_exact(3) {
             let normal = normal_of(triangle);

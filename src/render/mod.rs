@@ -16,10 +16,12 @@ mod pieces;
 mod prepare;
 mod renderer;
 mod targets;
+mod texture_store;
 
 pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
 pub use renderer::{Rendered, Renderer, view_limits};
+pub use texture_store::TextureUse;
 
 use crate::gpu::Mirror;
 
@@ -30,8 +32,10 @@ pub enum Pass {
     Yuv,
     /// What may hide surfaces from the cameras, where scene or camera changed.
     CameraDepth,
-    /// Sky, ground and boxes with the cameras' backgrounds.
+    /// All that stands still, with the cameras' backgrounds; a plain sky.
     Surface,
+    /// A sky that is more than one colour, where nothing else was drawn.
+    Sky,
     /// Entities as upright rectangles.
     Billboard,
     /// Entities as squares.
@@ -52,6 +56,7 @@ impl Pass {
             Self::Yuv => "yuv",
             Self::CameraDepth => "camera_depth",
             Self::Surface => "surface",
+            Self::Sky => "sky",
             Self::Billboard => "billboard",
             Self::Points => "points",
             Self::SeeThrough => "see_through",

@@ -6,19 +6,20 @@ use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    PointsPass, Recording, StaticScene, SurfacePass, YuvPass, see_through,
+    PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
 use super::pieces::{self, Piece};
 use super::prepare::{Stand, Uploads};
 use super::targets::{Place, TargetCache, TargetKey};
+use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sky};
 use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -59,6 +60,7 @@ pub struct Renderer {
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
     pub(super) depth_maps: DepthMaps,
+    textures: TextureStore,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
     /// How many of the billboards are drawn before each building that is open.
@@ -72,6 +74,7 @@ struct Passes {
     yuv: Option<YuvPass>,
     camera_depth: Option<CameraDepthPass>,
     surface: Option<SurfacePass>,
+    sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
     average: Option<AveragePass>,
@@ -87,6 +90,13 @@ struct Shown<'a> {
     mesh: &'a Mesh,
     patches: &'a Patches,
     stand: Stand,
+    pictures: &'a Pictures,
+}
+
+/// What surfaces and sky are painted with, as it is bound.
+struct Pictures {
+    surfaces: Vec<wgpu::BindGroup>,
+    sky: Option<wgpu::BindGroup>,
 }
 
 /// The largest picture that any renderer can be asked for, where at most `max_pixels` may be drawn.
@@ -128,6 +138,7 @@ impl Renderer {
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
             depth_maps: DepthMaps::new(settings.depth_map_side_px),
+            textures: TextureStore::default(),
             passes: Passes::default(),
             billboards: Vec::new(),
             slot_ends: Vec::new(),
@@ -142,6 +153,12 @@ impl Renderer {
     #[must_use]
     pub const fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// What pictures of surfaces and sky have cost the device so far.
+    #[must_use]
+    pub fn texture_use(&self) -> TextureUse {
+        self.textures.usage()
     }
 
     /// The largest picture that can be asked for: what one drawing cannot hold is drawn in several.
@@ -186,6 +203,7 @@ impl Renderer {
             self.backgrounds.clear();
             self.frames.clear();
             self.depth_maps.clear();
+            self.textures.clear();
             self.targets.clear();
         }
         self.targets.trim();
@@ -209,6 +227,7 @@ impl Renderer {
         self.gpu.check()?;
         let mesh = self.mesh_of(&state.scene);
         let patches = self.patches_of(&mesh, state);
+        let pictures = self.pictures(&mesh, plan);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
@@ -238,7 +257,8 @@ impl Renderer {
                     1 => view,
                     step_px => view.coarse(step_px, ENLARGE_MARGIN_PX),
                 };
-                let piece = Shown { view, size_px, mesh: &mesh, patches: &patches, stand };
+                let piece =
+                    Shown { view, size_px, mesh: &mesh, patches: &patches, stand, pictures: &pictures };
                 self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
@@ -271,6 +291,18 @@ impl Renderer {
         self.n_patches += 1;
         let patches = Patches::new(mesh, cameras, self.depth_maps.side_px(), self.n_patches);
         Arc::clone(self.patches.insert(Arc::new(patches)))
+    }
+
+    /// The pictures of the scene's surfaces, and of its sky if that is planned, uploaded where they were not before.
+    fn pictures(&mut self, mesh: &Mesh, plan: &Plan) -> Pictures {
+        let sky = match &mesh.scene.sky {
+            Sky::Picture { texture, .. } if plan.sky => Some(texture),
+            _ => None,
+        };
+        let wanted: Vec<_> = mesh.textures.iter().chain(sky).collect();
+        let mut surfaces = self.textures.bind(&self.gpu, &wanted);
+        let sky = sky.and_then(|_| surfaces.pop());
+        Pictures { surfaces, sky }
     }
 
     /// Hands the drawing of one piece of a picture to the device.
@@ -314,9 +346,9 @@ impl Renderer {
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, .. } = self;
+        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, .. } = self;
         let gpu = &*gpu;
-        let Shown { view, size_px, mesh, patches, stand } = piece;
+        let Shown { view, size_px, mesh, patches, stand, pictures } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
@@ -334,21 +366,29 @@ impl Renderer {
         };
         let targets = self.targets.get(gpu, targets);
         let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
-        let place = Place { clear: Some(sky(scene)), is_last: !has_more };
+        let place = Place { clear: Some(clear_color(&scene.sky)), is_last: !has_more && !plan.sky };
         let has_gains = plan.evens_colors;
         let mut into =
             DrawInto { targets, frame: &frame_group, frame_layout: frame.layout(), has_gains, place };
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
         let anchor_in_world = stand.anchor_in_world;
+        let covering = !pictures.surfaces.is_empty();
         let static_scene = StaticScene {
             patches,
             batches,
             anchor_in_world,
             filtering: plan.filtering,
+            textures: covering.then(|| (pictures.surfaces.as_slice(), textures.layout(gpu))),
             opened: &plan.opened,
         };
         let opened = surface.record(&mut recording, &into, &static_scene, backgrounds, depth_maps)?;
-        into.place = Place { clear: None, is_last: true };
+        into.place = Place { clear: None, is_last: !has_more };
+        if plan.sky {
+            let pass = made(&mut passes.sky, || Ok(SkyPass::new(gpu)))?;
+            let picture = pictures.sky.as_ref().map(|picture| (picture, textures.layout(gpu)));
+            pass.record(&mut recording, &into, (&scene.sky, view), picture)?;
+        }
+        into.place.is_last = true;
         if !self.billboards.is_empty() {
             let pass = made(&mut passes.billboard, || Ok(BillboardPass::new(gpu)))?;
             let among = opened.as_ref().map(|opened| (opened, self.slot_ends.as_slice()));
@@ -379,8 +419,10 @@ impl Renderer {
     }
 }
 
-fn sky(scene: &Scene) -> wgpu::Color {
-    let [r, g, b] = scene.sky_srgb.map(|code| f64::from(linear_from_srgb(f32::from(code) / 255.0)));
+/// What a picture is cleared to: what a sky of more colours covers afterwards.
+fn clear_color(sky: &Sky) -> wgpu::Color {
+    let color = sky.plain_srgb().unwrap_or_default();
+    let [r, g, b] = color.map(|code| f64::from(linear_from_srgb(f32::from(code) / 255.0)));
     wgpu::Color { r, g, b, a: 1.0 }
 }
 

@@ -1,6 +1,7 @@
 //! The document as it is written, version 1; and as it is written back: every default filled in, every imported
 //! calibration in the project's own form, so that it needs no other file.
 
+use super::paint_document::{ImageryDocument, SkyDocument, TextureDocument};
 use super::shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument};
 use crate::calibrate::{CameraDocument, Format};
 use crate::frame::CameraId;
@@ -94,20 +95,6 @@ const fn view_fov_deg() -> f64 {
     45.0
 }
 
-/// The sky.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SkyDocument {
-    /// Its colour. Default `#87b5dd`.
-    pub color_srgb: Color,
-}
-
-impl Default for SkyDocument {
-    fn default() -> Self {
-        Self { color_srgb: Color([0x87, 0xb5, 0xdd]) }
-    }
-}
-
 /// A level polygon of ground.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -121,6 +108,12 @@ pub struct GroundDocument {
     /// Its colour where no camera sees it. Default `#8a8a84`.
     #[serde(default = "ground_color")]
     pub color_srgb: Color,
+    /// A picture that lies on it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub imagery: Option<ImageryDocument>,
+    /// A picture that repeats over it, along the world's x and y.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub texture: Option<TextureDocument>,
 }
 
 pub(super) const fn ground_color() -> Color {
@@ -143,6 +136,12 @@ pub struct BoxDocument {
     /// Its colour where no camera sees it. Default `#b0a080`.
     #[serde(default = "box_color")]
     pub color_srgb: Color,
+    /// A picture that repeats over its walls.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub texture: Option<TextureDocument>,
+    /// A picture that repeats over its roof.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub roof_texture: Option<TextureDocument>,
 }
 
 pub(super) const fn box_color() -> Color {

@@ -36,12 +36,12 @@ pub trait Imports {
     /// Why there is none, for people.
     fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String>;
 
-    /// The bytes of a model's file, at most so many; a relative path starts at the document's folder.
+    /// The bytes of a model's or picture's file, at most so many; a relative path starts at the document's folder.
     ///
     /// # Errors
     /// Why there are none, for people; always where documents come from elsewhere than a file.
     fn file(&mut self, file: &str, _most_bytes: usize) -> Result<Vec<u8>, String> {
-        Err(format!("cannot read {file:?}: models are read only by scene files"))
+        Err(format!("cannot read {file:?}: models and pictures are read only by scene files"))
     }
 }
 

@@ -8,19 +8,29 @@ mod document;
 mod import;
 mod json;
 mod model;
+mod paint;
+mod paint_document;
+mod painting;
 mod polygon;
 mod read;
 mod shape_document;
 mod shapes;
+mod texture;
 
 pub use document::{
     BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
-    SceneCameraDocument, SceneDocument, SkyDocument, VERSION, ViewDocument,
+    SceneCameraDocument, SceneDocument, VERSION, ViewDocument,
 };
 pub use import::{FolderImports, Imports, load_file, no_imports};
 pub(crate) use json::tree as json_tree;
 pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
+pub use paint::{MappedTriangle, Paint, Painted, Repeated};
+pub use paint_document::{
+    BoundsDocument, ControlPointDocument, GradientDocument, ImageryDocument, SkyDocument, SkyPictureDocument,
+    TextureDocument, TransformDocument,
+};
 pub use shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument, UpAxis};
+pub use texture::{MAX_TEXTURE_BYTES, MAX_TEXTURE_SIDE_PX, Texture, TextureLevel, Wrap};
 
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::frame::CameraId;
@@ -112,8 +122,8 @@ pub struct Scene {
     pub surfaces: Surfaces,
     /// What the surfaces look like where no camera sees them, in the order of [`Surfaces::shapes`].
     pub materials: Vec<Material>,
-    /// Colour of the sky, 8-bit sRGB.
-    pub sky_srgb: [u8; 3],
+    /// What is seen where nothing stands.
+    pub sky: Sky,
     /// Least extent of an entity, upwards or across, metres.
     pub min_entity_size_m: f64,
     /// The cameras that look at the scene.
@@ -153,19 +163,59 @@ pub struct SceneCamera {
 }
 
 /// What a surface looks like where no camera sees it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// 8-bit sRGB.
     pub color_srgb: [u8; 3],
     /// Of a model whose parts differ: the colour of each triangle, 8-bit sRGB.
     pub triangles_srgb: Option<Arc<[[u8; 3]]>>,
+    /// Pictures on it; the colours show where there is none.
+    pub paint: Option<Arc<Paint>>,
+}
+
+/// What is seen where nothing stands. Colours are 8-bit sRGB, mixed in linear light.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sky {
+    /// One colour.
+    Plain {
+        /// It.
+        color_srgb: [u8; 3],
+    },
+    /// From the horizon to the zenith by the sine of the height above the horizon; below it the ground's, from one degree
+    /// on.
+    Gradient {
+        /// Straight up.
+        zenith_srgb: [u8; 3],
+        /// At the horizon.
+        horizon_srgb: [u8; 3],
+        /// Below it.
+        ground_srgb: [u8; 3],
+    },
+    /// A picture all around: longitude from left to right, clockwise seen from above, the zenith above.
+    Picture {
+        /// The picture.
+        texture: Arc<Texture>,
+        /// Where its middle column looks, radians from east towards north.
+        yaw_rad: f64,
+    },
+}
+
+impl Sky {
+    /// The one colour of a plain sky.
+    #[must_use]
+    pub const fn plain_srgb(&self) -> Option<[u8; 3]> {
+        match self {
+            Self::Plain { color_srgb } => Some(*color_srgb),
+            Self::Gradient { .. } | Self::Picture { .. } => None,
+        }
+    }
 }
 
 impl Material {
     /// One colour all over.
     #[must_use]
     pub const fn plain(color_srgb: [u8; 3]) -> Self {
-        Self { color_srgb, triangles_srgb: None }
+        Self { color_srgb, triangles_srgb: None, paint: None }
     }
 
     /// The colour of a part ([`crate::geometry::Hit::part`]), 8-bit sRGB.

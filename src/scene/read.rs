@@ -1,12 +1,11 @@
 //! A document's tree -> the normalised document and the scene, or all of its faults.
 
 use super::document::{
-    BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
-    SceneCameraDocument, SceneDocument, VERSION, ViewDocument,
+    BoxDocument, EntitiesDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument,
+    SceneDocument, VERSION, ViewDocument,
 };
-use super::{
-    Imports, Material, ModelDocument, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json, shapes,
-};
+use super::painting::{PaintedShape, Painting};
+use super::{Imports, Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json, shapes};
 use crate::calibrate::CameraDocument;
 use crate::error::{Gatherer, pointer_to};
 use crate::frame::{CameraId, IdError, is_id};
@@ -56,7 +55,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     }
     let name = fields.take("name").and_then(|placed| name(placed, gatherer)).unwrap_or_else(|| id.to_owned());
     let origin = fields.take("origin").and_then(|placed| origin(placed, gatherer));
-    let sky = fields.take("sky").and_then(|(value, place)| gatherer.read(value, &place)).unwrap_or_default();
+    let sky = fields.take("sky");
     let ground = gatherer.list(fields.take("ground"), MAX_POLYGONS);
     let boxes = gatherer.list(fields.take("boxes"), MAX_BOXES);
     let cylinders = gatherer.list(fields.take("cylinders"), shapes::MAX_CYLINDERS);
@@ -69,32 +68,53 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     fields.finish(gatherer);
 
     let ground = bounded(ground, gatherer);
-    let ground = all(ground, |placed| polygon(placed, gatherer));
+    let mut painting = Painting::new(imports, origin.as_ref());
+    let (sky_document, sky) = painting.sky(sky, gatherer);
     let mut ids = HashSet::new();
-    let boxes = all(boxes, |placed| upright_box(placed, &mut ids, gatherer));
-    let cylinders = all(cylinders, |placed| shapes::cylinder(placed, &mut ids, gatherer));
+    let mut standing = Standing::default();
+    let ground = standing.add(ground, |placed| {
+        let place = placed.1.clone();
+        let (document, made) = polygon(placed, gatherer)?;
+        painting.painted((document, Shape::Ground(made)), &place, gatherer)
+    });
+    let boxes = standing.add(boxes, |placed| {
+        let place = placed.1.clone();
+        let (document, made) = upright_box(placed, &mut ids, gatherer)?;
+        painting.painted((document, Shape::Box(made)), &place, gatherer)
+    });
+    let cylinders = standing.add(cylinders, |placed| {
+        let place = placed.1.clone();
+        let (document, made) = shapes::cylinder(placed, &mut ids, gatherer)?;
+        painting.painted((document, Shape::Cylinder(made)), &place, gatherer)
+    });
     let footprints = shapes::bounded_footprints(footprints, gatherer);
-    let footprints = all(footprints, |placed| shapes::footprint(placed, &mut ids, gatherer));
+    let footprints = standing.add(footprints, |placed| {
+        let place = placed.1.clone();
+        let (document, made) = shapes::footprint(placed, &mut ids, gatherer)?;
+        painting.painted((document, Shape::Footprint(made)), &place, gatherer)
+    });
     let height_fields = shapes::bounded_fields(height_fields, gatherer);
-    let height_fields = all(height_fields, |placed| shapes::height_field(placed, &mut ids, gatherer));
+    let height_fields = standing.add(height_fields, |placed| {
+        let place = placed.1.clone();
+        let (document, made) = shapes::height_field(placed, &mut ids, gatherer)?;
+        painting.painted((document, Shape::HeightField(made)), &place, gatherer)
+    });
     let mut n_left = shapes::max_triangles();
-    let models = all(models, |placed| shapes::model(placed, (&mut ids, &mut n_left), imports, gatherer));
+    let models = standing.add(models, |placed| {
+        let (document, (mesh, material)) =
+            shapes::model(placed, (&mut ids, &mut n_left), &mut painting.files, gatherer)?;
+        Some((document, (Shape::Model(mesh), material)))
+    });
     let mut ids = HashSet::new();
+    let imports = painting.files.imports();
     let cameras = all(cameras, |placed| camera(placed, &mut ids, imports, gatherer));
 
-    let mut standing = Standing::default();
-    let ground = standing.add(ground, |ground| ground.color_srgb, Shape::Ground);
-    let boxes = standing.add(boxes, |solid| solid.color_srgb, Shape::Box);
-    let cylinders = standing.add(cylinders, |cylinder| cylinder.color_srgb, Shape::Cylinder);
-    let footprints = standing.add(footprints, |footprint| footprint.color_srgb, Shape::Footprint);
-    let height_fields = standing.add(height_fields, |field| field.color_srgb, Shape::HeightField);
-    let models = standing.add_models(models);
     let (camera_documents, cameras) = cameras.into_iter().unzip();
     let document = SceneDocument {
         version: VERSION,
         name: name.clone(),
         origin,
-        sky,
+        sky: sky_document,
         ground,
         boxes,
         cylinders,
@@ -110,7 +130,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
         name,
         surfaces: Surfaces::new(standing.shapes),
         materials: standing.materials,
-        sky_srgb: document.sky.color_srgb.0,
+        sky,
         min_entity_size_m: entities.min_size_m,
         cameras,
         view: view.map(|view| SceneView {
@@ -131,28 +151,19 @@ struct Standing {
 }
 
 impl Standing {
-    /// Adds shapes of one kind; their documents come back.
-    fn add<D, S>(
+    /// Reads shapes of one kind, though some are faulty, and adds the others; their documents come back.
+    fn add<D>(
         &mut self,
-        read: Vec<(D, S)>,
-        color: impl Fn(&D) -> Color,
-        shape: impl Fn(S) -> Shape,
+        placed: Vec<Placed>,
+        mut read: impl FnMut(Placed) -> Option<PaintedShape<D>>,
     ) -> Vec<D> {
-        let add = |(document, made): (D, S)| {
-            self.materials.push(Material::plain(color(&document).0));
-            self.shapes.push(shape(made));
-            document
-        };
-        read.into_iter().map(add).collect()
-    }
-
-    fn add_models(&mut self, read: Vec<shapes::PlacedModel>) -> Vec<ModelDocument> {
-        let add = |(document, (mesh, material)): shapes::PlacedModel| {
+        let add = |placed| {
+            let (document, (shape, material)) = read(placed)?;
             self.materials.push(material);
-            self.shapes.push(Shape::Model(mesh));
-            document
+            self.shapes.push(shape);
+            Some(document)
         };
-        read.into_iter().map(add).collect()
+        placed.into_iter().filter_map(add).collect()
     }
 }
 

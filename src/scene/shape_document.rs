@@ -1,6 +1,9 @@
 //! What stands in a scene beside ground and boxes, as it is written.
 
-use super::document::{Color, box_color, ground_color};
+use super::document::{BoxDocument, Color, GroundDocument, box_color, ground_color};
+use super::paint_document::{ImageryDocument, TextureDocument};
+use super::painting::Paintable;
+use crate::geometry::SheetKind;
 use serde::{Deserialize, Serialize};
 
 /// An upright cylinder.
@@ -18,6 +21,12 @@ pub struct CylinderDocument {
     /// Its colour where no camera sees it. Default `#b0a080`.
     #[serde(default = "box_color")]
     pub color_srgb: Color,
+    /// A picture that repeats over its walls.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub texture: Option<TextureDocument>,
+    /// A picture that repeats over its roof.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub roof_texture: Option<TextureDocument>,
 }
 
 /// A building's outline, drawn upwards.
@@ -36,6 +45,12 @@ pub struct FootprintDocument {
     /// Its colour where no camera sees it. Default `#b0a080`.
     #[serde(default = "box_color")]
     pub color_srgb: Color,
+    /// A picture that repeats over its walls.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub texture: Option<TextureDocument>,
+    /// A picture that repeats over its roof.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub roof_texture: Option<TextureDocument>,
 }
 
 /// Uneven ground.
@@ -56,6 +71,12 @@ pub struct HeightFieldDocument {
     /// Its colour where no camera sees it. Default `#8a8a84`.
     #[serde(default = "ground_color")]
     pub color_srgb: Color,
+    /// A picture that lies on it, seen from straight above.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub imagery: Option<ImageryDocument>,
+    /// A picture that repeats over it, along the world's x and y from its south-western post on.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub texture: Option<TextureDocument>,
 }
 
 /// A model in a file.
@@ -95,4 +116,71 @@ pub enum UpAxis {
     Y,
     /// The file's axes are the scene's.
     Z,
+}
+
+impl Paintable for BoxDocument {
+    fn color(&self) -> Color {
+        self.color_srgb
+    }
+
+    fn textures(&self) -> [(&'static str, SheetKind, Option<&TextureDocument>); 2] {
+        [
+            ("texture", SheetKind::Wall, self.texture.as_ref()),
+            ("roof_texture", SheetKind::Level, self.roof_texture.as_ref()),
+        ]
+    }
+}
+
+impl Paintable for CylinderDocument {
+    fn color(&self) -> Color {
+        self.color_srgb
+    }
+
+    fn textures(&self) -> [(&'static str, SheetKind, Option<&TextureDocument>); 2] {
+        [
+            ("texture", SheetKind::Wall, self.texture.as_ref()),
+            ("roof_texture", SheetKind::Level, self.roof_texture.as_ref()),
+        ]
+    }
+}
+
+impl Paintable for FootprintDocument {
+    fn color(&self) -> Color {
+        self.color_srgb
+    }
+
+    fn textures(&self) -> [(&'static str, SheetKind, Option<&TextureDocument>); 2] {
+        [
+            ("texture", SheetKind::Wall, self.texture.as_ref()),
+            ("roof_texture", SheetKind::Level, self.roof_texture.as_ref()),
+        ]
+    }
+}
+
+impl Paintable for GroundDocument {
+    fn color(&self) -> Color {
+        self.color_srgb
+    }
+
+    fn textures(&self) -> [(&'static str, SheetKind, Option<&TextureDocument>); 2] {
+        [("texture", SheetKind::Level, self.texture.as_ref()), ("", SheetKind::Wall, None)]
+    }
+
+    fn imagery(&mut self) -> Option<&mut ImageryDocument> {
+        self.imagery.as_mut()
+    }
+}
+
+impl Paintable for HeightFieldDocument {
+    fn color(&self) -> Color {
+        self.color_srgb
+    }
+
+    fn textures(&self) -> [(&'static str, SheetKind, Option<&TextureDocument>); 2] {
+        [("texture", SheetKind::Level, self.texture.as_ref()), ("", SheetKind::Wall, None)]
+    }
+
+    fn imagery(&mut self) -> Option<&mut ImageryDocument> {
+        self.imagery.as_mut()
+    }
 }

@@ -6,13 +6,15 @@ use super::read::{Placed, range};
 use super::shape_document::{
     CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument, UpAxis,
 };
-use super::{Imports, Material};
+use super::texture::Files;
+use super::{Material, Paint};
 use crate::error::{Gatherer, pointer_to};
 use crate::frame::{IdError, is_id};
 use crate::geometry::{Cylinder, ExtrudedFootprint, HeightField, SurfaceError, TriangleMesh};
 use glam::{DMat2, DVec2, DVec3};
 use serde_json::Value;
 use std::collections::HashSet;
+use std::sync::Arc;
 
 pub(super) const MAX_CYLINDERS: usize = 4096;
 pub(super) const MAX_FOOTPRINTS: usize = 4096;
@@ -171,7 +173,7 @@ pub(super) type PlacedModel = (ModelDocument, (TriangleMesh, Material));
 pub(super) fn model(
     (value, place): Placed,
     (ids, n_left): (&mut HashSet<String>, &mut usize),
-    imports: &mut dyn Imports,
+    files: &mut Files<'_>,
     gatherer: &mut Gatherer,
 ) -> Option<PlacedModel> {
     let document: ModelDocument = gatherer.read(value, &place)?;
@@ -179,25 +181,27 @@ pub(super) fn model(
     range(gatherer, &place, "yaw_deg", document.yaw_deg, -360.0, 360.0, "degrees");
     range(gatherer, &place, "scale", document.scale, 1e-6, 1e6, "metres");
     for (idx, number) in document.position_m.iter().enumerate() {
-        range(gatherer, &place, &format!("position_m/{idx}"), *number, -1e8, 1e8, "metres");
+        let place = pointer_to(&place, "position_m");
+        range(gatherer, &place, &idx.to_string(), *number, -1e8, 1e8, "metres");
     }
     // No file is opened for a model that is refused.
     if gatherer.is_faulty(&place) {
         return None;
     }
-    let read = model::read(&document.file, *n_left, imports).and_then(|read| {
+    let read = model::read(&document.file, *n_left, files).and_then(|mut read| {
         let count = read.triangles.len();
-        let (mesh, colors) =
+        let material = Material {
+            color_srgb: document.color_srgb.0,
+            triangles_srgb: read.triangles_srgb.take().map(Into::into),
+            paint: mapped(&mut read),
+        };
+        let mesh =
             placed(read, &document).map_err(|error| format!("cannot read {:?}: {error}", document.file))?;
         *n_left -= count.min(*n_left);
-        Ok((mesh, colors))
+        Ok((mesh, material))
     });
     match read {
-        Ok((mesh, colors)) => {
-            let material =
-                Material { color_srgb: document.color_srgb.0, triangles_srgb: colors.map(Into::into) };
-            Some((document, (mesh, material)))
-        }
+        Ok(made) => Some((document, made)),
         Err(message) => {
             gatherer.fault(pointer_to(&place, "file"), message);
             None
@@ -210,10 +214,14 @@ pub(super) const fn max_triangles() -> usize {
     MAX_MODEL_TRIANGLES
 }
 
-type Colors = Option<Vec<[u8; 3]>>;
+/// The pictures on a model, if there are any.
+fn mapped(read: &mut model::Model) -> Option<Arc<Paint>> {
+    let (pictures, triangles) = (std::mem::take(&mut read.pictures), std::mem::take(&mut read.mapped));
+    (!pictures.is_empty()).then(|| Arc::new(Paint::Mapped { pictures, triangles }))
+}
 
 /// Turns the file's axes into the scene's, in f64.
-fn placed(read: model::Model, document: &ModelDocument) -> Result<(TriangleMesh, Colors), SurfaceError> {
+fn placed(read: model::Model, document: &ModelDocument) -> Result<TriangleMesh, SurfaceError> {
     let up = document.up.unwrap_or(if read.is_y_up { UpAxis::Y } else { UpAxis::Z });
     let turn = DMat2::from_angle(document.yaw_deg.to_radians());
     let position = DVec3::from_array(document.position_m);
@@ -226,5 +234,5 @@ fn placed(read: model::Model, document: &ModelDocument) -> Result<(TriangleMesh,
         position + (turn * scaled.truncate()).extend(scaled.z)
     };
     let points = read.points.into_iter().map(place).collect();
-    Ok((TriangleMesh::new(points, read.triangles)?, read.triangles_srgb))
+    TriangleMesh::new(points, read.triangles)
 }

@@ -13,7 +13,7 @@ use videofields::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose, Ray,
     Shape, Surfaces, TriangleMesh,
 };
-use videofields::scene::{Material, Scene, SceneCamera};
+use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::segment::{Blob, PixelRect};
 use videofields::timeline::Observation;
 
@@ -55,7 +55,7 @@ fn scene_of(cameras: &[Arc<Camera>], mut shapes: Vec<Shape>) -> Arc<Scene> {
             shapes.push(Shape::Ground(GroundPolygon::new(corners, 0.0).expect("a square")));
             shapes
         }),
-        sky_srgb: [0; 3],
+        sky: Sky::Plain { color_srgb: [0; 3] },
         min_entity_size_m: 0.0,
         cameras: cameras.iter().enumerate().map(member).collect(),
         view: None,

@@ -10,8 +10,12 @@ mod knobs;
 mod see_through;
 #[path = "render/stage.rs"]
 mod stage;
+#[path = "render/textures.rs"]
+mod textures;
 #[path = "render/twin.rs"]
 mod twin;
+#[path = "render/twin_paint.rs"]
+mod twin_paint;
 #[path = "render/views.rs"]
 mod views;
 
@@ -100,10 +104,14 @@ fn plaza(offset: DVec3) -> Stage {
 
 /// Draws the stage's static part and holds it to the twin; `least_clear` is the share of pixels with one answer.
 fn check_twin(name: &str, stage: &Stage, view: &View, least_clear: f64) {
+    check_state(name, &stage.state(), view, least_clear);
+}
+
+/// As [`check_twin`], of a state.
+fn check_state(name: &str, state: &SceneState, view: &View, least_clear: f64) {
     let Some(mut renderer) = renderer("", 1) else { return };
-    let state = stage.state();
-    let (rendered, plan) = draw(&mut renderer, &state, view, EntityStyle::None);
-    let twin = twin::render(&state, view, &plan);
+    let (rendered, plan) = draw(&mut renderer, state, view, EntityStyle::None);
+    let twin = twin::render(state, view, &plan);
     keep(name, &rendered.image);
     keep(&format!("{name}_twin"), &twin.image);
     let n_clear = twin.is_clear.iter().filter(|clear| **clear).count();

@@ -2,6 +2,8 @@
 
 #[path = "scene/models.rs"]
 mod models;
+#[path = "scene/pictures.rs"]
+mod pictures;
 
 use crate::support::real_data;
 use glam::DVec3;
@@ -75,8 +77,8 @@ fn without(pointer: &str) -> Value {
 fn a_whole_document_is_read() {
     let ParsedScene { scene, document } = parse(&plaza()).expect("a scene");
     assert_eq!(
-        (scene.id.as_str(), scene.name.as_str(), scene.sky_srgb),
-        ("plaza", "Plaza", [0x10, 0x20, 0x30])
+        (scene.id.as_str(), scene.name.as_str(), scene.sky.plain_srgb()),
+        ("plaza", "Plaza", Some([0x10, 0x20, 0x30]))
     );
     assert_eq!(scene.surfaces.ground().next().unwrap().corners().len(), 4);
     assert_eq!(scene.materials[0].color_srgb, [0x8a, 0x8a, 0x84]);
@@ -103,7 +105,7 @@ fn what_is_written_back_reads_the_same() {
 #[test]
 fn what_is_left_out_has_its_default() {
     let ParsedScene { scene, document } = parse(&json!({"version": 1})).expect("enough");
-    assert_eq!((scene.name.as_str(), scene.sky_srgb), ("plaza", [0x87, 0xb5, 0xdd]));
+    assert_eq!((scene.name.as_str(), scene.sky.plain_srgb()), ("plaza", Some([0x87, 0xb5, 0xdd])));
     assert!(
         scene.cameras.is_empty() && scene.surfaces.ground().len() == 0 && scene.surfaces.boxes().len() == 0
     );

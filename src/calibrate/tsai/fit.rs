@@ -3,7 +3,7 @@
 //! In: kappa and a radius, in units of the focal length. Out: a Brown-Conrady lens and its largest miss. Knows no
 //! pixels and no files.
 
-use crate::geometry::Distortion;
+use crate::geometry::{Distortion, least_squares};
 
 /// Places along the radius at which the fit is made and judged.
 const N_RADII: usize = 512;
@@ -45,7 +45,7 @@ pub(super) fn inverse_radial(kappa: f64, farthest: f64) -> Option<(Distortion, f
 /// rd - ru = ru^3 (k1 + k2 ru^2 + k3 ru^4) is linear in the coefficients.
 fn polynomial(pairs: &[(f64, f64)]) -> [f64; 8] {
     let terms = [3, 5, 7].map(|power| column(pairs, |ru, _| ru.powi(power)));
-    let [k1, k2, k3] = least_squares(terms, column(pairs, |ru, rd| rd - ru));
+    let ([k1, k2, k3], _) = least_squares(terms, column(pairs, |ru, rd| rd - ru));
     [k1, k2, 0.0, 0.0, k3, 0.0, 0.0, 0.0]
 }
 
@@ -55,7 +55,8 @@ fn rational(pairs: &[(f64, f64)]) -> [f64; 8] {
     let below = [2, 4, 6].map(|power| column(pairs, |ru, rd| -rd * ru.powi(power)));
     let [a1, a2, a3] = above;
     let [b1, b2, b3] = below;
-    let [k1, k2, k3, k4, k5, k6] = least_squares([a1, a2, a3, b1, b2, b3], column(pairs, |ru, rd| rd - ru));
+    let right = column(pairs, |ru, rd| rd - ru);
+    let ([k1, k2, k3, k4, k5, k6], _) = least_squares([a1, a2, a3, b1, b2, b3], right);
     [k1, k2, 0.0, 0.0, k3, k4, k5, k6]
 }
 
@@ -75,35 +76,6 @@ fn judged(coefficients: [f64; 8], pairs: &[(f64, f64)]) -> Option<(Distortion, f
     let miss = pairs.iter().map(|(ru, rd)| (shown(*ru) - rd).abs()).fold(0.0, f64::max);
     let (outermost, _) = pairs.last()?;
     (*outermost < limit.max_radius()).then_some((distortion, miss))
-}
-
-/// Coefficients of the columns whose sum comes nearest to `right`, by modified Gram-Schmidt (Golub and Van Loan,
-/// Matrix Computations, algorithm 5.2.6): the normal equations of the rational form lose every digit.
-fn least_squares<const N: usize>(mut columns: [Vec<f64>; N], mut right: Vec<f64>) -> [f64; N] {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
-    let mut upper = [[0.0; N]; N];
-    let mut projected = [0.0; N];
-    for idx in 0..N {
-        let length = dot(&columns[idx], &columns[idx]).sqrt();
-        columns[idx].iter_mut().for_each(|value| *value /= length);
-        upper[idx][idx] = length;
-        let unit = columns[idx].clone();
-        let remove = |column: &mut [f64]| {
-            let part = dot(&unit, column);
-            column.iter_mut().zip(&unit).for_each(|(value, unit)| *value -= part * unit);
-            part
-        };
-        for later in idx + 1..N {
-            upper[idx][later] = remove(&mut columns[later]);
-        }
-        projected[idx] = remove(&mut right);
-    }
-    let mut solution = [0.0; N];
-    for idx in (0..N).rev() {
-        let known: f64 = (idx + 1..N).map(|later| upper[idx][later] * solution[later]).sum();
-        solution[idx] = (projected[idx] - known) / upper[idx][idx];
-    }
-    solution
 }
 
 #[cfg(test)]
@@ -138,14 +110,5 @@ mod tests {
         }
         assert_eq!(inverse_radial(0.1, f64::NAN), None);
         assert_eq!(inverse_radial(0.1, 0.0), None);
-    }
-
-    #[test]
-    fn least_squares_finds_what_was_put_in() {
-        let x: Vec<f64> = (0..20).map(f64::from).collect();
-        let of = |f: fn(f64) -> f64| x.iter().map(|x| f(*x)).collect::<Vec<_>>();
-        let found =
-            least_squares([of(|_| 1.0), of(|x| x), of(|x| x * x)], of(|x| 2.0 - 3.0 * x + 0.5 * x * x));
-        assert!(found.iter().zip([2.0, -3.0, 0.5]).all(|(a, b)| (a - b).abs() < 1e-10), "{found:?}");
     }
 }

@@ -11,6 +11,7 @@ mod mesh;
 mod oriented_box;
 mod polygon;
 mod shape;
+mod sheet;
 #[cfg(test)]
 mod tests;
 mod triangle;
@@ -27,6 +28,7 @@ pub use mesh::{MAX_TRIANGLES, TriangleMesh};
 pub use oriented_box::OrientedBox;
 pub use polygon::GroundPolygon;
 pub use shape::Shape;
+pub use sheet::{Sheet, SheetKind};
 pub use triangle::Triangle;
 
 /// Which surface of a scene: its kind, and its place among those of its kind.

@@ -1,7 +1,7 @@
 //! Entities as upright rectangles in the world, each textured by the camera that saw it.
 
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, Fragments, LiveFrames, Mixing, Recording, Translucent,
+    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, Translucent,
     draw_pipeline,
 };
 use crate::fuse::{Billboard, CameraState};
@@ -198,13 +198,14 @@ impl BillboardPass {
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[into.frame_layout, &self.frames.layout],
-            vertices: layout,
+            vertices: &[Some(layout)],
+            entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
             mixing: Mixing {
                 blend: Some(wgpu::BlendState::PREMULTIPLIED_ALPHA_BLENDING),
                 writes_depth: false,
                 culls_back: false,
-                fragments: Fragments::Colored,
+                writes_color: true,
             },
             variant: &[
                 ("HAS_BESIDE", f64::from(u8::from(is_blended))),

@@ -6,6 +6,7 @@ mod camera_depth;
 mod enlarge;
 mod points;
 pub(super) mod see_through;
+mod sky;
 mod surface;
 mod yuv;
 
@@ -14,6 +15,7 @@ pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use points::{Instance as PointInstance, PointsPass};
+pub(super) use sky::SkyPass;
 pub(super) use surface::{StaticScene, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;
 
@@ -23,7 +25,7 @@ use crate::gpu::{Gpu, GpuError, Mirror, Timer};
 
 /// The mirror structs of all passes.
 pub(super) fn mirrors() -> Vec<Mirror> {
-    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR]
+    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR]
 }
 
 /// The vertex layouts of all passes: shader, entry point, attributes' locations and formats.
@@ -91,24 +93,20 @@ impl BySamples {
 struct Mixing {
     blend: Option<wgpu::BlendState>,
     writes_depth: bool,
+    writes_color: bool,
     culls_back: bool,
-    /// `fs_main`, or what only finds depths.
-    fragments: Fragments,
 }
 
-/// What becomes of fragments.
-#[derive(Clone, Copy)]
-enum Fragments {
-    Colored,
-    /// They leave a depth alone: `fs_depth`.
-    Deep,
-}
+/// Entry points of most drawing passes.
+const MAIN: [&str; 2] = ["vs_main", "fs_main"];
 
-/// A pipeline that draws into the frame's targets: `vs_main` and `fs_main` (or `fs_depth`) of the shader of the label's stem.
+/// A pipeline that draws into the frame's targets, by the shader of the label's stem.
 struct DrawPipeline<'a> {
     label: &'static str,
     bind_groups: &'a [&'a wgpu::BindGroupLayout],
-    vertices: wgpu::VertexBufferLayout<'a>,
+    vertices: &'a [Option<wgpu::VertexBufferLayout<'a>>],
+    /// Of vertices and of fragments.
+    entry_points: [&'static str; 2],
     topology: wgpu::PrimitiveTopology,
     mixing: Mixing,
     /// Values of the shader's override constants.
@@ -117,16 +115,14 @@ struct DrawPipeline<'a> {
 }
 
 fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipeline, GpuError> {
-    let DrawPipeline { label, bind_groups, vertices, topology, mixing, variant, samples } = wanted;
+    let DrawPipeline { label, bind_groups, vertices, entry_points, topology, mixing, variant, samples } =
+        wanted;
     let module = gpu.shader(&format!("render/{label}.wgsl"))?;
     let compilation_options = wgpu::PipelineCompilationOptions {
         constants: variant,
         ..wgpu::PipelineCompilationOptions::default()
     };
-    let (entry_point, write_mask) = match mixing.fragments {
-        Fragments::Colored => ("fs_main", wgpu::ColorWrites::ALL),
-        Fragments::Deep => ("fs_depth", wgpu::ColorWrites::empty()),
-    };
+    let write_mask = if mixing.writes_color { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
     let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(label),
@@ -138,9 +134,9 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         layout: Some(&layout),
         vertex: wgpu::VertexState {
             module: &module,
-            entry_point: Some("vs_main"),
+            entry_point: Some(entry_points[0]),
             compilation_options: compilation_options.clone(),
-            buffers: &[Some(vertices)],
+            buffers: vertices,
         },
         primitive: wgpu::PrimitiveState {
             topology,
@@ -157,7 +153,7 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         multisample: wgpu::MultisampleState { count: samples, ..wgpu::MultisampleState::default() },
         fragment: Some(wgpu::FragmentState {
             module: &module,
-            entry_point: Some(entry_point),
+            entry_point: Some(entry_points[1]),
             compilation_options,
             targets: &[Some(wgpu::ColorTargetState {
                 format: COLOR_FORMAT,
@@ -170,7 +166,7 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
     }))
 }
 
-fn texture_entry(
+pub(super) fn texture_entry(
     binding: u32,
     view_dimension: wgpu::TextureViewDimension,
     sample_type: wgpu::TextureSampleType,
@@ -183,10 +179,10 @@ fn texture_entry(
     }
 }
 
-const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
+pub(super) const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
 const UNFILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: false };
 
-const SAMPLER_ENTRY: wgpu::BindGroupLayoutEntry = wgpu::BindGroupLayoutEntry {
+pub(super) const SAMPLER_ENTRY: wgpu::BindGroupLayoutEntry = wgpu::BindGroupLayoutEntry {
     binding: 1,
     visibility: wgpu::ShaderStages::VERTEX_FRAGMENT,
     ty: wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),

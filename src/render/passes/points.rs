@@ -1,7 +1,7 @@
 //! Entities as squares in space, one a foreground texel.
 
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, Fragments, LiveFrames, Mixing, Recording, draw_pipeline,
+    Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline,
 };
 use crate::fuse::EntityPoint;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -68,14 +68,10 @@ impl PointsPass {
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[into.frame_layout, &self.frames.layout],
-            vertices: layout,
+            vertices: &[Some(layout)],
+            entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
-            mixing: Mixing {
-                blend: None,
-                writes_depth: true,
-                culls_back: false,
-                fragments: Fragments::Colored,
-            },
+            mixing: Mixing { blend: None, writes_depth: true, culls_back: false, writes_color: true },
             variant: &[("HAS_GAINS", f64::from(u8::from(into.has_gains)))],
             samples,
         };

@@ -2,12 +2,13 @@
 
 use super::camera_depth::DepthMaps;
 use super::{
-    Attributes, BySamples, DrawInto, DrawPipeline, FILTERED, Fragments, Mixing, Recording, SAMPLER_ENTRY,
+    Attributes, BySamples, DrawInto, DrawPipeline, FILTERED, MAIN, Mixing, Recording, SAMPLER_ENTRY,
     UNFILTERED, draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::{Filtering, Opened};
 use crate::render::image_array::ImageArray;
+use crate::render::mesh::MeshVertex;
 use crate::render::patches::{Batch, Batches, CameraList, Patches, Shading};
 use glam::DVec3;
 use std::num::NonZeroU64;
@@ -39,6 +40,16 @@ fn constants(shading: Shading) -> [(&'static str, f64); 6] {
 const LIST_STRIDE: u32 = 256;
 type PaddedList = [CameraList; LIST_STRIDE as usize / size_of::<CameraList>()];
 
+/// What a corner of a triangle with a picture has beside: [`crate::render::mesh::MeshVertex`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+struct TextureVertex {
+    texture: [f32; 4],
+    tint: [f32; 3],
+}
+
+const TEXTURE_ATTRIBUTES: Attributes<2> = wgpu::vertex_attr_array![3 => Float32x4, 4 => Float32x3];
+
 /// Whether a surface covers what lies behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Cover {
@@ -56,10 +67,9 @@ impl Cover {
             dst_factor,
             operation: wgpu::BlendOperation::Add,
         };
-        let whole =
-            Mixing { blend: None, writes_depth: true, culls_back: false, fragments: Fragments::Colored };
+        let whole = Mixing { blend: None, writes_depth: true, culls_back: false, writes_color: true };
         match self {
-            Self::Depth => Mixing { fragments: Fragments::Deep, ..whole },
+            Self::Depth => Mixing { writes_color: false, ..whole },
             Self::Whole => whole,
             Self::Partly => {
                 let color = factor(wgpu::BlendFactor::Constant, wgpu::BlendFactor::OneMinusConstant);
@@ -81,6 +91,8 @@ struct Ready {
     textures: wgpu::BindGroup,
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
+    /// What the vertices of those with a picture have beside, and the pictures.
+    textured: Option<(wgpu::Buffer, Vec<wgpu::BindGroup>)>,
 }
 
 /// A batch with its pipeline.
@@ -93,6 +105,10 @@ impl Ready {
         for (pipeline, batch) in items {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &self.textures, &[batch.list * LIST_STRIDE]);
+            if let (Some((beside, pictures)), Some(place)) = (&self.textured, batch.texture) {
+                pass.set_vertex_buffer(1, beside.slice(..));
+                pass.set_bind_group(2, &pictures[place], &[]);
+            }
             pass.draw_indexed(batch.indices.clone(), 0, 0..1);
         }
     }
@@ -127,6 +143,8 @@ pub(in crate::render) struct StaticScene<'a> {
     pub batches: &'a Batches,
     pub anchor_in_world: DVec3,
     pub filtering: Filtering,
+    /// The pictures on the surfaces as they are bound, and their layout; none where there are none.
+    pub textures: Option<(&'a [wgpu::BindGroup], &'a wgpu::BindGroupLayout)>,
     /// Surfaces that are drawn translucent, after what lies behind them.
     pub opened: &'a [Opened],
 }
@@ -143,6 +161,9 @@ pub(in crate::render) struct SurfacePass {
     indices: GrowingBuffer,
     lists: GrowingBuffer,
     scratch: Vec<Vertex>,
+    texture_vertices: GrowingBuffer,
+    /// Of which patches they are.
+    texture_vertices_of: Option<u64>,
     /// Of which patches, relative to what the vertices are: parts of a picture mostly share both.
     written: Option<(u64, DVec3)>,
 }
@@ -193,6 +214,8 @@ impl SurfacePass {
             indices: GrowingBuffer::new("surface indices", wgpu::BufferUsages::INDEX),
             lists: GrowingBuffer::new("surface lists", wgpu::BufferUsages::UNIFORM),
             scratch: Vec::new(),
+            texture_vertices: GrowingBuffer::new("surface texture vertices", wgpu::BufferUsages::VERTEX),
+            texture_vertices_of: None,
             written: None,
         }
     }
@@ -202,14 +225,25 @@ impl SurfacePass {
         &mut self,
         gpu: &Gpu,
         into: &DrawInto<'_>,
-        key: Shading,
-        cover: Cover,
+        (key, cover): (Shading, Cover),
+        texture_layout: Option<&wgpu::BindGroupLayout>,
     ) -> Result<&wgpu::RenderPipeline, GpuError> {
         let vertices = wgpu::VertexBufferLayout {
             array_stride: size_of::<Vertex>() as u64,
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &ATTRIBUTES,
         };
+        let beside = wgpu::VertexBufferLayout {
+            array_stride: size_of::<TextureVertex>() as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &TEXTURE_ATTRIBUTES,
+        };
+        let mut bind_groups = vec![into.frame_layout, &self.layout];
+        let mut buffers = vec![Some(vertices)];
+        if let Some(layout) = texture_layout {
+            bind_groups.push(layout);
+            buffers.push(Some(beside));
+        }
         let samples = into.targets.samples();
         let known = self.pipelines.iter().position(|(known, covers, _)| (*known, *covers) == (key, cover));
         let idx = known.unwrap_or_else(|| {
@@ -218,8 +252,13 @@ impl SurfacePass {
         });
         let wanted = DrawPipeline {
             label: LABEL,
-            bind_groups: &[into.frame_layout, &self.layout],
-            vertices,
+            bind_groups: &bind_groups,
+            vertices: &buffers,
+            entry_points: match cover {
+                Cover::Depth => ["vs_main", "fs_depth"],
+                _ if key.has_texture => ["vs_textured", "fs_textured"],
+                _ => MAIN,
+            },
             topology: wgpu::PrimitiveTopology::TriangleList,
             mixing: cover.mixing(),
             variant: &constants(key),
@@ -233,11 +272,13 @@ impl SurfacePass {
         &mut self,
         gpu: &Gpu,
         into: &DrawInto<'_>,
-        batches: &[Batch],
-        cover: Cover,
+        (batches, cover): (&[Batch], Cover),
+        texture_layout: Option<&wgpu::BindGroupLayout>,
     ) -> Result<Vec<Item>, GpuError> {
-        let item =
-            |batch: &Batch| Ok((self.pipeline(gpu, into, batch.shading, cover)?.clone(), batch.clone()));
+        let item = |batch: &Batch| {
+            let layout = texture_layout.filter(|_| batch.shading.has_texture);
+            Ok((self.pipeline(gpu, into, (batch.shading, cover), layout)?.clone(), batch.clone()))
+        };
         batches.iter().map(item).collect()
     }
 
@@ -257,12 +298,16 @@ impl SurfacePass {
         let padded: Vec<PaddedList> = lists.iter().map(|list| [*list; _]).collect();
         let lists = self.lists.write(gpu, &padded).clone();
         let textures = self.bind(gpu, shown.filtering, (backgrounds, depth_maps, &lists));
-        let ready = Ready { textures, vertices, indices };
+        let textured = shown
+            .textures
+            .map(|(pictures, _)| (self.write_beside(gpu, shown.patches).clone(), pictures.to_vec()));
+        let texture_layout = shown.textures.map(|(_, layout)| layout);
+        let ready = Ready { textures, vertices, indices, textured };
         let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
         let is_dear = opaque.iter().any(|batch| batch.shading.n_cameras > 0);
-        let depth = Batch { shading: Shading::default(), list: 0, indices: 0..n_indices };
-        let depth = if is_dear { self.items(gpu, into, &[depth], Cover::Depth)? } else { Vec::new() };
-        let opaque = self.items(gpu, into, opaque, Cover::Whole)?;
+        let depth = Batch { shading: Shading::default(), texture: None, list: 0, indices: 0..n_indices };
+        let depth = if is_dear { self.items(gpu, into, (&[depth], Cover::Depth), None)? } else { Vec::new() };
+        let opaque = self.items(gpu, into, (opaque, Cover::Whole), texture_layout)?;
         let mut pass = recording.draw(LABEL, into);
         ready.draw(&mut pass, &depth);
         ready.draw(&mut pass, &opaque);
@@ -272,9 +317,23 @@ impl SurfacePass {
         }
         let mut surfaces = Vec::with_capacity(shown.opened.len());
         for (batches, Opened { opacity, .. }) in opened.iter().zip(shown.opened) {
-            surfaces.push((self.items(gpu, into, batches, Cover::Partly)?, *opacity));
+            surfaces.push((self.items(gpu, into, (batches, Cover::Partly), texture_layout)?, *opacity));
         }
         Ok(Some(Translucent { ready, surfaces }))
+    }
+
+    /// What the patches' vertices have beside on the device: written once, since no view changes it.
+    fn write_beside(&mut self, gpu: &Gpu, patches: &Patches) -> &wgpu::Buffer {
+        if self.texture_vertices_of != Some(patches.number) {
+            let vertex = |vertex: &MeshVertex| TextureVertex {
+                texture: vertex.texture.to_array(),
+                tint: vertex.tint.to_array(),
+            };
+            let vertices: Vec<TextureVertex> = patches.vertices.iter().map(vertex).collect();
+            self.texture_vertices.write(gpu, &vertices);
+            self.texture_vertices_of = Some(patches.number);
+        }
+        self.texture_vertices.get().expect("they have just been written")
     }
 
     /// The patches' vertices on the device, written where they or the anchor are others than the last frame's.

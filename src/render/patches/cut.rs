@@ -321,7 +321,15 @@ fn fan(triangle: &[MeshVertex; 3], outline: &[DVec3], add: &mut dyn FnMut([MeshV
     (0..n).for_each(|idx| give([middle, outline[idx], outline[(idx + 1) % n]]));
 }
 
-/// The corner of a part of a triangle.
+/// The corner of a part of a triangle: what is linear over it follows from the areas against its corners.
 fn within(triangle: &[MeshVertex; 3], position_in_world: DVec3) -> MeshVertex {
-    MeshVertex { position_in_world, ..triangle[0] }
+    let normal = triangle[0].normal.as_dvec3();
+    let [a, b, c] = triangle.map(|corner| corner.position_in_world);
+    let area = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a).dot(normal);
+    let whole = area(a, b, c);
+    let (of_b, of_c) = (area(a, position_in_world, c) / whole, area(a, b, position_in_world) / whole);
+    let [at_a, at_b, at_c] = triangle.map(|corner| corner.texture.as_dvec4());
+    let texture = at_a + (at_b - at_a) * of_b + (at_c - at_a) * of_c;
+    let texture = if texture.is_finite() { texture.as_vec4() } else { triangle[0].texture };
+    MeshVertex { position_in_world, texture, ..triangle[0] }
 }

@@ -30,12 +30,16 @@ pub(in crate::render) struct Shading {
     pub has_depth_cubes: bool,
     pub has_gains: bool,
     pub has_levels: bool,
+    /// It has a picture of its own.
+    pub has_texture: bool,
 }
 
 /// Patches that are drawn together: by one variant, with one list of cameras.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::render) struct Batch {
     pub shading: Shading,
+    /// The place of the picture on it among the mesh's.
+    pub texture: Option<usize>,
     /// Place of its list in [`Batches::lists`].
     pub list: u32,
     /// In [`Batches::indices`].
@@ -60,6 +64,7 @@ struct Drawn {
     /// 0 of what is opaque, then one more than the opened surface's place.
     layer: usize,
     shading: Shading,
+    texture: Option<usize>,
     list: [u8; MOST_LISTED],
     patch: usize,
 }
@@ -108,7 +113,7 @@ impl Patches {
             prune(ranked, drawing.most_cameras.min(MOST_LISTED));
             let is_this = |opened: &Opened| opened.surface == patch.surface;
             let layer = drawing.opened.iter().position(is_this).map_or(0, |place| place + 1);
-            scratch.push(drawn(ranked, drawing, layer, idx));
+            scratch.push(drawn(ranked, drawing, (layer, idx), patch.texture));
         }
         scratch.sort_unstable();
         indices.clear();
@@ -116,20 +121,32 @@ impl Patches {
         opaque.clear();
         opened.clear();
         opened.resize_with(drawing.opened.len(), Vec::new);
-        for batch in scratch.chunk_by(|a, b| (a.layer, a.shading, a.list) == (b.layer, b.shading, b.list)) {
+        for batch in scratch.chunk_by(|a, b| {
+            (a.layer, a.shading, a.texture, a.list) == (b.layer, b.shading, b.texture, b.list)
+        }) {
             let first = indices.len() as u32;
             indices.extend(batch.iter().flat_map(|drawn| self.patches[drawn.patch].vertices.clone()));
-            let Drawn { layer, shading, list, .. } = batch[0];
+            let Drawn { layer, shading, texture, list, .. } = batch[0];
             let at = |idx: usize| u32::from(list[idx]);
             let (low, high) = ([0, 1, 2, 3].map(at), [4, 5, 6, 7].map(at));
             lists.push(CameraList { low, high });
-            let batch = Batch { shading, list: lists.len() as u32 - 1, indices: first..indices.len() as u32 };
+            let batch = Batch {
+                shading,
+                texture,
+                list: lists.len() as u32 - 1,
+                indices: first..indices.len() as u32,
+            };
             if layer == 0 { &mut *opaque } else { &mut opened[layer - 1] }.push(batch);
         }
     }
 }
 
-fn drawn(ranked: &[Ranked], drawing: &Drawing<'_>, layer: usize, patch: usize) -> Drawn {
+fn drawn(
+    ranked: &[Ranked],
+    drawing: &Drawing<'_>,
+    (layer, patch): (usize, usize),
+    texture: Option<usize>,
+) -> Drawn {
     let mut list = [0; MOST_LISTED];
     for (slot, camera) in list.iter_mut().zip(ranked) {
         *slot = camera.camera;
@@ -143,8 +160,9 @@ fn drawn(ranked: &[Ranked], drawing: &Drawing<'_>, layer: usize, patch: usize) -
         has_depth_cubes: has_depth_maps && ranked.iter().any(|ranked| of(ranked).n_depth_faces > 1),
         has_gains: ranked.iter().any(|ranked| of(ranked).has_gain()),
         has_levels: drawing.filtering == Filtering::Levels && !ranked.is_empty(),
+        has_texture: texture.is_some(),
     };
-    Drawn { layer, shading, list, patch }
+    Drawn { layer, shading, texture, list, patch }
 }
 
 impl Patch {

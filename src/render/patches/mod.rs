@@ -10,7 +10,7 @@ mod sight;
 #[cfg(test)]
 mod tests;
 
-use super::mesh::{Mesh, MeshVertex};
+use super::mesh::{Mesh, MeshVertex, PartAndPicture};
 use crate::geometry::{Camera, Shape, SurfaceId};
 use cut::{Cell, Cutter, Plane};
 use glam::DVec3;
@@ -49,6 +49,8 @@ struct Patch {
     radius_m: f64,
     /// Of what is level its unit normal, else zero.
     normal: DVec3,
+    /// The place of the picture on it among the mesh's.
+    texture: Option<usize>,
     sights: Vec<Sight>,
 }
 
@@ -184,15 +186,18 @@ impl Maker<'_> {
             }
             let hides = shape.hides() || is_stepped;
             if let Shape::Cylinder(_) | Shape::HeightField(_) | Shape::Model(_) = shape {
-                let corners = box_around(self.points(&firsts));
                 for chunk in firsts.chunks(firsts.len().div_ceil(MOST_BOXES)) {
                     let corners = box_around(self.points(chunk));
                     self.blockers.push(Blocker { plane: None, normal: DVec3::ZERO, corners, place });
                 }
-                drafts.push(Draft::new(surface, corners, Form::Uneven(firsts)));
+                for firsts in self.groups(firsts, |(_, texture)| (0, texture)) {
+                    let corners = box_around(self.points(&firsts));
+                    drafts.push(Draft::new(surface, corners, Form::Uneven(firsts)));
+                }
                 continue;
             }
-            for firsts in by_part(shape, &firsts) {
+            // Each part is level.
+            for firsts in self.groups(firsts, |of| of) {
                 let corners: Vec<MeshVertex> =
                     firsts.iter().flat_map(|first| self.triangle(*first)).collect();
                 let number = self.planes.len() as u32;
@@ -207,6 +212,15 @@ impl Maker<'_> {
             }
         }
         drafts
+    }
+
+    /// Triangles apart by what `by` makes of their part and picture.
+    fn groups(&self, firsts: Vec<u32>, by: fn(PartAndPicture) -> PartAndPicture) -> Vec<Vec<u32>> {
+        let of = |first: u32| (by(self.mesh.triangles[first as usize / 3]), first);
+        let mut ordered: Vec<_> = firsts.into_iter().map(of).collect();
+        ordered.sort_unstable();
+        let groups = ordered.chunk_by(|(a, _), (b, _)| a == b);
+        groups.map(|group| group.iter().map(|(_, first)| *first).collect()).collect()
     }
 
     fn triangle(&self, first: u32) -> [MeshVertex; 3] {
@@ -326,26 +340,20 @@ impl Maker<'_> {
             }
         }
         let patch = |(draft, vertices): (Draft, Range<u32>)| {
+            let first = match &draft.form {
+                Form::Level(.., triangles) | Form::Uneven(triangles) => triangles[0],
+            };
+            let texture = self.mesh.triangles[first as usize / 3].1;
             let normal = match &draft.form {
                 Form::Level(place, ..) => self.planes[*place].normal,
                 Form::Uneven(_) => DVec3::ZERO,
             };
             let Draft { surface, center, radius_m, seen, .. } = draft;
             let sights = seen.into_iter().map(|(sight, _)| sight).collect();
-            Patch { surface, vertices, center, radius_m, normal, sights }
+            Patch { surface, vertices, center, radius_m, normal, texture, sights }
         };
         let patches = drafts.into_iter().zip(ranges).filter(|(_, range)| !range.is_empty()).map(patch);
         let patches = patches.collect();
         (vertices, patches)
     }
-}
-
-/// A shape's triangles, part by part: each is level.
-fn by_part(shape: &Shape, firsts: &[u32]) -> Vec<Vec<u32>> {
-    let mut parts = Vec::with_capacity(firsts.len());
-    shape.triangles(&mut |triangle| parts.push(triangle.part));
-    let mut ordered: Vec<(u32, u32)> = parts.into_iter().zip(firsts.iter().copied()).collect();
-    ordered.sort_unstable();
-    let groups = ordered.chunk_by(|(a, _), (b, _)| a == b);
-    groups.map(|group| group.iter().map(|(_, first)| *first).collect()).collect()
 }

@@ -15,7 +15,7 @@ fn scene(shapes: Vec<Shape>) -> Arc<Scene> {
         name: "Patches".to_owned(),
         materials,
         surfaces: Surfaces::new(shapes),
-        sky_srgb: [0; 3],
+        sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
         min_entity_size_m: 0.0,
         cameras: Vec::new(),
         view: None,

@@ -1,10 +1,13 @@
 //! glTF 2.0, as JSON with buffers beside it or as one GLB: triangles of all nodes of the scene, each in its place, with
-//! their materials' base colours and their vertices' colours.
+//! their materials' base colours and pictures and their vertices' colours.
 
 use super::accessor::Elements;
+use super::gltf_picture::{Covering, ShownPicture, image_bytes, wraps_of};
 use super::{MAX_MODEL_BYTES, MAX_POINTS, Model, too_many};
 use crate::frame::srgb_from_linear;
 use crate::scene::Imports;
+use crate::scene::paint::MappedTriangle;
+use crate::scene::texture::Files;
 use base64::Engine;
 use glam::{DMat4, DVec3, Mat4};
 use gltf::buffer::Source;
@@ -20,6 +23,8 @@ const MAX_JSON_BYTES: usize = 16 << 20;
 const MAX_NODES: usize = 1 << 16;
 /// Most primitives of meshes that are looked at, each as often as a node shows it.
 const MAX_PRIMITIVES: usize = 1 << 16;
+/// Most pictures of a file that are shown.
+const MAX_PICTURES: usize = 4096;
 /// Length of a GLB's header and of a chunk's.
 const HEADER_BYTES: usize = 12;
 const CHUNK_HEADER_BYTES: usize = 8;
@@ -28,12 +33,16 @@ pub(super) fn read(
     bytes: &[u8],
     file: &str,
     most_triangles: usize,
-    imports: &mut dyn Imports,
+    files: &mut Files<'_>,
 ) -> Result<Model, String> {
     check_lengths(bytes)?;
     let gltf = parsed(bytes)?;
-    let buffers = buffers(&gltf, file, imports)?;
+    let buffers = buffers(&gltf, file, files.imports())?;
     let mut reading = Reading {
+        document: &gltf.document,
+        file,
+        files,
+        pictures: Vec::new(),
         buffers,
         most_triangles,
         n_primitives: 0,
@@ -57,6 +66,9 @@ pub(super) fn read(
             reading.mesh(&mesh, placed)?;
         }
         waiting.extend(node.children().map(|child| (child, placed)));
+    }
+    if reading.model.pictures.is_empty() {
+        reading.model.mapped = Vec::new();
     }
     Ok(reading.model)
 }
@@ -143,7 +155,13 @@ fn linked(uri: &str, file: &str, imports: &mut dyn Imports) -> Result<Vec<u8>, S
     imports.file(&beside.to_string_lossy(), MAX_MODEL_BYTES)
 }
 
-struct Reading {
+struct Reading<'a, 'f> {
+    document: &'a Document,
+    /// The model's own file.
+    file: &'a str,
+    files: &'a mut Files<'f>,
+    /// Which of the document's textures which of the model's pictures is.
+    pictures: Vec<(usize, u16)>,
     buffers: Vec<Vec<u8>>,
     most_triangles: usize,
     /// Primitives that were looked at, each as often as it is reached.
@@ -151,7 +169,38 @@ struct Reading {
     model: Model,
 }
 
-impl Reading {
+impl Reading<'_, '_> {
+    /// The picture that a primitive's material names, read when it is first met.
+    fn picture(&mut self, primitive: &Primitive<'_>) -> Result<Option<ShownPicture>, String> {
+        let material = primitive.material();
+        let Some(info) = material.pbr_metallic_roughness().base_color_texture() else { return Ok(None) };
+        let (texture, set) = (info.texture(), info.tex_coord());
+        if primitive.get(&Semantic::TexCoords(set)).is_none() {
+            // Where it lies is not said.
+            return Ok(None);
+        }
+        let wraps = wraps_of(&texture);
+        let known = self.pictures.iter().find(|(known, _)| *known == texture.index());
+        if let Some((_, place)) = known {
+            return Ok(Some(ShownPicture { place: *place, wraps, set }));
+        }
+        if self.pictures.len() >= MAX_PICTURES {
+            return Err(format!("/textures: at most {MAX_PICTURES} are read"));
+        }
+        let image = self.document.as_json().textures[texture.index()].source.value();
+        let at = |reason: String| format!("/images/{image}: {reason}");
+        let bytes = image_bytes(self.document, image, &self.buffers, |uri| {
+            linked(uri, self.file, self.files.imports())
+        })
+        .map_err(at)?;
+        // Alpha is for materials that are blended; these are opaque.
+        let picture = self.files.decoded(&bytes, wraps).map_err(at)?;
+        let place = self.model.pictures.len() as u16;
+        self.model.pictures.push(picture);
+        self.pictures.push((texture.index(), place));
+        Ok(Some(ShownPicture { place, wraps, set }))
+    }
+
     /// Adds the triangles of a mesh, moved to where its node stands.
     fn mesh(&mut self, mesh: &Mesh<'_>, placed: DMat4) -> Result<(), String> {
         for primitive in mesh.primitives() {
@@ -177,6 +226,7 @@ impl Reading {
             return Ok(());
         }
         let Some(positions) = primitive.get(&Semantic::Positions) else { return Ok(()) };
+        let picture = self.picture(primitive)?;
         let place = format!("/accessors/{}", positions.index());
         let positions = Elements::new(&positions, &self.buffers, MAX_POINTS)?;
         if positions.width != 3 || !positions.is_float() {
@@ -185,6 +235,8 @@ impl Reading {
         let colors = primitive.get(&Semantic::Colors(0));
         let colors =
             colors.map(|accessor| Elements::new(&accessor, &self.buffers, MAX_POINTS)).transpose()?;
+        let covering =
+            picture.map(|picture| Covering::new(picture, primitive, &self.buffers)).transpose()?.flatten();
         let indices = primitive.indices();
         let most = 3 * self.most_triangles + 2;
         let indices = indices.map(|accessor| Elements::new(&accessor, &self.buffers, most)).transpose()?;
@@ -237,6 +289,9 @@ impl Reading {
                 })
             };
             self.model.triangles.push([a, b, c].map(&mut kept_at));
+            let plain = MappedTriangle { picture: None, corners: [[0.0; 2]; 3] };
+            let mapped = covering.as_ref().map_or(Ok(plain), |covering| covering.triangle([a, b, c]));
+            self.model.mapped.push(mapped.map_err(|reason| format!("triangle {idx}: {reason}"))?);
             let color = srgb_codes(color_of([a, b, c]));
             self.model.triangles_srgb.get_or_insert_default().push(color);
         }

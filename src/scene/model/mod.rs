@@ -1,16 +1,19 @@
-//! Models in files beside a scene document: glTF, GLB and PLY -> triangles with colours.
+//! Models in files beside a scene document: glTF, GLB and PLY -> triangles with colours and pictures.
 //!
 //! Every count is held against a limit before room is made for what it counts, every offset against the bytes that are
 //! there; what is malformed is refused with a reason, and nothing is fetched from anywhere but the files that
-//! [`Imports`] allows.
+//! [`super::Imports`] allows.
 
 mod accessor;
 mod gltf;
+mod gltf_picture;
 mod ply;
 
-use super::Imports;
+use super::paint::MappedTriangle;
+use super::texture::{Files, Texture};
 use glam::DVec3;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Most bytes of a model's file, and of each file that it names.
 pub const MAX_MODEL_BYTES: usize = 64 << 20;
@@ -30,6 +33,10 @@ pub(super) struct Model {
     pub(super) triangles: Vec<[u32; 3]>,
     /// The colour of each triangle, 8-bit sRGB; none where the file has no colours.
     pub(super) triangles_srgb: Option<Vec<[u8; 3]>>,
+    /// The pictures on it.
+    pub(super) pictures: Vec<Arc<Texture>>,
+    /// What covers each triangle; empty without pictures.
+    pub(super) mapped: Vec<MappedTriangle>,
     /// Whether the file's axes have y upwards, as glTF's have; else z is.
     pub(super) is_y_up: bool,
 }
@@ -53,11 +60,11 @@ impl Model {
 }
 
 /// Reads a model with at most `most_triangles`.
-pub(super) fn read(file: &str, most_triangles: usize, imports: &mut dyn Imports) -> Result<Model, String> {
-    let bytes = imports.file(file, MAX_MODEL_BYTES)?;
+pub(super) fn read(file: &str, most_triangles: usize, files: &mut Files<'_>) -> Result<Model, String> {
+    let bytes = files.imports().file(file, MAX_MODEL_BYTES)?;
     let extension = Path::new(file).extension().and_then(|extension| extension.to_str()).unwrap_or_default();
     let model = match extension.to_ascii_lowercase().as_str() {
-        "gltf" | "glb" => gltf::read(&bytes, file, most_triangles, imports),
+        "gltf" | "glb" => gltf::read(&bytes, file, most_triangles, files),
         "ply" => ply::read(&bytes, most_triangles),
         _ => Err("a model's file ends with .gltf, .glb or .ply".to_owned()),
     };
@@ -65,7 +72,7 @@ pub(super) fn read(file: &str, most_triangles: usize, imports: &mut dyn Imports)
 }
 
 /// What a library says may repeat the file's own text at length.
-fn shortened(reason: &str) -> String {
+pub(super) fn shortened(reason: &str) -> String {
     const MOST_CHARS: usize = 300;
     let line = |char: char| if char.is_control() { ' ' } else { char };
     reason.chars().take(MOST_CHARS).map(line).collect()

@@ -5,7 +5,7 @@ use super::super::material::linear;
 use super::super::sun::sun_position;
 use super::reader::{Placed, Reader, three};
 use crate::error::pointer_to;
-use crate::scene::{Color, OriginDocument, SkyDocument};
+use crate::scene::{Color, OriginDocument};
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
@@ -87,6 +87,19 @@ struct ConeDocument {
     direction: [f64; 3],
     inner_deg: f64,
     outer_deg: f64,
+}
+
+/// The sky of a world: one colour, as a scene's has it where nothing else is said.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct SkyDocument {
+    color_srgb: Color,
+}
+
+impl Default for SkyDocument {
+    fn default() -> Self {
+        Self { color_srgb: Color([0x87, 0xb5, 0xdd]) }
+    }
 }
 
 /// Reads `sky` and `light`.

@@ -22,7 +22,7 @@ use videofields::plan::{
     Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
     Settings, Spread,
 };
-use videofields::scene::{Scene, SceneView};
+use videofields::scene::{Scene, SceneView, Sky};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
 use videofields::timeline::{Alignment, Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
@@ -395,7 +395,7 @@ impl Door for FakeDoor {
             name: "Plaza".into(),
             surfaces: Surfaces::default(),
             materials: Vec::new(),
-            sky_srgb: [0; 3],
+            sky: Sky::Plain { color_srgb: [0; 3] },
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: Some(own_view()),
@@ -528,6 +528,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         evens_colors: false,
         most_cameras_a_pixel: 8,
         filtering: Filtering::Levels,
+        sky: false,
         sampling: Sampling::ONCE,
         resolution: Detail::Whole,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],

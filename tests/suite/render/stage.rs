@@ -10,7 +10,7 @@ use videofields::fuse::{Billboard, CameraState, Entity, SceneState};
 use videofields::geometry::{
     Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Shape, SurfaceId, Surfaces,
 };
-use videofields::scene::{Material, Scene, SceneCamera};
+use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::segment::PixelRect;
 use videofields::timeline::Observation;
 
@@ -129,7 +129,7 @@ impl Stage {
                 })
                 .collect(),
             surfaces,
-            sky_srgb: SKY,
+            sky: Sky::Plain { color_srgb: SKY },
             min_entity_size_m: 0.0,
             cameras: members,
             view: None,

@@ -4,7 +4,7 @@
 //! Pixels where an exact answer and a depth map of finite size may differ (within some texels of a silhouette as a
 //! camera sees it) are told apart, so that the rest can be held to a narrow tolerance.
 
-use super::stage::SKY;
+use super::twin_paint::{Painter, linear};
 use glam::{DVec2, DVec3};
 use videofields::frame::{RgbImage, YuvImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
@@ -37,11 +37,12 @@ pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
         .zip(&pyramids)
         .map(|(idx, pyramid)| (&*state.cameras[*idx].camera, pyramid, gain(*idx)))
         .collect();
+    let painter = Painter::new(state);
     let (mut data, mut is_clear) = (Vec::new(), Vec::new());
     for y in 0..view.height_px {
         for x in 0..view.width_px {
             let pixel = Pixel::new(state, view, f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let (color, clear) = pixel.shade(state, &cameras);
+            let (color, clear) = pixel.shade(state, &cameras, &painter);
             data.extend(color);
             is_clear.push(clear);
         }
@@ -55,6 +56,8 @@ struct Pixel {
     hit: Option<Hit>,
     /// Steps along the surface to the other pixel of its pair, across and down: devices take differences in quads.
     steps: [DVec3; 2],
+    /// Steps from its ray's direction to theirs.
+    turns: [DVec3; 2],
     is_interior: bool,
 }
 
@@ -94,12 +97,22 @@ impl Pixel {
                 further.map_or(DVec3::ZERO, |distance| ray.at(distance) - hit.point_in_world)
             })
         };
-        let to_viewer = -ray(0.0, 0.0).direction;
-        Self { to_viewer, hit, steps: [step(partner(x), 0.0), step(0.0, partner(y))], is_interior }
+        let forward = ray(0.0, 0.0).direction;
+        let turns = [ray(partner(x), 0.0), ray(0.0, partner(y))].map(|ray| ray.direction - forward);
+        let steps = [step(partner(x), 0.0), step(0.0, partner(y))];
+        Self { to_viewer: -forward, hit, steps, turns, is_interior }
     }
 
-    fn shade(&self, state: &SceneState, cameras: &[(&Camera, &Pyramid, DVec3)]) -> ([u8; 3], bool) {
-        let Some(hit) = &self.hit else { return (SKY, self.is_interior) };
+    fn shade(
+        &self,
+        state: &SceneState,
+        cameras: &[(&Camera, &Pyramid, DVec3)],
+        painter: &Painter,
+    ) -> ([u8; 3], bool) {
+        let Some(hit) = &self.hit else {
+            let sky = painter.sky(&state.scene.sky, -self.to_viewer, &self.turns);
+            return (codes(sky), self.is_interior);
+        };
         let point = hit.point_in_world;
         let to_viewer = self.to_viewer;
         let normal = hit.normal_in_world * hit.normal_in_world.dot(to_viewer).signum();
@@ -137,12 +150,13 @@ impl Pixel {
         let color = match best {
             _ if sum_of_weights > 0.0 => sum / sum_of_weights,
             Some((_, color)) => color,
-            None => return (material(state, hit), is_clear),
+            None => {
+                let (picture, has_one_answer) = painter.at(state, hit, &self.steps);
+                is_clear &= has_one_answer;
+                material(state, hit, picture)
+            }
         };
-        (
-            color.to_array().map(|light| (f64::from(srgb_from_linear(light as f32)) * 255.0).round() as u8),
-            is_clear,
-        )
+        (codes(color), is_clear)
     }
 
     fn level_of_detail(&self, camera: &Camera, pyramid: &Pyramid, point: DVec3, texture: DVec2) -> f64 {
@@ -173,7 +187,12 @@ fn visibility(surfaces: &Surfaces, camera: &Camera, texture: DVec2, hit: &Hit) -
     (is_visible, is_uniform)
 }
 
-fn material(state: &SceneState, hit: &Hit) -> [u8; 3] {
+fn codes(light: DVec3) -> [u8; 3] {
+    light.to_array().map(|light| (f64::from(srgb_from_linear(light as f32)) * 255.0).round() as u8)
+}
+
+/// Light of a surface where no camera looks; `picture` is what lies on it, and whether the plain colour tints that.
+fn material(state: &SceneState, hit: &Hit, picture: Option<(DVec3, bool)>) -> DVec3 {
     let color_srgb = state.scene.material(hit.surface).expect("a material").part_srgb(hit.part);
     let lit = |n: DVec3| 0.6 + 0.4 * n.dot(DVec3::new(-0.36, -0.48, 0.8)).max(0.0) / 0.8;
     // Light falls on the outside; a viewer inside sees the same colours from behind.
@@ -186,10 +205,12 @@ fn material(state: &SceneState, hit: &Hit) -> [u8; 3] {
         }
         _ => normal,
     };
-    let light = lit(outward).min(1.0) as f32;
-    color_srgb.map(|code| {
-        (srgb_from_linear(linear_from_srgb(f32::from(code) / 255.0) * light) * 255.0).round() as u8
-    })
+    let light = lit(outward).min(1.0);
+    match picture {
+        Some((picture, false)) => picture * light,
+        Some((picture, true)) => picture * linear(color_srgb) * light,
+        None => linear(color_srgb) * light,
+    }
 }
 
 /// A picture in linear light with its smaller levels, each kept in 8-bit sRGB.

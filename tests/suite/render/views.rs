@@ -39,13 +39,17 @@ fn part_of(image: &RgbImage, part: &Part) -> RgbImage {
 
 /// Holds every part of a picture of the plaza to the twin.
 fn check_twin(name: &str, picture: &Picture, least_clear: f64) {
+    check_state_of(name, &plaza(DVec3::ZERO).state(), picture, least_clear);
+}
+
+/// Holds every part of a picture of a state to the twin.
+pub(super) fn check_state_of(name: &str, state: &SceneState, picture: &Picture, least_clear: f64) {
     let Some(mut brush) = renderer("", 1) else { return };
-    let state = plaza(DVec3::ZERO).state();
-    let (image, plan) = drawn(&mut brush, &state, picture, 1);
+    let (image, plan) = drawn(&mut brush, state, picture, 1);
     keep(name, &image);
     let (mut n_clear, mut n_pixels) = (0, 0);
     for part in &picture.parts {
-        let twin = twin::render(&state, &part.view, &plan);
+        let twin = twin::render(state, &part.view, &plan);
         n_clear += twin.is_clear.iter().filter(|clear| **clear).count();
         n_pixels += twin.is_clear.len();
         let found = part_of(&image, part);

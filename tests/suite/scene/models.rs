@@ -4,21 +4,21 @@ use super::{parse, plaza, with};
 use base64::Engine;
 use glam::DVec3;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use videofields::geometry::{Hit, Ray, Shape, SurfaceId};
 use videofields::scene::{self, FolderImports, ParsedScene, SceneError};
 
 /// A tetrahedron's corners, y up as glTF has it, with the top at (0, 2, 0).
 const POINTS: [[f32; 3]; 4] = [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 2.0, 0.0]];
-const TRIANGLES: [[u16; 3]; 4] = [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]];
+pub(super) const TRIANGLES: [[u16; 3]; 4] = [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]];
 
-fn binary() -> Vec<u8> {
+pub(super) fn binary() -> Vec<u8> {
     let points = POINTS.iter().flatten().flat_map(|number| number.to_le_bytes());
     points.chain(TRIANGLES.iter().flatten().flat_map(|index| index.to_le_bytes())).collect()
 }
 
 /// glTF's JSON over a buffer of [`binary`], the node moved by 10 along x and twice as high.
-fn gltf(uri: Option<&str>) -> Value {
+pub(super) fn gltf(uri: Option<&str>) -> Value {
     let mut buffer = json!({"byteLength": 72});
     if let Some(uri) = uri {
         buffer["uri"] = json!(uri);
@@ -84,25 +84,39 @@ fn binary_ply() -> Vec<u8> {
 }
 
 /// A scene file's folder with files in it, and a folder beside it that nobody may read from.
-struct Site(tempfile::TempDir);
+pub(super) struct Site(tempfile::TempDir);
 
 impl Site {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         std::fs::create_dir_all(folder.path().join("site/models")).expect("made");
         Self(folder)
     }
 
-    fn with(self, file: &str, bytes: impl AsRef<[u8]>) -> Self {
+    pub(super) fn with(self, file: &str, bytes: impl AsRef<[u8]>) -> Self {
         std::fs::write(self.0.path().join("site").join(file), bytes).expect("written");
         self
     }
 
     /// The scene with these models.
-    fn load(&self, models: &Value) -> Result<ParsedScene, SceneError> {
-        let path = self.0.path().join("site/plaza.json");
-        std::fs::write(&path, json!({"version": 1, "models": models}).to_string()).expect("written");
+    pub(super) fn load(&self, models: &Value) -> Result<ParsedScene, SceneError> {
+        self.load_document(&json!({"version": 1, "models": models}))
+    }
+
+    /// The scene of this document.
+    pub(super) fn load_document(&self, document: &Value) -> Result<ParsedScene, SceneError> {
+        self.load_text(&document.to_string())
+    }
+
+    pub(super) fn load_text(&self, document: &str) -> Result<ParsedScene, SceneError> {
+        let path = self.path().join("plaza.json");
+        std::fs::write(&path, document).expect("written");
         scene::load_file("plaza", &path, &[])
+    }
+
+    /// The scene file's folder.
+    pub(super) fn path(&self) -> PathBuf {
+        self.0.path().join("site")
     }
 
     /// The one fault of the scene with this model.
@@ -203,7 +217,7 @@ fn what_does_not_stand_is_refused_with_its_pointer() {
     check(
         "models",
         model.clone(),
-        "/models/0/file: cannot read \"m.glb\": models are read only by scene files",
+        "/models/0/file: cannot read \"m.glb\": models and pictures are read only by scene files",
     );
     let with_scale = json!({"id": "m", "file": "m.glb", "scale": 0});
     check("models", with_scale, "/models/0/scale: expected 0.000001 to 1000000 metres");
