@@ -14,7 +14,7 @@ use crate::config::RenderSettings;
 use crate::frame::RgbImage;
 use crate::geometry::Shape;
 use crate::mapping::{Builder, MappingError};
-use crate::plan::{self, CostRow, EntityStyle, Sampling, Spread};
+use crate::plan::{self, CostRow, EntityStyle, MAX_ENTITY_SOURCES, Sampling, Spread};
 use crate::simulate::World;
 use std::collections::BTreeMap;
 
@@ -428,7 +428,11 @@ impl Sweeper<'_> {
 
     /// Keeps the first picture of what a person should see: the default, the other style, nothing.
     fn keep_example(&mut self, run: &ViewsRun, form: EntityForm) {
-        let is_shown = form.style != EntityStyle::Points || form.stride == 1;
+        let is_shown = match form.style {
+            EntityStyle::Points => form.stride == 1,
+            EntityStyle::Billboards => form.sources == MAX_ENTITY_SOURCES,
+            EntityStyle::None => true,
+        };
         let (Some((frame, picture)), Some(view)) = (run.examples.first(), self.subject.views.first()) else {
             return;
         };

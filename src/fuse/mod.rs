@@ -129,9 +129,13 @@ pub struct SceneState {
 impl SceneState {
     /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are.
     pub fn place_points(&mut self, stride: u32) {
-        let sources = self.entities.iter().flat_map(|entity| &entity.sources);
-        let of = |source: &'_ Billboard| {
-            points::points(&self.cameras[source.camera_idx], source, stride).collect::<Vec<_>>()
+        let sources =
+            self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
+                entity.sources.iter().map(move |source| (entity_idx, source))
+            });
+        let of = |(entity_idx, source): (usize, &Billboard)| {
+            let camera = &self.cameras[source.camera_idx];
+            points::points(camera, (entity_idx, source), stride).collect::<Vec<_>>()
         };
         self.points = sources.flat_map(of).collect();
     }
@@ -196,6 +200,8 @@ impl Billboard {
 /// One foreground texel placed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EntityPoint {
+    /// Index into [`SceneState::entities`].
+    pub entity_idx: usize,
     /// Index into [`SceneState::cameras`].
     pub camera_idx: usize,
     /// Where it stands.

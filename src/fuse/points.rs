@@ -14,7 +14,7 @@ const OVERLAP: f64 = 1.2;
 /// The foreground texels of one billboard, every `stride`-th each way (at least 1), placed in the world.
 pub(super) fn points<'a>(
     state: &'a CameraState,
-    billboard: &'a Billboard,
+    (entity_idx, billboard): (usize, &'a Billboard),
     stride: u32,
 ) -> impl Iterator<Item = EntityPoint> + 'a {
     let plane = UprightPlane::of(billboard);
@@ -33,6 +33,7 @@ pub(super) fn points<'a>(
         let distance_m = (position_in_world - state.camera.pose().position_in_world).length();
         let size_m = OVERLAP * f64::from(stride) * distance_m / texels_per_focal;
         Some(EntityPoint {
+            entity_idx,
             camera_idx: billboard.camera_idx,
             position_in_world,
             size_m: size_m as f32,

@@ -11,9 +11,6 @@ use glam::DVec3;
 /// Most entities that are drawn in one picture: of more, those that cover most of it.
 const MAX_ENTITIES: usize = 1024;
 
-/// How far beside the picture (share of its size) a point still counts as in view: it has a size.
-const POINT_MARGIN: f64 = 0.1;
-
 /// Fills in the entities' part of a plan.
 pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, plan: &mut Plan) {
     let style = settings.entities;
@@ -52,13 +49,33 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
             (Some(because_of(drawn, "entities")), None)
         }
         EntityStyle::Points => {
-            let shows = |point: &&EntityPoint| picture.shows(point.position_in_world, POINT_MARGIN);
-            let cameras: Vec<usize> =
-                state.points.iter().filter(shows).map(|point| point.camera_idx).collect();
-            let each = cameras.iter().map(|camera| (*camera, 1.0));
-            plan.entity_cameras = most_salient(each, state.cameras.len());
-            let n_drawn = cameras.iter().filter(|camera| plan.entity_cameras.contains(camera)).count();
-            (None, Some(because_of((n_drawn, cameras.len(), state.points.len()), "points")))
+            // Each stands on one upright plane, where its camera saw it: that of the camera that looks as the viewer does.
+            let seen = largest(billboards(state, picture, 1), MAX_ENTITIES);
+            let of = |planned: &PlannedBillboard| {
+                state.entities[planned.entity].sources[planned.source].camera_idx
+            };
+            plan.entity_cameras =
+                most_salient(seen.iter().map(|(px, planned)| (of(planned), *px)), state.cameras.len());
+            let seen = seen.into_iter().map(|(_, planned)| planned);
+            plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+            let mut camera_of = vec![None; state.entities.len()];
+            for planned in &plan.billboards {
+                camera_of[planned.entity] = Some(of(planned));
+            }
+            let is_drawn = |point: &&EntityPoint| camera_of[point.entity_idx] == Some(point.camera_idx);
+            let n_drawn = state.points.iter().filter(is_drawn).count();
+            let because = match (n_drawn, state.points.len()) {
+                (_, 0) => "no points at this instant".to_owned(),
+                (0, n) => format!("none of {n} points lies in view"),
+                (drawn, n) => {
+                    format!("{drawn} of {n} points, of the cameras that look most as the viewer does")
+                }
+            };
+            if n_drawn == 0 {
+                plan.entity_cameras.clear();
+                plan.billboards.clear();
+            }
+            (None, Some((n_drawn > 0, because)))
         }
         EntityStyle::None => (None, None),
     };

@@ -127,7 +127,7 @@ pub struct Plan {
     pub depth_map_cameras: Vec<usize>,
     /// How entities are drawn; `None` also when there are none.
     pub entities: EntityStyle,
-    /// Entities that are drawn as billboards, each by which of its sources; empty for other styles.
+    /// Entities that are drawn, each by which of its sources.
     pub billboards: Vec<PlannedBillboard>,
     /// Cameras whose live frames are uploaded for entities.
     pub entity_cameras: Vec<usize>,

@@ -154,17 +154,9 @@ pub(super) fn plan(
     (wished, session): (EntityStyle, Option<&mut ViewSession>),
     plan: &mut Plan,
 ) {
-    // By which source each is drawn; points are of all.
-    let drawn: Vec<(usize, usize)> = match plan.entities {
-        EntityStyle::Billboards => {
-            plan.billboards.iter().map(|planned| (planned.entity, planned.source)).collect()
-        }
-        EntityStyle::Points => {
-            let in_view = (0..state.entities.len()).filter(|idx| is_in_view(state, picture, *idx));
-            in_view.map(|idx| (idx, 0)).collect()
-        }
-        EntityStyle::None => Vec::new(),
-    };
+    // By which source each is drawn.
+    let drawn: Vec<(usize, usize)> =
+        plan.billboards.iter().map(|planned| (planned.entity, planned.source)).collect();
     // All pictures of a session agree on what opens, so they also look for whom they do not show themselves.
     let mut looked_for = drawn.clone();
     if session.is_some() && wished != EntityStyle::None {
@@ -203,13 +195,6 @@ pub(super) fn plan(
         }
     };
     plan.reasons.push(Reason { effect: "see_through", is_on: !plan.opened.is_empty(), because });
-}
-
-fn is_in_view(state: &SceneState, picture: &Picture, entity: usize) -> bool {
-    let shows = |billboard: &Billboard| {
-        picture.may_show(billboard.foot_in_world + DVec3::Z * (0.5 * billboard.height_m), billboard.height_m)
-    };
-    state.entities[entity].sources.first().is_some_and(shows)
 }
 
 /// What stands between the viewer and the entities.

@@ -196,6 +196,15 @@ impl Survey {
             rectangles_px[0] += area(planned, planned.source);
             rectangles_px[1] += planned.beside.map_or(0.0, |beside| area(planned, beside.source));
         }
+        let texels = |entity: usize, source: usize| {
+            let rect = state.entities[entity].sources.get(source).map(|source| source.rect);
+            rect.map_or(0.0, |rect| f64::from(rect.width) * f64::from(rect.height))
+        };
+        // Of points that are not placed yet no more is known than whose they will be.
+        let n_texels = match plan.billboards.as_slice() {
+            [] => (0..state.entities.len()).map(|entity| texels(entity, 0)).sum(),
+            planned => planned.iter().map(|of| texels(of.entity, of.source)).sum(),
+        };
         let sources = || state.entities.iter().flat_map(|entity| &entity.sources);
         Self {
             size_px: (picture.width_px, picture.height_px),
@@ -204,9 +213,7 @@ impl Survey {
             cameras,
             rectangles_px,
             n_billboards: plan.billboards.len(),
-            n_texels: sources()
-                .map(|source| f64::from(source.rect.width) * f64::from(source.rect.height))
-                .sum(),
+            n_texels,
             n_observations: state.cameras.len(),
             n_sources: sources().count(),
             n_opened: plan.opened.len(),

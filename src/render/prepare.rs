@@ -6,7 +6,7 @@ use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
 use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
-use crate::fuse::SceneState;
+use crate::fuse::{EntityPoint, SceneState};
 use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -155,8 +155,16 @@ impl Renderer {
                 self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
             }
             EntityStyle::Points => {
+                let mut camera_of = vec![None; state.entities.len()];
+                for planned in &plan.billboards {
+                    camera_of[planned.entity] =
+                        Some(state.entities[planned.entity].sources[planned.source].camera_idx);
+                }
+                let is_drawn = |point: &&EntityPoint| {
+                    camera_of.get(point.entity_idx).copied().flatten() == Some(point.camera_idx)
+                };
                 let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, anchor));
-                self.points.extend(state.points.iter().filter_map(instance));
+                self.points.extend(state.points.iter().filter(is_drawn).filter_map(instance));
             }
             EntityStyle::None => {}
         }

@@ -316,6 +316,7 @@ fn points_of(state: &SceneState, foot: DVec3) -> Vec<EntityPoint> {
             let ray = camera.camera.ray(texture).expect("a ray");
             let distance = ray.distance_to_plane(foot, normal).expect("in front");
             points.push(EntityPoint {
+                entity_idx: 0,
                 camera_idx: 0,
                 position_in_world: ray.at(distance),
                 size_m: (1.3 * distance / camera.camera.focal_px().x) as f32,

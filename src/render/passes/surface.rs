@@ -304,7 +304,7 @@ impl SurfacePass {
         let texture_layout = shown.textures.map(|(_, layout)| layout);
         let ready = Ready { textures, vertices, indices, textured };
         let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
-        let is_dear = opaque.iter().any(|batch| batch.shading.n_cameras > 0);
+        let is_dear = shown.patches.may_overlap() && opaque.iter().any(|batch| batch.shading.n_cameras > 0);
         let depth = Batch { shading: Shading::default(), texture: None, list: 0, indices: 0..n_indices };
         let depth = if is_dear { self.items(gpu, into, (&[depth], Cover::Depth), None)? } else { Vec::new() };
         let opaque = self.items(gpu, into, (opaque, Cover::Whole), texture_layout)?;

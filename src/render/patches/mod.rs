@@ -22,7 +22,7 @@ use std::sync::Arc;
 pub(super) use lists::{Batch, Batches, CameraList, Drawing, MOST_LISTED, Shading};
 
 /// Patches beyond which no more is halved; a scene of more faces has as many as those.
-const MOST_PATCHES: usize = 3072;
+const MOST_PATCHES: usize = 6144;
 /// A patch of less than this, seen from its cameras, is not halved: radians, about 8 texels of a picture.
 const LEAST_ANGLE_RAD: f64 = 0.008;
 /// Triangles of uneven surfaces that stay together.
@@ -64,7 +64,11 @@ pub(super) struct Patches {
     cameras: Vec<Arc<Camera>>,
     pub vertices: Vec<MeshVertex>,
     patches: Vec<Patch>,
+    may_overlap: bool,
 }
+
+/// How a camera sees a draft, with which of what it knows may hide some of it.
+type SightAndShadows = (Sight, Vec<u32>);
 
 /// A patch that may still be halved.
 #[derive(Debug)]
@@ -74,7 +78,7 @@ struct Draft {
     center: DVec3,
     radius_m: f64,
     form: Form,
-    seen: Vec<(Sight, Vec<u32>)>,
+    seen: Vec<SightAndShadows>,
 }
 
 #[derive(Debug)]
@@ -124,7 +128,13 @@ impl Patches {
         }
         let drafts = maker.halve(drafts);
         let (vertices, patches) = maker.finish(drafts);
-        Self { number, mesh_number: mesh.number, cameras, vertices, patches }
+        let may_overlap = !maker.blockers.is_empty();
+        Self { number, mesh_number: mesh.number, cameras, vertices, patches, may_overlap }
+    }
+
+    /// Whether one may lie before another: not on level ground alone, of one height.
+    pub(super) const fn may_overlap(&self) -> bool {
+        self.may_overlap
     }
 
     /// Whether these are the patches of a mesh for at least these cameras.
@@ -147,7 +157,7 @@ impl Draft {
 
     /// How much halving it may tell: the solid angle in which it is not known what cameras see.
     fn worth(&self, eyes: &[Eyesight]) -> f64 {
-        let worth = |(sight, shadows): &(Sight, Vec<u32>)| {
+        let worth = |(sight, shadows): &SightAndShadows| {
             let distance_m = eyes[usize::from(sight.camera)].position().distance(self.center);
             let angle = self.radius_m / distance_m.max(self.radius_m);
             let share = match (shadows.is_empty(), sight.seen.is_crossed) {
@@ -160,6 +170,40 @@ impl Draft {
         // The sum of nothing is the negative zero.
         self.seen.iter().map(worth).fold(0.0, |sum, worth| sum + worth)
     }
+}
+
+/// Takes back, the latest first, the splits that told nothing.
+fn joined(drafts: Vec<Draft>, splits: Vec<(usize, usize, Draft)>) -> Vec<Draft> {
+    let mut kept: Vec<Option<Draft>> = drafts.into_iter().map(Some).collect();
+    let mut is_split = vec![false; kept.len()];
+    for (first, second, mut whole) in splits.into_iter().rev() {
+        let halves = kept[first].as_ref().zip(kept[second].as_ref());
+        let seen = halves.and_then(|(a, b)| alike(a, b)).filter(|_| !is_split[first] && !is_split[second]);
+        match seen {
+            Some(seen) => {
+                whole.seen = seen;
+                kept[first] = Some(whole);
+                kept[second] = None;
+            }
+            None => is_split[first] = true,
+        }
+    }
+    kept.into_iter().flatten().collect()
+}
+
+/// How both halves of a draft are seen, where that is the same or one of them has nothing to be seen.
+fn alike(a: &Draft, b: &Draft) -> Option<Vec<SightAndShadows>> {
+    let is_empty = |draft: &Draft| matches!(&draft.form, Form::Level(.., triangles) if triangles.is_empty());
+    if is_empty(a) || is_empty(b) {
+        return Some(if is_empty(a) { b.seen.clone() } else { a.seen.clone() });
+    }
+    let both = |((a, shadows), (b, _)): (&SightAndShadows, &SightAndShadows)| {
+        let is_same =
+            (a.camera, a.seen.sides, a.seen.is_tested) == (b.camera, b.seen.sides, b.seen.is_tested);
+        let seen = Seen { is_full: a.seen.is_full && b.seen.is_full, ..a.seen };
+        is_same.then(|| (Sight { seen, ..*a }, shadows.clone()))
+    };
+    (a.seen.len() == b.seen.len()).then(|| a.seen.iter().zip(&b.seen).map(both).collect()).flatten()
 }
 
 /// The corners of the box around points.
@@ -232,7 +276,7 @@ impl Maker<'_> {
     }
 
     /// Which of these cameras see a draft, of those shadows that fell on what it is a part of.
-    fn see(&mut self, draft: &Draft, known: Vec<(u16, Vec<u32>)>) -> Vec<(Sight, Vec<u32>)> {
+    fn see(&mut self, draft: &Draft, known: Vec<(u16, Vec<u32>)>) -> Vec<SightAndShadows> {
         let plane = match &draft.form {
             Form::Level(plane, ..) => Some((*plane as u32, self.planes[*plane].normal)),
             Form::Uneven(_) => None,
@@ -261,6 +305,7 @@ impl Maker<'_> {
             |draft: &Draft, idx: usize, eyes: &[Eyesight]| (draft.worth(eyes).to_bits(), usize::MAX - idx);
         let mut heap: BinaryHeap<(u64, usize)> =
             drafts.iter().enumerate().map(|(idx, draft)| rank(draft, idx, &self.eyes)).collect();
+        let mut splits: Vec<(usize, usize, Draft)> = Vec::new();
         while let Some((worth, turned)) = heap.pop() {
             if worth == 0 || drafts.len() >= MOST_PATCHES || self.comparisons_left == 0 {
                 break;
@@ -276,13 +321,14 @@ impl Maker<'_> {
                 half
             });
             let [first, second] = halves;
-            drafts[idx] = first;
+            let whole = std::mem::replace(&mut drafts[idx], first);
             drafts.push(second);
+            splits.push((idx, drafts.len() - 1, whole));
             for idx in [idx, drafts.len() - 1] {
                 heap.push(rank(&drafts[idx], idx, &self.eyes));
             }
         }
-        drafts
+        joined(drafts, splits)
     }
 
     fn halves(&self, draft: &Draft) -> Option<[Draft; 2]> {

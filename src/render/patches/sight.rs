@@ -3,7 +3,7 @@
 //! In the plane at distance 1 before the camera everything level is a convex polygon. What does not overlap there
 //! cannot hide, and what one convex solid hides at its corners it hides as a whole. Both are proofs, not samples.
 
-use crate::geometry::{Camera, NEAR_M, Ray, Shape, Surfaces};
+use crate::geometry::{Camera, Distortion, NEAR_M, Ray, Shape, Surfaces};
 use crate::render::passes::single_face_bounds;
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
@@ -87,7 +87,7 @@ pub(super) struct Eyesight {
 impl Eyesight {
     /// `depth_map_side_px`: texels of its depth map each way.
     pub(super) fn new(camera: &Arc<Camera>, blockers: &[Blocker], depth_map_side_px: u32) -> Self {
-        let bounds = single_face_bounds(camera);
+        let bounds = tangents_of(camera);
         let half = bounds.map_or(1.0, |[.., x, y]| x.max(y));
         let mut eyesight = Self {
             camera: Arc::clone(camera),
@@ -127,7 +127,7 @@ impl Eyesight {
             }
             let corners = before(&corners);
             let outline = Outline::around(&corners)?;
-            self.is_in_view(&outline).then_some(())?;
+            self.is_in_view(&outline, self.margin).then_some(())?;
             let nearest_m = corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min);
             return Some(Shadow { blocker: idx, outline: Some(outline), corners, normal, nearest_m });
         }
@@ -137,13 +137,13 @@ impl Eyesight {
             false if corners.iter().all(|corner| corner.z <= NEAR_M) => return None,
             false => None,
         };
-        let is_in_view = outline.as_ref().is_none_or(|outline| self.is_in_view(outline));
+        let is_in_view = outline.as_ref().is_none_or(|outline| self.is_in_view(outline, self.margin));
         is_in_view.then_some(Shadow { blocker: idx, outline, corners, normal, nearest_m })
     }
 
-    fn is_in_view(&self, outline: &Outline) -> bool {
+    fn is_in_view(&self, outline: &Outline, margin: f64) -> bool {
         self.bounds.is_none_or(|[x, y, half_x, half_y]| {
-            let (middle, half) = (DVec2::new(x, y), DVec2::new(half_x, half_y) + self.margin);
+            let (middle, half) = (DVec2::new(x, y), DVec2::new(half_x, half_y) + margin);
             (outline.low - middle).cmple(half).all() && (middle - outline.high).cmple(half).all()
         })
     }
@@ -170,7 +170,7 @@ impl Eyesight {
             }
             None => Outline::boxed(&corners),
         };
-        if !self.is_in_view(&outline) {
+        if !self.is_in_view(&outline, 0.0) {
             return None;
         }
         let own = extent.plane.map(|(number, normal)| (number, self.camera_from_world * normal));
@@ -253,6 +253,20 @@ impl Eyesight {
             entered.is_some_and(|distance_m| distance_m < to_corner.length() * (1.0 - 1e-9) - 1e-6)
         })
     }
+}
+
+/// Middle and half extent of what a camera sees, tangents: without a lens that bends its picture's own.
+fn tangents_of(camera: &Camera) -> Option<[f64; 4]> {
+    if *camera.distortion() != Distortion::None {
+        return single_face_bounds(camera);
+    }
+    single_face_bounds(camera)?;
+    let (width, height) = camera.size_px();
+    let size = DVec2::new(f64::from(width), f64::from(height));
+    let middle = (0.5 * size - camera.center_px()) / camera.focal_px();
+    // Shaders round.
+    let half = 0.5 * size / camera.focal_px() * (1.0 + 1e-5);
+    Some([middle.x, middle.y, half.x, half.y])
 }
 
 fn is_convex(shape: &Shape) -> bool {

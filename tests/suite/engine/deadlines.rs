@@ -78,7 +78,7 @@ fn a_deadline_is_met_told_and_refused_with_the_least_that_is_possible() {
     let named = Named { resolution: Some(Detail::Quarter), most_cameras: Some(1), ..Named::default() };
     let cheap = drawn(&bench, still(within(8_000), named));
     assert_eq!((cheap.settings.resolution, cheap.settings.most_cameras), (Detail::Quarter, 1));
-    assert_eq!(cheap.plan.surface_cameras.len(), 1);
+    assert_eq!(cheap.plan.most_cameras_a_pixel, 1);
 
     let total = Duration::from_millis(1);
     let none_left = Aim::Within(Deadline { total, reserve: total });

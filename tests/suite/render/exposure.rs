@@ -52,6 +52,7 @@ fn people_have_the_gain_of_the_camera_that_shows_them() {
     let nobody = SceneState { entities: Vec::new(), ..state.clone() };
     let points: Vec<EntityPoint> = (0..40)
         .map(|idx| EntityPoint {
+            entity_idx: 0,
             camera_idx: idx % 3,
             position_in_world: v(0.5, -3.0, 0.05 * idx as f64),
             size_m: 0.3,
