@@ -127,11 +127,22 @@ pub struct SceneState {
 }
 
 impl SceneState {
-    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are.
+    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are. What
+    /// several cameras see stands where the entity does, or one person would show beside themselves.
     pub fn place_points(&mut self, stride: u32) {
-        let sources = self.entities.iter().flat_map(|entity| &entity.sources);
-        let of = |source: &'_ Billboard| {
-            points::points(&self.cameras[source.camera_idx], source, stride).collect::<Vec<_>>()
+        let sources = self.entities.iter().flat_map(|entity| {
+            entity.sources.iter().map(|source| {
+                let is_one = entity.sources.len() == 1;
+                (source, if is_one { DVec3::ZERO } else { entity.foot_in_world - source.foot_in_world })
+            })
+        });
+        let of = |(source, shift): (&'_ Billboard, DVec3)| {
+            let points = points::points(&self.cameras[source.camera_idx], source, stride);
+            let moved = |point: EntityPoint| EntityPoint {
+                position_in_world: point.position_in_world + shift,
+                ..point
+            };
+            points.map(moved).collect::<Vec<_>>()
         };
         self.points = sources.flat_map(of).collect();
     }
