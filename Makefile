@@ -47,6 +47,7 @@ endif
 pictures: setup
 	$(CARGO) build --release --locked
 	deploy/pictures.sh
+	deploy/pictures-fused.sh
 
 clips: setup
 	$(CARGO) build --release --locked

@@ -1,6 +1,6 @@
 //! The stage `map`: from texels to world points, judged in metres against the simulator's depth.
 //!
-//! What stands in the world and not in the scene (parked cars, uneven ground between its terraces) is no map's to know:
+//! What stands in the world and not in the scene (parked cars, trees) is no map's to know:
 //! such texels are counted and left out. The unit of work that is timed is the map of one camera.
 
 use super::SweepError;

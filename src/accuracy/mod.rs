@@ -11,9 +11,11 @@
 //! the defaults (`sweep`), timed one at a time behind a `gate`.
 
 mod comparison;
+mod entities;
 mod front;
 mod gate;
 mod keeper;
+mod left_out;
 mod live;
 mod machine;
 mod map;
@@ -28,6 +30,7 @@ mod unjudged;
 mod views;
 
 pub use comparison::{AccuracyError, Comparison, compare};
+pub use entities::EntityScore;
 pub use front::{knee, pareto_front};
 pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
 pub use keeper::{Keeper, KeeperSettings};

@@ -285,7 +285,7 @@ impl Subject {
         Ok(places)
     }
 
-    fn judged(
+    pub(super) fn judged(
         &self,
         world: &World,
         scope: &Scope,

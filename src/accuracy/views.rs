@@ -17,6 +17,7 @@ use crate::fuse::{self, Billboard, EntityPoint, SceneState};
 use crate::gpu::Gpu;
 use crate::plan::{self, Colors, EntityStyle, Picture, Spread, StageTimes, Survey, Wishes, Work};
 use crate::render::{RenderError, Renderer};
+use crate::simulate::JudgedView;
 use crate::timeline::Observation;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -246,10 +247,17 @@ fn entity_bytes(state: &SceneState, style: EntityStyle) -> usize {
 }
 
 impl ViewsRun {
-    fn judge(
+    /// Judges a picture of a view: `picture` with its entities, `bare` without.
+    ///
+    /// # Errors
+    /// When a picture is not of the view's size.
+    ///
+    /// # Panics
+    /// When a mask is not of the view's size.
+    pub fn judge(
         &mut self,
         view: &SubjectView,
-        judged: &crate::simulate::JudgedView,
+        judged: &JudgedView,
         picture: &RgbImage,
         bare: &RgbImage,
     ) -> Result<(), SweepError> {
@@ -271,7 +279,7 @@ impl ViewsRun {
         Ok(())
     }
 
-    fn judge_pair(&mut self, pictures: [&RgbImage; 2], truths: &[(usize, crate::simulate::JudgedView)]) {
+    fn judge_pair(&mut self, pictures: [&RgbImage; 2], truths: &[(usize, JudgedView)]) {
         let [(first_frame, first), (second_frame, second)] = truths else { return };
         if first_frame == second_frame {
             return;

@@ -127,15 +127,23 @@ pub struct SceneState {
 }
 
 impl SceneState {
-    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are.
+    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are. What
+    /// several cameras see stands where the entity does, or one person would show beside themselves.
     pub fn place_points(&mut self, stride: u32) {
-        let sources =
-            self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
-                entity.sources.iter().map(move |source| (entity_idx, source))
-            });
-        let of = |(entity_idx, source): (usize, &Billboard)| {
-            let camera = &self.cameras[source.camera_idx];
-            points::points(camera, (entity_idx, source), stride).collect::<Vec<_>>()
+        let sources = self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
+            entity.sources.iter().map(move |source| {
+                let is_one = entity.sources.len() == 1;
+                let shift = if is_one { DVec3::ZERO } else { entity.foot_in_world - source.foot_in_world };
+                (entity_idx, source, shift)
+            })
+        });
+        let of = |(entity_idx, source, shift): (usize, &Billboard, DVec3)| {
+            let points = points::points(&self.cameras[source.camera_idx], (entity_idx, source), stride);
+            let moved = |point: EntityPoint| EntityPoint {
+                position_in_world: point.position_in_world + shift,
+                ..point
+            };
+            points.map(moved).collect::<Vec<_>>()
         };
         self.points = sources.flat_map(of).collect();
     }

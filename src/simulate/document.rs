@@ -26,6 +26,16 @@ struct GroundDocument {
 }
 
 #[derive(Serialize)]
+struct HeightFieldDocument {
+    id: String,
+    low_m: [f64; 2],
+    step_m: f64,
+    columns: u32,
+    heights_m: Vec<f64>,
+    color_srgb: String,
+}
+
+#[derive(Serialize)]
 struct BoxDocument<'a> {
     id: &'a str,
     center_m: [f64; 3],
@@ -68,8 +78,10 @@ impl World {
             yaw_deg: self.box_yaws_deg[usize::from(idx)],
             color_srgb: hex(self.mean_srgb(SurfaceId::Box(idx))),
         });
-        let terraces = self.terraces();
-        let ground = ground.chain(terraces);
+        let fields = match self.height_field() {
+            Some(field) => format!("\"height_fields\": {},\n  ", lines(std::iter::once(field))?),
+            None => String::new(),
+        };
         let cameras = self.cameras_at(size_px.into())?;
         let cameras = cameras
             .iter()
@@ -87,11 +99,12 @@ impl World {
         };
         Ok(format!(
             "{{\n  \"version\": 1,\n  \"name\": {},\n  \"sky\": {{\"color_srgb\": \"{}\"}},\n  \
-             {}\"ground\": {},\n  \"boxes\": {},\n  \"cameras\": {}{}\n}}\n",
+             {}\"ground\": {},\n  {}\"boxes\": {},\n  \"cameras\": {}{}\n}}\n",
             serde_json::to_string(&self.name)?,
             hex(self.sky_srgb),
             origin,
             lines(ground)?,
+            fields,
             lines(boxes)?,
             lines(cameras)?,
             view,
@@ -127,17 +140,16 @@ impl World {
     }
 }
 
-/// Terraces of a heightfield, each way at most: a scene may have 256 polygons.
-const MAX_TERRACES: u32 = 12;
+/// Heights that a scene document may have.
+const MAX_HEIGHTS: usize = 262_144;
 
 impl World {
     /// What the scene document cannot say of the world and says as nearly as it can, or leaves out.
     #[must_use]
     pub fn approximations(&self) -> Vec<String> {
         let mut notes = Vec::new();
-        if self.solids.terrain().is_some() {
-            let n = self.n_terraces();
-            notes.push(format!("Uneven ground is written as {n} x {n} level terraces of its mean height."));
+        if self.height_stride() > 1 {
+            notes.push("Of uneven ground every second post each way is written.".to_owned());
         }
         if self.solids.has_shapes() {
             notes
@@ -146,44 +158,44 @@ impl World {
         notes
     }
 
-    fn n_terraces(&self) -> u32 {
-        let room = 256_usize.saturating_sub(self.surfaces().ground().len());
-        (1..=MAX_TERRACES).rev().find(|n| (*n as usize).pow(2) <= room).unwrap_or(1)
+    /// Every how manieth post of the heightfield is written.
+    fn height_stride(&self) -> usize {
+        let n_heights = self.solids.terrain().map_or(0, |terrain| terrain.heights_m().len());
+        if n_heights > MAX_HEIGHTS { 2 } else { 1 }
     }
 
-    /// The heightfield as level rectangles of its mean height.
-    fn terraces(&self) -> Vec<GroundDocument> {
-        const STEPS: u32 = 6;
-        let Some(terrain) = self.solids.terrain() else { return Vec::new() };
-        let (low, high) = (0..terrain.n_triangles())
-            .map(|idx| terrain.part_bounds(idx))
-            .reduce(|(low, high), (a, b)| (low.min(a), high.max(b)))
-            .map_or((DVec2::ZERO, DVec2::ZERO), |(low, high)| (low.truncate(), high.truncate()));
-        let n = self.n_terraces();
-        let corner =
-            |x: u32, y: u32| low + (high - low) * DVec2::new(f64::from(x), f64::from(y)) / f64::from(n);
-        let terrace = |idx: u32| {
-            let (x, y) = (idx % n, idx / n);
-            let (from, to) = (corner(x, y), corner(x + 1, y + 1));
-            let (mut height_m, mut light) = (0.0, DVec3::ZERO);
-            for step in 0..STEPS * STEPS {
-                let share = DVec2::new(f64::from(step % STEPS), f64::from(step / STEPS)) + 0.5;
-                let at = from + (to - from) * share / f64::from(STEPS);
-                let height = terrain.height_at(at).unwrap_or(0.0);
-                let (point, solid) = (at.extend(height), SolidId::Terrain);
-                height_m += height;
-                let hit = SolidHit { distance_m: 1.0, point, normal: DVec3::Z, face: Face::Top, solid };
-                light += self.still_light(&hit);
-            }
-            let count = f64::from(STEPS * STEPS);
-            let polygon = [from, DVec2::new(to.x, from.y), to, DVec2::new(from.x, to.y)];
-            GroundDocument {
-                polygon: polygon.iter().map(|corner| corner.to_array().map(whole_mm)).collect(),
-                height_m: whole_mm(height_m / count),
-                color_srgb: hex((light / count).to_array().map(super::world::srgb_code)),
-            }
-        };
-        (0..n * n).map(terrace).collect()
+    /// The heightfield, in the mean colour of what it is of; posts that no stride meets are left out at its far edges.
+    fn height_field(&self) -> Option<HeightFieldDocument> {
+        /// Places each way that are looked at for the colour.
+        const STEPS: u32 = 48;
+        let terrain = self.solids.terrain()?;
+        let (stride, n_columns) = (self.height_stride(), terrain.n_columns() as usize);
+        let rows = || terrain.heights_m().chunks_exact(n_columns);
+        let size_m = terrain.step_m() * DVec2::new((n_columns - 1) as f64, (rows().len() - 1) as f64);
+        let mut light = DVec3::ZERO;
+        for step in 0..STEPS * STEPS {
+            let share =
+                (DVec2::new(f64::from(step % STEPS), f64::from(step / STEPS)) + 0.5) / f64::from(STEPS);
+            let at = terrain.origin() + size_m * share;
+            let (point, solid) = (at.extend(terrain.height_at(at).unwrap_or(0.0)), SolidId::Terrain);
+            let hit = SolidHit { distance_m: 1.0, point, normal: DVec3::Z, face: Face::Top, solid };
+            light += self.still_light(&hit);
+        }
+        let light = light / f64::from(STEPS * STEPS);
+        let heights_m =
+            rows().step_by(stride).flat_map(|row| row.iter().step_by(stride).copied().map(whole_mm));
+        let mut id = "terrain".to_owned();
+        while self.box_ids.contains(&id) {
+            id.push('-');
+        }
+        Some(HeightFieldDocument {
+            id,
+            low_m: terrain.origin().to_array(),
+            step_m: terrain.step_m() * stride as f64,
+            columns: n_columns.div_ceil(stride) as u32,
+            heights_m: heights_m.collect(),
+            color_srgb: hex(light.to_array().map(super::world::srgb_code)),
+        })
     }
 }
 

@@ -183,6 +183,33 @@ fn heights_hold_above_the_horizon() {
 }
 
 #[test]
+fn points_of_one_entity_stand_in_one_place_though_its_cameras_differ() {
+    let cameras = [
+        camera(DVec3::new(-9.0, -10.0, 5.0), DVec3::ZERO, 0.0),
+        camera(DVec3::new(9.0, -10.0, 5.0), DVec3::ZERO, 0.0),
+    ];
+    // The second camera is off by 0.4 m.
+    let seen_by = [0.0, 0.4].map(|x| Figure { foot: DVec3::new(x, 0.0, 0.0), width_m: 0.5, height_m: 1.7 });
+    let scene = scene(&cameras, Vec::new());
+    let find = |id: &CameraId| {
+        let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+        Some(observe(id, &cameras[idx], &seen_by[idx..=idx]))
+    };
+    let state = assemble(&scene, Timestamp::from_nanos(7), find, Some(1));
+    assert_eq!((state.entities.len(), state.entities[0].sources.len()), (1, 2), "{:?}", state.entities);
+    let middle = |camera_idx: usize| {
+        let points = || state.points.iter().filter(|point| point.camera_idx == camera_idx);
+        points().map(|point| point.position_in_world.truncate()).sum::<DVec2>() / points().count() as f64
+    };
+    let foot = state.entities[0].foot_in_world.truncate();
+    for camera_idx in [0, 1] {
+        let off_m = middle(camera_idx).distance(foot);
+        assert!(off_m < 0.06, "camera {camera_idx}: {off_m} m");
+    }
+    assert!((foot.x - 0.2).abs() < 0.1, "{foot}");
+}
+
+#[test]
 fn one_figure_in_three_cameras_is_one_entity_and_two_figures_are_two() {
     let cameras = [
         camera(DVec3::new(-12.0, -10.0, 5.0), DVec3::ZERO, 0.0),

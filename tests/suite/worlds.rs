@@ -8,7 +8,7 @@ use std::collections::HashSet;
 use std::path::Path;
 use videofields::config;
 use videofields::error::ErrorKind;
-use videofields::geometry::Camera;
+use videofields::geometry::{Camera, Ray, SurfaceId};
 use videofields::scene;
 use videofields::simulate::{ActorKind, EffectKind, Effects, SimulateError, World};
 
@@ -66,6 +66,28 @@ fn scene_documents_and_configurations_of_all_worlds_pass_their_own_readers() {
         let read = config::load(&path);
         assert!(read.is_ok(), "{id}: {:?}", read.err());
     }
+}
+
+#[test]
+fn uneven_ground_is_written_as_it_is() {
+    let world = World::named("campus100").unwrap();
+    let scene =
+        scene::parse("campus100", &world.scene_json((320, 180)).unwrap(), scene::no_imports).unwrap().scene;
+    let (low, high) = (DVec2::new(-215.0, -165.0), DVec2::new(215.0, 165.0));
+    let down = |place: DVec2| Ray { origin: place.extend(500.0), direction: DVec3::NEG_Z };
+    let mut n_uneven = 0;
+    for step in 0..400 {
+        let share = DVec2::new(f64::from(step % 20), f64::from(step / 20)) / 20.0;
+        let ray = down(low + (high - low) * share + DVec2::new(0.37, 0.61));
+        let hit = scene.surfaces.hit(&ray, 0.0).expect("ground everywhere");
+        if matches!(hit.surface, SurfaceId::HeightField(_)) {
+            let written = hit.point_in_world;
+            let true_m = world.solids().terrain().unwrap().height_at(written.truncate()).unwrap();
+            assert!((true_m - written.z).abs() < 2e-3, "at {written}: {true_m} m in truth");
+            n_uneven += usize::from(written.z.abs() > 0.1);
+        }
+    }
+    assert!(n_uneven > 50, "{n_uneven} places are uneven");
 }
 
 #[test]

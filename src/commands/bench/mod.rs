@@ -3,6 +3,7 @@
 mod background;
 mod deadlines;
 mod quality;
+mod views;
 mod vision;
 
 use anyhow::Result;
@@ -19,6 +20,7 @@ enum What {
     Background(background::Background),
     Deadlines(deadlines::Deadlines),
     Quality(quality::Quality),
+    Views(views::Views),
     Vision(vision::Vision),
 }
 
@@ -28,6 +30,7 @@ impl Bench {
             What::Background(background) => background.run(),
             What::Deadlines(deadlines) => deadlines.run(),
             What::Quality(quality) => quality.run(),
+            What::Views(views) => views.run(),
             What::Vision(vision) => vision.run(),
         }
     }

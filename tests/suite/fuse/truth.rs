@@ -2,20 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
-use std::collections::{BTreeMap, BTreeSet};
+use super::{Figure, camera, observe, scene as scene_with};
+use glam::DVec3;
 use std::sync::Arc;
+use videofields::accuracy::EntityScore;
 use videofields::clock::Timestamp;
 use videofields::config::{BackgroundSettings, SegmentSettings};
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{Association, Entity, assemble, assemble_within};
+use videofields::fuse::{Association, assemble, assemble_within};
 use videofields::ingest::Pipeline;
 use videofields::scene::{self, Scene};
 use videofields::segment::MOVING;
-use videofields::simulate::{Station, Wanted, World};
+use videofields::simulate::{ActorKind, FigurePosition, Station, Wanted, World};
 use videofields::timeline::Observation;
-
-/// Pixels of somebody that a camera must show to count as one that sees them.
-const LEAST_PX: usize = 40;
 
 /// What every camera saw at one instant, and whom each pixel shows.
 type Instant = Vec<(Observation, Mask)>;
@@ -48,79 +47,78 @@ fn play(world: &World, size_px: (u32, u32), rate_hz: f64, secs: f64) -> (Arc<Sce
     (Arc::new(scene), instants)
 }
 
-/// What entities get right and wrong.
-#[derive(Debug, Default)]
-struct Score {
-    /// Somebody at an instant, whom at least two cameras see and an entity shows.
-    n_seen_twice: usize,
-    /// Of these, those whom two entities show.
-    n_duplicates: usize,
-    /// Entities of several sources.
-    n_joined: usize,
-    /// Entities whose sources show different people.
-    n_mixed: usize,
-    /// Instants at which the entity of somebody has another id than at the instant before.
-    n_switches: usize,
-}
-
-/// Whom most moving pixels of a source show; 0 where most show nobody.
-fn owner(entity: &Entity, source: usize, instant: &Instant) -> u8 {
-    let billboard = &entity.sources[source];
-    let (seen, truth) = &instant[billboard.camera_idx];
-    let mut counts = [0_u32; 256];
-    let rect = billboard.rect;
-    for y in rect.y..rect.y + rect.height {
-        for x in (rect.x..rect.x + rect.width).filter(|x| seen.labels.get(*x, y) == MOVING) {
-            counts[usize::from(truth.get(x, y))] += 1;
-        }
-    }
-    (0..=u8::MAX).max_by_key(|of| counts[usize::from(*of)]).unwrap()
-}
-
-impl Score {
-    fn add(&mut self, instant: &Instant, entities: &[Entity], last_ids: &mut BTreeMap<u8, u64>) {
-        let mut shown: BTreeMap<u8, BTreeSet<u64>> = BTreeMap::new();
-        for entity in entities {
-            let owners = (0..entity.sources.len()).map(|source| owner(entity, source, instant));
-            let people: BTreeSet<u8> = owners.filter(|of| *of > 0).collect();
-            self.n_joined += usize::from(entity.sources.len() > 1);
-            self.n_mixed += usize::from(people.len() > 1);
-            for of in people {
-                shown.entry(of).or_default().insert(entity.id);
-            }
-        }
-        for (of, ids) in shown {
-            let sees = |truth: &Mask| truth.data.iter().filter(|value| **value == of).count() >= LEAST_PX;
-            if instant.iter().filter(|(_, truth)| sees(truth)).count() >= 2 {
-                self.n_seen_twice += 1;
-                self.n_duplicates += usize::from(ids.len() > 1);
-                let id = ids.first().copied().unwrap();
-                self.n_switches += usize::from(last_ids.insert(of, id).is_some_and(|before| before != id));
-            }
-        }
-    }
-}
-
 /// The plaza's three cameras and three people, at ten frames a second. Grouping by the nearest feet alone showed people
 /// twice at 119 of 553 instants.
 #[test]
 fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
     let world = World::named("plaza").unwrap();
     let (scene, instants) = play(&world, (480, 270), 10.0, world.period_secs());
-    let (mut within, mut alone) = (Score::default(), Score::default());
+    let (mut within, mut alone) = (EntityScore::default(), EntityScore::default());
     let mut association = Association::default();
-    let (mut ids, mut no_ids) = (BTreeMap::new(), BTreeMap::new());
     for instant in &instants {
         let at = instant[0].0.frame.timestamp;
         let observe = |id: &CameraId| {
             let of = instant.iter().find(|(seen, _)| seen.frame.camera == *id);
             of.map(|(seen, _)| seen.clone())
         };
-        let state = assemble_within(&mut association, &scene, at, observe, None);
-        within.add(instant, &state.entities, &mut ids);
-        alone.add(instant, &assemble(&scene, at, observe, None).entities, &mut no_ids);
+        let truths: Vec<&Mask> = instant.iter().map(|(_, truth)| truth).collect();
+        let figures = world.figures(at.as_nanos() as f64 * 1e-9 % world.period_secs()).unwrap();
+        within.add(&assemble_within(&mut association, &scene, at, observe, None), &truths, &figures);
+        alone.add(&assemble(&scene, at, observe, None), &truths, &figures);
     }
     assert!(within.n_seen_twice > 500 && within.n_joined > 400, "{within:?}");
     assert!(within.n_duplicates <= 25 && within.n_mixed <= 3 && within.n_switches <= 10, "{within:?}");
+    let [mean_m, most_m, _] = within.place_error_m().expect("somebody is shown");
+    assert!(mean_m < 0.5 && most_m < 1.5, "{mean_m} m, 95 % {most_m} m");
+    assert!(within.n_missed <= 80, "{within:?}");
     assert!(alone.n_duplicates <= 60 && alone.n_mixed <= 5, "an instant alone: {alone:?}");
+}
+
+#[test]
+fn who_is_shown_twice_or_not_at_all_is_counted_and_measured() {
+    let cameras = [-9.0, 9.0].map(|x| camera(DVec3::new(x, -10.0, 5.0), DVec3::ZERO, 0.0));
+    // The second camera is off by 4 m: nobody takes what it sees for the same person.
+    let seen_by = [0.0, 4.0].map(|x| Figure { foot: DVec3::X * x, width_m: 0.5, height_m: 1.7 });
+    let scene = scene_with(&cameras, Vec::new());
+    let find = |id: &CameraId| {
+        let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+        Some(observe(id, &cameras[idx], &seen_by[idx..=idx]))
+    };
+    let mut state = assemble(&scene, Timestamp::from_nanos(7), find, None);
+    let truths: Vec<Mask> = state
+        .cameras
+        .iter()
+        .map(|camera| {
+            let labels = &camera.observation.labels;
+            let data = labels.data.iter().map(|label| u8::from(*label == MOVING) * 3).collect();
+            Mask { width: labels.width, height: labels.height, data }
+        })
+        .collect();
+    let truths: Vec<&Mask> = truths.iter().collect();
+    let figure = FigurePosition {
+        instance: 3,
+        name: "somebody".to_owned(),
+        kind: ActorKind::Walker,
+        foot_in_world: DVec3::ZERO,
+        heading_rad: 0.0,
+        height_m: 1.7,
+        box_in_world: (DVec3::ZERO, DVec3::ONE),
+    };
+    let mut score = EntityScore::default();
+    score.add(&state, &truths, std::slice::from_ref(&figure));
+    assert_eq!((score.n_seen, score.n_missed, score.n_seen_twice), (1, 0, 1), "{score:?}");
+    assert_eq!(
+        (score.n_duplicates, score.n_joined, score.n_mixed, score.n_ghosts),
+        (1, 0, 0, 0),
+        "{score:?}"
+    );
+    let [mean_m, _, worst_m] = score.place_error_m().unwrap();
+    assert!((mean_m - 2.0).abs() < 0.1 && (worst_m - 4.0).abs() < 0.1, "{mean_m} m, {worst_m} m");
+    // Without entities somebody is missed, and without truth an entity shows nobody.
+    let entities = std::mem::take(&mut state.entities);
+    score.add(&state, &truths, std::slice::from_ref(&figure));
+    state.entities = entities;
+    let nobody = Mask::filled(truths[0].width, truths[0].height, 0);
+    score.add(&state, &[&nobody, &nobody], &[]);
+    assert_eq!((score.n_seen, score.n_missed, score.n_ghosts), (2, 1, 2), "{score:?}");
 }
