@@ -17,24 +17,24 @@ use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::segment::{Blob, PixelRect};
 use videofields::timeline::Observation;
 
-const SIZE: (u32, u32) = (640, 480);
+pub(crate) const SIZE: (u32, u32) = (640, 480);
 
 /// A flat upright figure that faces a camera.
 #[derive(Clone, Copy)]
-struct Figure {
-    foot: DVec3,
-    width_m: f64,
-    height_m: f64,
+pub(crate) struct Figure {
+    pub(crate) foot: DVec3,
+    pub(crate) width_m: f64,
+    pub(crate) height_m: f64,
 }
 
-fn camera(eye: DVec3, target: DVec3, roll_deg: f64) -> Arc<Camera> {
+pub(crate) fn camera(eye: DVec3, target: DVec3, roll_deg: f64) -> Arc<Camera> {
     let mut pose = Pose::looking_at(eye, target).expect("a direction");
     pose.world_from_local *= DQuat::from_mat3(&DMat3::from_rotation_z(roll_deg.to_radians()));
     let center = DVec2::new(320.0, 240.0);
     Arc::new(Camera::new(SIZE, DVec2::splat(520.0), center, Distortion::None, pose).expect("a camera"))
 }
 
-fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
+pub(crate) fn scene(cameras: &[Arc<Camera>], boxes: Vec<OrientedBox>) -> Arc<Scene> {
     scene_of(cameras, boxes.into_iter().map(Shape::Box).collect())
 }
 
@@ -64,7 +64,7 @@ fn scene_of(cameras: &[Arc<Camera>], mut shapes: Vec<Shape>) -> Arc<Scene> {
 }
 
 /// What `camera` sees of the figures: each texel's ray is cut with the figure's own plane.
-fn observe(id: &CameraId, camera: &Camera, figures: &[Figure]) -> Observation {
+pub(crate) fn observe(id: &CameraId, camera: &Camera, figures: &[Figure]) -> Observation {
     let (width, height) = SIZE;
     let mut labels = Mask::filled(width, height, 0);
     let mut blobs = Vec::new();
@@ -107,7 +107,7 @@ fn observe(id: &CameraId, camera: &Camera, figures: &[Figure]) -> Observation {
     }
 }
 
-fn blob(drawn: &[(u32, u32)]) -> Option<Blob> {
+pub(crate) fn blob(drawn: &[(u32, u32)]) -> Option<Blob> {
     let (x0, x1) = (drawn.iter().map(|p| p.0).min()?, drawn.iter().map(|p| p.0).max()?);
     let (y0, y1) = (drawn.iter().map(|p| p.1).min()?, drawn.iter().map(|p| p.1).max()?);
     let lowest: Vec<u32> = drawn.iter().filter(|p| p.1 == y1).map(|p| p.0).collect();
@@ -121,7 +121,7 @@ fn blob(drawn: &[(u32, u32)]) -> Option<Blob> {
     })
 }
 
-fn fused(cameras: &[Arc<Camera>], figures: &[Figure], point_stride: Option<u32>) -> SceneState {
+pub(crate) fn fused(cameras: &[Arc<Camera>], figures: &[Figure], point_stride: Option<u32>) -> SceneState {
     let scene = scene(cameras, Vec::new());
     let observe = |id: &CameraId| {
         let member = scene.cameras.iter().find(|member| member.id == *id)?;

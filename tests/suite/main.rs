@@ -18,6 +18,7 @@ mod geometry;
 mod ingest;
 mod ingest_live;
 mod mapping;
+mod numerics;
 mod recording;
 mod render;
 mod scene;

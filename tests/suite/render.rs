@@ -9,11 +9,11 @@ mod knobs;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]
-mod stage;
+pub(crate) mod stage;
 #[path = "render/textures.rs"]
 mod textures;
 #[path = "render/twin.rs"]
-mod twin;
+pub(crate) mod twin;
 #[path = "render/twin_paint.rs"]
 mod twin_paint;
 #[path = "render/views.rs"]
@@ -39,9 +39,9 @@ const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_
 const REFEREE: &str = "llvmpipe";
 
 /// A renderer and the samples a pixel that are wished for.
-struct Brush {
-    renderer: Renderer,
-    samples: u32,
+pub(crate) struct Brush {
+    pub(crate) renderer: Renderer,
+    pub(crate) samples: u32,
 }
 
 impl Brush {
@@ -51,31 +51,41 @@ impl Brush {
         Wishes { settings, see_through: false, colors: Colors::Even }
     }
 
-    fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {
+    pub(crate) fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {
         plan::make(state, &Picture::from(*view), self.wishes(style))
     }
 
-    fn render(&mut self, state: &SceneState, view: &View, plan: &Plan) -> Result<Rendered, RenderError> {
+    pub(crate) fn render(
+        &mut self,
+        state: &SceneState,
+        view: &View,
+        plan: &Plan,
+    ) -> Result<Rendered, RenderError> {
         self.renderer.render(state, &Picture::from(*view), plan)
     }
 }
 
 /// A renderer, or `None` (and a line on standard error) where there is no such adapter; with CI=true there must be.
-fn renderer(adapter: &str, samples: u32) -> Option<Brush> {
+pub(crate) fn renderer(adapter: &str, samples: u32) -> Option<Brush> {
     let gpu = crate::support::adapter(adapter)?;
     let renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");
     Some(Brush { renderer, samples })
 }
 
-fn view(eye: DVec3, target: DVec3, fov_y_rad: f64, width: u32, height: u32) -> View {
+pub(crate) fn view(eye: DVec3, target: DVec3, fov_y_rad: f64, width: u32, height: u32) -> View {
     View::new(eye, target, fov_y_rad, width, height, &LIMITS).expect("a view")
 }
 
-fn v(x: f64, y: f64, z: f64) -> DVec3 {
+pub(crate) fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-fn draw(brush: &mut Brush, state: &SceneState, view: &View, style: EntityStyle) -> (Rendered, Plan) {
+pub(crate) fn draw(
+    brush: &mut Brush,
+    state: &SceneState,
+    view: &View,
+    style: EntityStyle,
+) -> (Rendered, Plan) {
     let plan = brush.plan(state, view, style);
     let rendered = brush.render(state, view, &plan).expect("a picture");
     assert_eq!(rendered.image.data.len(), view.width_px as usize * view.height_px as usize * 3);
@@ -83,17 +93,17 @@ fn draw(brush: &mut Brush, state: &SceneState, view: &View, style: EntityStyle) 
 }
 
 /// Leaves a picture where a person can look at it.
-fn keep(name: &str, picture: &RgbImage) {
+pub(crate) fn keep(name: &str, picture: &RgbImage) {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/pictures");
     golden::write_png(&folder.join(name).with_extension("png"), picture);
 }
 
-const RED: [f64; 3] = [1.0, 0.3, 0.3];
-const GREEN: [f64; 3] = [0.3, 1.0, 0.3];
-const BLUE: [f64; 3] = [0.3, 0.3, 1.0];
+pub(crate) const RED: [f64; 3] = [1.0, 0.3, 0.3];
+pub(crate) const GREEN: [f64; 3] = [0.3, 1.0, 0.3];
+pub(crate) const BLUE: [f64; 3] = [0.3, 0.3, 1.0];
 
 /// Three cameras around two boxes.
-fn plaza(offset: DVec3) -> Stage {
+pub(crate) fn plaza(offset: DVec3) -> Stage {
     Stage::at(offset)
         .with_box(v(4.0, 3.0, 1.5), v(3.0, 4.0, 3.0), 0.4)
         .with_box(v(-5.0, 1.0, 1.0), v(2.0, 2.0, 2.0), 0.0)
@@ -103,12 +113,12 @@ fn plaza(offset: DVec3) -> Stage {
 }
 
 /// Draws the stage's static part and holds it to the twin; `least_clear` is the share of pixels with one answer.
-fn check_twin(name: &str, stage: &Stage, view: &View, least_clear: f64) {
+pub(crate) fn check_twin(name: &str, stage: &Stage, view: &View, least_clear: f64) {
     check_state(name, &stage.state(), view, least_clear);
 }
 
 /// As [`check_twin`], of a state.
-fn check_state(name: &str, state: &SceneState, view: &View, least_clear: f64) {
+pub(crate) fn check_state(name: &str, state: &SceneState, view: &View, least_clear: f64) {
     let Some(mut renderer) = renderer("", 1) else { return };
     let (rendered, plan) = draw(&mut renderer, state, view, EntityStyle::None);
     let twin = twin::render(state, view, &plan);
@@ -212,7 +222,7 @@ fn the_smallest_weights_still_blend() {
     check_twin("grazing", &stage, &view(v(0.0, -400.0, 4.0), v(0.0, 0.0, 0.0), 0.03, 96, 64), 0.6);
 }
 
-fn pixel(picture: &RgbImage, x: u32, y: u32) -> [u8; 3] {
+pub(crate) fn pixel(picture: &RgbImage, x: u32, y: u32) -> [u8; 3] {
     let at = ((y * picture.width + x) * 3) as usize;
     [picture.data[at], picture.data[at + 1], picture.data[at + 2]]
 }

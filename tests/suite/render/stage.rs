@@ -14,12 +14,12 @@ use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::segment::PixelRect;
 use videofields::timeline::Observation;
 
-pub(super) const SKY: [u8; 3] = [120, 160, 210];
+pub(crate) const SKY: [u8; 3] = [120, 160, 210];
 const CAMERA_SIZE: (u32, u32) = (320, 180);
 
 /// A world under construction.
 #[derive(Clone)]
-pub(super) struct Stage {
+pub(crate) struct Stage {
     /// Added to every coordinate: (5e5, 5e6) puts the world at map coordinates.
     pub offset: DVec3,
     pub half_ground_m: f64,
@@ -32,7 +32,7 @@ pub(super) struct Stage {
 }
 
 impl Stage {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             offset: DVec3::ZERO,
             half_ground_m: 20.0,
@@ -43,26 +43,26 @@ impl Stage {
         }
     }
 
-    pub(super) fn at(offset: DVec3) -> Self {
+    pub(crate) fn at(offset: DVec3) -> Self {
         Self { offset, ..Self::new() }
     }
 
-    pub(super) fn with_box(mut self, center: DVec3, size: DVec3, yaw_rad: f64) -> Self {
+    pub(crate) fn with_box(mut self, center: DVec3, size: DVec3, yaw_rad: f64) -> Self {
         self.boxes.push(OrientedBox::new(center + self.offset, size, yaw_rad).expect("a box"));
         self
     }
 
-    pub(super) fn with_shape(mut self, shape: Shape) -> Self {
+    pub(crate) fn with_shape(mut self, shape: Shape) -> Self {
         self.shapes.push(shape);
         self
     }
 
     /// A camera whose picture is tinted, so that weights show in the colour.
-    pub(super) fn with_camera(self, eye: DVec3, target: DVec3, tint: [f64; 3]) -> Self {
+    pub(crate) fn with_camera(self, eye: DVec3, target: DVec3, tint: [f64; 3]) -> Self {
         self.with_lens(eye, target, tint, Distortion::None, 260.0)
     }
 
-    pub(super) fn with_lens(
+    pub(crate) fn with_lens(
         mut self,
         eye: DVec3,
         target: DVec3,
@@ -78,12 +78,12 @@ impl Stage {
         self
     }
 
-    pub(super) fn with_person(mut self, foot: DVec3) -> Self {
+    pub(crate) fn with_person(mut self, foot: DVec3) -> Self {
         self.person = Some(foot + self.offset);
         self
     }
 
-    pub(super) fn surfaces(&self) -> Surfaces {
+    pub(crate) fn surfaces(&self) -> Surfaces {
         let h = self.half_ground_m;
         let corner = |x: f64, y: f64| DVec2::new(x, y) + self.offset.truncate();
         let corners = vec![corner(-h, -h), corner(h, -h), corner(h, h), corner(-h, h)];
@@ -109,7 +109,7 @@ impl Stage {
     }
 
     /// The state at an instant, with pictures seen ray by ray.
-    pub(super) fn state(&self) -> SceneState {
+    pub(crate) fn state(&self) -> SceneState {
         let surfaces = self.surfaces();
         let cameras: Vec<CameraState> =
             (0..self.cameras.len()).map(|idx| self.observe(&surfaces, idx)).collect();
@@ -199,7 +199,7 @@ impl Stage {
     }
 
     /// The person is a flat figure that faces every camera: what billboards assume.
-    fn person_color(&self, ray: &Ray, camera: &Camera) -> Option<[u8; 3]> {
+    pub(crate) fn person_color(&self, ray: &Ray, camera: &Camera) -> Option<[u8; 3]> {
         let foot = self.person?;
         let (right, normal) = facing(foot, camera);
         let hit = ray.at(ray.distance_to_plane(foot, normal)?) - foot;
@@ -243,7 +243,7 @@ fn facing(foot: DVec3, camera: &Camera) -> (DVec3, DVec3) {
     (DVec3::new(away.y, -away.x, 0.0), away.extend(0.0))
 }
 
-pub(super) fn srgb_code(linear: f64) -> u8 {
+pub(crate) fn srgb_code(linear: f64) -> u8 {
     (f64::from(srgb_from_linear(linear.clamp(0.0, 1.0) as f32)) * 255.0).round() as u8
 }
 

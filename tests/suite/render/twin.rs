@@ -18,13 +18,13 @@ const N_LEVELS: usize = 5;
 const SILHOUETTE: f64 = 7.0 / 1024.0;
 
 /// A twin's picture.
-pub(super) struct Twin {
+pub(crate) struct Twin {
     pub image: RgbImage,
     /// Whether the pixel has one right answer.
     pub is_clear: Vec<bool>,
 }
 
-pub(super) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
+pub(crate) fn render(state: &SceneState, view: &View, plan: &Plan) -> Twin {
     let pyramids: Vec<Pyramid> = plan
         .surface_cameras
         .iter()
@@ -61,7 +61,7 @@ struct Pixel {
     is_interior: bool,
 }
 
-fn surface_of(hit: Option<&Hit>) -> Option<(SurfaceId, Face, [i64; 3])> {
+pub(crate) fn surface_of(hit: Option<&Hit>) -> Option<(SurfaceId, Face, [i64; 3])> {
     let turned = |normal: DVec3| (normal * 1e3).round().to_array().map(|n| n as i64);
     let direction = |hit: &Hit| match hit.surface {
         // Round, and one surface all the same.
