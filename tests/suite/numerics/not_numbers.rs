@@ -88,6 +88,7 @@ fn points_that_are_no_numbers_are_not_drawn() {
     let mut state = plaza(DVec3::ZERO).with_person(v(-1.0, -3.0, 0.0)).state();
     let expected = draw(&mut brush, &state, &from_the_south(), EntityStyle::None).0.image;
     let point = EntityPoint {
+        entity_idx: 0,
         camera_idx: 0,
         position_in_world: v(-1.0, -3.0, 1.0),
         size_m: 0.2,
