@@ -1,8 +1,7 @@
 //! Several pixels each way of a finer picture averaged into one.
 
-use super::{Recording, UNFILTERED, texture_entry};
+use super::{Recording, UNFILTERED, resample, texture_entry};
 use crate::gpu::{Gpu, GpuError};
-use crate::render::targets::COLOR_FORMAT;
 
 const LABEL: &str = "average";
 
@@ -45,7 +44,7 @@ impl AveragePass {
         });
         let (width, height) = (finer.width() / times, finer.height() / times);
         self.averaged.take_if(|kept| (kept.width(), kept.height()) != (width, height));
-        let averaged = self.averaged.get_or_insert_with(|| picture(gpu, width, height));
+        let averaged = self.averaged.get_or_insert_with(|| resample::picture(gpu, LABEL, width, height));
         let span = recording.timer.span(LABEL);
         let mut pass = recording.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some(LABEL),
@@ -78,52 +77,9 @@ impl AveragePass {
         if let Some((_, known)) = self.pipelines.iter().find(|(known, _)| *known == times) {
             return Ok(known.clone());
         }
-        let module = gpu.shader("render/average.wgsl")?;
         let constants = [("TIMES", f64::from(times))];
-        let compilation_options = wgpu::PipelineCompilationOptions {
-            constants: &constants,
-            ..wgpu::PipelineCompilationOptions::default()
-        };
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(LABEL),
-            bind_group_layouts: &[Some(&self.layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vs_main"),
-                compilation_options: compilation_options.clone(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs_main"),
-                compilation_options,
-                targets: &[Some(COLOR_FORMAT.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        let pipeline = resample::pipeline(gpu, LABEL, &self.layout, &constants)?;
         self.pipelines.push((times, pipeline.clone()));
         Ok(pipeline)
     }
-}
-
-fn picture(gpu: &Gpu, width: u32, height: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some(LABEL),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: COLOR_FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-        view_formats: &[],
-    })
 }

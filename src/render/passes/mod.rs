@@ -5,6 +5,7 @@ mod billboard;
 mod camera_depth;
 mod enlarge;
 mod points;
+mod resample;
 pub(super) mod see_through;
 mod sky;
 mod surface;
