@@ -1,7 +1,7 @@
 //! What the fused view's passes cost, as ratios to a pass that only fills the picture: all in one run, in turns.
 //!
-//! `cargo bench --bench fused_view [-- <turns>]` prints tables for docs/benchmarks/fused-view.md. The device's own clock is
-//! read; a device without one is told so.
+//! `cargo bench --bench fused_view [-- <turns>]` prints tables for docs/benchmarks/fused-view.md: ratios, then curves over
+//! pixels, cameras and people. The device's own clock is read; a device without one is told so.
 
 #![expect(clippy::print_stdout, reason = "a bench reports on standard output")]
 
@@ -153,7 +153,11 @@ fn yard(n_people: usize) -> (SceneState, Picture) {
         })
         .collect();
     let feet: Vec<DVec3> = (0..n_people)
-        .map(|idx| DVec3::new((idx % 5) as f64 * 2.0 - 4.0, (idx / 5) as f64 * 2.0 - 5.0, 0.0))
+        // Beyond a block of twenty, in blocks between these.
+        .map(|idx| (idx % 20, (idx / 20) as f64 * 0.24))
+        .map(|(idx, aside)| {
+            DVec3::new((idx % 5) as f64 * 2.0 - 4.0 + aside, (idx / 5) as f64 * 2.0 - 5.0 + aside, 0.0)
+        })
         .collect();
     let (width, height) = SIZE_PX;
     let mut sources: Vec<Vec<Billboard>> = vec![Vec::new(); n_people];
@@ -247,6 +251,42 @@ fn measure(renderer: &mut Renderer, title: &str, mut cases: Vec<Case>, passes: &
     }
 }
 
+/// What a picture costs over its pixels, over cameras of which three see any place, and over people.
+fn curves(renderer: &mut Renderer, n_turns: usize) {
+    let all = ["surface", "billboard", "points"];
+    let of = |style| settings(style, Filtering::Levels, 4);
+    let sized = |(width, height): (u32, u32)| {
+        let (state, _) = yard(20);
+        let (eye, target) = (DVec3::new(3.0, -20.0, 12.0), DVec3::ZERO);
+        let view = View::new(eye, target, 0.7, width, height, &LIMITS).expect("a view");
+        Case::new(&format!("{width} x {height}"), state, &view.into(), of(EntityStyle::Billboards))
+    };
+    let sizes = [(320, 180), (640, 360), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160)];
+    let title = "Over pixels: the yard with three cameras and 20 people as billboards, 4 samples";
+    measure(renderer, title, sizes.map(sized).into(), &all, n_turns);
+    let cameras = |(cells, beside): ([u32; 2], u32)| {
+        let (state, picture) = tiled(cells, 3, beside);
+        let name = format!("{} cameras", state.cameras.len());
+        Case::new(&name, state, &picture, of(EntityStyle::None))
+    };
+    let counts = [([1, 1], 0), ([2, 1], 0), ([2, 2], 0), ([4, 2], 0), ([8, 2], 0), ([11, 3], 1)];
+    let title = "Over cameras: ground of which three see any place, 1280 x 720, 4 samples";
+    measure(renderer, title, counts.map(cameras).into(), &all, n_turns);
+    let people = |n_people: usize, style| {
+        let (mut state, picture) = yard(n_people);
+        if style == EntityStyle::Points {
+            state.place_points(1);
+        }
+        let word = if style == EntityStyle::Points { "points" } else { "billboards" };
+        Case::new(&format!("{n_people} people as {word}"), state, &picture, of(style))
+    };
+    for style in [EntityStyle::Billboards, EntityStyle::Points] {
+        let cases = [0, 10, 20, 40, 80, 160].map(|n_people| people(n_people, style));
+        let title = "Over people: the yard with three cameras, 1280 x 720, 4 samples";
+        measure(renderer, title, cases.into(), &all, n_turns);
+    }
+}
+
 fn main() {
     let n_turns = std::env::args().filter_map(|arg| arg.parse().ok()).next().unwrap_or(LEAST_TURNS);
     let gpu = match Gpu::new("") {
@@ -287,6 +327,7 @@ fn main() {
         case("20 people as points", 20, EntityStyle::Points),
     ];
     measure(&mut renderer, "People", cases, &all, n_turns);
+    curves(&mut renderer, n_turns);
 }
 
 impl Case {

@@ -5,13 +5,19 @@
 
 use super::measures::distance_figures;
 use crate::frame::Mask;
-use crate::fuse::{Entity, SceneState};
-use crate::segment::MOVING;
+use crate::fuse::{Billboard, CameraState, SceneState};
+use crate::segment::{MOVING, PixelRect};
 use crate::simulate::FigurePosition;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Pixels of somebody that a camera must show to count as one that sees them.
 const LEAST_PX: usize = 40;
+
+/// A source shows a figure whole if so many of its moving pixels are the figure's, if its rectangle and the figure's share so
+/// much, and if the figure is seen down to this share of its height from where it stands.
+const WHOLE_SHARE: f64 = 0.9;
+const WHOLE_OVERLAP: f64 = 0.6;
+const FOOT_SHARE: f64 = 0.15;
 
 /// What entities get right and wrong, counted in figures at instants.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +30,13 @@ pub struct EntityScore {
     pub n_seen_twice: usize,
     /// Of these, those whom two entities or more show.
     pub n_duplicates: usize,
+    /// Figures whom two cameras or more see *whole* at an instant: nothing but their segmentation and calibration parts what
+    /// these see. Whole is a source of which nine tenths of the moving pixels are the figure's, whose rectangle and the
+    /// figure's in truth share six tenths of what they cover together, away from the picture's border, down to where the
+    /// figure stands.
+    pub n_possible: usize,
+    /// Of these, those whose whole sights are in two entities or more.
+    pub n_parted: usize,
     /// Of those seen twice, those whose entity has another id than at their instant before.
     pub n_switches: usize,
     /// Entities of several sources.
@@ -47,9 +60,26 @@ impl EntityScore {
     pub fn add(&mut self, state: &SceneState, truths: &[&Mask], figures: &[FigurePosition]) {
         assert_eq!(state.cameras.len(), truths.len(), "every camera has its truth");
         let mut shown: BTreeMap<u8, BTreeSet<u64>> = BTreeMap::new();
+        let boxes: Vec<_> = truths.iter().map(|truth| boxes(truth)).collect();
+        // Entities of each whole sight, one a camera.
+        let mut whole: BTreeMap<u8, Vec<u64>> = BTreeMap::new();
         for entity in &state.entities {
-            let owners = (0..entity.sources.len()).map(|source| owner(state, truths, entity, source));
-            let people: BTreeSet<u8> = owners.filter(|of| *of > 0).collect();
+            let mut people = BTreeSet::new();
+            for source in &entity.sources {
+                let (of, share) = owner(state, truths, source);
+                if of == 0 {
+                    continue;
+                }
+                people.insert(of);
+                let place = figures.iter().find(|figure| figure.instance == of);
+                let is_whole = share >= WHOLE_SHARE
+                    && place.zip(boxes[source.camera_idx][usize::from(of)]).is_some_and(|(figure, truth)| {
+                        is_whole(&state.cameras[source.camera_idx], source, truth, figure)
+                    });
+                if is_whole {
+                    whole.entry(of).or_default().push(entity.id);
+                }
+            }
             self.n_joined += usize::from(entity.sources.len() > 1);
             self.n_mixed += usize::from(people.len() > 1);
             self.n_ghosts += usize::from(people.is_empty());
@@ -61,6 +91,11 @@ impl EntityScore {
             for of in people {
                 shown.entry(of).or_default().insert(entity.id);
             }
+        }
+        for mut sights in whole.into_values().filter(|sights| sights.len() > 1) {
+            self.n_possible += 1;
+            sights.dedup();
+            self.n_parted += usize::from(sights.len() > 1);
         }
         let mut n_cameras: BTreeMap<u8, usize> = BTreeMap::new();
         for truth in truths {
@@ -89,22 +124,54 @@ impl EntityScore {
     }
 }
 
-/// Whom most moving pixels of a source show; 0 where most show nobody.
-fn owner(state: &SceneState, truths: &[&Mask], entity: &Entity, source: usize) -> u8 {
-    let billboard = &entity.sources[source];
-    let labels = &state.cameras[billboard.camera_idx].observation.labels;
-    let truth = truths[billboard.camera_idx];
+/// Whom most moving pixels of a source show, 0 where most show nobody; and their share of these.
+fn owner(state: &SceneState, truths: &[&Mask], source: &Billboard) -> (u8, f64) {
+    let labels = &state.cameras[source.camera_idx].observation.labels;
+    let truth = truths[source.camera_idx];
     assert_eq!(
         (labels.width, labels.height),
         (truth.width, truth.height),
         "the truth is of the picture's size"
     );
     let mut counts = [0_u32; 256];
-    let rect = billboard.rect;
+    let rect = source.rect;
     for y in rect.y..rect.y + rect.height {
         for x in (rect.x..rect.x + rect.width).filter(|x| labels.get(*x, y) == MOVING) {
             counts[usize::from(truth.get(x, y))] += 1;
         }
     }
-    (0..=u8::MAX).max_by_key(|of| counts[usize::from(*of)]).unwrap_or(0)
+    let of = (0..=u8::MAX).max_by_key(|of| counts[usize::from(*of)]).unwrap_or(0);
+    (of, f64::from(counts[usize::from(of)]) / f64::from(counts.iter().sum::<u32>().max(1)))
+}
+
+/// The rectangle around each figure's pixels of a picture, by its value; `None` of who is not there.
+fn boxes(truth: &Mask) -> Vec<Option<PixelRect>> {
+    let mut ends: Vec<Option<[u32; 4]>> = vec![None; 256];
+    for (row, y) in truth.data.chunks_exact(truth.width.max(1) as usize).zip(0..) {
+        for (value, x) in row.iter().zip(0..).filter(|(value, _)| **value > 0) {
+            let [left, top, right, bottom] = ends[usize::from(*value)].unwrap_or([x, y, x, y]);
+            ends[usize::from(*value)] = Some([left.min(x), top, right.max(x), bottom.max(y)]);
+        }
+    }
+    let rect =
+        |[x, y, right, bottom]: [u32; 4]| PixelRect { x, y, width: right - x + 1, height: bottom - y + 1 };
+    ends.into_iter().map(|ends| ends.map(rect)).collect()
+}
+
+/// Whether a source shows all of a figure that lies in `truth`: see [`EntityScore::n_possible`].
+fn is_whole(camera: &CameraState, source: &Billboard, truth: PixelRect, figure: &FigurePosition) -> bool {
+    let labels = &camera.observation.labels;
+    let ends = |of: PixelRect| [of.x, of.y, of.x + of.width, of.y + of.height];
+    let ([left, top, right, bottom], [x, y, to_x, to_y]) = (ends(truth), ends(source.rect));
+    let common = f64::from(right.min(to_x).saturating_sub(left.max(x)))
+        * f64::from(bottom.min(to_y).saturating_sub(top.max(y)));
+    let area = |of: PixelRect| f64::from(of.width) * f64::from(of.height);
+    let union = area(truth) + area(source.rect) - common;
+    let is_inside = left > 0 && top > 0 && right < labels.width && bottom < labels.height;
+    let foot = camera.camera.project(figure.foot_in_world);
+    let reaches_ground = foot.is_some_and(|foot| {
+        let foot_px = foot.texture.y * f64::from(labels.height);
+        (foot_px - f64::from(bottom)).abs() <= FOOT_SHARE * f64::from(truth.height) + 1.0
+    });
+    is_inside && reaches_ground && common >= WHOLE_OVERLAP * union
 }

@@ -105,14 +105,18 @@ impl Forecaster {
         }
     }
 
-    /// Learns what a picture took.
-    pub(super) fn note(&self, decision: &Decision, times: StageTimes) {
-        self.inner().model.note(&decision.task, decision.expected.forecast.median_ms, times);
+    /// Learns what a picture took, without what making its scene ready took before it, if that was to be done.
+    pub(super) fn note(&self, decision: &Decision, times: StageTimes, preparing: Duration) {
+        let mut inner = self.inner();
+        if decision.task.is_unprepared {
+            inner.model.note_preparation(preparing.as_secs_f64() * 1e3);
+        }
+        inner.model.note(&decision.task, decision.expected.forecast.median_ms, times);
     }
 
     /// What a picture is to the model, once its own plan is known.
-    pub(super) fn settled(mut decision: Decision, survey: &Survey, pending: Pending) -> Decision {
-        decision.task = Model::task(survey, &decision.settings, pending);
+    pub(super) fn settled(&self, mut decision: Decision, survey: &Survey, pending: Pending) -> Decision {
+        decision.task = self.inner().model.task(survey, &decision.settings, pending);
         decision
     }
 }
@@ -128,5 +132,5 @@ pub(super) fn usual_pending(state: &crate::fuse::SceneState, plan: &Plan) -> Pen
         let image = &state.cameras[*idx].observation.frame.image;
         u64::from(image.width()) * u64::from(image.height()) * 5 / 2
     };
-    Pending { upload_bytes: plan.entity_cameras.iter().map(bytes).sum(), depth_maps: 0 }
+    Pending { upload_bytes: plan.entity_cameras.iter().map(bytes).sum(), ..Pending::default() }
 }

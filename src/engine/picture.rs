@@ -168,7 +168,7 @@ impl Subject {
         let new = (&survey, pending(&state, &full));
         let decision = forecaster.choose(new, (settings.entities, &named), deadline, left())?;
         let plan = self.plan(&mut state, decision.settings, session);
-        let decision = Forecaster::settled(decision, &survey, pending(&state, &plan));
+        let decision = forecaster.settled(decision, &survey, pending(&state, &plan));
         Ok(Decided { state, plan, decision })
     }
 
@@ -189,16 +189,22 @@ impl Subject {
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, RenderError> {
         let started = clock.monotonic();
+        renderer.make_ready(&state, &plan)?;
+        let ready = clock.monotonic();
         let Some(rendered) = renderer.render_while(&state, &self.picture, &plan, wanted)? else {
             return Ok(None);
         };
-        let drawing = clock.monotonic().saturating_sub(started);
+        let finished = clock.monotonic();
+        let [preparing, drawing] = [ready.saturating_sub(started), finished.saturating_sub(ready)];
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let passes = rendered.timings.iter().map(|pass| (pass.pass, ms(pass.gpu)));
         let before = ms(took[0].saturating_add(took[1]));
-        forecaster.note(&decision, StageTimes::of(before, ms(drawing), passes));
-        let mut timings =
-            vec![(HOST_STAGES[0], took[0]), (HOST_STAGES[1], took[1]), (HOST_STAGES[2], drawing)];
+        forecaster.note(&decision, StageTimes::of(before, ms(drawing), passes), preparing);
+        let mut timings = vec![
+            (HOST_STAGES[0], took[0]),
+            (HOST_STAGES[1], took[1]),
+            (HOST_STAGES[2], preparing.saturating_add(drawing)),
+        ];
         timings.extend(rendered.timings.iter().map(|pass| (pass.pass, pass.gpu)));
         Ok(Some(ViewAnswer {
             image: Arc::new(rendered.image),

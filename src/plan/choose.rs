@@ -35,7 +35,7 @@ impl Known<'_> {
     /// What `settings` come to.
     #[must_use]
     pub fn choice(&self, settings: &Settings) -> Choice {
-        let task = Model::task(self.survey, settings, self.pending);
+        let task = self.model.task(self.survey, settings, self.pending);
         let error = self.errors.is_measured().then(|| self.errors.expected(settings));
         Choice { settings: *settings, task, forecast: self.model.forecast(&task), error }
     }

@@ -15,6 +15,7 @@ mod predict;
 mod see_through;
 mod settings;
 mod sources;
+mod stages;
 #[cfg(test)]
 mod tests;
 mod view;
@@ -24,12 +25,13 @@ pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use errors::Errors;
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
-pub use predict::{Basis, Forecast, Model, StageTimes, Task, TimedStage, told};
+pub use predict::{Basis, Forecast, Model, Task, told};
 pub use see_through::{OPEN_OPACITY, Opened, ViewSession};
 pub use settings::{
     Aim, Deadline, Detail, Effort, Filtering, MAX_ENTITY_SOURCES, Named, POINT_STRIDES, Preset, Settings,
     candidates,
 };
+pub use stages::{StageTimes, TimedStage};
 pub use view::{Frustum, Projection, View, ViewLimits};
 pub use work::{Feature, Pending, Program, Survey, Variant, Work};
 

@@ -5,6 +5,7 @@
 //! one history gives one model.
 
 use super::fit::{dot, fit};
+use super::stages::{N_STAGES, STAGES, StageForm, StageTimes, TimedStage};
 use super::work::{Feature, N_FEATURES, Pending, Program, Survey, Variant, Work};
 use super::{CostRow, CostTable, Settings, Spread, quantile};
 use serde::Serialize;
@@ -34,111 +35,8 @@ const MAX_PROGRAMS: usize = 1024;
 /// Upper quartile over the median where little is known of the spread.
 const FIRST_SPREAD: f64 = 1.5;
 
-/// What a program takes that was never drawn with, before any was timed, milliseconds.
-const FIRST_PROGRAM_MS: f64 = 60.0;
-
-/// What is timed by itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TimedStage {
-    /// Putting together what cameras saw, and deciding.
-    Fuse,
-    /// Pictures onto the device.
-    Yuv,
-    /// Depth maps.
-    CameraDepth,
-    /// Surfaces.
-    Surface,
-    /// What moves, and what is open before it.
-    Entities,
-    /// Averaging and enlarging.
-    Resample,
-    /// All else of drawing: preparing, waiting, reading back.
-    Rest,
-}
-
-use Feature as F;
-
-/// A stage's name, and what its time depends on: each feature with a first guess, milliseconds a unit, of two processors that
-/// rasterise.
-type StageForm = (&'static str, &'static [(Feature, f64)]);
-
-/// By [`TimedStage`].
-const STAGES: [StageForm; 7] = [
-    ("fuse", &[(F::One, 0.3), (F::Cameras, 0.1), (F::Sources, 5.0), (F::Points, 0.3)]),
-    ("yuv", &[(F::Uploads, 3.0)]),
-    ("camera_depth", &[(F::DepthMaps, 12.0)]),
-    (
-        "surface",
-        &[
-            (F::One, 0.3),
-            (F::Parts, 0.2),
-            (F::Drawn, 2.0),
-            (F::Sampled, 8.0),
-            (F::Surface, 3.0),
-            (F::Nearest, 7.0),
-            (F::Bilinear, 11.0),
-            (F::Levels, 14.0),
-            (F::DepthTests, 5.0),
-            (F::Lenses, 5.0),
-        ],
-    ),
-    ("entities", &[(F::Rectangles, 12.0), (F::Entities, 1.0), (F::Points, 0.2), (F::Later, 0.5)]),
-    ("resample", &[(F::Resampled, 2.0)]),
-    ("rest", &[(F::One, 1.5), (F::Parts, 0.5), (F::Finished, 4.0), (F::Drawn, 0.5), (F::Uploads, 2.0)]),
-];
-
-/// How many stages there are.
-const N_STAGES: usize = STAGES.len();
-
-/// Times by stage, milliseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageTimes([f64; N_STAGES]);
-
-impl StageTimes {
-    /// A picture's times by the names of its passes, where `render` took `render_ms` as a whole and what came before it
-    /// `fuse_ms`. Of a device that tells no passes all is [`TimedStage::Rest`].
-    #[must_use]
-    pub fn of<'a>(fuse_ms: f64, render_ms: f64, passes: impl Iterator<Item = (&'a str, f64)>) -> Self {
-        let mut times = Self::default();
-        times.0[TimedStage::Fuse as usize] = fuse_ms;
-        let mut of_passes = 0.0;
-        for (pass, ms) in passes {
-            let stage = match pass {
-                "yuv" => TimedStage::Yuv,
-                "camera_depth" => TimedStage::CameraDepth,
-                "surface" => TimedStage::Surface,
-                "billboard" | "points" | "see_through" => TimedStage::Entities,
-                "average" | "enlarge" => TimedStage::Resample,
-                _ => continue,
-            };
-            times.0[stage as usize] += ms;
-            of_passes += ms;
-        }
-        times.0[TimedStage::Rest as usize] = (render_ms - of_passes).max(0.0);
-        times
-    }
-
-    /// A stage's time, milliseconds.
-    #[must_use]
-    pub const fn stage(&self, stage: TimedStage) -> f64 {
-        self.0[stage as usize]
-    }
-
-    /// All of them together, milliseconds.
-    #[must_use]
-    pub fn sum(&self) -> f64 {
-        self.0.iter().sum()
-    }
-
-    /// Names and times.
-    pub fn named(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        STAGES.iter().zip(self.0).map(|((name, _), ms)| (*name, ms))
-    }
-
-    fn is_good(&self) -> bool {
-        self.0.iter().all(|ms| ms.is_finite() && *ms >= 0.0)
-    }
-}
+/// What making a scene ready takes before any was timed, milliseconds.
+const FIRST_PREPARATION_MS: f64 = 200.0;
 
 /// On what an expectation rests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -193,14 +91,16 @@ pub struct Task {
     pub work: Work,
     /// By which programs.
     pub variant: Variant,
+    /// Whether its scene must be made ready first.
+    pub is_unprepared: bool,
 }
 
 #[derive(Clone, Debug)]
 struct Measured {
     work: Work,
     times: StageTimes,
-    /// Pictures that are told apart no further share it.
-    kind: (Option<Variant>, i32),
+    /// Pictures that are told apart no further share it: programs, size, and whether any of the programs was new.
+    kind: (Option<Variant>, i32, bool),
 }
 
 /// See the module.
@@ -218,8 +118,8 @@ pub struct Model {
     speeds: VecDeque<f64>,
     /// Measured over what was expected.
     ratios: VecDeque<f64>,
-    /// What pictures with a new program took more, milliseconds.
-    surcharges_ms: VecDeque<f64>,
+    /// What making a scene ready took, milliseconds.
+    preparations_ms: VecDeque<f64>,
 }
 
 impl Default for Model {
@@ -233,7 +133,7 @@ impl Default for Model {
             programs: BTreeSet::new(),
             speeds: VecDeque::new(),
             ratios: VecDeque::new(),
-            surcharges_ms: VecDeque::new(),
+            preparations_ms: VecDeque::new(),
         }
     }
 }
@@ -252,10 +152,20 @@ impl Model {
         self.programs.clear();
     }
 
-    /// What a picture is to the model.
+    /// What a picture is to the model, which programs are new among them.
     #[must_use]
-    pub fn task(survey: &Survey, settings: &Settings, pending: Pending) -> Task {
-        Task { work: survey.work(settings, pending), variant: survey.variant(settings) }
+    pub fn task(&self, survey: &Survey, settings: &Settings, pending: Pending) -> Task {
+        let mut work = survey.work(settings, pending);
+        let variant = survey.variant(settings);
+        let mut n_new = [0_u32; 3];
+        for program in variant.programs().filter(|program| !self.programs.contains(program)) {
+            n_new[program.pass()] += 1;
+        }
+        let features = [Feature::SurfacePrograms, Feature::EntityPrograms, Feature::ResamplePrograms];
+        for (feature, n_new) in features.into_iter().zip(n_new) {
+            work.set(feature, f64::from(n_new));
+        }
+        Task { work, variant, is_unprepared: pending.is_unprepared }
     }
 
     /// How long a picture takes.
@@ -264,8 +174,7 @@ impl Model {
         let mut times = self.modelled(&task.work);
         let speed = self.speed();
         times.0.iter_mut().for_each(|ms| *ms *= speed);
-        let is_new = task.variant.programs().any(|program| !self.programs.contains(&program));
-        let median_ms = times.sum() + if is_new { self.surcharge_ms() } else { 0.0 };
+        let median_ms = times.sum() + if task.is_unprepared { self.preparation_ms() } else { 0.0 };
         let spread = if self.ratios.len() < ENOUGH_PICTURES { FIRST_SPREAD } else { self.spread() };
         let basis = match (self.anchors.is_empty(), self.n_noted >= ENOUGH_PICTURES) {
             (false, _) => Basis::Table,
@@ -276,20 +185,25 @@ impl Model {
         Forecast { median_ms, upper_ms: median_ms * spread, fuse_ms, basis }
     }
 
-    /// Notes what a picture took, of which `expected_ms` was expected. What is no time changes nothing.
+    /// Notes what making a scene ready took. What is no time changes nothing.
+    pub fn note_preparation(&mut self, took_ms: f64) {
+        if took_ms.is_finite() && took_ms >= 0.0 {
+            push(&mut self.preparations_ms, took_ms, N_SPEED);
+        }
+    }
+
+    /// Notes what a picture took without making its scene ready, where `expected_ms` was expected of it as a whole. What is no
+    /// time changes nothing.
     pub fn note(&mut self, task: &Task, expected_ms: f64, times: StageTimes) {
         let took_ms = times.sum();
         if !times.is_good() || took_ms <= 0.0 {
             return;
         }
-        let of_model = self.modelled(&task.work).sum() * self.speed();
         let n_known = self.programs.len();
         self.programs.extend(task.variant.programs().take(MAX_PROGRAMS.saturating_sub(n_known)));
-        if self.programs.len() > n_known {
-            push(&mut self.surcharges_ms, took_ms - of_model, N_SPEED);
-            return;
-        }
-        if expected_ms.is_finite() && expected_ms > 0.0 {
+        let has_new = self.programs.len() > n_known;
+        let is_usual = !has_new && !task.is_unprepared;
+        if is_usual && expected_ms.is_finite() && expected_ms > 0.0 {
             push(&mut self.ratios, took_ms / expected_ms, N_SPREAD);
         }
         let has_passes = times.0[TimedStage::Surface as usize] > 0.0;
@@ -299,14 +213,15 @@ impl Model {
             self.samples.clear();
         }
         let megapixels = task.work.of(Feature::Drawn).max(1e-4);
-        let kind = (Some(task.variant), (2.0 * megapixels.log2()).round() as i32);
+        let kind = (Some(task.variant), (2.0 * megapixels.log2()).round() as i32, has_new);
         self.keep(Measured { work: task.work, times, kind });
         self.n_noted += 1;
         if self.n_noted < 2 * ENOUGH_PICTURES || self.n_noted.is_multiple_of(4) {
             self.refit();
         }
         let of_model = self.modelled(&task.work).sum();
-        if of_model > 0.0 {
+        // What a program takes to be made says little of the next: no speed is told by it.
+        if is_usual && of_model > 0.0 {
             push(&mut self.speeds, took_ms / of_model, N_SPEED);
         }
     }
@@ -373,8 +288,8 @@ impl Model {
         if self.speeds.len() < 3 { 1.0 } else { median(&self.speeds).clamp(SPEEDS[0], SPEEDS[1]) }
     }
 
-    fn surcharge_ms(&self) -> f64 {
-        if self.surcharges_ms.is_empty() { FIRST_PROGRAM_MS } else { median(&self.surcharges_ms).max(0.0) }
+    fn preparation_ms(&self) -> f64 {
+        if self.preparations_ms.is_empty() { FIRST_PREPARATION_MS } else { median(&self.preparations_ms) }
     }
 
     fn spread(&self) -> f64 {
@@ -421,7 +336,11 @@ fn anchor(row: &CostRow) -> Option<Measured> {
     for (at, (name, _)) in STAGES.iter().enumerate() {
         times.0[at] = named(format!("{TOOK}{name}"))?;
     }
-    (times.is_good() && work.of(Feature::One) > 0.0).then_some(Measured { work, times, kind: (None, 0) })
+    (times.is_good() && work.of(Feature::One) > 0.0).then_some(Measured {
+        work,
+        times,
+        kind: (None, 0, false),
+    })
 }
 
 const _: () = assert!(N_FEATURES <= 32, "names of features are looked up one by one");

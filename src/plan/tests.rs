@@ -25,12 +25,13 @@ fn takes(work: &Work) -> StageTimes {
 }
 
 fn pictures() -> Vec<Task> {
+    let model = Model::default();
     let sizes = [(320, 180), (640, 360), (1280, 720), (800, 600), (1920, 1080)];
     let forms = candidates(EntityStyle::None, &Named::default());
     (0..120_usize)
         .map(|idx| {
             let survey = survey(sizes[idx % sizes.len()], 1 + idx % 6);
-            Model::task(&survey, &forms[(idx * 53) % forms.len()], Pending::default())
+            model.task(&survey, &forms[(idx * 53) % forms.len()], Pending::default())
         })
         .collect()
 }
@@ -106,7 +107,7 @@ fn nothing_to_draw_takes_a_finite_time() {
     let model = learned(|_, ms| ms);
     for survey in [Survey::default(), survey((0, 0), 0), survey((1, 1), 0), survey((65_535, 65_535), 8)] {
         for settings in candidates(EntityStyle::Points, &Named::default()) {
-            let task = Model::task(&survey, &settings, Pending::default());
+            let task = model.task(&survey, &settings, Pending::default());
             let forecast = model.forecast(&task);
             assert!(forecast.median_ms.is_finite() && forecast.median_ms >= 0.0, "{settings:?}");
             assert!(forecast.upper_ms >= forecast.median_ms);
@@ -116,25 +117,60 @@ fn nothing_to_draw_takes_a_finite_time() {
 
 #[test]
 fn a_program_that_was_never_drawn_with_takes_more_once() {
-    let mut model = learned(|_, ms| ms);
-    let task = pictures()[7];
-    let known = model.forecast(&task).median_ms;
-    model.forget_programs();
-    let new = model.forecast(&task).median_ms;
-    assert!(new >= known, "{new} for {known}");
-    let took = StageTimes::of(1.0, known + 250.0, [("surface", 1.0)].into_iter());
-    let surface = |of: &Task| of.variant.programs().next();
-    let mut seen = vec![surface(&task)];
-    for other in pictures() {
-        if !seen.contains(&surface(&other)) {
-            seen.push(surface(&other));
-            model.note(&other, new, took);
+    const PROGRAM_MS: f64 = 120.0;
+    let forms = candidates(EntityStyle::None, &Named::default());
+    let task = |model: &Model, idx: usize| {
+        let sizes = [(320, 180), (640, 360), (1280, 720)];
+        let survey = survey(sizes[idx % 3], 1 + idx % 6);
+        model.task(&survey, &forms[(idx * 53) % forms.len()], Pending::default())
+    };
+    let mut model = Model::default();
+    for idx in 0..150 {
+        // A device that is made anew now and then makes them again.
+        if idx % 50 == 0 {
+            model.forget_programs();
         }
+        let task = task(&model, idx);
+        let times = takes(&task.work);
+        let making_ms = PROGRAM_MS * task.work.of(Feature::SurfacePrograms);
+        let surface = times.stage(TimedStage::Surface) + making_ms;
+        let whole = surface + times.stage(TimedStage::Rest);
+        let expected = model.forecast(&task).median_ms;
+        model.note(&task, expected, StageTimes::of(1.0, whole, [("surface", surface)].into_iter()));
     }
-    assert!(seen.len() > 9);
-    assert!(model.forecast(&task).median_ms > known + 100.0, "so much did the others take more");
-    model.note(&task, new, took);
-    assert!(model.forecast(&task).median_ms < known + 50.0, "it is there now");
+    let known = model.forecast(&task(&model, 149)).median_ms;
+    let truth = takes(&task(&model, 149).work).sum();
+    assert!((known / truth - 1.0).abs() < 0.2, "{known} for {truth}: all of its programs are there");
+    model.forget_programs();
+    let n_new = task(&model, 149).work.of(Feature::SurfacePrograms);
+    let more = model.forecast(&task(&model, 149)).median_ms - known;
+    assert!((more / (PROGRAM_MS * n_new) - 1.0).abs() < 0.2, "{more} for {n_new} of {PROGRAM_MS}");
+}
+
+#[test]
+fn what_the_first_picture_of_a_scene_takes_more_is_expected_of_no_other() {
+    let mut model = Model::default();
+    let settings = Settings { entities: EntityStyle::None, ..Settings::default() };
+    let of = |model: &Model, survey: &Survey, is_unprepared| {
+        model.task(survey, &settings, Pending { is_unprepared, depth_maps: 3, ..Pending::default() })
+    };
+    let first = of(&model, &survey((640, 360), 3), true);
+    let expected = model.forecast(&first);
+    // Cutting it took a second, and as much went for programs and depth maps.
+    model.note_preparation(1000.0);
+    let passes = [("surface", 700.0), ("camera_depth", 300.0)];
+    model.note(&first, expected.median_ms, StageTimes::of(1.0, 1050.0, passes.into_iter()));
+    let seen = model.task(&survey((640, 360), 3), &settings, Pending::default());
+    let next = model.forecast(&seen);
+    assert!(next.upper_ms < 150.0, "{next:?}");
+    let other = of(&model, &survey((640, 360), 3), true);
+    assert!(model.forecast(&other).median_ms > next.median_ms + 900.0, "another scene must be cut too");
+    // What was never drawn with costs what the first such programs cost, each.
+    let mut more = model.task(&survey((640, 360), 4), &settings, Pending::default());
+    assert_eq!(more.work.of(Feature::SurfacePrograms), 1.0);
+    assert!(model.forecast(&more).median_ms < next.median_ms + 300.0, "{:?}", model.forecast(&more));
+    more.work.set(Feature::SurfacePrograms, f64::NAN);
+    assert!(model.forecast(&more).median_ms.is_finite());
 }
 
 #[test]

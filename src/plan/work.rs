@@ -56,6 +56,12 @@ pub enum Feature {
     Cameras,
     /// Rectangles of all entities, by the hundred, whether shown or not.
     Sources,
+    /// Programs for surfaces that were never drawn with.
+    SurfacePrograms,
+    /// The same for entities.
+    EntityPrograms,
+    /// The same for averaging and enlarging.
+    ResamplePrograms,
 }
 
 /// How many features there are.
@@ -63,7 +69,7 @@ pub(super) const N_FEATURES: usize = Feature::ALL.len();
 
 impl Feature {
     /// All of them with their names in tables.
-    pub const ALL: [(&'static str, Self); 20] = [
+    pub const ALL: [(&'static str, Self); 23] = [
         ("one", Self::One),
         ("parts", Self::Parts),
         ("drawn", Self::Drawn),
@@ -84,6 +90,9 @@ impl Feature {
         ("finished", Self::Finished),
         ("cameras", Self::Cameras),
         ("sources", Self::Sources),
+        ("surface_programs", Self::SurfacePrograms),
+        ("entity_programs", Self::EntityPrograms),
+        ("resample_programs", Self::ResamplePrograms),
     ];
 }
 
@@ -111,6 +120,8 @@ pub struct Pending {
     pub upload_bytes: u64,
     /// Depth maps that must be drawn.
     pub depth_maps: u32,
+    /// Whether the scene itself must be made ready first: cut into patches, its pictures read.
+    pub is_unprepared: bool,
 }
 
 /// What a picture shows, as far as its cost goes.
@@ -122,6 +133,9 @@ pub struct Survey {
     surface_share: f64,
     /// Where at most n cameras are blended at a pixel, from 0 on.
     cameras: Vec<Blended>,
+    /// By how many cameras places are seen: a bit for each number from 0 to [`MAX_BLENDED_CAMERAS`].
+    seen_by: u16,
+    evens_colors: bool,
     /// Pixels that the first sources' rectangles cover, and those of the sources beside them.
     rectangles_px: [f64; 2],
     n_billboards: usize,
@@ -143,8 +157,8 @@ struct Blended {
 /// A program that a pass draws with: one that was never drawn with is made first, which takes its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Program {
-    /// Cameras, whether any has a depth map, a lens that bends, whether anything is open; look-up and samples.
-    Surface(usize, [bool; 3], Filtering, u32),
+    /// Cameras that are blended at a pixel, and what else tells such programs apart.
+    Surface(usize, SurfaceForm),
     /// Whether any is shown by two cameras; samples.
     Billboard(bool, u32),
     /// Samples.
@@ -153,14 +167,48 @@ pub enum Program {
     Resample(u32, u32),
 }
 
+impl Program {
+    /// Surfaces, entities, averaging and enlarging: 0 to 2.
+    pub(super) const fn pass(self) -> usize {
+        match self {
+            Self::Surface(..) => 0,
+            Self::Billboard(..) | Self::Points(_) => 1,
+            Self::Resample(..) => 2,
+        }
+    }
+}
+
+/// What tells programs for surfaces apart that blend as many cameras.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SurfaceForm {
+    /// Whether any camera has a depth map.
+    has_depth_maps: bool,
+    /// Whether any has a lens that bends.
+    has_lenses: bool,
+    /// Whether anything is open.
+    has_opened: bool,
+    /// Whether colours are multiplied.
+    evens_colors: bool,
+    /// Whether backgrounds are looked up between levels.
+    has_levels: bool,
+    samples: u32,
+}
+
 /// The programs that a picture needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Variant([Option<Program>; 3]);
+pub struct Variant {
+    /// The numbers of cameras that are blended somewhere, a bit for each.
+    blended: u16,
+    form: SurfaceForm,
+    others: [Option<Program>; 2],
+}
 
 impl Variant {
     /// Every one of them.
     pub fn programs(&self) -> impl Iterator<Item = Program> {
-        self.0.into_iter().flatten()
+        let (blended, form) = (self.blended, self.form);
+        let surfaces = (0..=MAX_BLENDED_CAMERAS).filter(move |n| blended & (1 << n) != 0);
+        surfaces.map(move |n| Program::Surface(n, form)).chain(self.others.into_iter().flatten())
     }
 }
 
@@ -187,6 +235,7 @@ impl Survey {
             }
         };
         let surface_share = share(seen.len());
+        let seen_by = seen.iter().fold(0, |bits, cameras| bits | 1 << cameras.len().min(MAX_BLENDED_CAMERAS));
         let cameras = (0..=MAX_BLENDED_CAMERAS.min(plan.surface_cameras.len())).map(blended).collect();
         let area = |of: &PlannedBillboard, source: usize| {
             rectangle_px(picture, &state.entities[of.entity].sources[source])
@@ -211,6 +260,8 @@ impl Survey {
             n_parts: picture.parts.len(),
             surface_share,
             cameras,
+            seen_by,
+            evens_colors: plan.evens_colors,
             rectangles_px,
             n_billboards: plan.billboards.len(),
             n_texels,
@@ -283,8 +334,14 @@ impl Survey {
     pub fn variant(&self, settings: &Settings) -> Variant {
         let (n_cameras, first) = self.first(settings);
         let Sampling { samples, supersampling } = settings.sampling;
-        let kinds =
-            [settings.depth_maps && first.with_depth_maps > 0.0, first.with_lenses > 0.0, self.n_opened > 0];
+        let form = SurfaceForm {
+            has_depth_maps: settings.depth_maps && first.with_depth_maps > 0.0,
+            has_lenses: first.with_lenses > 0.0,
+            has_opened: self.n_opened > 0,
+            evens_colors: self.evens_colors,
+            has_levels: settings.filtering == Filtering::Levels,
+            samples,
+        };
         let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;
         let entities = match settings.entities {
             EntityStyle::Billboards if self.n_billboards > 0 => Some(Program::Billboard(has_beside, samples)),
@@ -293,7 +350,11 @@ impl Survey {
         };
         let step_px = settings.resolution.step_px();
         let resample = (step_px.max(supersampling) > 1).then_some(Program::Resample(supersampling, step_px));
-        Variant([Some(Program::Surface(n_cameras, kinds, settings.filtering, samples)), entities, resample])
+        // What more cameras see than are blended is drawn with as many as are blended.
+        let blended = (0..=MAX_BLENDED_CAMERAS)
+            .filter(|n| self.seen_by & (1 << n) != 0)
+            .fold(0, |bits, n| bits | 1 << n.min(n_cameras));
+        Variant { blended, form, others: [entities, resample] }
     }
 
     fn first(&self, settings: &Settings) -> (usize, Blended) {
@@ -329,6 +390,7 @@ impl Survey {
             n_parts: 1,
             surface_share: 0.75,
             cameras: (0..=n_cameras).map(first).collect(),
+            seen_by: (1 << (n_cameras.min(MAX_BLENDED_CAMERAS) + 1)) - 1,
             n_observations: n_cameras,
             ..Self::default()
         }

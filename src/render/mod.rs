@@ -14,6 +14,7 @@ mod patches;
 mod pending;
 mod pieces;
 mod prepare;
+mod ready;
 mod renderer;
 mod targets;
 mod texture_store;

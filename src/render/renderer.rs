@@ -12,6 +12,7 @@ use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
 use super::pieces::{self, Piece};
 use super::prepare::{Stand, Uploads};
+use super::ready::ReadyScenes;
 use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
@@ -20,7 +21,6 @@ use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
 use crate::scene::{Scene, Sky};
-use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
 const BACKGROUND_LEVELS: u32 = 5;
@@ -52,10 +52,7 @@ pub struct Renderer {
     readback: Readback,
     pub(super) frame: FrameData,
     targets: TargetCache,
-    mesh: Option<Arc<Mesh>>,
-    n_meshes: u64,
-    patches: Option<Arc<Patches>>,
-    n_patches: u64,
+    pub(super) scenes: ReadyScenes,
     pub(super) batches: Batches,
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
@@ -94,7 +91,7 @@ struct Shown<'a> {
 }
 
 /// What surfaces and sky are painted with, as it is bound.
-struct Pictures {
+pub(super) struct Pictures {
     surfaces: Vec<wgpu::BindGroup>,
     sky: Option<wgpu::BindGroup>,
 }
@@ -130,10 +127,7 @@ impl Renderer {
             readback: Readback::default(),
             frame: FrameData::new(&gpu),
             targets: TargetCache::default(),
-            mesh: None,
-            n_meshes: 0,
-            patches: None,
-            n_patches: 0,
+            scenes: ReadyScenes::default(),
             batches: Batches::default(),
             backgrounds: ImageArray::new("backgrounds", BACKGROUND_LEVELS),
             frames: ImageArray::new("frames", FRAME_LEVELS),
@@ -225,8 +219,7 @@ impl Renderer {
         wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Rendered>, RenderError> {
         self.gpu.check()?;
-        let mesh = self.mesh_of(&state.scene);
-        let patches = self.patches_of(&mesh, state);
+        let (mesh, patches) = self.scenes.of(state, self.depth_maps.side_px());
         let pictures = self.pictures(&mesh, plan);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
@@ -273,28 +266,8 @@ impl Renderer {
         Ok(Some(Rendered { image, timings }))
     }
 
-    /// The scene's triangles, made anew where the scene is another than the last picture's.
-    fn mesh_of(&mut self, scene: &Arc<Scene>) -> Arc<Mesh> {
-        if let Some(mesh) = self.mesh.as_ref().filter(|mesh| Arc::ptr_eq(&mesh.scene, scene)) {
-            return Arc::clone(mesh);
-        }
-        self.n_meshes += 1;
-        Arc::clone(self.mesh.insert(Arc::new(Mesh::new(scene, self.n_meshes))))
-    }
-
-    /// The mesh in patches for the state's cameras, made anew where the mesh or a camera is another.
-    fn patches_of(&mut self, mesh: &Mesh, state: &SceneState) -> Arc<Patches> {
-        let cameras: Vec<_> = state.cameras.iter().map(|camera| Arc::clone(&camera.camera)).collect();
-        if let Some(patches) = self.patches.as_ref().filter(|patches| patches.serve(mesh, &cameras)) {
-            return Arc::clone(patches);
-        }
-        self.n_patches += 1;
-        let patches = Patches::new(mesh, cameras, self.depth_maps.side_px(), self.n_patches);
-        Arc::clone(self.patches.insert(Arc::new(patches)))
-    }
-
     /// The pictures of the scene's surfaces, and of its sky if that is planned, uploaded where they were not before.
-    fn pictures(&mut self, mesh: &Mesh, plan: &Plan) -> Pictures {
+    pub(super) fn pictures(&mut self, mesh: &Mesh, plan: &Plan) -> Pictures {
         let sky = match &mesh.scene.sky {
             Sky::Picture { texture, .. } if plan.sky => Some(texture),
             _ => None,

@@ -220,9 +220,12 @@ fn write_entities<'a>(
 ) -> Result<()> {
     writeln!(
         out,
-        "| world | cameras | seen | missed | seen by two | two entities | new id | mixed | nobody | place: mean, m | 95 %, m |"
+        "| world | cameras | seen | missed | seen by two | two entities | whole by two | parted | new id | mixed | nobody | place: mean, m | 95 %, m |"
     )?;
-    writeln!(out, "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
+    writeln!(
+        out,
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
+    )?;
     for (world, lineups) in worlds {
         for lineup in lineups {
             let of = &lineup.entities;
@@ -233,6 +236,8 @@ fn write_entities<'a>(
                 of.n_missed,
                 of.n_seen_twice,
                 of.n_duplicates,
+                of.n_possible,
+                of.n_parted,
                 of.n_switches,
                 of.n_mixed,
                 of.n_ghosts,

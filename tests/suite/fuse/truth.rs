@@ -9,7 +9,7 @@ use videofields::accuracy::EntityScore;
 use videofields::clock::Timestamp;
 use videofields::config::{BackgroundSettings, SegmentSettings};
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{Association, assemble, assemble_within};
+use videofields::fuse::{Association, SceneState, assemble, assemble_within};
 use videofields::ingest::Pipeline;
 use videofields::scene::{self, Scene};
 use videofields::segment::MOVING;
@@ -71,6 +71,9 @@ fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
     let [mean_m, most_m, _] = within.place_error_m().expect("somebody is shown");
     assert!(mean_m < 0.5 && most_m < 1.5, "{mean_m} m, 95 % {most_m} m");
     assert!(within.n_missed <= 80, "{within:?}");
+    // Who is seen whole by two cameras is one, always.
+    assert!(within.n_possible > 200, "{within:?}");
+    assert_eq!(within.n_parted, 0, "{within:?}");
     assert!(alone.n_duplicates <= 60 && alone.n_mixed <= 5, "an instant alone: {alone:?}");
 }
 
@@ -114,6 +117,8 @@ fn who_is_shown_twice_or_not_at_all_is_counted_and_measured() {
     );
     let [mean_m, _, worst_m] = score.place_error_m().unwrap();
     assert!((mean_m - 2.0).abs() < 0.1 && (worst_m - 4.0).abs() < 0.1, "{mean_m} m, {worst_m} m");
+    // What the second camera sees is not where they stand: one sight alone is whole.
+    assert_eq!((score.n_possible, score.n_parted), (0, 0), "{score:?}");
     // Without entities somebody is missed, and without truth an entity shows nobody.
     let entities = std::mem::take(&mut state.entities);
     score.add(&state, &truths, std::slice::from_ref(&figure));
@@ -121,4 +126,55 @@ fn who_is_shown_twice_or_not_at_all_is_counted_and_measured() {
     let nobody = Mask::filled(truths[0].width, truths[0].height, 0);
     score.add(&state, &[&nobody, &nobody], &[]);
     assert_eq!((score.n_seen, score.n_missed, score.n_ghosts), (2, 1, 2), "{score:?}");
+}
+
+#[test]
+fn who_is_seen_whole_by_two_cameras_and_is_two_entities_counts_as_parted() {
+    let cameras = [-9.0, 9.0].map(|x| camera(DVec3::new(x, -10.0, 5.0), DVec3::ZERO, 0.0));
+    let figure = Figure { foot: DVec3::ZERO, width_m: 0.5, height_m: 1.7 };
+    let scene = scene_with(&cameras, Vec::new());
+    let find = |id: &CameraId| {
+        let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+        Some(observe(id, &cameras[idx], std::slice::from_ref(&figure)))
+    };
+    let mut state = assemble(&scene, Timestamp::from_nanos(7), find, None);
+    assert_eq!(state.entities.len(), 1);
+    let whole = |labels: &Mask| labels.data.iter().map(|label| u8::from(*label == MOVING) * 3).collect();
+    let truths: Vec<Mask> = state
+        .cameras
+        .iter()
+        .map(|camera| {
+            let labels = &camera.observation.labels;
+            Mask { width: labels.width, height: labels.height, data: whole(labels) }
+        })
+        .collect();
+    let figure = FigurePosition {
+        instance: 3,
+        name: "somebody".to_owned(),
+        kind: ActorKind::Walker,
+        foot_in_world: DVec3::ZERO,
+        heading_rad: 0.0,
+        height_m: 1.7,
+        box_in_world: (DVec3::ZERO, DVec3::ONE),
+    };
+    let count = |state: &SceneState, truths: &[Mask], figure: &FigurePosition| {
+        let mut score = EntityScore::default();
+        score.add(state, &truths.iter().collect::<Vec<_>>(), std::slice::from_ref(figure));
+        (score.n_possible, score.n_parted)
+    };
+    assert_eq!(count(&state, &truths, &figure), (1, 0));
+    let mut other = state.entities[0].clone();
+    other.id += 1;
+    other.sources.remove(0);
+    state.entities[0].sources.truncate(1);
+    state.entities.push(other);
+    assert_eq!(count(&state, &truths, &figure), (1, 1));
+    // Feet that are hidden in truth, a figure that is half another's, or one at the border: not whole.
+    let elsewhere = FigurePosition { foot_in_world: DVec3::new(0.0, -1.5, 0.0), ..figure.clone() };
+    assert_eq!(count(&state, &truths, &elsewhere), (0, 0));
+    let halved = truths.iter().map(|truth| {
+        let data = truth.data.iter().enumerate().map(|(idx, of)| if idx % 2 == 0 { *of } else { 0 });
+        Mask { data: data.collect(), ..truth.clone() }
+    });
+    assert_eq!(count(&state, &halved.collect::<Vec<_>>(), &figure), (0, 0));
 }

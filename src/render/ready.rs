@@ -1,0 +1,88 @@
+//! Scenes that are made ready to be drawn: their triangles, and these in patches for the scene's cameras.
+
+use super::RenderError;
+use super::mesh::Mesh;
+use super::patches::Patches;
+use super::renderer::Renderer;
+use crate::fuse::SceneState;
+use crate::geometry::Camera;
+use crate::plan::Plan;
+use crate::scene::Scene;
+use std::sync::Arc;
+
+/// Scenes that are kept ready: walls show some in turns, and cutting one anew takes as long as some pictures of it.
+const MAX_KEPT: usize = 4;
+
+#[derive(Debug)]
+struct ReadyScene {
+    mesh: Arc<Mesh>,
+    patches: Arc<Patches>,
+}
+
+/// The scenes that were drawn last.
+#[derive(Debug, Default)]
+pub(super) struct ReadyScenes {
+    /// The last first.
+    kept: Vec<ReadyScene>,
+    n_meshes: u64,
+    n_patches: u64,
+}
+
+impl ReadyScenes {
+    fn place_of(&self, scene: &Arc<Scene>) -> Option<usize> {
+        self.kept.iter().position(|ready| Arc::ptr_eq(&ready.mesh.scene, scene))
+    }
+
+    /// Whether nothing must be made for this state.
+    fn has(&self, state: &SceneState) -> bool {
+        let ready = self.place_of(&state.scene).map(|place| &self.kept[place]);
+        ready.is_some_and(|ready| ready.patches.serve(&ready.mesh, &cameras_of(state)))
+    }
+
+    /// Triangles and patches of the state's scene for its cameras, made anew where the scene or a camera is another.
+    pub(super) fn of(&mut self, state: &SceneState, depth_map_side_px: u32) -> (Arc<Mesh>, Arc<Patches>) {
+        let cameras = cameras_of(state);
+        let known = self.place_of(&state.scene).map(|place| self.kept.remove(place));
+        let ready = match known {
+            Some(ready) if ready.patches.serve(&ready.mesh, &cameras) => ready,
+            known => {
+                let mesh = known.map_or_else(
+                    || {
+                        self.n_meshes += 1;
+                        Arc::new(Mesh::new(&state.scene, self.n_meshes))
+                    },
+                    |ready| ready.mesh,
+                );
+                self.n_patches += 1;
+                let patches = Arc::new(Patches::new(&mesh, cameras, depth_map_side_px, self.n_patches));
+                ReadyScene { mesh, patches }
+            }
+        };
+        let found = (Arc::clone(&ready.mesh), Arc::clone(&ready.patches));
+        self.kept.insert(0, ready);
+        self.kept.truncate(MAX_KEPT);
+        found
+    }
+}
+
+fn cameras_of(state: &SceneState) -> Vec<Arc<Camera>> {
+    state.cameras.iter().map(|camera| Arc::clone(&camera.camera)).collect()
+}
+
+impl Renderer {
+    /// Whether [`Self::make_ready`] has nothing to do.
+    pub(super) fn is_ready(&self, state: &SceneState) -> bool {
+        self.scenes.has(state)
+    }
+
+    /// Makes the scene itself ready to be drawn where it is not: what costs time once, and is no part of what a picture takes.
+    /// Drawing does it where nobody did before.
+    ///
+    /// # Errors
+    /// What the device reports.
+    pub fn make_ready(&mut self, state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
+        let (mesh, _) = self.scenes.of(state, self.depth_maps.side_px());
+        self.pictures(&mesh, plan);
+        Ok(self.gpu.check()?)
+    }
+}
