@@ -241,6 +241,17 @@ fn fs_depth() -> @location(0) vec4<f32> {
     return vec4<f32>(0.0);
 }
 
+// Of what no camera sees: needs nothing of any.
+@fragment
+fn fs_bare(in: Varying) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.material, 1.0);
+}
+
+@fragment
+fn fs_bare_textured(in: TexturedVarying) -> @location(0) vec4<f32> {
+    return vec4<f32>(material_color(in), 1.0);
+}
+
 @fragment
 fn fs_main(in: Varying) -> @location(0) vec4<f32> {
     return shaded(in, in.material);

@@ -2,6 +2,8 @@
 
 #[path = "render/blend.rs"]
 mod blend;
+#[path = "render/counted.rs"]
+mod counted;
 #[path = "render/exposure.rs"]
 mod exposure;
 #[path = "render/knobs.rs"]
