@@ -8,6 +8,8 @@ mod counted;
 mod exposure;
 #[path = "render/knobs.rs"]
 mod knobs;
+#[path = "render/leak.rs"]
+mod leak;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]
