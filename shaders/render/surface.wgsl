@@ -41,6 +41,8 @@ const LEAST_COSINE: f32 = 0.0087265;
 const N_TAPS: u32 = 4u;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
+// How much nearer, relative, what hides must be.
+const DEPTH_BIAS: f32 = 1e-3;
 
 struct VertexIn {
     @location(0) position_from_anchor: vec3<f32>,
@@ -113,40 +115,59 @@ struct DepthPlace {
     texture: vec2<f32>,
     layer: u32,
     distance_m: f32,
-    // Tangent that a texel covers.
-    texel_tangent: f32,
+    // By how much the depth of the surface's plane grows over the face, relative to the depth here.
+    slope: vec2<f32>,
 }
 
-// Which face of a cube, and the point in its axes: the rotations of FACE_FROM_CAMERA in passes/camera_depth.rs.
-fn on_cube(local: vec3<f32>) -> vec4<f32> {
+// Which face of a cube a point lies before.
+fn cube_face(local: vec3<f32>) -> u32 {
     let size = abs(local);
     if size.z >= size.x && size.z >= size.y {
-        return select(
-            vec4<f32>(local, 0.0), vec4<f32>(-local.x, local.y, -local.z, 1.0), local.z < 0.0);
+        return select(0u, 1u, local.z < 0.0);
     }
     if size.x >= size.y {
-        return select(
-            vec4<f32>(-local.z, local.y, local.x, 2.0), vec4<f32>(local.z, local.y, -local.x, 3.0), local.x < 0.0);
+        return select(2u, 3u, local.x < 0.0);
     }
-    return select(
-        vec4<f32>(local.x, -local.z, local.y, 4.0), vec4<f32>(local.x, local.z, -local.y, 5.0), local.y < 0.0);
+    return select(4u, 5u, local.y < 0.0);
 }
 
-fn depth_place(camera_idx: u32, local: vec3<f32>) -> DepthPlace {
+// A vector in a face's axes: the rotations of FACE_FROM_CAMERA in passes/camera_depth.rs.
+fn on_cube(face: u32, local: vec3<f32>) -> vec3<f32> {
+    let along_z = select(local, vec3<f32>(-local.x, local.y, -local.z), face == 1u);
+    let along_x = select(
+        vec3<f32>(-local.z, local.y, local.x), vec3<f32>(local.z, local.y, -local.x), face == 3u);
+    let along_y = select(
+        vec3<f32>(local.x, -local.z, local.y), vec3<f32>(local.x, local.z, -local.y), face == 5u);
+    return select(select(along_z, along_x, face >= 2u), along_y, face >= 4u);
+}
+
+// `normal`: the surface's, in camera axes as the point.
+fn depth_place(camera_idx: u32, local: vec3<f32>, normal: vec3<f32>) -> DepthPlace {
     var on_face = local;
+    var turned = normal;
     var layer = cameras[camera_idx].depth_layers_low.x;
     if HAS_DEPTH_CUBES && cameras[camera_idx].n_depth_faces == 6u {
-        let cube = on_cube(local);
-        on_face = cube.xyz;
-        let face = u32(cube.w);
+        let face = cube_face(local);
+        on_face = on_cube(face, local);
+        turned = on_cube(face, normal);
         let low = cameras[camera_idx].depth_layers_low[face & 3u];
         let high = cameras[camera_idx].depth_layers_high[face & 3u];
         layer = select(low, high, face >= 4u);
     }
     let bounds = cameras[camera_idx].depth_bounds;
     let tangent = (on_face.xy / on_face.z - bounds.xy) / bounds.zw;
-    let size = f32(textureDimensions(depth_maps).x);
-    return DepthPlace(tangent * 0.5 + 0.5, layer, on_face.z, 2.0 * max(bounds.z, bounds.w) / size);
+    // On the plane normal . p = h the inverse of depth is normal . (x, y, 1) / h at the tangents x and y.
+    let height = dot(turned, on_face);
+    let slope = turned.xy * 2.0 * bounds.zw * on_face.z / select(height, -1e-12, height > -1e-12);
+    return DepthPlace(tangent * 0.5 + 0.5, layer, on_face.z, slope);
+}
+
+fn in_camera(camera_idx: u32, direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(
+        dot(cameras[camera_idx].row_x.xyz, direction),
+        dot(cameras[camera_idx].row_y.xyz, direction),
+        dot(cameras[camera_idx].row_z.xyz, direction),
+    );
 }
 
 fn bilinear(corners: vec4<f32>, share: vec2<f32>) -> f32 {
@@ -155,19 +176,28 @@ fn bilinear(corners: vec4<f32>, share: vec2<f32>) -> f32 {
 }
 
 // V: whether nothing stands before the nearest texel (x), and the share of the four nearest that nothing stands
-// before with discontinuities dilated further (y). The bias grows with the slope of the surface to the camera (the tangent of the angle of incidence).
-fn visibility(camera_idx: u32, local: vec3<f32>, cosine: f32) -> vec2<f32> {
-    let place = depth_place(camera_idx, local);
+// before with discontinuities dilated further (y). A texel is held to the depth that the surface's plane has in its
+// middle: so grazing surfaces need no wider bias, in which what hides them from near would be lost.
+fn visibility(camera_idx: u32, local: vec3<f32>, normal: vec3<f32>) -> vec2<f32> {
+    let place = depth_place(camera_idx, local, normal);
     let is_beside = any(place.texture < vec2<f32>(0.0)) || any(place.texture > vec2<f32>(1.0));
     if cameras[camera_idx].n_depth_faces == 0u || is_beside || place.distance_m <= DEPTH_NEAR_M {
         return vec2<f32>(1.0);
     }
-    let incidence = sqrt(max(1.0 - cosine * cosine, 0.0)) / max(cosine, 0.02);
-    let limit = (1.0 + 1e-3 + 2.0 * place.texel_tangent * incidence) * DEPTH_NEAR_M / place.distance_m;
+    let size = vec2<f32>(textureDimensions(depth_maps));
+    let at = place.texture * size - 0.5;
+    // From here to the middles of the lower left, lower right, upper right, upper left and nearest texel.
+    let low = (floor(at) - at) / size;
+    let high = low + 1.0 / size;
+    let nearest = (floor(at + 0.5) - at) / size;
+    let own = DEPTH_NEAR_M / place.distance_m;
+    let over_x = vec4<f32>(low.x, high.x, high.x, low.x) * place.slope.x;
+    let over_y = vec4<f32>(high.y, high.y, low.y, low.y) * place.slope.y;
+    let limits = own * (1.0 + DEPTH_BIAS + over_x + over_y);
+    let limit = own * (1.0 + DEPTH_BIAS + dot(nearest, place.slope));
     let depth = textureSampleLevel(depth_maps, depth_sampler, place.texture, place.layer, 0.0).r;
     let dilated = textureGather(1, depth_maps, depth_sampler, place.texture, place.layer);
-    let share = fract(place.texture * vec2<f32>(textureDimensions(depth_maps)) - 0.5);
-    return vec2<f32>(step(depth, limit), bilinear(step(dilated, vec4<f32>(limit)), share));
+    return vec2<f32>(step(depth, limit), bilinear(step(dilated, limits), fract(at)));
 }
 
 // The geometric mean of a pixel's sides in the camera's picture: between blurring its short side and aliasing along
@@ -209,7 +239,7 @@ fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
         }
         var open = vec2<f32>(1.0);
         if HAS_DEPTH_MAPS {
-            open = visibility(k, projection.local, cosine);
+            open = visibility(k, projection.local, in_camera(k, normal));
         }
         let place = projection.texture * cameras[k].background_scale;
         let layer = cameras[k].background_layer;
@@ -239,6 +269,17 @@ fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
 @fragment
 fn fs_depth() -> @location(0) vec4<f32> {
     return vec4<f32>(0.0);
+}
+
+// Of what no camera sees: needs nothing of any.
+@fragment
+fn fs_bare(in: Varying) -> @location(0) vec4<f32> {
+    return vec4<f32>(in.material, 1.0);
+}
+
+@fragment
+fn fs_bare_textured(in: TexturedVarying) -> @location(0) vec4<f32> {
+    return vec4<f32>(material_color(in), 1.0);
 }
 
 @fragment

@@ -1,6 +1,7 @@
 //! A buffer that is written anew every frame and grows when it must.
 
 use super::Gpu;
+use super::tally::Counted;
 
 /// A buffer on the device that holds what was last written to it.
 #[derive(Debug)]
@@ -29,9 +30,11 @@ impl GrowingBuffer {
             self.buffer = None;
         }
         let buffer = self.buffer.get_or_insert_with(|| {
+            let size = needed.next_power_of_two().max(LEAST_BYTES);
+            gpu.tally.add(Counted::Buffer, self.label, size);
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(self.label),
-                size: needed.next_power_of_two().max(LEAST_BYTES),
+                size,
                 usage: self.usage,
                 mapped_at_creation: false,
             })

@@ -4,6 +4,7 @@
 //! whoever drew last.
 
 use super::shader::compose;
+use super::tally::Tally;
 use crate::error::ErrorKind;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -96,6 +97,7 @@ pub struct Gpu {
     info: wgpu::AdapterInfo,
     limits: wgpu::Limits,
     faults: Arc<Mutex<Faults>>,
+    pub(super) tally: Tally,
 }
 
 impl Gpu {
@@ -144,7 +146,7 @@ impl Gpu {
             let mut slot = slot.lock().unwrap_or_else(PoisonError::into_inner);
             slot.loss.get_or_insert_with(|| format!("{reason:?}: {message}"));
         });
-        Ok(Self { device, queue, info, limits, faults })
+        Ok(Self { device, queue, info, limits, faults, tally: Tally::default() })
     }
 
     /// What loses the device on purpose, from any thread; holds it until it is dropped.

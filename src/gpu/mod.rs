@@ -8,6 +8,7 @@ mod device;
 mod mirror;
 mod readback;
 mod shader;
+mod tally;
 mod timing;
 
 pub use buffer::GrowingBuffer;
@@ -16,4 +17,5 @@ pub(crate) use mirror::mirror;
 pub use mirror::{Mirror, MirrorField};
 pub use readback::Readback;
 pub use shader::{SHADERS, compose};
+pub use tally::{Count, Counted, TextureDescriptor};
 pub use timing::{PassTime, Span, Timer};

@@ -1,5 +1,6 @@
 //! From a texture on the device to bytes here.
 
+use super::tally::Counted;
 use super::{Gpu, GpuError};
 
 /// Rows in a buffer that textures are copied to start at multiples of this.
@@ -27,6 +28,7 @@ impl Readback {
             self.buffer = None;
         }
         let buffer = self.buffer.get_or_insert_with(|| {
+            gpu.tally.add(Counted::Buffer, "readback", size);
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some("readback"),
                 size,

@@ -5,7 +5,7 @@
 
 use super::RenderError;
 use crate::frame::{Mask, YuvImage};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, TextureDescriptor};
 use std::sync::{Arc, Weak};
 
 /// Sides are rounded up to this, so that the size of every level is exactly half its finer one's.
@@ -26,11 +26,13 @@ pub(super) struct Wanted<'a> {
     pub mask: Option<&'a Arc<Mask>>,
 }
 
-/// A picture that must be uploaded and converted into its layer.
+/// A picture of which levels must be made in its layer: the first from the picture itself, uploaded and converted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Job<'a> {
     pub wanted: Wanted<'a>,
     pub layer: u32,
+    /// The first level that is not there, and how many there are to be.
+    pub levels: [u32; 2],
 }
 
 /// Weak, so that a picture's bytes (often the decoder's own buffer) are not held after it was uploaded; its address
@@ -40,17 +42,29 @@ struct Slot {
     image: Weak<YuvImage>,
     mask: Option<Weak<Mask>>,
     last_used: u64,
+    /// Levels that were made.
+    n_levels: u32,
+}
+
+/// What one allocation holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct StoreSize {
+    width: u32,
+    height: u32,
+    layers: u32,
+    has_masks: bool,
 }
 
 /// The textures of one allocation.
 #[derive(Debug)]
 pub(super) struct Store {
+    size: StoreSize,
     texture: wgpu::Texture,
     /// All layers and levels, for sampling.
     pub sampled: wgpu::TextureView,
-    /// Y, U, V and mask planes, a layer a picture.
-    pub planes: [wgpu::Texture; 4],
-    pub plane_views: [wgpu::TextureView; 4],
+    /// Y, U and V planes, a layer a picture, and masks where pictures have some.
+    pub planes: Vec<wgpu::Texture>,
+    pub plane_views: Vec<wgpu::TextureView>,
 }
 
 /// An array of pictures.
@@ -76,7 +90,10 @@ impl ImageArray {
     /// The textures; a minimal allocation where no picture was ever wanted.
     pub(super) fn store(&mut self, gpu: &Gpu) -> &Store {
         let (label, n_levels) = (self.label, self.n_levels);
-        self.store.get_or_insert_with(|| Store::new(gpu, label, n_levels, SIDE_MULTIPLE, SIDE_MULTIPLE, 1))
+        self.store.get_or_insert_with(|| {
+            let size = StoreSize { width: SIDE_MULTIPLE, height: SIDE_MULTIPLE, layers: 1, has_masks: false };
+            Store::new(gpu, label, n_levels, size)
+        })
     }
 
     /// Share of a layer's width and height that a picture covers.
@@ -98,11 +115,11 @@ impl ImageArray {
         self.slots.clear();
     }
 
-    /// Finds a layer for every picture; those not in theirs yet become `jobs`.
+    /// Finds a layer for every picture; those that are not in theirs yet with `n_levels` of detail become `jobs`.
     pub(super) fn assign<'a>(
         &mut self,
         gpu: &Gpu,
-        wanted: &[Wanted<'a>],
+        (wanted, n_levels): (&[Wanted<'a>], u32),
         layers: &mut Vec<u32>,
         jobs: &mut Vec<Job<'a>>,
     ) -> Result<(), RenderError> {
@@ -116,13 +133,18 @@ impl ImageArray {
         layers.resize(wanted.len(), u32::MAX);
         for (wanted, layer) in wanted.iter().zip(layers.iter_mut()) {
             if let Some(idx) = self.slots.iter().position(|slot| slot.holds(wanted)) {
-                self.slots[idx].last_used = self.frame;
+                let slot = &mut self.slots[idx];
+                slot.last_used = self.frame;
                 *layer = idx as u32;
+                if slot.n_levels < n_levels {
+                    jobs.push(Job { wanted: *wanted, layer: *layer, levels: [slot.n_levels, n_levels] });
+                    slot.n_levels = n_levels;
+                }
             }
         }
         for (wanted, layer) in wanted.iter().zip(layers.iter_mut()).filter(|(_, layer)| **layer == u32::MAX) {
             // Two cameras may show one picture: the first of them has just been given a layer.
-            let same = jobs.iter().find(|job: &&Job<'a>| Slot::new(&job.wanted, 0).holds(wanted));
+            let same = jobs.iter().find(|job: &&Job<'a>| Slot::new(&job.wanted, 0, 0).holds(wanted));
             if let Some(job) = same {
                 *layer = job.layer;
                 continue;
@@ -133,9 +155,9 @@ impl ImageArray {
                 .enumerate()
                 .min_by_key(|(_, slot)| slot.last_used)
                 .expect("there is room for every wanted picture");
-            *slot = Slot::new(wanted, self.frame);
+            *slot = Slot::new(wanted, self.frame, n_levels);
             *layer = idx as u32;
-            jobs.push(Job { wanted: *wanted, layer: idx as u32 });
+            jobs.push(Job { wanted: *wanted, layer: idx as u32, levels: [0, n_levels] });
         }
         Ok(())
     }
@@ -169,12 +191,12 @@ impl ImageArray {
             let (needed, limit) = (u64::from(layers), u64::from(limits.max_texture_array_layers));
             return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
         }
-        let is_enough = self.store.as_ref().is_some_and(|Store { texture, .. }| {
-            (texture.width(), texture.height(), texture.depth_or_array_layers()) == (width, height, layers)
-        });
-        if !is_enough {
+        let had_masks = self.store.as_ref().is_some_and(|store| store.size.has_masks);
+        let has_masks = had_masks || wanted.iter().any(|wanted| wanted.mask.is_some());
+        let size = StoreSize { width, height, layers, has_masks };
+        if self.store.as_ref().is_none_or(|store| store.size != size) {
             self.clear();
-            self.store = Some(Store::new(gpu, self.label, self.n_levels, width, height, layers));
+            self.store = Some(Store::new(gpu, self.label, self.n_levels, size));
             self.slots.resize_with(layers as usize, Slot::default);
         }
         Ok(())
@@ -182,8 +204,9 @@ impl ImageArray {
 }
 
 impl Slot {
-    fn new(wanted: &Wanted<'_>, frame: u64) -> Self {
-        Self { image: Arc::downgrade(wanted.image), mask: wanted.mask.map(Arc::downgrade), last_used: frame }
+    fn new(wanted: &Wanted<'_>, frame: u64, n_levels: u32) -> Self {
+        let (image, mask) = (Arc::downgrade(wanted.image), wanted.mask.map(Arc::downgrade));
+        Self { image, mask, last_used: frame, n_levels }
     }
 
     fn holds(&self, wanted: &Wanted<'_>) -> bool {
@@ -193,9 +216,10 @@ impl Slot {
 }
 
 impl Store {
-    fn new(gpu: &Gpu, label: &'static str, n_levels: u32, width: u32, height: u32, layers: u32) -> Self {
+    fn new(gpu: &Gpu, label: &'static str, n_levels: u32, size: StoreSize) -> Self {
+        let StoreSize { width, height, layers, has_masks } = size;
         let texture = |label, (width, height), mip_level_count, format, usage, view_formats: &[_]| {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
+            gpu.texture(&TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d { width, height, depth_or_array_layers: layers },
                 mip_level_count,
@@ -210,16 +234,17 @@ impl Store {
         let drawn = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let image = texture(label, full, n_levels, IMAGE_FORMAT, drawn, &[CODED_FORMAT]);
         let written = wgpu::TextureUsages::COPY_DST;
-        let planes = [full, half, half, full]
-            .map(|size| texture("planes", size, 1, wgpu::TextureFormat::R8Unorm, written, &[]));
+        let plane = |label, size| texture(label, size, 1, wgpu::TextureFormat::R8Unorm, written, &[]);
+        let mut planes: Vec<_> = [full, half, half].map(|size| plane("planes", size)).into();
+        planes.extend(has_masks.then(|| plane("masks", full)));
         let array_view = |texture: &wgpu::Texture| {
             texture.create_view(&wgpu::TextureViewDescriptor {
                 dimension: Some(wgpu::TextureViewDimension::D2Array),
                 ..wgpu::TextureViewDescriptor::default()
             })
         };
-        let plane_views = planes.each_ref().map(array_view);
-        Self { sampled: array_view(&image), texture: image, planes, plane_views }
+        let plane_views = planes.iter().map(array_view).collect();
+        Self { size, sampled: array_view(&image), texture: image, planes, plane_views }
     }
 
     /// One level of one layer, in the format asked for.

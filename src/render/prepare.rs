@@ -7,7 +7,7 @@ use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::{EntityPoint, SceneState};
-use crate::plan::{EntityStyle, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
+use crate::plan::{EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -53,7 +53,9 @@ impl Renderer {
         let background =
             |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
         let wanted: Vec<_> = plan.surface_cameras.iter().map(background).collect();
-        self.backgrounds.assign(&self.gpu, &wanted, &mut layers, &mut uploads.backgrounds)?;
+        // What is not filtered between levels needs but one.
+        let n_levels = if plan.filtering == Filtering::Levels { self.backgrounds.n_levels() } else { 1 };
+        self.backgrounds.assign(&self.gpu, (&wanted, n_levels), &mut layers, &mut uploads.backgrounds)?;
         self.frame.clear();
         for ((idx, wanted), layer) in plan.surface_cameras.iter().zip(&wanted).zip(&layers) {
             let scale = self.backgrounds.scale(wanted.image);
@@ -78,7 +80,8 @@ impl Renderer {
             Wanted { image: &observation.frame.image, mask: Some(&observation.soft_mask) }
         };
         let wanted: Vec<_> = plan.entity_cameras.iter().map(live).collect();
-        self.frames.assign(&self.gpu, &wanted, &mut layers, &mut uploads.frames)?;
+        let n_levels = self.frames.n_levels();
+        self.frames.assign(&self.gpu, (&wanted, n_levels), &mut layers, &mut uploads.frames)?;
         // Which of the shader's cameras an entity's camera is.
         let mut places: Vec<(usize, usize)> = Vec::with_capacity(plan.entity_cameras.len());
         for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {

@@ -1,6 +1,6 @@
 //! What a frame is drawn on, kept between frames of one size.
 
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, TextureDescriptor};
 
 /// Colour of every target: 8-bit sRGB, blended in linear light by the hardware.
 pub(super) const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -97,7 +97,7 @@ impl Targets {
     fn new(gpu: &Gpu, key: TargetKey) -> Self {
         let TargetKey { width_px: width, height_px: height, samples, is_read } = key;
         let texture = |label, format, sample_count, usage| {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
+            gpu.texture(&TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
                 mip_level_count: 1,

@@ -1,7 +1,7 @@
 //! The pictures that surfaces and the sky are painted with, on the device: each uploaded once, with its smaller levels.
 
 use super::passes::{FILTERED, SAMPLER_ENTRY, texture_entry};
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, TextureDescriptor};
 use crate::scene::{Texture, TextureLevel, Wrap};
 use std::collections::HashMap;
 use std::sync::{Arc, Weak};
@@ -160,7 +160,7 @@ fn upload(gpu: &Gpu, texture: &Texture) -> wgpu::TextureView {
         height: level.height_px,
         depth_or_array_layers: 1,
     };
-    let made = gpu.device.create_texture(&wgpu::TextureDescriptor {
+    let made = gpu.texture(&TextureDescriptor {
         label: Some("texture"),
         size: size(levels[0]),
         mip_level_count: levels.len() as u32,
@@ -171,19 +171,22 @@ fn upload(gpu: &Gpu, texture: &Texture) -> wgpu::TextureView {
         view_formats: &[],
     });
     for (level, mip_level) in levels.into_iter().zip(0..) {
-        gpu.queue.write_texture(
+        gpu.upload(
+            "texture",
             wgpu::TexelCopyTextureInfo {
                 texture: &made,
                 mip_level,
                 origin: wgpu::Origin3d::ZERO,
                 aspect: wgpu::TextureAspect::All,
             },
-            &level.texels,
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(4 * level.width_px),
-                rows_per_image: None,
-            },
+            (
+                &level.texels,
+                wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(4 * level.width_px),
+                    rows_per_image: None,
+                },
+            ),
             size(level),
         );
     }

@@ -2,10 +2,14 @@
 
 #[path = "render/blend.rs"]
 mod blend;
+#[path = "render/counted.rs"]
+mod counted;
 #[path = "render/exposure.rs"]
 mod exposure;
 #[path = "render/knobs.rs"]
 mod knobs;
+#[path = "render/leak.rs"]
+mod leak;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]

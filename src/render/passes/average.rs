@@ -46,22 +46,26 @@ impl AveragePass {
         self.averaged.take_if(|kept| (kept.width(), kept.height()) != (width, height));
         let averaged = self.averaged.get_or_insert_with(|| resample::picture(gpu, LABEL, width, height));
         let span = recording.timer.span(LABEL);
-        let mut pass = recording.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &view(averaged),
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: None,
-            timestamp_writes: recording.timer.writes(span, 0, 1),
-            occlusion_query_set: None,
-            multiview_mask: None,
-        });
+        let mut pass = gpu.begin_pass(
+            recording.encoder,
+            LABEL,
+            &wgpu::RenderPassDescriptor {
+                label: Some(LABEL),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: &view(averaged),
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                depth_stencil_attachment: None,
+                timestamp_writes: recording.timer.writes(span, 0, 1),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            },
+        );
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &source, &[]);
         pass.draw(0..3, 0..1);

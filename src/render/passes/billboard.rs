@@ -197,7 +197,7 @@ impl BillboardPass {
         let is_blended = instances.iter().any(Instance::is_blended);
         let wanted = DrawPipeline {
             label: LABEL,
-            bind_groups: &[into.frame_layout, &self.frames.layout],
+            bind_groups: &[Some(into.frame_layout), Some(&self.frames.layout)],
             vertices: &[Some(layout)],
             entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,

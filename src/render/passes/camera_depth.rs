@@ -5,7 +5,7 @@
 
 use super::{Recording, texture_entry};
 use crate::geometry;
-use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
+use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor, mirror};
 use crate::render::RenderError;
 use crate::render::camera_data::Camera;
 use crate::render::mesh::MeshVertex;
@@ -108,9 +108,9 @@ impl DepthMaps {
         Ok(())
     }
 
-    /// All maps, for the surfaces' bind group; a minimal allocation where none was ever needed.
-    pub(in crate::render) fn view(&mut self, gpu: &Gpu) -> &wgpu::TextureView {
-        &self.textures.get_or_insert_with(|| Textures::new(gpu, 1, 1)).maps
+    /// All maps, for the surfaces' bind group; none where none was ever needed.
+    pub(in crate::render) fn view(&self) -> Option<&wgpu::TextureView> {
+        self.textures.as_ref().map(|textures| &textures.maps)
     }
 
     /// Forgets all maps.
@@ -203,7 +203,7 @@ impl DepthMaps {
 impl Textures {
     fn new(gpu: &Gpu, n_faces: u32, side: u32) -> Self {
         let texture = |label, format, layers| {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
+            gpu.texture(&TextureDescriptor {
                 label: Some(label),
                 size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
                 mip_level_count: 1,
@@ -311,43 +311,49 @@ impl CameraDepthPass {
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &wgpu::vertex_attr_array![0 => Float32x3],
         })];
-        let draw = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout(&[None, Some(&faces_layout)])),
-            vertex: vertex("vs_main", &positions),
-            // Only what faces the camera hides: a camera mounted just inside a wall is not blinded by it.
-            primitive: wgpu::PrimitiveState {
-                cull_mode: Some(wgpu::Face::Back),
-                ..wgpu::PrimitiveState::default()
+        let draw = gpu.pipeline(
+            LABEL,
+            &wgpu::RenderPipelineDescriptor {
+                label: Some(LABEL),
+                layout: Some(&layout(&[None, Some(&faces_layout)])),
+                vertex: vertex("vs_main", &positions),
+                // Only what faces the camera hides: a camera mounted just inside a wall is not blinded by it.
+                primitive: wgpu::PrimitiveState {
+                    cull_mode: Some(wgpu::Face::Back),
+                    ..wgpu::PrimitiveState::default()
+                },
+                depth_stencil: Some(wgpu::DepthStencilState {
+                    format: DEPTH_FORMAT,
+                    depth_write_enabled: Some(true),
+                    depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
+                    stencil: wgpu::StencilState::default(),
+                    bias: wgpu::DepthBiasState::default(),
+                }),
+                multisample: wgpu::MultisampleState::default(),
+                fragment: None,
+                multiview_mask: None,
+                cache: None,
             },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: None,
-            multiview_mask: None,
-            cache: None,
-        });
-        let dilate = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout(&[None, None, Some(&depth_layout)])),
-            vertex: vertex("vs_dilate", &[]),
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs_dilate"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::ColorTargetState::from(MAP_FORMAT))],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
+        );
+        let dilate = gpu.pipeline(
+            LABEL,
+            &wgpu::RenderPipelineDescriptor {
+                label: Some(LABEL),
+                layout: Some(&layout(&[None, None, Some(&depth_layout)])),
+                vertex: vertex("vs_dilate", &[]),
+                primitive: wgpu::PrimitiveState::default(),
+                depth_stencil: None,
+                multisample: wgpu::MultisampleState::default(),
+                fragment: Some(wgpu::FragmentState {
+                    module: &module,
+                    entry_point: Some("fs_dilate"),
+                    compilation_options: wgpu::PipelineCompilationOptions::default(),
+                    targets: &[Some(wgpu::ColorTargetState::from(MAP_FORMAT))],
+                }),
+                multiview_mask: None,
+                cache: None,
+            },
+        );
         let faces = GrowingBuffer::new("camera_depth faces", wgpu::BufferUsages::STORAGE);
         let vertices = GrowingBuffer::new("camera_depth vertices", wgpu::BufferUsages::VERTEX);
         Ok(Self { faces_layout, depth_layout, draw, dilate, faces, vertices })
@@ -397,43 +403,51 @@ impl CameraDepthPass {
         let n_vertices = mesh.len() as u32;
         let span = recording.timer.span(LABEL);
         for (idx, (layer, camera_idx)) in jobs.into_iter().enumerate() {
-            let mut pass = recording.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some(LABEL),
-                color_attachments: &[],
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &textures.scratch,
-                    depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(0.0),
-                        store: wgpu::StoreOp::Store,
+            let mut pass = gpu.begin_pass(
+                recording.encoder,
+                LABEL,
+                &wgpu::RenderPassDescriptor {
+                    label: Some(LABEL),
+                    color_attachments: &[],
+                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                        view: &textures.scratch,
+                        depth_ops: Some(wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(0.0),
+                            store: wgpu::StoreOp::Store,
+                        }),
+                        stencil_ops: None,
                     }),
-                    stencil_ops: None,
-                }),
-                timestamp_writes: recording.timer.writes(span, 2 * idx, 2 * n_jobs),
-                occlusion_query_set: None,
-                multiview_mask: None,
-            });
+                    timestamp_writes: recording.timer.writes(span, 2 * idx, 2 * n_jobs),
+                    occlusion_query_set: None,
+                    multiview_mask: None,
+                },
+            );
             pass.set_pipeline(&self.draw);
             pass.set_bind_group(1, &face_group, &[]);
             pass.set_vertex_buffer(0, vertices.slice(..));
             let first = camera_idx * n_vertices;
             pass.draw(first..first + n_vertices, idx as u32..idx as u32 + 1);
             drop(pass);
-            let mut pass = recording.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some(LABEL),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &textures.layers[layer as usize],
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                depth_stencil_attachment: None,
-                timestamp_writes: recording.timer.writes(span, 2 * idx + 1, 2 * n_jobs),
-                occlusion_query_set: None,
-                multiview_mask: None,
-            });
+            let mut pass = gpu.begin_pass(
+                recording.encoder,
+                LABEL,
+                &wgpu::RenderPassDescriptor {
+                    label: Some(LABEL),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: &textures.layers[layer as usize],
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    depth_stencil_attachment: None,
+                    timestamp_writes: recording.timer.writes(span, 2 * idx + 1, 2 * n_jobs),
+                    occlusion_query_set: None,
+                    multiview_mask: None,
+                },
+            );
             pass.set_pipeline(&self.dilate);
             pass.set_bind_group(2, &depth, &[]);
             pass.draw(0..3, 0..1);

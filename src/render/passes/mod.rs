@@ -55,14 +55,18 @@ impl Recording<'_> {
     /// Begins a pass that draws into the frame's targets, timed under `label`.
     fn draw<'e>(&'e mut self, label: &'static str, into: &DrawInto<'_>) -> wgpu::RenderPass<'e> {
         let span = self.timer.span(label);
-        let mut pass = self.encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some(label),
-            color_attachments: &[Some(into.targets.color_attachment(into.place))],
-            depth_stencil_attachment: Some(into.targets.depth_attachment(into.place)),
-            timestamp_writes: self.timer.writes(span, 0, 1),
-            occlusion_query_set: None,
-            multiview_mask: None,
-        });
+        let mut pass = self.gpu.begin_pass(
+            self.encoder,
+            label,
+            &wgpu::RenderPassDescriptor {
+                label: Some(label),
+                color_attachments: &[Some(into.targets.color_attachment(into.place))],
+                depth_stencil_attachment: Some(into.targets.depth_attachment(into.place)),
+                timestamp_writes: self.timer.writes(span, 0, 1),
+                occlusion_query_set: None,
+                multiview_mask: None,
+            },
+        );
         pass.set_bind_group(0, into.frame, &[]);
         pass
     }
@@ -104,7 +108,8 @@ const MAIN: [&str; 2] = ["vs_main", "fs_main"];
 /// A pipeline that draws into the frame's targets, by the shader of the label's stem.
 struct DrawPipeline<'a> {
     label: &'static str,
-    bind_groups: &'a [&'a wgpu::BindGroupLayout],
+    /// None where the shader uses none of a group.
+    bind_groups: &'a [Option<&'a wgpu::BindGroupLayout>],
     vertices: &'a [Option<wgpu::VertexBufferLayout<'a>>],
     /// Of vertices and of fragments.
     entry_points: [&'static str; 2],
@@ -124,13 +129,12 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         ..wgpu::PipelineCompilationOptions::default()
     };
     let write_mask = if mixing.writes_color { wgpu::ColorWrites::ALL } else { wgpu::ColorWrites::empty() };
-    let bind_groups: Vec<_> = bind_groups.iter().map(|layout| Some(*layout)).collect();
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(label),
-        bind_group_layouts: &bind_groups,
+        bind_group_layouts: bind_groups,
         immediate_size: 0,
     });
-    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    let descriptor = wgpu::RenderPipelineDescriptor {
         label: Some(label),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
@@ -164,7 +168,8 @@ fn draw_pipeline(gpu: &Gpu, wanted: DrawPipeline<'_>) -> Result<wgpu::RenderPipe
         }),
         multiview_mask: None,
         cache: None,
-    }))
+    };
+    Ok(gpu.pipeline(label, &descriptor))
 }
 
 pub(super) fn texture_entry(

@@ -67,7 +67,7 @@ impl PointsPass {
         let samples = into.targets.samples();
         let wanted = DrawPipeline {
             label: LABEL,
-            bind_groups: &[into.frame_layout, &self.frames.layout],
+            bind_groups: &[Some(into.frame_layout), Some(&self.frames.layout)],
             vertices: &[Some(layout)],
             entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,

@@ -1,12 +1,12 @@
 //! What passes share that draw one finished picture from another, of another size.
 
-use crate::gpu::{Gpu, GpuError};
+use crate::gpu::{Gpu, GpuError, TextureDescriptor};
 use crate::render::targets::COLOR_FORMAT;
 
 /// A pipeline over the whole picture, by the shader of the label's stem.
 pub(super) fn pipeline(
     gpu: &Gpu,
-    label: &str,
+    label: &'static str,
     layout: &wgpu::BindGroupLayout,
     constants: &[(&str, f64)],
 ) -> Result<wgpu::RenderPipeline, GpuError> {
@@ -18,7 +18,7 @@ pub(super) fn pipeline(
         bind_group_layouts: &[Some(layout)],
         immediate_size: 0,
     });
-    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+    let descriptor = wgpu::RenderPipelineDescriptor {
         label: Some(label),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
@@ -38,12 +38,13 @@ pub(super) fn pipeline(
         }),
         multiview_mask: None,
         cache: None,
-    }))
+    };
+    Ok(gpu.pipeline(label, &descriptor))
 }
 
 /// The picture that is drawn.
-pub(super) fn picture(gpu: &Gpu, label: &str, width: u32, height: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
+pub(super) fn picture(gpu: &Gpu, label: &'static str, width: u32, height: u32) -> wgpu::Texture {
+    gpu.texture(&TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,

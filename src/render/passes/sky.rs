@@ -85,8 +85,8 @@ impl SkyPass {
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: data.as_entire_binding() }],
         });
         let samples = into.targets.samples();
-        let mut bind_groups = vec![into.frame_layout, &self.layout];
-        bind_groups.extend(picture.map(|(_, layout)| layout));
+        let mut bind_groups = vec![Some(into.frame_layout), Some(&self.layout)];
+        bind_groups.extend(picture.map(|(_, layout)| Some(layout)));
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &bind_groups,

@@ -88,7 +88,8 @@ impl Cover {
 /// Batches with their pipelines, ready to be drawn.
 #[derive(Debug)]
 struct Ready {
-    textures: wgpu::BindGroup,
+    /// The cameras' pictures; none where no camera is shown.
+    cameras: Option<wgpu::BindGroup>,
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
     /// What the vertices of those with a picture have beside, and the pictures.
@@ -104,7 +105,9 @@ impl Ready {
         pass.set_index_buffer(self.indices.slice(..), wgpu::IndexFormat::Uint32);
         for (pipeline, batch) in items {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, &self.textures, &[batch.list * LIST_STRIDE]);
+            if let Some(cameras) = self.cameras.as_ref().filter(|_| batch.shading.n_cameras > 0) {
+                pass.set_bind_group(1, cameras, &[batch.list * LIST_STRIDE]);
+            }
             if let (Some((beside, pictures)), Some(place)) = (&self.textured, batch.texture) {
                 pass.set_vertex_buffer(1, beside.slice(..));
                 pass.set_bind_group(2, &pictures[place], &[]);
@@ -238,10 +241,14 @@ impl SurfacePass {
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &TEXTURE_ATTRIBUTES,
         };
-        let mut bind_groups = vec![into.frame_layout, &self.layout];
+        let mut bind_groups = vec![Some(into.frame_layout)];
+        let has_cameras = key.n_cameras > 0;
+        if has_cameras || texture_layout.is_some() {
+            bind_groups.push(has_cameras.then_some(&self.layout));
+        }
         let mut buffers = vec![Some(vertices)];
         if let Some(layout) = texture_layout {
-            bind_groups.push(layout);
+            bind_groups.push(Some(layout));
             buffers.push(Some(beside));
         }
         let samples = into.targets.samples();
@@ -256,8 +263,10 @@ impl SurfacePass {
             vertices: &buffers,
             entry_points: match cover {
                 Cover::Depth => ["vs_main", "fs_depth"],
-                _ if key.has_texture => ["vs_textured", "fs_textured"],
-                _ => MAIN,
+                _ if key.has_texture && has_cameras => ["vs_textured", "fs_textured"],
+                _ if key.has_texture => ["vs_textured", "fs_bare_textured"],
+                _ if has_cameras => MAIN,
+                _ => ["vs_main", "fs_bare"],
             },
             topology: wgpu::PrimitiveTopology::TriangleList,
             mixing: cover.mixing(),
@@ -289,20 +298,23 @@ impl SurfacePass {
         into: &DrawInto<'_>,
         shown: &StaticScene<'_>,
         backgrounds: &mut ImageArray,
-        depth_maps: &mut DepthMaps,
+        depth_maps: &DepthMaps,
     ) -> Result<Option<Translucent>, GpuError> {
         let gpu = recording.gpu;
         let Batches { indices, lists, opaque, opened, .. } = shown.batches;
         let vertices = self.write(gpu, shown).clone();
         let indices = self.indices.write(gpu, indices).clone();
-        let padded: Vec<PaddedList> = lists.iter().map(|list| [*list; _]).collect();
-        let lists = self.lists.write(gpu, &padded).clone();
-        let textures = self.bind(gpu, shown.filtering, (backgrounds, depth_maps, &lists));
+        let mut batches = opaque.iter().chain(opened.iter().flatten());
+        let cameras = batches.any(|batch| batch.shading.n_cameras > 0).then(|| {
+            let padded: Vec<PaddedList> = lists.iter().map(|list| [*list; _]).collect();
+            let lists = self.lists.write(gpu, &padded).clone();
+            self.bind(gpu, shown.filtering, (backgrounds, depth_maps, &lists))
+        });
         let textured = shown
             .textures
             .map(|(pictures, _)| (self.write_beside(gpu, shown.patches).clone(), pictures.to_vec()));
         let texture_layout = shown.textures.map(|(_, layout)| layout);
-        let ready = Ready { textures, vertices, indices, textured };
+        let ready = Ready { cameras, vertices, indices, textured };
         let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
         let is_dear = shown.patches.may_overlap() && opaque.iter().any(|batch| batch.shading.n_cameras > 0);
         let depth = Batch { shading: Shading::default(), texture: None, list: 0, indices: 0..n_indices };
@@ -360,7 +372,7 @@ impl SurfacePass {
         &self,
         gpu: &Gpu,
         filtering: Filtering,
-        (backgrounds, depth_maps, lists): (&mut ImageArray, &mut DepthMaps, &wgpu::Buffer),
+        (backgrounds, depth_maps, lists): (&mut ImageArray, &DepthMaps, &wgpu::Buffer),
     ) -> wgpu::BindGroup {
         let list = wgpu::BufferBinding {
             buffer: lists,
@@ -372,13 +384,16 @@ impl SurfacePass {
             Filtering::Bilinear | Filtering::Levels => &self.background_sampler,
         };
         let entry = |binding, resource| wgpu::BindGroupEntry { binding, resource };
+        let backgrounds = &backgrounds.store(gpu).sampled;
+        // Variants that look into depth maps are drawn only where there are some: else anything will do.
+        let depth_maps = depth_maps.view().unwrap_or(backgrounds);
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
             layout: &self.layout,
             entries: &[
-                entry(0, wgpu::BindingResource::TextureView(&backgrounds.store(gpu).sampled)),
+                entry(0, wgpu::BindingResource::TextureView(backgrounds)),
                 entry(1, wgpu::BindingResource::Sampler(sampler)),
-                entry(2, wgpu::BindingResource::TextureView(depth_maps.view(gpu))),
+                entry(2, wgpu::BindingResource::TextureView(depth_maps)),
                 entry(3, wgpu::BindingResource::Sampler(&self.depth_sampler)),
                 entry(4, wgpu::BindingResource::Buffer(list)),
             ],

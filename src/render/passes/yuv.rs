@@ -21,7 +21,7 @@ pub(super) struct Conversion {
 }}
 
 impl Conversion {
-    fn new(Job { wanted: Wanted { image, mask }, layer }: &Job<'_>) -> Self {
+    fn new(Job { wanted: Wanted { image, mask }, layer, .. }: &Job<'_>) -> Self {
         let [row_r, row_g, row_b] = image.matrix().rgb_from_ypbpr();
         let (luma_offset, luma_scale, chroma_scale) = image.range().luma_offset_luma_scale_chroma_scale();
         let chroma_gain = 255.0 / chroma_scale;
@@ -100,27 +100,30 @@ impl YuvPass {
                 bind_group_layouts: groups,
                 immediate_size: 0,
             });
-            device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-                label: Some(LABEL),
-                layout: Some(&layout),
-                vertex: wgpu::VertexState {
-                    module: &module,
-                    entry_point: Some("vs_main"),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    buffers: &[],
+            gpu.pipeline(
+                LABEL,
+                &wgpu::RenderPipelineDescriptor {
+                    label: Some(LABEL),
+                    layout: Some(&layout),
+                    vertex: wgpu::VertexState {
+                        module: &module,
+                        entry_point: Some("vs_main"),
+                        compilation_options: wgpu::PipelineCompilationOptions::default(),
+                        buffers: &[],
+                    },
+                    primitive: wgpu::PrimitiveState::default(),
+                    depth_stencil: None,
+                    multisample: wgpu::MultisampleState::default(),
+                    fragment: Some(wgpu::FragmentState {
+                        module: &module,
+                        entry_point: Some(entry_point),
+                        compilation_options: wgpu::PipelineCompilationOptions::default(),
+                        targets: &[Some(wgpu::ColorTargetState::from(format))],
+                    }),
+                    multiview_mask: None,
+                    cache: None,
                 },
-                primitive: wgpu::PrimitiveState::default(),
-                depth_stencil: None,
-                multisample: wgpu::MultisampleState::default(),
-                fragment: Some(wgpu::FragmentState {
-                    module: &module,
-                    entry_point: Some(entry_point),
-                    compilation_options: wgpu::PipelineCompilationOptions::default(),
-                    targets: &[Some(wgpu::ColorTargetState::from(format))],
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
+            )
         };
         let convert = pipeline("fs_main", &[None, Some(&planes_layout)], CODED_FORMAT);
         let make_smaller = pipeline("fs_smaller", &[None, None, Some(&level_layout)], IMAGE_FORMAT);
@@ -137,19 +140,21 @@ impl YuvPass {
         let gpu = recording.gpu;
         self.scratch.clear();
         for (_, jobs) in &batches {
-            self.scratch.extend(jobs.iter().map(Conversion::new));
+            let is_new = |job: &&Job<'_>| job.levels[0] == 0;
+            self.scratch.extend(jobs.iter().filter(is_new).map(Conversion::new));
         }
         self.conversions.write(gpu, &self.scratch);
         let mut draws = Vec::new();
         for (array, jobs) in batches.into_iter().filter(|(_, jobs)| !jobs.is_empty()) {
-            let n_levels = array.n_levels();
             let store = array.store(gpu);
             let planes = self.bind_planes(gpu, store);
-            for Job { wanted, layer } in jobs {
-                upload_planes(gpu, store, wanted, *layer);
-                let target = store.level(*layer, 0, CODED_FORMAT);
-                draws.push(Draw { target, source: Source::Planes(planes.clone()) });
-                for level in 1..n_levels {
+            for Job { wanted, layer, levels: [first, n_levels] } in jobs {
+                if *first == 0 {
+                    upload_planes(gpu, store, wanted, *layer);
+                    let target = store.level(*layer, 0, CODED_FORMAT);
+                    draws.push(Draw { target, source: Source::Planes(planes.clone()) });
+                }
+                for level in (*first).max(1)..*n_levels {
                     let finer = self.bind_level(gpu, &store.level(*layer, level - 1, IMAGE_FORMAT));
                     let target = store.level(*layer, level, IMAGE_FORMAT);
                     draws.push(Draw { target, source: Source::Finer(finer) });
@@ -164,7 +169,7 @@ impl YuvPass {
         let mut conversion_idx = 0;
         for (idx, draw) in draws.iter().enumerate() {
             let writes = recording.timer.writes(span, idx, draws.len());
-            let mut pass = begin(recording.encoder, &draw.target, writes);
+            let mut pass = begin((recording.gpu, &mut *recording.encoder), &draw.target, writes);
             match &draw.source {
                 Source::Planes(planes) => {
                     pass.set_pipeline(&self.convert);
@@ -187,15 +192,17 @@ impl YuvPass {
             binding,
             resource: wgpu::BindingResource::TextureView(view),
         };
-        let [luma, u, v, mask] = &store.plane_views;
+        let views = &store.plane_views;
+        // Where no picture has a mask none is read: anything of its kind will do.
+        let mask = views.get(3).unwrap_or(&views[0]);
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("yuv planes"),
             layout: &self.planes_layout,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: conversions.as_entire_binding() },
-                view(1, luma),
-                view(2, u),
-                view(3, v),
+                view(1, &views[0]),
+                view(2, &views[1]),
+                view(3, &views[2]),
                 view(4, mask),
             ],
         })
@@ -214,26 +221,30 @@ impl YuvPass {
 }
 
 fn begin<'e>(
-    encoder: &'e mut wgpu::CommandEncoder,
+    (gpu, encoder): (&Gpu, &'e mut wgpu::CommandEncoder),
     target: &wgpu::TextureView,
     timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
 ) -> wgpu::RenderPass<'e> {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some(LABEL),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        depth_stencil_attachment: None,
-        timestamp_writes,
-        occlusion_query_set: None,
-        multiview_mask: None,
-    })
+    gpu.begin_pass(
+        encoder,
+        LABEL,
+        &wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: target,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: None,
+            timestamp_writes,
+            occlusion_query_set: None,
+            multiview_mask: None,
+        },
+    )
 }
 
 fn plane_of(mask: &Mask) -> Plane<'_> {
@@ -242,29 +253,32 @@ fn plane_of(mask: &Mask) -> Plane<'_> {
 
 fn upload_planes(gpu: &Gpu, store: &Store, wanted: &Wanted<'_>, layer: u32) {
     for plane in 0..3 {
-        upload(gpu, store, plane, layer, &wanted.image.plane(plane));
+        upload(gpu, ("planes", &store.planes[plane]), layer, &wanted.image.plane(plane));
     }
     if let Some(mask) = wanted.mask {
-        upload(gpu, store, 3, layer, &plane_of(mask));
+        upload(gpu, ("masks", &store.planes[3]), layer, &plane_of(mask));
     }
 }
 
 /// Hands a plane to the device as it lies in the decoder's memory.
-fn upload(gpu: &Gpu, store: &Store, texture: usize, layer: u32, plane: &Plane<'_>) {
+fn upload(gpu: &Gpu, (label, texture): (&'static str, &wgpu::Texture), layer: u32, plane: &Plane<'_>) {
     let len = plane.stride * (plane.height as usize - 1) + plane.width as usize;
-    gpu.queue.write_texture(
+    gpu.upload(
+        label,
         wgpu::TexelCopyTextureInfo {
-            texture: &store.planes[texture],
+            texture,
             mip_level: 0,
             origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
             aspect: wgpu::TextureAspect::All,
         },
-        &plane.data[..len],
-        wgpu::TexelCopyBufferLayout {
-            offset: 0,
-            bytes_per_row: Some(plane.stride as u32),
-            rows_per_image: None,
-        },
+        (
+            &plane.data[..len],
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(plane.stride as u32),
+                rows_per_image: None,
+            },
+        ),
         wgpu::Extent3d { width: plane.width, height: plane.height, depth_or_array_layers: 1 },
     );
 }

@@ -38,7 +38,7 @@ fn walls_and_roof() -> Paint {
 }
 
 /// A picture some 16 m wide, turned, and bent if that is wished.
-fn imagery(middle: DVec3, bend: f64) -> Paint {
+pub(super) fn imagery(middle: DVec3, bend: f64) -> Paint {
     let place = |s: f64, t: f64| {
         let q = 1.0 + bend * s - 0.5 * bend * t;
         let turned = DVec2::from_angle(0.3).rotate(DVec2::new(s - 0.5, 0.5 - t) * DVec2::new(16.0, 12.0));
@@ -60,7 +60,7 @@ fn painted(stage: &Stage, paints: Vec<Option<Paint>>) -> SceneState {
     })
 }
 
-fn changed(state: SceneState, change: impl FnOnce(&mut videofields::scene::Scene)) -> SceneState {
+pub(super) fn changed(state: SceneState, change: impl FnOnce(&mut videofields::scene::Scene)) -> SceneState {
     let mut scene = (*state.scene).clone();
     change(&mut scene);
     SceneState { scene: Arc::new(scene), ..state }
@@ -155,11 +155,11 @@ fn cameras_come_before_pictures() {
     check_state("camera_and_pictures", &painted(&stage, paints), &view, 0.5);
 }
 
-fn gradient() -> Sky {
+pub(super) fn gradient() -> Sky {
     Sky::Gradient { zenith_srgb: [40, 90, 170], horizon_srgb: [200, 215, 225], ground_srgb: [90, 80, 70] }
 }
 
-fn panorama() -> Sky {
+pub(super) fn panorama() -> Sky {
     Sky::Picture { texture: waves((256, 128), [Wrap::Repeat, Wrap::Clamp]), yaw_rad: 0.8 }
 }
 
