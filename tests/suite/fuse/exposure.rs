@@ -183,6 +183,27 @@ fn people_in_what_was_learned_turn_no_colours() {
     assert!(off < 0.03, "{off}: {found:?}");
 }
 
+/// A hundred cameras that are exposed alike. In nine pairs one looks at its whole overlap, or most of it, through trees
+/// that the scene does not know, which made gains of 0.25 to 4. Measured now, with 2 x 2 samples a pixel: 0.979 to 1.014, 87 cameras compared.
+#[test]
+fn trees_that_the_scene_does_not_know_turn_no_colours_of_the_campus() {
+    const SIZE: (u32, u32) = (320, 180);
+    let world = World::named("campus100").unwrap();
+    let text = world.scene_json(SIZE).unwrap();
+    let scene = Arc::new(scene::parse("campus100", &text, scene::no_imports).unwrap().scene);
+    let shown = world.cameras(SIZE).unwrap().into_iter().map(|(_, camera)| {
+        let plate = world.plate(&camera, 1).unwrap();
+        let rgb = &plate.truth().rgb;
+        Some(Arc::new(YuvImage::from_rgb(rgb, ColorMatrix::Bt709, ColorRange::Full).unwrap()))
+    });
+    let evened = even(&state(&scene, 0.0, &shown.collect::<Vec<_>>()));
+    let found = gains(&evened);
+    let off = found.iter().map(|gain| (*gain - Vec3::ONE).abs().max_element()).fold(0.0, f32::max);
+    // The median of a pair is right within 3 %; cameras hang together by few pairs, and in chains.
+    assert!(off < 0.05, "gains are off by {off}: {found:?}");
+    assert!(evened.n_overlapping >= 80, "{} cameras are compared", evened.n_overlapping);
+}
+
 /// Grey of so much linear light, times a gain: what a camera before an even wall shows.
 fn flat(light: f32, gain: Vec3) -> Option<Arc<YuvImage>> {
     Some(exposed(&vec![[light; 3]; 64 * 48], (64, 48), gain))
