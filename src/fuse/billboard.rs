@@ -10,7 +10,9 @@ use super::estimate::{Estimate, Foot, Head, Height, along};
 use super::look::Look;
 use super::pieces::{Piece, pieces};
 use super::{Billboard, CameraState, Sighting};
+use crate::frame::Mask;
 use crate::geometry::{Camera, Ray, Surfaces};
+use crate::segment::PixelRect;
 use glam::{DMat2, DVec2, DVec3};
 
 /// A blob's label in the hard mask.
@@ -31,6 +33,9 @@ const FOOT_SHARE: DVec2 = DVec2::new(0.08, 0.03);
 
 /// The same of a foot that the border cuts off and the track tells: share of the thing's width and height.
 const CUT_SHARE: DVec2 = DVec2::new(0.12, 0.12);
+
+/// Beyond the border by less than this share of its height, a track's foot is but where the border cuts: nobody saw the whole.
+const BEYOND_SHARE: f64 = 0.1;
 
 /// Standard deviation of a foot that nobody tells: cut off, or hidden behind a wall's edge, metres.
 const GUESSED_M: f64 = 1.5;
@@ -110,10 +115,12 @@ fn sighting(
         is_truncated: piece.is_truncated,
     };
     let foot = foot(state, surfaces, &piece, (contact, foot_in_world), right - left);
-    let is_whole = !piece.is_truncated && piece.tracks.len() < 2;
+    let is_one = piece.tracks.len() < 2;
+    let is_whole = !piece.is_truncated && is_one;
     let image = &state.observation.frame.image;
     let height = height(&state.camera, &billboard, &foot, size);
-    let head = if is_whole { head(&state.camera, &billboard, height, size) } else { None };
+    let shows_head = is_one && (is_whole || is_cut_below(&piece, mask));
+    let head = if shows_head { head(&state.camera, &billboard, height, size) } else { None };
     let estimate = Estimate {
         foot,
         ground_m: foot_in_world.z,
@@ -144,6 +151,10 @@ fn foot(
     if piece.is_truncated {
         // The track knows how large the whole thing is, so also where its foot is beyond the border.
         let told = piece.whole.and_then(|(rect, foot)| {
+            let beyond_px = foot[1] - size.y;
+            if is_cut_below(piece, mask) && beyond_px < BEYOND_SHARE * f64::from(rect.height) {
+                return None;
+            }
             let texture = DVec2::from_array(foot) / size;
             let place = ground_point(&state.camera, surfaces, texture)?;
             let noise = hypot(FOOT_PX, CUT_SHARE * extent(rect.width, rect.height));
@@ -165,6 +176,12 @@ fn foot(
         covariance += along(away.perp()) * quarter_m.powi(2);
     }
     Foot::new(middle.truncate(), covariance + least)
+}
+
+/// Whether the picture's lower border cuts a piece, and no other.
+fn is_cut_below(piece: &Piece, mask: &Mask) -> bool {
+    let PixelRect { x, y, width, height } = piece.rect;
+    y > 0 && x > 0 && x + width < mask.width && y + height >= mask.height
 }
 
 fn hypot(a: DVec2, b: DVec2) -> DVec2 {
@@ -199,7 +216,7 @@ fn ground_covariance(camera: &Camera, place: DVec3, texture: DVec2, noise: DVec2
     Some(DMat2::from_cols(x * x.x + y * y.x, x * x.y + y * y.y))
 }
 
-/// The ray over a piece's head; of what is broader than tall there is none: that is no person.
+/// The ray over a piece's head; of what is broader than tall, and than people are, there is none: that is no person.
 fn head(camera: &Camera, billboard: &Billboard, height: Height, size: DVec2) -> Option<Head> {
     let [left, right] = billboard.left_right_m;
     let from_camera = billboard.foot_in_world - camera.pose().position_in_world;
@@ -212,7 +229,9 @@ fn head(camera: &Camera, billboard: &Billboard, height: Height, size: DVec2) -> 
         slope: (billboard.height_m + from_camera.z) / distance_m,
         noise_m: height.sd_m.min(HEIGHT_M + HEAD_PX * distance_m / pixels_per_focal(camera, size)),
     };
-    (right - left < billboard.height_m && distance_m > NADIR_M).then_some(head)
+    let is_slender =
+        right - left < billboard.height_m || (billboard.is_truncated && right - left < SLENDER_M);
+    (is_slender && distance_m > NADIR_M).then_some(head)
 }
 
 /// The billboard of somebody whose legs are hidden, who stands nearer to the camera than what is seen lowest: at `foot`.

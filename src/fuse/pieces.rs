@@ -8,6 +8,11 @@ use crate::track::Track;
 /// one; the tracker takes them so too.
 const FRAGMENT_COVER: f64 = 0.7;
 
+/// What is less tall than this share of a track's rectangle is no person beside it but a part, a limb that swings clear or comes
+/// back, if it lies within that rectangle broadened by this share of its width on either side.
+const PART_HEIGHT: f64 = 0.45;
+const PART_BESIDE: f64 = 0.25;
+
 /// Most blobs of one camera that are looked at, the largest: the tracker looks at no more.
 const MAX_BLOBS: usize = 1024;
 
@@ -37,7 +42,10 @@ pub(super) fn pieces(member: usize, blobs: &[Blob], tracks: &[Track]) -> Vec<Pie
     let shown: Vec<Vec<&Track>> = chosen
         .iter()
         .map(|idx| {
-            tracks.iter().filter(|track| track.blob_idx.is_some_and(|blob| blob as usize == *idx)).collect()
+            let in_blob = |track: &&Track| track.blob_idx.is_some_and(|blob| blob as usize == *idx);
+            let all: Vec<&Track> = tracks.iter().filter(in_blob).collect();
+            let is_part = |track: &&Track| all.iter().any(|whole| is_part(track.rect, whole.rect));
+            all.iter().filter(|track| !is_part(track)).copied().collect()
         })
         .collect();
     let mut pieces: Vec<Option<Piece>> =
@@ -48,7 +56,7 @@ pub(super) fn pieces(member: usize, blobs: &[Blob], tracks: &[Track]) -> Vec<Pie
         }
         let rect = blobs[chosen[free]].rect;
         let cover =
-            |shown: &[&Track]| shown.iter().map(|track| share_within(rect, track.rect)).fold(0.0, f64::max);
+            |shown: &[&Track]| shown.iter().map(|track| share_of_part(rect, track.rect)).fold(0.0, f64::max);
         let covers = shown.iter().map(|shown| cover(shown)).enumerate();
         let owner =
             covers.filter(|(_, cover)| *cover >= FRAGMENT_COVER).max_by(|(_, a), (_, b)| a.total_cmp(b));
@@ -88,6 +96,21 @@ impl Piece {
         }
         self.is_truncated |= fragment.is_truncated;
     }
+}
+
+/// Whether `rect` is but a part of what has the rectangle `whole`.
+fn is_part(rect: PixelRect, whole: PixelRect) -> bool {
+    f64::from(rect.height) < PART_HEIGHT * f64::from(whole.height)
+        && share_of_part(rect, whole) >= FRAGMENT_COVER
+}
+
+/// Share of `rect` that `whole` covers; of what is low, also a little beside it.
+fn share_of_part(rect: PixelRect, whole: PixelRect) -> f64 {
+    let is_low = f64::from(rect.height) < PART_HEIGHT * f64::from(whole.height);
+    let beside = if is_low { (PART_BESIDE * f64::from(whole.width)).ceil() as u32 } else { 0 };
+    let x = whole.x.saturating_sub(beside);
+    let right = whole.x.saturating_add(whole.width).saturating_add(beside);
+    share_within(rect, PixelRect { x, width: right - x, ..whole })
 }
 
 /// Share of `rect` that `other` covers.
@@ -147,6 +170,23 @@ mod tests {
         assert_eq!(found[0].tracks, [Followed { member: 3, number: 1, since: Timestamp::from_nanos(1) }]);
         assert_eq!(found[0].whole, Some((rect(9, 9, 22, 50), [1.0, 2.0])));
         assert!(found[1].tracks.is_empty() && found[1].rect == blobs[2].rect);
+    }
+
+    #[test]
+    fn a_limb_that_swings_clear_is_no_person_and_comes_back_as_none() {
+        let body = rect(100, 100, 20, 50);
+        let limb = rect(118, 125, 10, 15);
+        let gathered = pieces(0, &[blob(body), blob(limb)], &[track(1, body, Some(0), 0)]);
+        assert_eq!((gathered.len(), gathered[0].rect), (1, rect(100, 100, 28, 50)));
+        // Who is as tall as half of them, or further beside, is somebody.
+        for other in [rect(118, 120, 10, 26), rect(132, 125, 10, 15)] {
+            let found = pieces(0, &[blob(body), blob(other)], &[track(1, body, Some(0), 0)]);
+            assert_eq!(found.len(), 2, "{other:?}");
+        }
+        // A track of its own, in the meantime: it is not who the whole is.
+        let tracks = [track(1, body, Some(0), 1), track(2, limb, Some(0), 1)];
+        let found = pieces(0, &[blob(body)], &tracks);
+        assert_eq!(found[0].tracks, [Followed { member: 0, number: 1, since: Timestamp::from_nanos(1) }]);
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub(super) fn plan(state: &SceneState, colors: Colors, plan: &mut Plan) {
     let has_gain = |camera: &CameraState| (camera.gain - Vec3::ONE).abs().max_element() > LEAST_DIFFERENCE;
     let (is_on, because) = match (colors, state.n_overlapping) {
         (Colors::Raw, _) => (false, "asked for as they are".to_owned()),
-        (Colors::Even, 0) => (false, "no two cameras see one surface".to_owned()),
+        (Colors::Even, 0) => (false, "no two cameras are sure to see one surface".to_owned()),
         (Colors::Even, n) if shown.iter().any(|camera| has_gain(camera)) => {
             let least = shown.iter().map(|camera| camera.gain.min_element()).fold(1.0, f32::min);
             let most = shown.iter().map(|camera| camera.gain.max_element()).fold(1.0, f32::max);

@@ -108,7 +108,7 @@ fn where_all_agree_or_nobody_asks_nothing_is_multiplied() {
     let plain = plaza(DVec3::ZERO).state();
     let view = from_the_south();
     let (expected, plan) = draw(&mut brush, &plain, &view, EntityStyle::None);
-    assert_eq!(reason(&plan), (false, "no two cameras see one surface"));
+    assert_eq!(reason(&plan), (false, "no two cameras are sure to see one surface"));
     let almost = with_gains(plain.clone(), [Vec3::splat(0.992), Vec3::ONE, Vec3::splat(1.009)]);
     let (seen, plan) = draw(&mut brush, &almost, &view, EntityStyle::None);
     assert_eq!(reason(&plan), (false, "all within 1 %"));
