@@ -13,7 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Pixels of somebody that a camera must show to count as one that sees them.
 const LEAST_PX: usize = 40;
 
-/// A source shows a figure whole if so many of its moving pixels are the figure's, if its rectangle and the figure's share so
+/// A source shows a figure whole if so many of its pixels of figures are that one's, if its rectangle and the figure's share so
 /// much, and if the figure is seen down to this share of its height from where it stands.
 const WHOLE_SHARE: f64 = 0.9;
 const WHOLE_OVERLAP: f64 = 0.6;
@@ -31,7 +31,7 @@ pub struct EntityScore {
     /// Of these, those whom two entities or more show.
     pub n_duplicates: usize,
     /// Figures whom two cameras or more see *whole* at an instant: nothing but their segmentation and calibration parts what
-    /// these see. Whole is a source of which nine tenths of the moving pixels are the figure's, whose rectangle and the
+    /// these see. Whole is a source nine tenths of whose pixels of figures are that figure's, whose rectangle and the
     /// figure's in truth share six tenths of what they cover together, away from the picture's border, down to where the
     /// figure stands.
     pub n_possible: usize,
@@ -124,7 +124,7 @@ impl EntityScore {
     }
 }
 
-/// Whom most moving pixels of a source show, 0 where most show nobody; and their share of these.
+/// Whom most moving pixels of a source show, 0 where most show nobody; and their share of those that show anybody.
 fn owner(state: &SceneState, truths: &[&Mask], source: &Billboard) -> (u8, f64) {
     let labels = &state.cameras[source.camera_idx].observation.labels;
     let truth = truths[source.camera_idx];
@@ -141,7 +141,7 @@ fn owner(state: &SceneState, truths: &[&Mask], source: &Billboard) -> (u8, f64) 
         }
     }
     let of = (0..=u8::MAX).max_by_key(|of| counts[usize::from(*of)]).unwrap_or(0);
-    (of, f64::from(counts[usize::from(of)]) / f64::from(counts.iter().sum::<u32>().max(1)))
+    (of, f64::from(counts[usize::from(of)]) / f64::from(counts[1..].iter().sum::<u32>().max(1)))
 }
 
 /// The rectangle around each figure's pixels of a picture, by its value; `None` of who is not there.
