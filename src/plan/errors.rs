@@ -12,6 +12,10 @@ struct Squares {
     people: f64,
 }
 
+/// What a camera that sees through a wall paints, or one too few leaves out, is rare and large, and the few views of a table
+/// may show none of it: such a step is never less than this share of what is assumed without a table.
+const RARE_SHARE: f64 = 0.05;
+
 /// What a knob's values change: value, and how much it adds to the square.
 type Steps = Vec<(u32, f64)>;
 
@@ -83,6 +87,10 @@ impl Errors {
         let mut depth_maps = steps("depth maps", &is_on)?;
         depth_maps.retain(|(value, _)| *value == 0);
         depth_maps.push((1, 0.0));
+        hold_to(&Self::default().depth_maps, &mut depth_maps);
+        // One camera alone leaves nothing to choose.
+        let mut cameras = steps("cameras", &number).unwrap_or_default();
+        hold_to(&Self::default().cameras, &mut cameras);
         let people = default_of("entities", "style")?;
         let styles = |named: &[(&str, u32)], zero: &str| {
             let of =
@@ -97,8 +105,7 @@ impl Errors {
             samples: steps("samples", &number)?,
             supersampling: steps("supersampling", &number)?,
             filtering: steps("filtering", &filtering)?,
-            // One camera alone leaves nothing to choose.
-            cameras: steps("cameras", &number).unwrap_or_default(),
+            cameras,
             depth_maps,
             sources: styles(&[("billboards, one source", 1), ("billboards", 2)], "billboards")?,
             strides: styles(
@@ -134,6 +141,14 @@ impl Errors {
         };
         let people = self.default.people + pixels + entities;
         0.5 * (still.max(0.0).sqrt() + people.max(0.0).sqrt())
+    }
+}
+
+/// Holds what each value adds beyond the greatest one to at least [`RARE_SHARE`] of what it does in `assumed`.
+fn hold_to(assumed: &Steps, steps: &mut Steps) {
+    let Some((greatest, least)) = steps.iter().max_by_key(|(value, _)| *value).copied() else { return };
+    for (value, square) in steps {
+        *square = square.max(least + RARE_SHARE * (at(assumed, *value) - at(assumed, greatest)));
     }
 }
 

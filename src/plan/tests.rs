@@ -263,6 +263,24 @@ fn errors_of_knobs_add_up_by_their_squares() {
 }
 
 #[test]
+fn a_table_whose_views_show_no_leak_does_not_make_depth_maps_worthless() {
+    let mut table = table();
+    for row in &mut table.rows {
+        if row.knob == "depth maps" || row.knob == "cameras" {
+            row.error = Some(if row.is_default { 5.0 } else { 4.99 });
+        }
+    }
+    let errors = Errors::of(&table).unwrap();
+    let with = |most_cameras, depth_maps| {
+        errors.expected(&Settings { most_cameras, depth_maps, ..Preset::Exact.settings(4) })
+    };
+    assert!(with(8, false) > with(8, true) + 0.05);
+    assert!(with(1, true) > with(8, true) + 0.05);
+    let spread = with(1, false) - with(8, true);
+    assert!(spread < 3.0, "what was measured still counts: {spread}");
+}
+
+#[test]
 fn what_is_dearer_is_taken_for_better_before_there_is_a_table() {
     let errors = Errors::default();
     let [draft, balanced, exact] = Preset::ALL.map(|(_, preset)| errors.expected(&preset.settings(4)));

@@ -41,6 +41,8 @@ impl ReadyScenes {
 
     /// Triangles and patches of the state's scene for its cameras, made anew where the scene or a camera is another.
     pub(super) fn of(&mut self, state: &SceneState, depth_map_side_px: u32) -> (Arc<Mesh>, Arc<Patches>) {
+        // Of a scene that was changed or taken away nothing is kept, nor of its pictures.
+        self.kept.retain(|ready| Arc::strong_count(&ready.mesh.scene) > 1);
         let cameras = cameras_of(state);
         let known = self.place_of(&state.scene).map(|place| self.kept.remove(place));
         let ready = match known {

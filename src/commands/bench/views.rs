@@ -2,16 +2,17 @@
 
 use anyhow::{Context as _, Result};
 use std::io::Write as _;
+use std::path::PathBuf;
 use std::sync::Arc;
 use videofields::accuracy::{
-    EntityScore, OpenGate, Scope, Stopwatch, Subject, SubjectView, ViewsRun, machine,
+    EntityScore, OpenGate, Report, Scope, Stopwatch, Subject, SubjectView, ViewsRun, machine,
 };
 use videofields::clock::SystemClock;
 use videofields::frame::{CameraId, Mask, RgbImage};
 use videofields::fuse::{Association, SceneState, assemble_within};
 use videofields::gpu::Gpu;
 use videofields::ingest::Pipeline;
-use videofields::plan::{self, Colors, EntityStyle, Picture, Preset, Settings, Wishes};
+use videofields::plan::{self, Colors, EntityStyle, Errors, Picture, Preset, Settings, Wishes};
 use videofields::render::Renderer;
 use videofields::simulate::World;
 use videofields::telemetry::{self, LogFormat};
@@ -36,6 +37,9 @@ pub(super) struct Views {
     /// Moments at which every view is drawn, two frames at each.
     #[arg(long, value_name = "COUNT", default_value_t = 3)]
     moments: u32,
+    /// A report of `videofields accuracy` (report.json): what its table expects of each preset is told beside what came of it.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
 }
 
 /// The cameras that are used: all but one, or all.
@@ -45,6 +49,8 @@ struct Lineup {
     views: Vec<SubjectView>,
     association: Association,
     entities: EntityScore,
+    /// Samples a pixel, as settings of these cameras have them.
+    samples: u32,
     /// By preset.
     runs: [ViewsRun; Preset::ALL.len()],
 }
@@ -52,6 +58,7 @@ struct Lineup {
 impl Views {
     pub(super) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("warn"))?;
+        let errors = self.errors()?;
         let mut judged = Vec::new();
         for name in &self.world {
             let world = World::load(name)?;
@@ -61,9 +68,22 @@ impl Views {
         let adapter = judged.first().map_or("", |(_, (adapter, _))| adapter.as_str());
         let machine = machine(adapter);
         writeln!(out, "{}, {} processors, {}\n", machine.processor, machine.n_processors, machine.adapter)?;
-        write_pictures(&mut out, judged.iter().map(|(name, (_, lineups))| (name.as_str(), &**lineups)))?;
+        write_pictures(
+            &mut out,
+            errors.as_ref(),
+            judged.iter().map(|(name, (_, lineups))| (name.as_str(), &**lineups)),
+        )?;
         writeln!(out)?;
         write_entities(&mut out, judged.iter().map(|(name, (_, lineups))| (name.as_str(), &**lineups)))
+    }
+
+    fn errors(&self) -> Result<Option<Errors>> {
+        let Some(path) = &self.report else { return Ok(None) };
+        let name = || path.display().to_string();
+        let text = std::fs::read_to_string(path).with_context(name)?;
+        let report: Report = serde_json::from_str(&text).with_context(name)?;
+        let errors = Errors::of(&report.into_table());
+        Ok(Some(errors.with_context(|| format!("{}: no errors of surfaces and entities", path.display()))?))
     }
 
     fn scope(&self, world: &World) -> Scope {
@@ -83,11 +103,13 @@ impl Views {
         let scope = self.scope(world);
         let mut subject = Subject::prepare(world, &scope, &watch, &crate::commands::complain)?;
         let mut lineups = vec![Lineup::new("all, free views", None, std::mem::take(&mut subject.views))];
+        let samples = subject.render.samples;
         for (idx, camera) in subject.cameras.iter().enumerate() {
             let view = subject.left_out_view(world, &scope, idx, &watch)?;
             let name = format!("without {}, from its place", camera.id);
             lineups.push(Lineup::new(&name, Some(camera.id.clone()), vec![view]));
         }
+        lineups.iter_mut().for_each(|lineup| lineup.samples = samples);
         let mut renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
         let mut pipelines: Vec<Pipeline> = subject
             .cameras
@@ -124,6 +146,7 @@ impl Lineup {
             views,
             association: Association::default(),
             entities: EntityScore::default(),
+            samples: 1,
             runs: Default::default(),
         }
     }
@@ -186,16 +209,19 @@ fn drawn(
 
 fn write_pictures<'a>(
     out: &mut impl std::io::Write,
+    errors: Option<&Errors>,
     worlds: impl Iterator<Item = (&'a str, &'a [Lineup])>,
 ) -> Result<()> {
     writeln!(
         out,
-        "| world | cameras | preset | still: PSNR, dB | SSIM | people: PSNR, dB | SSIM | silhouettes: IoU |"
+        "| world | cameras | preset | still: PSNR, dB | SSIM | people: PSNR, dB | SSIM | silhouettes: IoU | error, codes | expected |"
     )?;
-    writeln!(out, "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |")?;
+    writeln!(out, "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
     for (world, lineups) in worlds {
         for lineup in lineups {
-            for ((preset, _), run) in Preset::ALL.iter().zip(&lineup.runs) {
+            for ((name, preset), run) in Preset::ALL.iter().zip(&lineup.runs) {
+                let expected = errors.map(|errors| errors.expected(&preset.settings(lineup.samples)));
+                let expected = expected.map_or_else(|| "-".to_owned(), |error| format!("{error:.1}"));
                 let measures = run.measures();
                 let cell = |name: &str, digits: usize| {
                     measures.get(name).map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
@@ -206,8 +232,10 @@ fn write_pictures<'a>(
                     cell("people_psnr_db", 2),
                     cell("people_ssim", 3),
                     cell("silhouette_iou", 3),
+                    cell("balanced_rmse", 1),
+                    expected,
                 ];
-                writeln!(out, "| {world} | {} | {preset} | {} |", lineup.name, cells.join(" | "))?;
+                writeln!(out, "| {world} | {} | {name} | {} |", lineup.name, cells.join(" | "))?;
             }
         }
     }

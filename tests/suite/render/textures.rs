@@ -243,9 +243,13 @@ fn scenes_without_pictures_pay_nothing_and_pictures_are_uploaded_once() {
     // Two on the ground and the hill, two on each of three solids, two on the model.
     assert_eq!((usage.n_textures, usage.n_uploads), (10, 10), "{usage:?}");
     assert!(usage.n_bytes > 10 * 17 * 64 * 4 && usage.n_bytes < 10 * 96 * 72 * 4 * 4 / 3, "{usage:?}");
-    // What no scene has any more is let go of.
+    // Scenes that are shown in turns stay ready, and what no scene has any more is let go of.
+    let (_, plan) = draw(&mut brush, &state, &from(0.0), EntityStyle::None);
+    draw(&mut brush, &plain, &from(0.0), EntityStyle::None);
+    assert!(!brush.renderer.pending(&state, &plan).is_unprepared);
     drop(state);
     let other = village(v(5e5, 5e6, 130.0));
+    assert!(brush.renderer.pending(&other, &plan).is_unprepared);
     let eye = v(0.0, -22.0, 12.0) + v(5e5, 5e6, 130.0);
     let there = view(eye, v(5e5, 5e6, 130.5), 0.9, 64, 40);
     for _ in 0..2 {
