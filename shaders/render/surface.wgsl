@@ -41,6 +41,8 @@ const LEAST_COSINE: f32 = 0.0087265;
 const N_TAPS: u32 = 4u;
 // Near plane of the depth maps, metres: passes/camera_depth.rs.
 const DEPTH_NEAR_M: f32 = 0.05;
+// How far off its plane a place is taken to be by interpolation alone, share of its distance.
+const MOST_OFF_PLANE: f32 = 0.01;
 // How much nearer, relative, what hides must be.
 const DEPTH_BIAS: f32 = 1e-3;
 
@@ -57,12 +59,18 @@ struct Varying {
     @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
     @location(1) @interpolate(flat) normal: vec3<f32>,
     @location(2) @interpolate(flat) material: vec3<f32>,
+    // normal . p of the triangle's plane.
+    @location(5) @interpolate(flat) height: f32,
 }
 
 @vertex
 fn vs_main(in: VertexIn) -> Varying {
     let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
-    return Varying(position, in.position_from_anchor, in.normal, in.material);
+    return Varying(position, in.position_from_anchor, in.normal, in.material, plane_height(in));
+}
+
+fn plane_height(in: VertexIn) -> f32 {
+    return dot(in.normal, in.position_from_anchor);
 }
 
 struct TexturedVarying {
@@ -73,12 +81,14 @@ struct TexturedVarying {
     // Homogeneous texture coordinate; w: whether the material shows beyond the picture.
     @location(3) @interpolate(perspective, centroid) texture: vec4<f32>,
     @location(4) @interpolate(flat) tint: vec3<f32>,
+    @location(5) @interpolate(flat) height: f32,
 }
 
 @vertex
 fn vs_textured(in: VertexIn, @location(3) texture: vec4<f32>, @location(4) tint: vec3<f32>) -> TexturedVarying {
     let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
-    return TexturedVarying(position, in.position_from_anchor, in.normal, in.material, texture, tint);
+    let height = plane_height(in);
+    return TexturedVarying(position, in.position_from_anchor, in.normal, in.material, texture, tint, height);
 }
 
 // What the surface looks like where no camera sees it: its picture, as anisotropic filtering shows it
@@ -211,7 +221,14 @@ fn level_of_detail(camera_idx: u32, step_x: vec2<f32>, step_y: vec2<f32>) -> f32
 
 // The colour of a fragment; `material` where no camera looks.
 fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
-    let point = in.position_from_anchor;
+    var point = in.position_from_anchor;
+    if HAS_DEPTH_MAPS {
+        // Where a triangle covers a part of the pixel, some devices interpolate a place a little before or behind its plane,
+        // from which a camera that looks along it would see it hidden.
+        let off = in.height - dot(in.normal, point);
+        let most = MOST_OFF_PLANE * length(point);
+        point += in.normal * clamp(off, -most, most);
+    }
     let to_viewer = to_viewer_from(point);
     let normal = select(-in.normal, in.normal, dot(in.normal, to_viewer) >= 0.0);
 
@@ -290,5 +307,6 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
 // Of what has a picture.
 @fragment
 fn fs_textured(in: TexturedVarying) -> @location(0) vec4<f32> {
-    return shaded(Varying(in.position, in.position_from_anchor, in.normal, in.material), material_color(in));
+    let plain = Varying(in.position, in.position_from_anchor, in.normal, in.material, in.height);
+    return shaded(plain, material_color(in));
 }
