@@ -85,6 +85,8 @@ impl Renderer {
     pub fn make_ready(&mut self, state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
         let (mesh, _) = self.scenes.of(state, self.depth_maps.side_px());
         self.pictures(&mesh, plan);
-        Ok(self.gpu.check()?)
+        // Pictures may be marked as there that never were.
+        self.gpu.check().inspect_err(|_error| self.textures.clear())?;
+        Ok(())
     }
 }

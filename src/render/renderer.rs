@@ -57,7 +57,7 @@ pub struct Renderer {
     pub(super) backgrounds: ImageArray,
     pub(super) frames: ImageArray,
     pub(super) depth_maps: DepthMaps,
-    textures: TextureStore,
+    pub(super) textures: TextureStore,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
     /// How many of the billboards are drawn before each building that is open.

@@ -3,7 +3,7 @@
 //! Maps are pinhole maps of the undistorted frustum: one face for usual lenses, a cube for wide ones. They hold no
 //! picture, so they are kept until the scene or the camera changes.
 
-use super::{Recording, texture_entry};
+use super::{Recording, picture_pass, texture_entry};
 use crate::geometry;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor, mirror};
 use crate::render::RenderError;
@@ -428,26 +428,9 @@ impl CameraDepthPass {
             let first = camera_idx * n_vertices;
             pass.draw(first..first + n_vertices, idx as u32..idx as u32 + 1);
             drop(pass);
-            let mut pass = gpu.begin_pass(
-                recording.encoder,
-                LABEL,
-                &wgpu::RenderPassDescriptor {
-                    label: Some(LABEL),
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: &textures.layers[layer as usize],
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
-                    depth_stencil_attachment: None,
-                    timestamp_writes: recording.timer.writes(span, 2 * idx + 1, 2 * n_jobs),
-                    occlusion_query_set: None,
-                    multiview_mask: None,
-                },
-            );
+            let writes = recording.timer.writes(span, 2 * idx + 1, 2 * n_jobs);
+            let mut pass =
+                picture_pass(gpu, recording.encoder, LABEL, (&textures.layers[layer as usize], writes));
             pass.set_pipeline(&self.dilate);
             pass.set_bind_group(2, &depth, &[]);
             pass.draw(0..3, 0..1);

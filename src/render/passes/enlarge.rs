@@ -1,6 +1,6 @@
 //! A coarse picture enlarged: what was not drawn lies between what was.
 
-use super::{FILTERED, Recording, SAMPLER_ENTRY, linear_sampler, resample, texture_entry};
+use super::{FILTERED, Recording, SAMPLER_ENTRY, linear_sampler, picture_pass, resample, texture_entry};
 use crate::gpu::{Gpu, GpuError};
 
 const LABEL: &str = "enlarge";
@@ -56,26 +56,8 @@ impl EnlargePass {
         self.enlarged.take_if(|kept| (kept.width(), kept.height()) != (width, height));
         let enlarged = self.enlarged.get_or_insert_with(|| resample::picture(gpu, LABEL, width, height));
         let span = recording.timer.span(LABEL);
-        let mut pass = gpu.begin_pass(
-            recording.encoder,
-            LABEL,
-            &wgpu::RenderPassDescriptor {
-                label: Some(LABEL),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: &view(enlarged),
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                depth_stencil_attachment: None,
-                timestamp_writes: recording.timer.writes(span, 0, 1),
-                occlusion_query_set: None,
-                multiview_mask: None,
-            },
-        );
+        let writes = recording.timer.writes(span, 0, 1);
+        let mut pass = picture_pass(gpu, recording.encoder, LABEL, (&view(enlarged), writes));
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &source, &[]);
         pass.draw(0..3, 0..1);

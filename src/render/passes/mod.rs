@@ -72,6 +72,30 @@ impl Recording<'_> {
     }
 }
 
+/// Begins a pass that draws all of a picture without depths.
+fn picture_pass<'e>(
+    gpu: &Gpu,
+    encoder: &'e mut wgpu::CommandEncoder,
+    label: &'static str,
+    (picture, timestamp_writes): (&wgpu::TextureView, Option<wgpu::RenderPassTimestampWrites<'_>>),
+) -> wgpu::RenderPass<'e> {
+    let attachment = wgpu::RenderPassColorAttachment {
+        view: picture,
+        depth_slice: None,
+        resolve_target: None,
+        ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+    };
+    let descriptor = wgpu::RenderPassDescriptor {
+        label: Some(label),
+        color_attachments: &[Some(attachment)],
+        depth_stencil_attachment: None,
+        timestamp_writes,
+        occlusion_query_set: None,
+        multiview_mask: None,
+    };
+    gpu.begin_pass(encoder, label, &descriptor)
+}
+
 /// Pipelines that differ in their samples a pixel alone, each made when a frame first calls for it.
 #[derive(Debug, Default)]
 struct BySamples(Vec<(u32, wgpu::RenderPipeline)>);

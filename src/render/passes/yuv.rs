@@ -1,6 +1,6 @@
 //! Pictures that are new since the last frame: from the decoder's planes to sRGB layers and their smaller levels.
 
-use super::{Recording, UNFILTERED, texture_entry};
+use super::{Recording, UNFILTERED, picture_pass, texture_entry};
 use crate::frame::{Mask, Plane};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
 use crate::render::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
@@ -169,7 +169,7 @@ impl YuvPass {
         let mut conversion_idx = 0;
         for (idx, draw) in draws.iter().enumerate() {
             let writes = recording.timer.writes(span, idx, draws.len());
-            let mut pass = begin((recording.gpu, &mut *recording.encoder), &draw.target, writes);
+            let mut pass = picture_pass(recording.gpu, recording.encoder, LABEL, (&draw.target, writes));
             match &draw.source {
                 Source::Planes(planes) => {
                     pass.set_pipeline(&self.convert);
@@ -218,33 +218,6 @@ impl YuvPass {
             }],
         })
     }
-}
-
-fn begin<'e>(
-    (gpu, encoder): (&Gpu, &'e mut wgpu::CommandEncoder),
-    target: &wgpu::TextureView,
-    timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
-) -> wgpu::RenderPass<'e> {
-    gpu.begin_pass(
-        encoder,
-        LABEL,
-        &wgpu::RenderPassDescriptor {
-            label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: None,
-            timestamp_writes,
-            occlusion_query_set: None,
-            multiview_mask: None,
-        },
-    )
 }
 
 fn plane_of(mask: &Mask) -> Plane<'_> {

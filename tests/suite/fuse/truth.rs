@@ -77,6 +77,28 @@ fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
     assert!(alone.n_duplicates <= 60 && alone.n_mixed <= 5, "an instant alone: {alone:?}");
 }
 
+/// Somebody at the origin, 3 in truth.
+fn somebody() -> FigurePosition {
+    FigurePosition {
+        instance: 3,
+        name: "somebody".to_owned(),
+        kind: ActorKind::Walker,
+        foot_in_world: DVec3::ZERO,
+        heading_rad: 0.0,
+        height_m: 1.7,
+        box_in_world: (DVec3::ZERO, DVec3::ONE),
+    }
+}
+
+/// Truth that says of all that moves that it is [`somebody`], a camera.
+fn truths_of(state: &SceneState) -> Vec<Mask> {
+    let truth = |labels: &Mask| {
+        let data = labels.data.iter().map(|label| u8::from(*label == MOVING) * 3).collect();
+        Mask { width: labels.width, height: labels.height, data }
+    };
+    state.cameras.iter().map(|camera| truth(&camera.observation.labels)).collect()
+}
+
 #[test]
 fn who_is_shown_twice_or_not_at_all_is_counted_and_measured() {
     let cameras = [-9.0, 9.0].map(|x| camera(DVec3::new(x, -10.0, 5.0), DVec3::ZERO, 0.0));
@@ -88,25 +110,9 @@ fn who_is_shown_twice_or_not_at_all_is_counted_and_measured() {
         Some(observe(id, &cameras[idx], &seen_by[idx..=idx]))
     };
     let mut state = assemble(&scene, Timestamp::from_nanos(7), find, None);
-    let truths: Vec<Mask> = state
-        .cameras
-        .iter()
-        .map(|camera| {
-            let labels = &camera.observation.labels;
-            let data = labels.data.iter().map(|label| u8::from(*label == MOVING) * 3).collect();
-            Mask { width: labels.width, height: labels.height, data }
-        })
-        .collect();
+    let truths = truths_of(&state);
     let truths: Vec<&Mask> = truths.iter().collect();
-    let figure = FigurePosition {
-        instance: 3,
-        name: "somebody".to_owned(),
-        kind: ActorKind::Walker,
-        foot_in_world: DVec3::ZERO,
-        heading_rad: 0.0,
-        height_m: 1.7,
-        box_in_world: (DVec3::ZERO, DVec3::ONE),
-    };
+    let figure = somebody();
     let mut score = EntityScore::default();
     score.add(&state, &truths, std::slice::from_ref(&figure));
     assert_eq!((score.n_seen, score.n_missed, score.n_seen_twice), (1, 0, 1), "{score:?}");
@@ -139,24 +145,8 @@ fn who_is_seen_whole_by_two_cameras_and_is_two_entities_counts_as_parted() {
     };
     let mut state = assemble(&scene, Timestamp::from_nanos(7), find, None);
     assert_eq!(state.entities.len(), 1);
-    let whole = |labels: &Mask| labels.data.iter().map(|label| u8::from(*label == MOVING) * 3).collect();
-    let truths: Vec<Mask> = state
-        .cameras
-        .iter()
-        .map(|camera| {
-            let labels = &camera.observation.labels;
-            Mask { width: labels.width, height: labels.height, data: whole(labels) }
-        })
-        .collect();
-    let figure = FigurePosition {
-        instance: 3,
-        name: "somebody".to_owned(),
-        kind: ActorKind::Walker,
-        foot_in_world: DVec3::ZERO,
-        heading_rad: 0.0,
-        height_m: 1.7,
-        box_in_world: (DVec3::ZERO, DVec3::ONE),
-    };
+    let truths = truths_of(&state);
+    let figure = somebody();
     let count = |state: &SceneState, truths: &[Mask], figure: &FigurePosition| {
         let mut score = EntityScore::default();
         score.add(state, &truths.iter().collect::<Vec<_>>(), std::slice::from_ref(figure));
