@@ -49,7 +49,8 @@ const DEPTH_BIAS: f32 = 1e-3;
 struct VertexIn {
     @location(0) position_from_anchor: vec3<f32>,
     @location(1) normal: vec3<f32>,
-    @location(2) material: vec3<f32>,
+    // w: by which share of its depth it is nearer than it is, where several surfaces share a plane.
+    @location(2) material: vec4<f32>,
 }
 
 struct Varying {
@@ -65,8 +66,13 @@ struct Varying {
 
 @vertex
 fn vs_main(in: VertexIn) -> Varying {
-    let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
-    return Varying(position, in.position_from_anchor, in.normal, in.material, plane_height(in));
+    return Varying(clip_place(in), in.position_from_anchor, in.normal, in.material.xyz, plane_height(in));
+}
+
+// Depth is reversed, so more of it is nearer.
+fn clip_place(in: VertexIn) -> vec4<f32> {
+    let place = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
+    return vec4<f32>(place.xy, place.z * (1.0 + in.material.w), place.w);
 }
 
 fn plane_height(in: VertexIn) -> f32 {
@@ -86,9 +92,9 @@ struct TexturedVarying {
 
 @vertex
 fn vs_textured(in: VertexIn, @location(3) texture: vec4<f32>, @location(4) tint: vec3<f32>) -> TexturedVarying {
-    let position = view.clip_from_anchor * vec4<f32>(in.position_from_anchor, 1.0);
     let height = plane_height(in);
-    return TexturedVarying(position, in.position_from_anchor, in.normal, in.material, texture, tint, height);
+    return TexturedVarying(
+        clip_place(in), in.position_from_anchor, in.normal, in.material.xyz, texture, tint, height);
 }
 
 // What the surface looks like where no camera sees it: its picture, as anisotropic filtering shows it

@@ -111,6 +111,9 @@ pub struct RenderSettings {
     pub timeout_secs: f64,
     /// Finished pictures that are kept to be shown again, MiB, 0 (none) to 65536. Default 64.
     pub cache_mib: u32,
+    /// Whether scenes and the device's programs are made ready while nobody asks for a picture, so that the first one does not
+    /// wait for them and may have a short deadline. Default true.
+    pub warm_up: bool,
 }
 
 impl Default for RenderSettings {
@@ -123,6 +126,7 @@ impl Default for RenderSettings {
             queue_length: 32,
             timeout_secs: 8.0,
             cache_mib: 64,
+            warm_up: true,
         }
     }
 }

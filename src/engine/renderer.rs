@@ -3,6 +3,8 @@
 //!
 //! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
+mod warm_up;
+
 use super::EngineError;
 use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
@@ -23,6 +25,7 @@ use crate::telemetry::ViewRefusal;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
+use warm_up::WarmUp;
 
 /// Longest pause between two looks at what is not asked for by a picture.
 const IDLE_TIME: Duration = Duration::from_secs(5);
@@ -59,7 +62,7 @@ pub(super) fn run(shared: &Shared) {
         }
         match shared.queue.next(thread.longest_wait()) {
             Next::Picture(request, asked_at) => thread.serve(&request, asked_at),
-            Next::Nothing => {}
+            Next::Nothing => thread.make_scenes_ready(),
             Next::End => break,
         }
     }
@@ -74,6 +77,7 @@ struct RenderThread<'a> {
     sessions: Sessions,
     /// Who is who in each scene, and how its cameras' colours agree.
     associations: Associations,
+    warm_up: WarmUp,
 }
 
 /// A picture, and what it is of.
@@ -108,13 +112,14 @@ impl<'a> RenderThread<'a> {
             cache,
             sessions: Sessions::default(),
             associations: Associations::default(),
+            warm_up: WarmUp::default(),
         }
     }
 
-    /// Until when a new device is opened, if one is wanted; else when things are looked after.
+    /// Until when a new device is opened, if one is wanted; else when things are looked after or made ready.
     fn longest_wait(&self) -> Duration {
         if self.renderer.is_some() {
-            return IDLE_TIME;
+            return IDLE_TIME.min(self.until_warm_up());
         }
         // A little more, so that it is over then.
         let remaining = self.backoff.remaining(self.shared.clock.monotonic()) + Duration::from_millis(1);
@@ -177,7 +182,8 @@ impl<'a> RenderThread<'a> {
         shared.refresh_forecaster();
         let drawn = self.twice_at_most(|thread| {
             thread.ensure_renderer()?;
-            thread.drawn(&subject, &seen, (&mut *remembered, session.as_mut()), asked_at)
+            let mut wanted = || shared.queue.is_wanted();
+            thread.drawn(&subject, &seen, (&mut *remembered, session.as_mut()), asked_at, &mut wanted)
         });
         self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
@@ -201,13 +207,14 @@ impl<'a> RenderThread<'a> {
         Ok(Some((subject, answer)))
     }
 
-    /// Decides and draws `subject`, or finds what was decided among the pictures that are kept.
+    /// Decides and draws `subject` while it is `wanted`, or finds what was decided among the pictures that are kept.
     fn drawn(
         &mut self,
         subject: &Subject,
         seen: &Seen,
         (remembered, session): (&mut Remembered, Option<&mut ViewSession>),
         asked_at: Duration,
+        wanted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<ViewAnswer>, Failure> {
         let (shared, clock) = (self.shared, &*self.shared.clock);
         let forecaster = &shared.forecaster;
@@ -234,8 +241,7 @@ impl<'a> RenderThread<'a> {
         }
         let planned = clock.monotonic();
         let took = [fused.saturating_sub(started), planned.saturating_sub(fused)];
-        let mut wanted = || shared.queue.is_wanted();
-        Ok(subject.paint(decided, took, renderer, (clock, forecaster), &mut wanted)?)
+        Ok(subject.paint(decided, took, renderer, (clock, forecaster), wanted)?)
     }
 
     fn note_drawn(&mut self, answer: &ViewAnswer, took: Duration, started: Duration) {
@@ -386,6 +392,7 @@ impl<'a> RenderThread<'a> {
                 self.shared.set_renderer_state(Ok(adapter));
                 self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
                 self.shared.forecaster.forget_programs();
+                self.warm_up = WarmUp::default();
                 self.renderer = Some(renderer);
             }
             Err(error) => {

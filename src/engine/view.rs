@@ -5,7 +5,7 @@ use super::handle::At;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
-use crate::scene::SceneView;
+use crate::scene::{Scene, SceneView};
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
@@ -81,6 +81,27 @@ pub struct ViewRequest {
     pub session: Option<String>,
     /// How exactly it is drawn, or how soon it must be there.
     pub effort: Effort,
+}
+
+impl ViewRequest {
+    /// What is seen of `scene` now from its own view, 640 x 360 pixels of it.
+    pub(super) fn own(scene: &Scene, effort: Effort) -> Self {
+        Self {
+            scene: scene.id.clone(),
+            kind: ViewKind::default(),
+            eye: None,
+            target: None,
+            fov_y_rad: None,
+            width_px: 640,
+            height_px: 360,
+            at: At::Live,
+            style: EntityStyle::Billboards,
+            see_through: true,
+            colors: Colors::default(),
+            session: None,
+            effort,
+        }
+    }
 }
 
 /// Which frame of a camera went into a picture.

@@ -189,8 +189,8 @@ pub struct SurfaceForm {
     has_opened: bool,
     /// Whether colours are multiplied.
     evens_colors: bool,
-    /// Whether backgrounds are looked up between levels.
-    has_levels: bool,
+    /// How backgrounds are looked up: some devices make a program anew for another sampler.
+    filtering: Filtering,
     samples: u32,
 }
 
@@ -339,7 +339,7 @@ impl Survey {
             has_lenses: first.with_lenses > 0.0,
             has_opened: self.n_opened > 0,
             evens_colors: self.evens_colors,
-            has_levels: settings.filtering == Filtering::Levels,
+            filtering: settings.filtering,
             samples,
         };
         let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;

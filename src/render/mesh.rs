@@ -21,6 +21,8 @@ pub(super) struct MeshVertex {
     pub texture: Vec4,
     /// What the picture is multiplied by, linear light.
     pub tint: Vec3,
+    /// By which share of its depth it is drawn nearer than it is: [`super::coplanar`].
+    pub nearer: f32,
 }
 
 /// Which part of its surface a triangle is of, and the place of the picture on it.
@@ -62,6 +64,7 @@ impl Mesh {
             mesh.append(shape, scene.materials.get(place).unwrap_or(&fallback), &mut places);
             mesh.ranges.push((surface, first..mesh.vertices.len() as u32));
         }
+        super::coplanar::rank(&mut mesh.vertices, &mesh.ranges, mesh.bounds);
         mesh
     }
 
@@ -133,6 +136,7 @@ fn plain(triangle: &Triangle, material: &Material) -> [MeshVertex; 3] {
         material,
         texture: Vec4::ZERO,
         tint: Vec3::ZERO,
+        nearer: 0.0,
     })
 }
 

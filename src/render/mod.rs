@@ -6,6 +6,7 @@
 //! depth is reversed with the far plane at infinity, light is blended linearly.
 
 mod camera_data;
+mod coplanar;
 mod error;
 mod image_array;
 mod mesh;
@@ -21,6 +22,7 @@ mod texture_store;
 
 pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
+pub use ready::MAX_READY_SCENES;
 pub use renderer::{Rendered, Renderer, view_limits};
 pub use texture_store::TextureUse;
 

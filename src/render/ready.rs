@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use std::sync::Arc;
 
 /// Scenes that are kept ready: walls show some in turns, and cutting one anew takes as long as some pictures of it.
-const MAX_KEPT: usize = 4;
+pub const MAX_READY_SCENES: usize = 4;
 
 #[derive(Debug)]
 struct ReadyScene {
@@ -62,7 +62,7 @@ impl ReadyScenes {
         };
         let found = (Arc::clone(&ready.mesh), Arc::clone(&ready.patches));
         self.kept.insert(0, ready);
-        self.kept.truncate(MAX_KEPT);
+        self.kept.truncate(MAX_READY_SCENES);
         found
     }
 }

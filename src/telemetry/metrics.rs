@@ -207,6 +207,8 @@ pub struct Metrics {
     pub render_cache: IntGauge,
     /// Times that the GPU's device was made anew.
     pub render_devices_rebuilt: IntCounter,
+    /// Times that a scene was made ready to be drawn before anybody asked for a picture of it.
+    pub render_warm_ups: IntCounter,
     /// Answered requests. Labels: route (its template, never the path itself), status.
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
@@ -354,6 +356,11 @@ impl Metrics {
                 r,
                 "render_devices_rebuilt_total",
                 "Times that the GPU's device was made anew.",
+            ),
+            render_warm_ups: counter(
+                r,
+                "render_warm_ups_total",
+                "Times that a scene was made ready to be drawn before anybody asked for a picture of it.",
             ),
             api_requests: counters(
                 r,

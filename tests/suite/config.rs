@@ -131,7 +131,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         &example,
         &[&format!(
             "{line}:1: render.sample: unknown key `sample`; did you mean `samples`? allowed: adapter, samples, \
-             depth_map_side_px, max_pixels, queue_length, timeout_secs, cache_mib"
+             depth_map_side_px, max_pixels, queue_length, timeout_secs, cache_mib, warm_up"
         )],
     );
     check(

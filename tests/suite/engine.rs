@@ -108,8 +108,14 @@ struct Bench {
 }
 
 impl Bench {
-    /// Starts cameras and scenes over the database in `folder`.
-    fn start(folder: &Path, settings: Settings, scenes: &[(&str, &str)]) -> Self {
+    /// Starts cameras and scenes over the database in `folder`; nothing is drawn but what is asked for.
+    fn start(folder: &Path, mut settings: Settings, scenes: &[(&str, &str)]) -> Self {
+        settings.render.warm_up = false;
+        Self::start_as_set(folder, settings, scenes)
+    }
+
+    /// As [`Self::start`], with every setting as it is.
+    fn start_as_set(folder: &Path, settings: Settings, scenes: &[(&str, &str)]) -> Self {
         let runtime = Runtime::new().unwrap();
         let store = runtime.block_on(Store::open(&folder.join("test.sqlite"))).unwrap();
         let config = Config::from_settings(settings, folder).unwrap();

@@ -20,7 +20,7 @@
 //! | larger than the picture | entities::somebody_larger_than_the_picture_fills_it | |
 //! | origin at (5e5, 5e6, 300) and 1e7 | pictures::pictures_at_map_coordinates_and_at_ten_thousand_kilometres_are_those_at_the_origin | fuse::tests, geometry::a_texel_s_ray_comes_back_to_it |
 //! | scenes of 1 cm and of 100 km | pictures::scenes_of_a_centimetre_and_of_a_hundred_kilometres_match_the_twin | surface::tests::far::scenes_of_a_centimetre_and_of_a_hundred_kilometres_are_met |
-//! | coplanar walls | projection::coplanar_walls_are_one_wall_to_every_ray, pictures::coplanar_walls_that_cameras_see_do_not_flicker_between_frames | |
+//! | coplanar walls | projection::coplanar_walls_are_one_wall_to_every_ray, pictures::coplanar_walls_that_cameras_see_do_not_flicker_between_frames, pictures::of_coplanar_walls_of_two_materials_the_later_is_seen | |
 //! | distortion beyond its fold | projection::beyond_a_barrels_fold_nothing_is_located, pictures::ground_beyond_a_barrels_fold_is_not_shown | geometry::what_lies_far_beyond_the_lens_lands_nowhere |
 //! | focal length of 1 px and 1e6 px | projection::focal_lengths_of_one_and_of_a_million_pixels, pictures::cameras_of_one_pixels_and_of_a_million_pixels_focal_length_match_the_twin | |
 //! | quaternion of length 1 +- 1e-3, and 0 | projection::a_quaternion_a_thousandth_too_long_or_short_is_normalised_and_none_is_refused | |

@@ -20,9 +20,10 @@ struct Vertex {
     position_from_anchor: [f32; 3],
     normal: [f32; 3],
     material: [f32; 3],
+    nearer: f32,
 }
 
-const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3];
+const ATTRIBUTES: Attributes<3> = wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x4];
 
 fn constants(shading: Shading) -> [(&'static str, f64); 6] {
     let flag = |is_set: bool| f64::from(u8::from(is_set));
@@ -360,6 +361,7 @@ impl SurfacePass {
                         (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
                     normal: vertex.normal.to_array(),
                     material: vertex.material.to_array(),
+                    nearer: vertex.nearer,
                 }));
                 self.vertices.write(gpu, &self.scratch);
                 self.written = Some(wanted);

@@ -3,7 +3,7 @@
 use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, pictures, request};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::config::{End, Settings};
+use videofields::config::{CameraSettings, End, Settings};
 use videofields::engine::{At, EngineError, Origin, ViewAnswer, ViewRequest};
 use videofields::error::ErrorKind;
 use videofields::plan::{
@@ -17,6 +17,47 @@ fn yard(folder: &TempDir) -> Bench {
     bench.wait_for_state("north", "ended");
     bench.wait_for_state("south", "ended");
     bench
+}
+
+/// What a live picture of 640 x 360 is expected to take, milliseconds.
+fn expected_ms(bench: &Bench) -> f64 {
+    let live = ViewRequest {
+        at: At::Live,
+        width_px: 640,
+        height_px: 360,
+        ..still(Aim::default(), Named::default())
+    };
+    bench.handle.plan(&live).unwrap().expected.unwrap().forecast.median_ms
+}
+
+/// A daemon that has drawn nothing refused every deadline that its first picture could not keep, and so never drew one.
+#[test]
+fn a_scene_is_made_ready_before_anybody_asks() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let camera =
+        ["north", "south"].map(|id| camera(id, pictures(folder.path(), id, 0..20), End::Stop)).to_vec();
+    let settings = |camera: &[CameraSettings]| Settings { camera: camera.to_vec(), ..Settings::default() };
+    let asked = Bench::start(folder.path(), settings(&camera), &[("yard", SCENE)]);
+    for id in ["north", "south"] {
+        asked.wait_for_state(id, "ended");
+    }
+    let cold_ms = expected_ms(&asked);
+    asked.stop();
+
+    let bench = Bench::start_as_set(folder.path(), settings(&camera), &[("yard", SCENE)]);
+    for id in ["north", "south"] {
+        bench.wait_for_state(id, "ended");
+    }
+    let is_ready = || bench.handle.metrics_text().contains("videofields_render_warm_ups_total 1");
+    super::wait_for("the scene to be ready", || is_ready().then_some(()));
+    let text = bench.handle.metrics_text();
+    assert!(text.contains("videofields_render_picture_seconds_count 0"), "nobody asked: {text}");
+    let warm_ms = expected_ms(&bench);
+    assert!(warm_ms < cold_ms, "{warm_ms} ms after making ready, {cold_ms} before");
+    bench.stop();
 }
 
 fn still(aim: Aim, named: Named) -> ViewRequest {

@@ -2,11 +2,13 @@
 
 use super::{BLUE, GREEN, RED, SKY, Stage, check_twin, draw, keep, pixel, plaza, renderer, sound, v, view};
 use crate::support::golden::{self, MOVED, Tolerance};
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
+use std::sync::Arc;
 use videofields::frame::RgbImage;
-use videofields::geometry::Distortion;
+use videofields::geometry::{Distortion, Ray};
 use videofields::plan::{EntityStyle, Frustum, Projection};
 use videofields::render::View;
+use videofields::scene::Material;
 
 #[test]
 fn points_on_before_and_behind_a_cameras_plane_are_drawn_as_the_twin_projects_them() {
@@ -229,4 +231,48 @@ fn coplanar_walls_that_cameras_see_do_not_flicker_between_frames() {
         let view = view(eye, v(1.0, 0.0, 1.5), 0.7, 160, 120);
         check_twin(&format!("coplanar_{frame}"), &stage, &view, 0.5);
     }
+}
+
+/// Of two faces in one plane that no camera shows the later surface is seen, wherever from and at whatever coordinates.
+#[test]
+fn of_coplanar_walls_of_two_materials_the_later_is_seen() {
+    const PAINTS: [[u8; 3]; 3] = [[110, 108, 100], [200, 60, 60], [60, 60, 200]];
+    for (samples, offset) in [(1, DVec3::ZERO), (4, DVec3::ZERO), (4, v(5e5, 5e6, 300.0))] {
+        let Some(mut brush) = renderer("", samples) else { return };
+        // A long wall and a sign that is let into it flush; yawed, so that no coordinate of the plane is a round one.
+        let along =
+            |x: f64, y: f64, z: f64| DVec3::Z * z + (DMat2::from_angle(0.3) * DVec2::new(x, y)).extend(0.0);
+        let stage = Stage { half_ground_m: 400.0, ..Stage::at(offset) }
+            .with_box(along(0.0, 2.0, 4.0), v(300.0, 4.0, 8.0), 0.3)
+            .with_box(along(7.0, 1.0, 4.0), v(200.0, 2.0, 5.0), 0.3);
+        let mut state = stage.state();
+        let scene = Arc::make_mut(&mut state.scene);
+        scene.materials = PAINTS.map(Material::plain).to_vec();
+        let front = [
+            (along(-5.0, -8.0, 1.7), along(3.0, 0.0, 4.0)),
+            (along(-5.03, -8.02, 1.71), along(3.0, 0.0, 4.0)),
+            (along(-60.0, -5.0, 3.0), along(50.0, 0.0, 4.0)),
+            (along(30.0, -300.0, 60.0), along(10.0, 0.0, 4.0)),
+        ];
+        for (idx, (eye, target)) in front.into_iter().enumerate() {
+            let view = view(eye + offset, target + offset, 0.5, 320, 200);
+            let image = sound(&mut brush, &state, &view, EntityStyle::None);
+            keep(&format!("coplanar_paints_{idx}"), &image);
+            let n_wrong = (0..200).flat_map(|y| (0..320).map(move |x| (x, y))).filter(|(x, y)| {
+                let ray = view.ray(f64::from(*x) + 0.5, f64::from(*y) + 0.5);
+                let at = ray.origin + ray.direction * plane_distance(&ray, offset, along(0.0, -1.0, 0.0));
+                let [x_m, z_m] = [(at - offset).dot(along(1.0, 0.0, 0.0)), at.z - offset.z];
+                let is_on_sign = (x_m - 7.0).abs() < 99.0 && (z_m - 4.0).abs() < 2.4;
+                let [r, _, b] = pixel(&image, *x, *y);
+                is_on_sign && r >= b
+            });
+            assert_eq!(n_wrong.count(), 0, "view {idx} at {offset} with {samples} samples");
+        }
+    }
+}
+
+/// How far along a ray the plane through `origin` with `normal` lies, metres; none before it is no place.
+fn plane_distance(ray: &Ray, origin: DVec3, normal: DVec3) -> f64 {
+    let distance_m = (origin - ray.origin).dot(normal) / ray.direction.dot(normal);
+    if distance_m > 0.0 { distance_m } else { f64::NAN }
 }
