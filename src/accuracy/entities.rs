@@ -8,16 +8,17 @@ use crate::frame::Mask;
 use crate::fuse::{Billboard, CameraState, SceneState};
 use crate::segment::{MOVING, PixelRect};
 use crate::simulate::FigurePosition;
+use glam::{DVec2, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Pixels of somebody that a camera must show to count as one that sees them.
 const LEAST_PX: usize = 40;
 
 /// A source shows a figure whole if so many of its pixels of figures are that one's, if its rectangle and the figure's share so
-/// much, and if the figure is seen down to this share of its height from where it stands.
+/// much, and if the figure is seen from where it stands up to its head, but for this share of its height at either end.
 const WHOLE_SHARE: f64 = 0.9;
 const WHOLE_OVERLAP: f64 = 0.6;
-const FOOT_SHARE: f64 = 0.15;
+const END_SHARE: f64 = 0.15;
 
 /// What entities get right and wrong, counted in figures at instants.
 #[derive(Clone, Debug, Default)]
@@ -32,8 +33,8 @@ pub struct EntityScore {
     pub n_duplicates: usize,
     /// Figures whom two cameras or more see *whole* at an instant: nothing but their segmentation and calibration parts what
     /// these see. Whole is a source nine tenths of whose pixels of figures are that figure's, whose rectangle and the
-    /// figure's in truth share six tenths of what they cover together, away from the picture's border, down to where the
-    /// figure stands.
+    /// figure's in truth share six tenths of what they cover together, away from the picture's border, from where the figure
+    /// stands up to its head.
     pub n_possible: usize,
     /// Of these, those whose whole sights are in two entities or more.
     pub n_parted: usize,
@@ -168,10 +169,19 @@ fn is_whole(camera: &CameraState, source: &Billboard, truth: PixelRect, figure: 
     let area = |of: PixelRect| f64::from(of.width) * f64::from(of.height);
     let union = area(truth) + area(source.rect) - common;
     let is_inside = left > 0 && top > 0 && right < labels.width && bottom < labels.height;
-    let foot = camera.camera.project(figure.foot_in_world);
-    let reaches_ground = foot.is_some_and(|foot| {
-        let foot_px = foot.texture.y * f64::from(labels.height);
-        (foot_px - f64::from(bottom)).abs() <= FOOT_SHARE * f64::from(truth.height) + 1.0
+    // Both ends of the upright line over its place, along the picture's axis that it follows most.
+    let end = |up_m: f64| {
+        let place = camera.camera.project(figure.foot_in_world + DVec3::Z * up_m)?;
+        Some(place.texture * DVec2::new(f64::from(labels.width), f64::from(labels.height)))
+    };
+    let reaches_both = end(0.0).zip(end(figure.height_m)).is_some_and(|(foot, head)| {
+        let along = (head - foot).abs();
+        let (foot, head, shown) =
+            if along.x > along.y { (foot.x, head.x, [left, right]) } else { (foot.y, head.y, [top, bottom]) };
+        let far = |place: f64, end: u32| (place - f64::from(end)).abs();
+        let most_px = END_SHARE * (head - foot).abs() + 1.0;
+        let [least, most] = shown;
+        far(foot.min(head), least) <= most_px && far(foot.max(head), most) <= most_px
     });
-    is_inside && reaches_ground && common >= WHOLE_OVERLAP * union
+    is_inside && reaches_both && common >= WHOLE_OVERLAP * union
 }

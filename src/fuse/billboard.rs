@@ -9,6 +9,7 @@
 use super::estimate::{Estimate, Foot, Head, Height, along};
 use super::look::Look;
 use super::pieces::{Piece, pieces};
+use super::upright::Down;
 use super::{Billboard, CameraState, Sighting};
 use crate::frame::Mask;
 use crate::geometry::{Camera, Ray, Surfaces};
@@ -21,7 +22,8 @@ pub(super) const MOVING: u8 = 255;
 /// Least and greatest extent of a billboard, metres: below, nothing is left to draw; above, the foot was wrong.
 const EXTENT_RANGE_M: [f64; 2] = [0.05, 30.0];
 
-/// Rows of a blob whose outline is cut with the plane, at most: neighbouring rows hardly differ.
+/// Rows of a blob (columns, where people lie sideways) whose outline is cut with the plane, at most: neighbouring rows
+/// hardly differ.
 const MAX_OUTLINE_ROWS: u32 = 96;
 
 /// Nearer than this to the camera's nadir, an upright plane has no direction to face, metres.
@@ -70,29 +72,24 @@ fn sighting(
 ) -> Option<Sighting> {
     let mask = &state.observation.labels;
     let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
-    let texture_of = |x: f64, y: f64| DVec2::new(x, y) / size;
+    let rect = piece.rect;
+    let middle = DVec2::new(
+        0.5f64.mul_add(f64::from(rect.width), f64::from(rect.x)),
+        0.5f64.mul_add(f64::from(rect.height), f64::from(rect.y)),
+    );
+    let down = Down::at(&state.camera, middle / size, size);
+    let piece = lying(piece, down, mask);
     let contact = ground_point(&state.camera, surfaces, DVec2::from_array(piece.foot_in_image) / size)?;
     let plane = UprightPlane::facing(&state.camera, contact)?;
-    let rect = piece.rect;
-    let row_step = rect.height.div_ceil(MAX_OUTLINE_ROWS).max(1) as usize;
+    let n_lines = if down.is_sideways() { rect.width } else { rect.height };
     let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
-    for y in (rect.y..rect.y + rect.height).step_by(row_step) {
-        let row = &mask.row(y)[rect.x as usize..(rect.x + rect.width) as usize];
-        let is_moving = |value: &u8| *value == MOVING;
-        let (Some(first), Some(last)) = (row.iter().position(is_moving), row.iter().rposition(is_moving))
-        else {
-            continue;
-        };
-        // A pixel's outer edges, so that the rectangle covers whole pixels.
-        for x in [f64::from(rect.x) + first as f64, f64::from(rect.x) + last as f64 + 1.0] {
-            let Some([across, _]) = plane.cut(&state.camera, texture_of(x, f64::from(y) + 0.5)) else {
-                continue;
-            };
+    for line in down.lines(mask, rect, n_lines.div_ceil(MAX_OUTLINE_ROWS)) {
+        for end in line.ends {
+            let Some([across, _]) = plane.cut(&state.camera, end / size) else { continue };
             left = left.min(across);
             right = right.max(across);
         }
-        let middle = f64::from(rect.x) + 0.5 * (first + last + 1) as f64;
-        if let Some([_, up]) = plane.cut(&state.camera, texture_of(middle, f64::from(y))) {
+        if let Some([_, up]) = plane.cut(&state.camera, line.top / size) {
             top = top.max(up);
         }
     }
@@ -114,7 +111,7 @@ fn sighting(
         height_m: top,
         is_truncated: piece.is_truncated,
     };
-    let foot = foot(state, surfaces, &piece, (contact, foot_in_world), right - left);
+    let foot = foot(state, surfaces, (&piece, down), (contact, foot_in_world), right - left);
     let is_one = piece.tracks.len() < 2;
     let is_whole = !piece.is_truncated && is_one;
     let image = &state.observation.frame.image;
@@ -130,11 +127,26 @@ fn sighting(
     Some(Sighting { billboard, member, estimate, head, tracks: piece.tracks })
 }
 
+/// A piece as it lies in the picture where down is not below: its foot is at its end that is down, the border may cut another
+/// end, and no track tells where it is beyond.
+fn lying(piece: Piece, down: Down, mask: &Mask) -> Piece {
+    let foot = (down != Down::Below).then(|| down.foot_in_image(mask, piece.rect)).flatten();
+    match foot {
+        Some(foot) => Piece {
+            foot_in_image: foot.to_array(),
+            is_truncated: down.is_cut(piece.rect, mask),
+            whole: None,
+            ..piece
+        },
+        None => piece,
+    }
+}
+
 /// Where a piece stands for sure and for unsure: `contact` is its lowest texel's place, `middle` its outline's.
 fn foot(
     state: &CameraState,
     surfaces: &Surfaces,
-    piece: &Piece,
+    (piece, down): (&Piece, Down),
     (contact, middle): (DVec3, DVec3),
     width_m: f64,
 ) -> Foot {
@@ -164,14 +176,14 @@ fn foot(
         return Foot::new(place.truncate(), covariance + least);
     }
     let texture = DVec2::from_array(piece.foot_in_image) / size;
-    let noise = hypot(FOOT_PX, FOOT_SHARE * extent(piece.rect.width, piece.rect.height));
+    let lying = extent(piece.rect.width, piece.rect.height);
+    let noise = hypot(down.lying(FOOT_PX), down.lying(FOOT_SHARE) * lying);
     let mut covariance = ground_covariance(&state.camera, contact, texture, noise / size)
         .unwrap_or(guessed + along(away) * GUESSED_M.powi(2));
     if piece.tracks.len() > 1 {
         // Whoever of those who share it: anywhere along its width.
-        let quarter_m = 0.25 * f64::from(piece.rect.width) / size.x
-            * f64::from(state.camera.size_px().0)
-            * away_m.length()
+        let across_px = down.lying(lying).x;
+        let quarter_m = 0.25 * across_px / size.x * f64::from(state.camera.size_px().0) * away_m.length()
             / state.camera.focal_px().x;
         covariance += along(away.perp()) * quarter_m.powi(2);
     }

@@ -161,6 +161,30 @@ impl<'a> Grouping<'a> {
         }
     }
 
+    /// For each sign, what it costs that it is of another group instead, the cheapest whom its camera does not see; 0, a
+    /// stranger's, where none is cheaper.
+    pub(super) fn elsewhere(&self) -> Vec<f64> {
+        let said: Vec<Option<Estimate>> =
+            (0..self.groups.len()).map(|group| self.said(group, None)).collect();
+        let places = Places::of(&said);
+        let mut costs = vec![0.0_f64; self.signs.len()];
+        for (own, group) in self.groups.iter().enumerate() {
+            for &idx in &group.signs {
+                let sign = &self.signs[idx];
+                let is_seen = |other: usize| {
+                    self.groups[other].signs.iter().any(|of| self.signs[*of].member == sign.member)
+                };
+                let near = places.near_any(&sign.places());
+                for other in near.into_iter().filter(|other| *other != own && !is_seen(*other)) {
+                    let found = said[other]
+                        .and_then(|said| sign.estimate.cost_or_by_head(sign.head.as_ref(), &said, GATE));
+                    costs[idx] = found.map_or(costs[idx], |(cost, _)| costs[idx].min(cost));
+                }
+            }
+        }
+        costs
+    }
+
     /// What a group says; of one with a single sign, also by its head.
     fn says(&self, group: usize) -> Option<(Estimate, Option<Head>)> {
         let said = self.said(group, None)?;

@@ -132,6 +132,7 @@ impl Line {
         self.part(&signs, &sightings, grouping.groups_mut());
         let names: Vec<usize> =
             grouping.groups().iter().map(|group| group.known.unwrap_or(usize::MAX)).collect();
+        let elsewhere = grouping.elsewhere();
         let mut drawn: Vec<(u64, usize, Estimate)> = Vec::new();
         for (group, name) in names.into_iter().enumerate() {
             let Some(said) = grouping.said(group, None) else { continue };
@@ -162,7 +163,7 @@ impl Line {
                 group,
                 Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
             ));
-            self.tie(&grouping, (group, id), (&signs, &sightings), step_secs);
+            self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }
         self.follow(followed, &sightings, step_secs);
         let entities = draw(drawn, &grouping, &sightings);
@@ -263,7 +264,7 @@ impl Line {
         grouping: &Grouping<'_>,
         (group, id): (usize, u64),
         (signs, sightings): (&[Sign], &[Sighting]),
-        step_secs: f64,
+        (elsewhere, step_secs): (&[f64], f64),
     ) {
         let Some(instant) = self.instant else { return };
         for &sign in &grouping.groups()[group].signs {
@@ -276,7 +277,8 @@ impl Line {
             let cost = others.map(|others| {
                 let found =
                     signs[sign].estimate.cost_or_by_head(signs[sign].head.as_ref(), &others, FOLLOWED_GATE);
-                found.map_or(BESIDE_COST, |(cost, _)| cost)
+                let cost = found.map_or(BESIDE_COST, |(cost, _)| cost);
+                if elsewhere[sign] < cost { cost - elsewhere[sign] } else { cost }
             });
             for (nth, track) in tracks.iter().enumerate() {
                 let tie = self.tie_of(track).copied();

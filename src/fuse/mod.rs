@@ -16,6 +16,7 @@ mod pieces;
 mod points;
 #[cfg(test)]
 mod tests;
+mod upright;
 mod walk;
 
 pub use association::Association;

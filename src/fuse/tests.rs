@@ -196,6 +196,29 @@ fn two_taken_for_one_part_by_evidence_that_lasts_and_the_older_keeps_the_id() {
 }
 
 #[test]
+fn a_sight_that_fits_another_better_goes_over_to_them_soon() {
+    let mut association = Association::default();
+    let mut gone_over_at = None;
+    for secs in steps(0.0, 10.0) {
+        // Somebody comes out of the shade of another, who walks on and waits; a camera that is far away saw both as
+        // one, and now sees whoever stays. It could be either, but is rather the nearer.
+        let walked = DVec2::Y * (secs - 2.0).clamp(0.0, 2.0);
+        let mut seen = vec![plain(0, 1, walked), sighting(1, &[1], DVec2::ZERO, covariance(DVec2::Y, 1.0))];
+        if secs >= 2.5 {
+            seen.insert(1, plain(0, 2, DVec2::ZERO));
+        }
+        let found = see(&mut association, secs, seen);
+        let of_far = found.iter().find(|entity| entity.sources.iter().any(|source| source.camera_idx == 1));
+        if of_far.is_some_and(|entity| entity.id == 2) {
+            gone_over_at = gone_over_at.or(Some(secs));
+        } else {
+            assert_eq!(gone_over_at, None, "{secs}: it went back");
+        }
+    }
+    assert!(gone_over_at.is_some_and(|secs| (2.55..8.0).contains(&secs)), "{gone_over_at:?}");
+}
+
+#[test]
 fn a_single_wrong_sight_parts_nothing() {
     let mut association = Association::default();
     for secs in steps(0.0, 4.0) {

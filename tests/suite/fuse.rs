@@ -171,6 +171,19 @@ fn billboards_stand_where_the_figures_stand_whatever_pitch_and_roll() {
 }
 
 #[test]
+fn people_under_a_ceiling_camera_stand_on_their_feet_wherever_they_lie_in_the_picture() {
+    let ceiling = [camera(DVec3::new(0.0, -0.01, 6.0), DVec3::ZERO, 0.0)];
+    for foot in [DVec3::X * 2.0, DVec3::X * -2.0, DVec3::Y * 1.8, DVec3::Y * -1.8] {
+        let state = fused(&ceiling, &[Figure { foot, width_m: 0.5, height_m: 1.6 }], None);
+        let [entity] = state.entities.as_slice() else { panic!("{foot}: {:?}", state.entities) };
+        assert!((entity.foot_in_world - foot).length() < 0.15, "{foot}: {}", entity.foot_in_world);
+        assert!((entity.height_m - 1.6).abs() < 0.1, "{foot}: {} m", entity.height_m);
+        let [left, right] = entity.sources[0].left_right_m;
+        assert!((right - left - 0.5).abs() < 0.1, "{foot}: {} m", right - left);
+    }
+}
+
+#[test]
 fn heights_hold_above_the_horizon() {
     // From 1 m up, a head at 1.75 m is above the horizon at any distance.
     let person = Figure { foot: DVec3::new(0.0, 8.0, 0.0), width_m: 0.5, height_m: 1.75 };

@@ -162,6 +162,9 @@ fn who_is_seen_whole_by_two_cameras_and_is_two_entities_counts_as_parted() {
     // Feet that are hidden in truth, a figure that is half another's, or one at the border: not whole.
     let elsewhere = FigurePosition { foot_in_world: DVec3::new(0.0, -1.5, 0.0), ..figure.clone() };
     assert_eq!(count(&state, &truths, &elsewhere), (0, 0));
+    // Nor is who shows their legs alone.
+    let taller = FigurePosition { height_m: 2.6, ..figure.clone() };
+    assert_eq!(count(&state, &truths, &taller), (0, 0));
     let halved = truths.iter().map(|truth| {
         let data =
             truth.data.iter().enumerate().map(|(idx, of)| if idx % 2 == 0 { *of } else { *of / 3 * 4 });
