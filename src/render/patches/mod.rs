@@ -6,6 +6,7 @@
 
 mod cut;
 mod lists;
+mod merge;
 mod sight;
 #[cfg(test)]
 mod tests;
@@ -172,40 +173,6 @@ impl Draft {
     }
 }
 
-/// Takes back, the latest first, the splits that told nothing.
-fn joined(drafts: Vec<Draft>, splits: Vec<(usize, usize, Draft)>) -> Vec<Draft> {
-    let mut kept: Vec<Option<Draft>> = drafts.into_iter().map(Some).collect();
-    let mut is_split = vec![false; kept.len()];
-    for (first, second, mut whole) in splits.into_iter().rev() {
-        let halves = kept[first].as_ref().zip(kept[second].as_ref());
-        let seen = halves.and_then(|(a, b)| alike(a, b)).filter(|_| !is_split[first] && !is_split[second]);
-        match seen {
-            Some(seen) => {
-                whole.seen = seen;
-                kept[first] = Some(whole);
-                kept[second] = None;
-            }
-            None => is_split[first] = true,
-        }
-    }
-    kept.into_iter().flatten().collect()
-}
-
-/// How both halves of a draft are seen, where that is the same or one of them has nothing to be seen.
-fn alike(a: &Draft, b: &Draft) -> Option<Vec<SightAndShadows>> {
-    let is_empty = |draft: &Draft| matches!(&draft.form, Form::Level(.., triangles) if triangles.is_empty());
-    if is_empty(a) || is_empty(b) {
-        return Some(if is_empty(a) { b.seen.clone() } else { a.seen.clone() });
-    }
-    let both = |((a, shadows), (b, _)): (&SightAndShadows, &SightAndShadows)| {
-        let is_same =
-            (a.camera, a.seen.sides, a.seen.is_tested) == (b.camera, b.seen.sides, b.seen.is_tested);
-        let seen = Seen { is_full: a.seen.is_full && b.seen.is_full, ..a.seen };
-        is_same.then(|| (Sight { seen, ..*a }, shadows.clone()))
-    };
-    (a.seen.len() == b.seen.len()).then(|| a.seen.iter().zip(&b.seen).map(both).collect()).flatten()
-}
-
 /// The corners of the box around points.
 fn box_around(points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
     let (low, high) = points
@@ -328,7 +295,7 @@ impl Maker<'_> {
                 heap.push(rank(&drafts[idx], idx, &self.eyes));
             }
         }
-        joined(drafts, splits)
+        merge::grown(merge::joined(drafts, splits), &self.planes)
     }
 
     fn halves(&self, draft: &Draft) -> Option<[Draft; 2]> {

@@ -227,6 +227,42 @@ fn cameras_calibrated_alike_are_known_once_and_listed_each() {
     assert!(batches.opaque.iter().all(|batch| batch.shading.n_cameras <= 1));
 }
 
+/// What is cut finely along the border of a picture stays as fine across it, and is long along it.
+#[test]
+fn strips_along_a_pictures_border_are_few_patches() {
+    let corners = [(-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)].map(DVec2::from).to_vec();
+    let mesh = Mesh::new(&scene(vec![Shape::Ground(GroundPolygon::new(corners, 0.0).expect("ground"))]), 1);
+    // Level pictures from above: their borders run along the grid, none of them on a line of it.
+    let down = |x: f64, y: f64| {
+        let looking = glam::DMat3::from_cols(DVec3::X, DVec3::NEG_Y, DVec3::NEG_Z);
+        let pose = Pose {
+            position_in_world: DVec3::new(x, y, 10.0),
+            world_from_local: glam::DQuat::from_mat3(&looking),
+        };
+        let center = DVec2::new(160.0, 90.0);
+        Arc::new(
+            Camera::new((320, 180), DVec2::splat(200.0), center, Distortion::None, pose).expect("a camera"),
+        )
+    };
+    let cameras: Vec<_> =
+        (0..12).map(|idx| down(f64::from(idx % 4) * 17.3 - 26.0, f64::from(idx / 4) * 9.7 - 10.0)).collect();
+    let patches = Patches::new(&mesh, cameras, SIDE_PX, 1);
+    // Each picture has four borders of less than ten patches each, with corners and what lies within and between.
+    assert!((50..12 * 60).contains(&patches.patches.len()), "{} patches", patches.patches.len());
+    // What is listed is hardly more than what is seen: 12 pictures of 16 m x 9 m.
+    let area_m2 = |patch: &Patch| {
+        let at = |idx: u32| patches.vertices[idx as usize].position_in_world;
+        let areas = patch.vertices.clone().step_by(3).map(|first| {
+            let [a, b, c] = [0, 1, 2].map(|corner| at(first + corner));
+            0.5 * (b - a).cross(c - a).length()
+        });
+        areas.sum::<f64>()
+    };
+    let listed_m2: f64 = patches.patches.iter().map(|patch| area_m2(patch) * patch.sights.len() as f64).sum();
+    let seen_m2 = 12.0 * 16.0 * 9.0;
+    assert!((1.0..1.1).contains(&(listed_m2 / seen_m2)), "{listed_m2} m^2 listed of {seen_m2} seen");
+}
+
 #[test]
 fn scenes_without_surfaces_or_cameras_have_what_there_is() {
     let nothing = Mesh::new(&scene(Vec::new()), 1);
