@@ -17,6 +17,7 @@ const RECT_FEATHER_PX: f32 = 2.0;
 override HAS_BESIDE: bool = true;
 
 struct BillboardIn {
+    // Where the entity stands.
     @location(0) foot_from_anchor: vec3<f32>,
     @location(1) camera_idx: u32,
     // Unit vector along the base line as the camera saw it.
@@ -25,6 +26,8 @@ struct BillboardIn {
     // Unit vectors along the base line and the sides as they are turned towards the viewer.
     @location(4) turned_right: vec3<f32>,
     @location(5) turned_up: vec3<f32>,
+    // Where the camera alone saw it stand: where it is looked up.
+    @location(13) seen_foot: vec3<f32>,
     // Blob's rectangle: u, v of its upper left and lower right.
     @location(6) rect: vec4<f32>,
     // Extent along the base line to the left (negative) and right edge, metres.
@@ -55,7 +58,7 @@ fn vs_main(in: BillboardIn, @builtin(vertex_index) corner: u32) -> Varying {
     let up = select(0.0, in.height_m, (corner & 2u) != 0u);
     let drawn = in.foot_from_anchor + in.turned_right * along + in.turned_up * up;
     let upright = vec3<f32>(0.0, 0.0, up);
-    let seen = in.foot_from_anchor + in.right * along + upright;
+    let seen = in.seen_foot + in.right * along + upright;
     let beside = in.beside_foot + in.beside_right * along + upright;
     return Varying(
         view.clip_from_anchor * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect, beside, in.beside_camera_idx,

@@ -132,11 +132,10 @@ impl SceneState {
     /// several cameras see stands where the entity does, or one person would show beside themselves.
     pub fn place_points(&mut self, stride: u32) {
         let sources = self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
-            entity.sources.iter().map(move |source| {
-                let is_one = entity.sources.len() == 1;
-                let shift = if is_one { DVec3::ZERO } else { entity.foot_in_world - source.foot_in_world };
-                (entity_idx, source, shift)
-            })
+            entity
+                .sources
+                .iter()
+                .map(move |source| (entity_idx, source, entity.place_of(source) - source.foot_in_world))
         });
         let of = |(entity_idx, source, shift): (usize, &Billboard, DVec3)| {
             let points = points::points(&self.cameras[source.camera_idx], (entity_idx, source), stride);
@@ -177,6 +176,15 @@ pub struct Entity {
     pub height_m: f64,
     /// One billboard for each camera that sees it, in the order of cameras; never empty.
     pub sources: Vec<Billboard>,
+}
+
+impl Entity {
+    /// Where one of its `sources` is drawn: where the entity stands, of which that camera's view of its foot is but one; of an
+    /// entity with no other source, that view's own.
+    #[must_use]
+    pub fn place_of(&self, source: &Billboard) -> DVec3 {
+        if self.sources.len() > 1 { self.foot_in_world } else { source.foot_in_world }
+    }
 }
 
 /// What one camera sees of an entity, as an upright rectangle in the world that faces the camera horizontally.

@@ -139,9 +139,10 @@ impl Renderer {
                     Some(forward) => (foot - anchor).dot(forward),
                 };
                 let seen = |entity: usize, source: usize| {
-                    let billboard = &state.entities[entity].sources[source];
+                    let entity = &state.entities[entity];
+                    let billboard = &entity.sources[source];
                     let camera = &state.cameras[billboard.camera_idx];
-                    Some(Seen::new(billboard, camera, shader_idx(billboard.camera_idx)?))
+                    Some(Seen::new((entity, billboard), camera, shader_idx(billboard.camera_idx)?))
                 };
                 let drawn = |planned: &PlannedBillboard| {
                     let first = seen(planned.entity, planned.source)?;
@@ -149,7 +150,7 @@ impl Renderer {
                         Some((seen(planned.entity, source)?, weight))
                     });
                     let instance = BillboardInstance::new(&first, beside.as_ref(), anchor, picture.viewer);
-                    Some((slot(planned.entity), distance(first.foot_in_world()), instance))
+                    Some((slot(planned.entity), distance(first.place_in_world()), instance))
                 };
                 let mut ordered: Vec<_> = plan.billboards.iter().filter_map(drawn).collect();
                 ordered.sort_by(|(a_slot, a, _), (b_slot, b, _)| a_slot.cmp(b_slot).then(b.total_cmp(a)));

@@ -37,9 +37,28 @@ pub(super) struct Views {
     /// Moments at which every view is drawn, two frames at each.
     #[arg(long, value_name = "COUNT", default_value_t = 3)]
     moments: u32,
+    /// How entities are drawn.
+    #[arg(long, value_enum, default_value_t = Entities::Billboards)]
+    entities: Entities,
     /// A report of `videofields accuracy` (report.json): what its table expects of each preset is told beside what came of it.
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
+}
+
+/// How entities are drawn.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Entities {
+    Billboards,
+    Points,
+}
+
+impl Entities {
+    const fn style(self) -> EntityStyle {
+        match self {
+            Self::Billboards => EntityStyle::Billboards,
+            Self::Points => EntityStyle::Points,
+        }
+    }
 }
 
 /// The cameras that are used: all but one, or all.
@@ -70,7 +89,7 @@ impl Views {
         writeln!(out, "{}, {} processors, {}\n", machine.processor, machine.n_processors, machine.adapter)?;
         write_pictures(
             &mut out,
-            errors.as_ref(),
+            (errors.as_ref(), self.entities.style()),
             judged.iter().map(|(name, (_, lineups))| (name.as_str(), &**lineups)),
         )?;
         writeln!(out)?;
@@ -130,7 +149,7 @@ impl Views {
                     let state = lineup.assemble(&subject, number, &seen);
                     let truths = lineup.truths(&subject, frame);
                     lineup.entities.add(&state, &truths, &figures);
-                    lineup.draw(frame, &state, &mut renderer, subject.render.samples)?;
+                    lineup.draw(frame, &state, &mut renderer, self.entities.style())?;
                 }
             }
         }
@@ -178,12 +197,12 @@ impl Lineup {
         frame: usize,
         state: &SceneState,
         renderer: &mut Renderer,
-        samples: u32,
+        style: EntityStyle,
     ) -> Result<()> {
         for view in &self.views {
             for (_, judged) in view.frames.iter().filter(|(of, _)| *of == frame) {
                 for ((_, preset), run) in Preset::ALL.iter().zip(&mut self.runs) {
-                    let settings = preset.settings(samples);
+                    let settings = Settings { entities: style, ..preset.settings(self.samples) };
                     let mut draw = |settings| drawn(renderer, state, view, settings);
                     let picture = draw(settings)?;
                     let bare = draw(Settings { entities: EntityStyle::None, ..settings })?;
@@ -203,13 +222,18 @@ fn drawn(
     settings: Settings,
 ) -> Result<RgbImage> {
     let picture = Picture::from(view.view);
+    let mut state = state.clone();
+    if settings.entities == EntityStyle::Points {
+        state.place_points(settings.point_stride);
+    }
+    let state = &state;
     let plan = plan::make(state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
     Ok(renderer.render(state, &picture, &plan)?.image)
 }
 
 fn write_pictures<'a>(
     out: &mut impl std::io::Write,
-    errors: Option<&Errors>,
+    (errors, style): (Option<&Errors>, EntityStyle),
     worlds: impl Iterator<Item = (&'a str, &'a [Lineup])>,
 ) -> Result<()> {
     writeln!(
@@ -220,7 +244,8 @@ fn write_pictures<'a>(
     for (world, lineups) in worlds {
         for lineup in lineups {
             for ((name, preset), run) in Preset::ALL.iter().zip(&lineup.runs) {
-                let expected = errors.map(|errors| errors.expected(&preset.settings(lineup.samples)));
+                let settings = Settings { entities: style, ..preset.settings(lineup.samples) };
+                let expected = errors.map(|errors| errors.expected(&settings));
                 let expected = expected.map_or_else(|| "-".to_owned(), |error| format!("{error:.1}"));
                 let measures = run.measures();
                 let cell = |name: &str, digits: usize| {

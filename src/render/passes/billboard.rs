@@ -4,7 +4,7 @@ use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, Translucent,
     draw_pipeline,
 };
-use crate::fuse::{Billboard, CameraState};
+use crate::fuse::{Billboard, CameraState, Entity};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::Viewer;
 use crate::render::image_array::ImageArray;
@@ -21,6 +21,7 @@ pub(in crate::render) struct Instance {
     height_m: f32,
     turned_right: [f32; 3],
     turned_up: [f32; 3],
+    seen_foot: [f32; 3],
     rect: [f32; 4],
     left_right_m: [f32; 2],
     beside_foot: [f32; 3],
@@ -30,9 +31,9 @@ pub(in crate::render) struct Instance {
     beside_rect: [f32; 4],
 }
 
-const ATTRIBUTES: Attributes<13> = wgpu::vertex_attr_array![
-    0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x3, 6 => Float32x4,
-    7 => Float32x2, 8 => Float32x3, 9 => Uint32, 10 => Float32x3, 11 => Float32, 12 => Float32x4
+const ATTRIBUTES: Attributes<14> = wgpu::vertex_attr_array![
+    0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x3, 13 => Float32x3,
+    6 => Float32x4, 7 => Float32x2, 8 => Float32x3, 9 => Uint32, 10 => Float32x3, 11 => Float32, 12 => Float32x4
 ];
 
 /// Pixels of the camera's picture by which a rectangle is drawn larger than its blob, for the mask's soft edge.
@@ -46,22 +47,24 @@ const UPRIGHT_RAD: f64 = std::f64::consts::FRAC_PI_4;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::render) struct Seen<'a> {
     billboard: &'a Billboard,
+    /// Where it stands in the world: its entity's place, of whom this camera's view of the foot is but one.
+    place_in_world: DVec3,
     camera: &'a CameraState,
     camera_idx: usize,
 }
 
 impl<'a> Seen<'a> {
     /// `camera_idx` is the shader's.
-    pub(in crate::render) const fn new(
-        billboard: &'a Billboard,
+    pub(in crate::render) fn new(
+        (entity, source): (&Entity, &'a Billboard),
         camera: &'a CameraState,
         camera_idx: usize,
     ) -> Self {
-        Self { billboard, camera, camera_idx }
+        Self { billboard: source, place_in_world: entity.place_of(source), camera, camera_idx }
     }
 
-    pub(in crate::render) const fn foot_in_world(&self) -> DVec3 {
-        self.billboard.foot_in_world
+    pub(in crate::render) const fn place_in_world(&self) -> DVec3 {
+        self.place_in_world
     }
 
     fn frame_size_px(&self) -> (f64, f64) {
@@ -88,7 +91,7 @@ impl<'a> Seen<'a> {
 }
 
 impl Instance {
-    /// The rectangle as its first source has it, turned towards the viewer; with a second `beside` it and its weight, which
+    /// The rectangle as its first source has it, where the entity stands and turned towards the viewer; with a second `beside` it and its weight, which
     /// is looked up at the same metres from its own foot.
     pub(in crate::render) fn new(
         first: &Seen<'_>,
@@ -97,7 +100,7 @@ impl Instance {
         viewer: Viewer,
     ) -> Self {
         let Billboard { foot_in_world, right_in_world, .. } = first.billboard;
-        let (to_viewer, away) = viewer.seen_from(*foot_in_world);
+        let (to_viewer, away) = viewer.seen_from(first.place_in_world);
         let [turned_right, turned_up] = turned_towards(*right_in_world, to_viewer, away);
         let from_anchor = |point: DVec3| (point - anchor_in_world).as_vec3().to_array();
         let direction = |direction: DVec3| direction.as_vec3().to_array();
@@ -112,7 +115,8 @@ impl Instance {
         }
         let second = beside.map_or(first, |(beside, _)| beside);
         Self {
-            foot_from_anchor: from_anchor(*foot_in_world),
+            foot_from_anchor: from_anchor(first.place_in_world),
+            seen_foot: from_anchor(*foot_in_world),
             camera_idx: first.camera_idx as u32,
             right: direction(*right_in_world),
             height_m: (height_m + edge_m) as f32,
