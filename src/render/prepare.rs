@@ -47,7 +47,12 @@ impl Renderer {
         (plan, patches): (&Plan, &Patches),
     ) -> Result<Uploads<'s>, RenderError> {
         let anchor = stand.anchor_in_world;
-        let gain = |idx: usize| if plan.evens_colors { state.cameras[idx].gain } else { Vec3::ONE };
+        let gain = |idx: usize| {
+            let gain = state.cameras[idx].gain;
+            // What is no share of light would be no colour.
+            let is_one = gain.is_finite() && gain.min_element() >= 0.0;
+            if plan.evens_colors && is_one { gain } else { Vec3::ONE }
+        };
         let mut uploads = Uploads::default();
         let mut layers = Vec::new();
         let background =

@@ -27,7 +27,7 @@
 //! | 1e5 entities | entities::a_hundred_thousand_entities_behind_the_eye_leave_the_one_before_it | fuse::tests::a_hundred_cameras_over_a_crowd_stay_bounded |
 //! | NaN: cameras, shapes | not_numbers::cameras_and_shapes_that_carry_a_nan_are_refused | geometry::no_point_and_no_texture_yields_nan |
 //! | NaN: feet, heights, points | not_numbers::entities_whose_feet_and_heights_are_no_numbers_are_not_drawn, not_numbers::points_that_are_no_numbers_are_not_drawn | fuse::tests::feet_of_which_nothing_is_known_stay_apart_and_finite |
-//! | NaN: gains | not_numbers::gains_at_their_limits_give_what_light_times_gain_gives | fuse::exposure::pictures_of_noise_give_finite_gains_within_bounds |
+//! | NaN: gains | not_numbers::gains_at_their_limits_give_what_light_times_gain_gives, not_numbers::gains_that_are_no_numbers_or_below_zero_change_nothing | fuse::exposure::pictures_of_noise_give_finite_gains_within_bounds |
 //! | NaN: times of the cost table | | plan::tests::what_is_no_time_never_enters_the_model |
 //! | cut faces | cracks::no_sky_shines_through_cut_faces | patches::tests::solids_stay_closed_to_the_last_bit_however_they_are_cut |
 

@@ -127,3 +127,20 @@ fn gains_at_their_limits_give_what_light_times_gain_gives() {
         assert!(n_evened > 2000, "{gain:e}: {n_evened}");
     }
 }
+
+/// A gain that is no share of light at all leaves its camera's colours as they are.
+#[test]
+fn gains_that_are_no_numbers_or_below_zero_change_nothing() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let mut stage = plaza(DVec3::ZERO);
+    stage.cameras.truncate(1);
+    let state = stage.state();
+    let view = from_the_south();
+    let raw = draw(&mut brush, &state, &view, EntityStyle::None).0.image;
+    for gain in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0] {
+        let mut evened = state.clone();
+        evened.n_overlapping = 1;
+        evened.cameras[0].gain.y = gain;
+        assert!(draw(&mut brush, &evened, &view, EntityStyle::None).0.image == raw, "{gain}");
+    }
+}
