@@ -392,7 +392,7 @@ impl<'a> RenderThread<'a> {
                 self.shared.set_renderer_state(Ok(adapter));
                 self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
                 self.shared.forecaster.forget_programs();
-                self.warm_up = WarmUp::default();
+                self.warm_up.forget_device();
                 self.renderer = Some(renderer);
             }
             Err(error) => {

@@ -39,13 +39,34 @@ struct Ready {
     has_entities: bool,
 }
 
-/// Which scenes were made ready on this device.
+/// Which scenes were made ready on this device, and which could not be on any.
 #[derive(Debug, Default)]
-pub(super) struct WarmUp(Vec<Ready>);
+pub(super) struct WarmUp {
+    ready: Vec<Ready>,
+    failed: Vec<Weak<Scene>>,
+}
+
+fn is(one: &Weak<Scene>, scene: &Arc<Scene>) -> bool {
+    std::ptr::eq(one.as_ptr(), Arc::as_ptr(scene))
+}
 
 impl WarmUp {
     fn of(&self, scene: &Arc<Scene>) -> Option<&Ready> {
-        self.0.iter().find(|ready| std::ptr::eq(ready.scene.as_ptr(), Arc::as_ptr(scene)))
+        self.ready.iter().find(|ready| is(&ready.scene, scene))
+    }
+
+    /// Nothing is ready on a new device; what failed stays so.
+    pub(super) fn forget_device(&mut self) {
+        self.ready.clear();
+    }
+
+    /// A scene that costs a device must not cost one again and again: whoever asks for it is told why it cannot be drawn.
+    fn note_failed(&mut self, scene: &Arc<Scene>) {
+        self.failed.push(Arc::downgrade(scene));
+    }
+
+    fn has_failed(&self, scene: &Arc<Scene>) -> bool {
+        self.failed.iter().any(|failed| is(failed, scene))
     }
 
     /// Whether a picture of what was `seen` may call for something that none did before.
@@ -59,9 +80,9 @@ impl WarmUp {
     fn note(&mut self, scene: &Arc<Scene>, seen: &Seen) {
         let cameras = seen.0.iter().map(|(camera, _)| camera.clone()).collect();
         let had_entities = self.of(scene).is_some_and(|ready| ready.has_entities);
-        self.0.retain(|ready| !std::ptr::eq(ready.scene.as_ptr(), Arc::as_ptr(scene)));
+        self.ready.retain(|ready| !is(&ready.scene, scene));
         let has_entities = had_entities || has_entities(seen);
-        self.0.push(Ready { scene: Arc::downgrade(scene), cameras, has_entities });
+        self.ready.push(Ready { scene: Arc::downgrade(scene), cameras, has_entities });
     }
 }
 
@@ -78,34 +99,45 @@ impl RenderThread<'_> {
 
     /// For how long nothing is to be made ready.
     pub(super) fn until_warm_up(&self) -> Duration {
-        let is_cold = |scene| self.warm_up.of(scene).is_none();
+        let is_cold = |scene| self.warm_up.of(scene).is_none() && !self.warm_up.has_failed(scene);
         if self.warmed().iter().any(is_cold) { COLD_TIME } else { Duration::MAX }
     }
 
     /// Makes ready what is not, until somebody asks for a picture.
     pub(super) fn make_scenes_ready(&mut self) {
         for scene in self.warmed().to_vec() {
+            if self.warm_up.has_failed(&scene) {
+                continue;
+            }
             let done = self.contained(|thread| thread.make_scene_ready(&scene));
             match done {
                 Ok(true) => {}
                 Ok(false) => return,
-                Err(error) => tracing::debug!(scene = scene.id, %error, "not made ready"),
+                Err(error) => {
+                    tracing::warn!(scene = scene.id, %error, "could not be made ready, and is left");
+                    self.warm_up.note_failed(&scene);
+                }
             }
         }
     }
 
-    /// Whether that is done: not where somebody asked for a picture meanwhile.
+    /// Whether that is done, as far as cameras have seen anything: not where somebody asked for a picture meanwhile, or there
+    /// is no device.
     fn make_scene_ready(&mut self, scene: &Arc<Scene>) -> Result<bool, EngineError> {
         let mut drawn = None;
         for effort in std::iter::repeat_n(efforts(), TIMES).flatten() {
             if !is_idle(self.shared) {
                 return Ok(false);
             }
-            let Resolved { subject, seen } = self.shared.resolve(&ViewRequest::own(scene, effort))?;
+            let Ok(Resolved { subject, seen }) = self.shared.resolve(&ViewRequest::own(scene, effort)) else {
+                return Ok(true);
+            };
             if drawn.is_none() && !self.warm_up.is_needed(scene, &seen) {
                 return Ok(true);
             }
-            self.ensure_renderer()?;
+            if self.ensure_renderer().is_err() {
+                return Ok(false);
+            }
             match self.draw_unasked(&subject, &seen) {
                 Ok(true) => drawn = Some(seen),
                 Ok(false) => return Ok(false),
@@ -113,8 +145,6 @@ impl RenderThread<'_> {
                     if let Failure::Render(error) = &failure {
                         self.recovers_from(error);
                     }
-                    // Not again and again: whoever asks for it is told why it cannot be drawn.
-                    self.warm_up.note(scene, &seen);
                     return Err(self.told(failure));
                 }
             }
@@ -142,4 +172,25 @@ impl RenderThread<'_> {
 
 fn is_idle(shared: &Shared) -> bool {
     shared.queue.waiting().is_empty()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_failed_is_left_on_a_new_device_and_what_was_ready_is_made_anew() {
+        let scene = |id: &str| {
+            Arc::new(crate::scene::parse(id, r#"{"version": 1}"#, crate::scene::no_imports).unwrap().scene)
+        };
+        let (good, bad, nothing) = (scene("good"), scene("bad"), Seen::default());
+        let mut warm_up = WarmUp::default();
+        warm_up.note(&good, &nothing);
+        warm_up.note_failed(&bad);
+        assert!(!warm_up.is_needed(&good, &nothing) && !warm_up.has_failed(&good));
+        warm_up.forget_device();
+        assert!(warm_up.is_needed(&good, &nothing), "its programs went with the device");
+        assert!(warm_up.has_failed(&bad));
+        assert!(!warm_up.has_failed(&scene("bad")), "a changed scene is another");
+    }
 }

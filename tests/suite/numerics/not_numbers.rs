@@ -101,17 +101,20 @@ fn points_that_are_no_numbers_are_not_drawn() {
     assert_eq!(found, expected);
 }
 
+/// The plaza before one camera, whose colours a gain multiplies.
+fn before_one_camera() -> SceneState {
+    let mut stage = plaza(DVec3::ZERO);
+    stage.cameras.truncate(1);
+    SceneState { n_overlapping: 1, ..stage.state() }
+}
+
 #[test]
 fn gains_at_their_limits_give_what_light_times_gain_gives() {
     let Some(mut brush) = renderer("", 1) else { return };
-    let mut stage = plaza(DVec3::ZERO);
-    stage.cameras.truncate(1);
-    let state = stage.state();
-    let view = from_the_south();
+    let (state, view) = (before_one_camera(), from_the_south());
     let raw = draw(&mut brush, &state, &view, EntityStyle::None).0.image;
     for gain in [0.25_f32, 4.0, f32::MIN_POSITIVE, 1e30] {
         let mut evened = state.clone();
-        evened.n_overlapping = 1;
         evened.cameras[0].gain = Vec3::splat(gain);
         let (rendered, plan) = draw(&mut brush, &evened, &view, EntityStyle::None);
         assert!(plan.evens_colors);
@@ -132,14 +135,10 @@ fn gains_at_their_limits_give_what_light_times_gain_gives() {
 #[test]
 fn gains_that_are_no_numbers_or_below_zero_change_nothing() {
     let Some(mut brush) = renderer("", 1) else { return };
-    let mut stage = plaza(DVec3::ZERO);
-    stage.cameras.truncate(1);
-    let state = stage.state();
-    let view = from_the_south();
+    let (state, view) = (before_one_camera(), from_the_south());
     let raw = draw(&mut brush, &state, &view, EntityStyle::None).0.image;
     for gain in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0] {
         let mut evened = state.clone();
-        evened.n_overlapping = 1;
         evened.cameras[0].gain.y = gain;
         assert!(draw(&mut brush, &evened, &view, EntityStyle::None).0.image == raw, "{gain}");
     }
