@@ -13,7 +13,7 @@ use super::settings::{EntityForm, SurfaceForm};
 use super::subject::{Subject, SubjectView};
 use crate::clock::Clock;
 use crate::frame::{CameraId, Mask, RgbImage};
-use crate::fuse::{self, Billboard, EntityPoint, SceneState};
+use crate::fuse::{self, Billboard, PointRun, SceneState};
 use crate::gpu::Gpu;
 use crate::plan::{self, Colors, EntityStyle, Picture, Spread, StageTimes, Survey, Wishes, Work};
 use crate::render::{RenderError, Renderer};
@@ -238,7 +238,7 @@ fn frame_pairs(view: &SubjectView) -> impl Iterator<Item = (&SubjectView, [usize
 
 fn entity_bytes(state: &SceneState, style: EntityStyle) -> usize {
     match style {
-        EntityStyle::Points => state.points.len() * size_of::<EntityPoint>(),
+        EntityStyle::Points => state.points.len() * size_of::<PointRun>(),
         EntityStyle::Billboards => {
             state.entities.iter().map(|entity| entity.sources.len() * size_of::<Billboard>()).sum()
         }

@@ -292,6 +292,7 @@ fn ground_point(camera: &Camera, surfaces: &Surfaces, texture: DVec2) -> Option<
 }
 
 /// The upright plane through a foot that faces a camera horizontally.
+#[derive(Clone, Copy)]
 pub(super) struct UprightPlane {
     foot: DVec3,
     normal: DVec3,

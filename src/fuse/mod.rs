@@ -22,6 +22,7 @@ mod walk;
 pub use association::Association;
 pub use exposure::Exposure;
 pub use overlap::Overlap;
+pub(crate) use points::MAX_RUN;
 
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
@@ -38,10 +39,10 @@ use std::sync::Arc;
 /// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Who is who is
 /// told by this instant alone.
 ///
-/// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th each way (1 is the
+/// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the
 /// exact form).
 ///
-/// **Cost** about two rays a row of every blob; with points, one more a texel.
+/// **Cost** about two rays a row of every blob; with points, two more a run of texels in it.
 pub fn assemble(
     scene: &Arc<Scene>,
     instant: Timestamp,
@@ -124,12 +125,12 @@ pub struct SceneState {
     /// What stands on the ground.
     pub entities: Vec<Entity>,
     /// The entities' foreground texels as points; empty unless points were asked for.
-    pub points: Vec<EntityPoint>,
+    pub points: Vec<PointRun>,
 }
 
 impl SceneState {
-    /// Places the entities' texels as points, every `stride`-th each way, in place of the points that there are. What
-    /// several cameras see stands where the entity does, or one person would show beside themselves.
+    /// Places the entities' texels as points, every `stride`-th row, in place of the points that there are. What several
+    /// cameras see stands where the entity does, or one person would show beside themselves.
     pub fn place_points(&mut self, stride: u32) {
         let sources = self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
             entity
@@ -137,13 +138,9 @@ impl SceneState {
                 .iter()
                 .map(move |source| (entity_idx, source, entity.place_of(source) - source.foot_in_world))
         });
-        let of = |(entity_idx, source, shift): (usize, &Billboard, DVec3)| {
-            let points = points::points(&self.cameras[source.camera_idx], (entity_idx, source), stride);
-            let moved = |point: EntityPoint| EntityPoint {
-                position_in_world: point.position_in_world + shift,
-                ..point
-            };
-            points.map(moved).collect::<Vec<_>>()
+        let of = |(entity_idx, source, shift_m): (usize, &Billboard, DVec3)| {
+            let camera = &self.cameras[source.camera_idx];
+            points::runs(camera, (entity_idx, source), shift_m, stride).collect::<Vec<_>>()
         };
         self.points = sources.flat_map(of).collect();
     }
@@ -214,17 +211,20 @@ impl Billboard {
     }
 }
 
-/// One foreground texel placed in the world.
+/// Foreground texels placed in the world: those side by side in a row of a camera's picture, told by the first and the last;
+/// both are the same where there is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EntityPoint {
+pub struct PointRun {
     /// Index into [`SceneState::entities`].
     pub entity_idx: usize,
     /// Index into [`SceneState::cameras`].
     pub camera_idx: usize,
-    /// Where it stands.
-    pub position_in_world: DVec3,
-    /// Side of the square that covers the texel's footprint without holes, metres.
-    pub size_m: f32,
-    /// Texture coordinate at which its colour and soft mask are read.
-    pub texture: [f32; 2],
+    /// Where the first and the last stand; the others on the line between them.
+    pub ends_in_world: [DVec3; 2],
+    /// Sides of the squares that cover these texels' footprints without holes, metres.
+    pub sizes_m: [f32; 2],
+    /// Texture coordinates of the middles of these texels: between them its colours are read.
+    pub textures: [[f32; 2]; 2],
+    /// How many rows of texels it stands for; at least 1.
+    pub n_rows: u32,
 }

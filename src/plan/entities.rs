@@ -5,7 +5,7 @@ use super::work::rectangle_px;
 use super::{
     EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, PlannedSource, Reason, Settings,
 };
-use crate::fuse::{Billboard, Entity, EntityPoint, SceneState};
+use crate::fuse::{Billboard, Entity, PointRun, SceneState};
 use glam::DVec3;
 
 /// Most entities that are drawn in one picture: of more, those that cover most of it.
@@ -62,13 +62,13 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
             for planned in &plan.billboards {
                 camera_of[planned.entity] = Some(of(planned));
             }
-            let is_drawn = |point: &&EntityPoint| camera_of[point.entity_idx] == Some(point.camera_idx);
+            let is_drawn = |run: &&PointRun| camera_of[run.entity_idx] == Some(run.camera_idx);
             let n_drawn = state.points.iter().filter(is_drawn).count();
             let because = match (n_drawn, state.points.len()) {
                 (_, 0) => "no points at this instant".to_owned(),
-                (0, n) => format!("none of {n} points lies in view"),
+                (0, n) => format!("none of {n} runs of points lies in view"),
                 (drawn, n) => {
-                    format!("{drawn} of {n} points, of the cameras that look most as the viewer does")
+                    format!("{drawn} of {n} runs of points, of the cameras that look most as the viewer does")
                 }
             };
             if n_drawn == 0 {

@@ -5,7 +5,7 @@ use crate::error::Fault;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Points are one a texel, one in two or one in four, each way.
+/// Points are of every row of texels, of one in two or of one in four.
 pub const POINT_STRIDES: [u32; 3] = [1, 2, 4];
 
 /// Most sources by which one entity is shown.
@@ -84,7 +84,7 @@ impl Detail {
 pub struct Settings {
     /// How moving entities are drawn.
     pub entities: EntityStyle,
-    /// With points, every how manieth texel each way: one of [`POINT_STRIDES`].
+    /// With points, every how manieth row of texels: one of [`POINT_STRIDES`].
     pub point_stride: u32,
     /// With billboards, by how many cameras one entity is shown: 1 to [`MAX_ENTITY_SOURCES`].
     pub sources: u32,
@@ -172,7 +172,7 @@ impl Settings {
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// For following somebody with the eyes, as cheap as is still readable: half the pixels each way, one sample each, the
-    /// best three cameras looked up between their nearest texels, one camera an entity, points four texels apart.
+    /// best three cameras looked up between their nearest texels, one camera an entity, points of every fourth row.
     /// Depth maps stay on: without them people's surroundings lie on walls that they do not belong to.
     Draft,
     /// What is drawn where nothing is asked for: every pixel, samples as the configuration has them, up to eight cameras

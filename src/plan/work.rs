@@ -7,10 +7,10 @@ use super::coverage;
 use super::{
     EntityStyle, Filtering, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling, Settings,
 };
-use crate::fuse::{Billboard, SceneState};
+use crate::fuse::{Billboard, MAX_RUN, SceneState};
 use glam::DVec3;
 
-/// Bytes of a megabyte, pixels of a megapixel, points of a thousand: features are of the order of one.
+/// Bytes of a megabyte, pixels of a megapixel, runs of a thousand: features are of the order of one.
 const MILLION: f64 = 1e6;
 
 /// What time depends on; a [`Work`] holds one number of each.
@@ -40,7 +40,7 @@ pub enum Feature {
     Rectangles,
     /// Rectangles, by the hundred.
     Entities,
-    /// Points, by the thousand.
+    /// Runs of points, by the thousand.
     Points,
     /// Drawn megapixels times samples where entities are drawn over them, else 0.
     Later,
@@ -139,8 +139,8 @@ pub struct Survey {
     /// Pixels that the first sources' rectangles cover, and those of the sources beside them.
     rectangles_px: [f64; 2],
     n_billboards: usize,
-    /// Texels of the entities' blobs.
-    n_texels: f64,
+    /// Runs of points that the entities' blobs come to with every row, about.
+    n_runs: f64,
     n_observations: usize,
     n_sources: usize,
     n_opened: usize,
@@ -245,14 +245,14 @@ impl Survey {
             rectangles_px[0] += area(planned, planned.source);
             rectangles_px[1] += planned.beside.map_or(0.0, |beside| area(planned, beside.source));
         }
-        let texels = |entity: usize, source: usize| {
+        let runs = |entity: usize, source: usize| {
             let rect = state.entities[entity].sources.get(source).map(|source| source.rect);
-            rect.map_or(0.0, |rect| f64::from(rect.width) * f64::from(rect.height))
+            rect.map_or(0.0, |rect| f64::from(rect.width.div_ceil(MAX_RUN)) * f64::from(rect.height))
         };
         // Of points that are not placed yet no more is known than whose they will be.
-        let n_texels = match plan.billboards.as_slice() {
-            [] => (0..state.entities.len()).map(|entity| texels(entity, 0)).sum(),
-            planned => planned.iter().map(|of| texels(of.entity, of.source)).sum(),
+        let n_runs = match plan.billboards.as_slice() {
+            [] => (0..state.entities.len()).map(|entity| runs(entity, 0)).sum(),
+            planned => planned.iter().map(|of| runs(of.entity, of.source)).sum(),
         };
         let sources = || state.entities.iter().flat_map(|entity| &entity.sources);
         Self {
@@ -264,7 +264,7 @@ impl Survey {
             evens_colors: plan.evens_colors,
             rectangles_px,
             n_billboards: plan.billboards.len(),
-            n_texels,
+            n_runs,
             n_observations: state.cameras.len(),
             n_sources: sources().count(),
             n_opened: plan.opened.len(),
@@ -294,10 +294,9 @@ impl Survey {
         let [alone, beside] = self.rectangles_px;
         let rectangles = alone + if settings.sources > 1 { beside } else { 0.0 };
         let stride = f64::from(settings.point_stride);
-        let n_points =
-            if settings.entities == EntityStyle::Points { self.n_texels / (stride * stride) } else { 0.0 };
+        let n_runs = if settings.entities == EntityStyle::Points { self.n_runs / stride } else { 0.0 };
         let n_shown = if is_billboards { self.n_billboards } else { 0 };
-        let has_entities = n_shown > 0 || n_points > 0.0;
+        let has_entities = n_shown > 0 || n_runs > 0.0;
         let is_resampled = step > 1.0 || times > 1.0;
         let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
         let is_filtering = |filtering| settings.filtering == filtering;
@@ -315,7 +314,7 @@ impl Survey {
             (Feature::Lenses, drawn * first.with_lenses),
             (Feature::Rectangles, only(is_billboards, share(rectangles))),
             (Feature::Entities, n_shown as f64 / 100.0),
-            (Feature::Points, n_points / 1000.0),
+            (Feature::Points, n_runs / 1000.0),
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
             (Feature::DepthMaps, only(settings.depth_maps, f64::from(pending.depth_maps))),
@@ -345,7 +344,7 @@ impl Survey {
         let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;
         let entities = match settings.entities {
             EntityStyle::Billboards if self.n_billboards > 0 => Some(Program::Billboard(has_beside, samples)),
-            EntityStyle::Points if self.n_texels > 0.0 => Some(Program::Points(samples)),
+            EntityStyle::Points if self.n_runs > 0.0 => Some(Program::Points(samples)),
             _ => None,
         };
         let step_px = settings.resolution.step_px();

@@ -6,7 +6,7 @@ use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
 use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
-use crate::fuse::{EntityPoint, SceneState};
+use crate::fuse::{PointRun, SceneState};
 use crate::plan::{EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -169,10 +169,11 @@ impl Renderer {
                     camera_of[planned.entity] =
                         Some(state.entities[planned.entity].sources[planned.source].camera_idx);
                 }
-                let is_drawn = |point: &&EntityPoint| {
-                    camera_of.get(point.entity_idx).copied().flatten() == Some(point.camera_idx)
+                let is_drawn = |run: &&PointRun| {
+                    camera_of.get(run.entity_idx).copied().flatten() == Some(run.camera_idx)
                 };
-                let instance = |point| Some(PointInstance::new(point, shader_idx(point.camera_idx)?, anchor));
+                let instance =
+                    |run: &PointRun| Some(PointInstance::new(run, shader_idx(run.camera_idx)?, anchor));
                 self.points.extend(state.points.iter().filter(is_drawn).filter_map(instance));
             }
             EntityStyle::None => {}

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{SceneState, assemble};
+use videofields::fuse::{PointRun, SceneState, assemble};
 use videofields::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose, Ray,
     Shape, Surfaces, TriangleMesh,
@@ -191,7 +191,7 @@ fn heights_hold_above_the_horizon() {
     let state = fused(&[camera], &[person], Some(1));
     let billboard = &state.entities[0].sources[0];
     assert!((billboard.height_m - 1.75).abs() < 0.05, "{}", billboard.height_m);
-    let highest = state.points.iter().map(|p| p.position_in_world.z).fold(0.0, f64::max);
+    let highest = state.points.iter().map(|run| run.ends_in_world[0].z).fold(0.0, f64::max);
     assert!((highest - 1.75).abs() < 0.05, "{highest}");
 }
 
@@ -211,8 +211,11 @@ fn points_of_one_entity_stand_in_one_place_though_its_cameras_differ() {
     let state = assemble(&scene, Timestamp::from_nanos(7), find, Some(1));
     assert_eq!((state.entities.len(), state.entities[0].sources.len()), (1, 2), "{:?}", state.entities);
     let middle = |camera_idx: usize| {
-        let points = || state.points.iter().filter(|point| point.camera_idx == camera_idx);
-        points().map(|point| point.position_in_world.truncate()).sum::<DVec2>() / points().count() as f64
+        let ends = || {
+            let runs = state.points.iter().filter(|run| run.camera_idx == camera_idx);
+            runs.flat_map(|run| run.ends_in_world)
+        };
+        ends().map(DVec3::truncate).sum::<DVec2>() / ends().count() as f64
     };
     let foot = state.entities[0].foot_in_world.truncate();
     for camera_idx in [0, 1] {
@@ -249,25 +252,42 @@ fn points_lie_on_the_figure_and_their_squares_leave_no_gaps() {
     let camera = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::new(0.0, 10.0, 1.0), 0.0);
     for stride in [1, 3] {
         let state = fused(&[Arc::clone(&camera)], &[person], Some(stride));
-        assert!(state.points.len() > 1000 / (stride * stride) as usize, "{}", state.points.len());
-        for point in &state.points {
-            let offset = point.position_in_world - person.foot;
-            assert!(
-                offset.x.abs() < 0.3 && offset.y.abs() < 0.15 && (-0.05..1.85).contains(&offset.z),
-                "{offset}"
-            );
-            let texture = DVec2::new(f64::from(point.texture[0]), f64::from(point.texture[1]));
-            let ray: Ray = camera.ray(texture).expect("a pinhole");
-            let along = (point.position_in_world - ray.origin).dot(ray.direction);
-            assert!((ray.at(along) - point.position_in_world).length() < 1e-4);
+        let billboard = &state.entities[0].sources[0];
+        let mask = &state.cameras[0].observation.labels;
+        let rows = (billboard.rect.y..).take(billboard.rect.height as usize).step_by(stride as usize);
+        let n_moving = rows.clone().flat_map(|y| mask.row(y)).filter(|label| **label == 255).count();
+        assert!(n_moving > 1000 / stride as usize, "{n_moving}");
+        let texel = |run: &PointRun, end: usize| {
+            let [u, v] = run.textures[end].map(f64::from);
+            DVec2::new(u * f64::from(mask.width), v * f64::from(mask.height)) - 0.5
+        };
+        let mut n_texels = 0;
+        for run in &state.points {
+            let [first, last] = [0, 1].map(|end| texel(run, end));
+            assert!((first.y - last.y).abs() < 1e-3 && last.x >= first.x && run.n_rows == stride, "{run:?}");
+            n_texels += (last.x - first.x).round() as usize + 1;
+            for idx in 0..=(last.x - first.x).round() as u32 {
+                let at = first + DVec2::new(f64::from(idx), 0.0);
+                assert!(mask.get(at.x.round() as u32, at.y.round() as u32) == 255, "{at} does not move");
+                // Between the ends a point lies where its texel's own ray does, to a hundredth of a texel.
+                let share = f64::from(idx) / (last.x - first.x).max(1.0);
+                let place = run.ends_in_world[0].lerp(run.ends_in_world[1], share);
+                let texture = (at + 0.5) / DVec2::new(f64::from(mask.width), f64::from(mask.height));
+                let ray: Ray = camera.ray(texture).expect("a pinhole");
+                let off_m = (ray.at((place - ray.origin).dot(ray.direction)) - place).length();
+                assert!(off_m < 2e-4, "{off_m} m");
+                let offset = place - person.foot;
+                let is_on =
+                    offset.x.abs() < 0.3 && offset.y.abs() < 0.15 && (-0.05..1.85).contains(&offset.z);
+                assert!(is_on, "{offset}");
+            }
             // A pixel there is about 11 m / 520 px across.
-            let texel = 11.0 / 520.0 * f64::from(stride);
-            assert!(
-                f64::from(point.size_m) > texel && f64::from(point.size_m) < 2.0 * texel,
-                "{}",
-                point.size_m
-            );
+            let texel_m = 11.0 / 520.0;
+            for size_m in run.sizes_m.map(f64::from) {
+                assert!(size_m > texel_m && size_m < 2.0 * texel_m, "{size_m}");
+            }
         }
+        assert_eq!(n_texels, n_moving, "each once");
     }
 }
 
@@ -296,9 +316,8 @@ fn feet_that_meet_nothing_or_a_wall_stay_finite() {
         };
         let state = assemble(&scene, Timestamp::from_nanos(0), observe, Some(1));
         assert_eq!(state.entities.len(), expected);
-        assert!(
-            state.points.iter().all(|point| point.position_in_world.is_finite() && point.size_m.is_finite())
-        );
+        assert!(state.points.iter().all(|run| run.ends_in_world.iter().all(|end| end.is_finite())
+            && run.sizes_m.iter().all(|size_m| size_m.is_finite())));
         for entity in &state.entities {
             assert!(entity.foot_in_world.is_finite());
         }

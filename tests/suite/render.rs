@@ -32,7 +32,7 @@ use std::sync::Arc;
 use videofields::config::RenderSettings;
 use videofields::error::ErrorKind;
 use videofields::frame::{Mask, RgbImage};
-use videofields::fuse::{EntityPoint, SceneState};
+use videofields::fuse::{PointRun, SceneState};
 use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
 use videofields::gpu::{Gpu, GpuError};
 use videofields::plan::{self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Settings, Wishes};
@@ -315,26 +315,83 @@ fn a_person_stands_where_the_feet_are() {
         .expect_err("a picture without the person is not the same");
 }
 
-/// The foreground texels of the first camera on the upright plane through the feet.
-fn points_of(state: &SceneState, foot: DVec3) -> Vec<EntityPoint> {
+#[test]
+fn runs_of_points_show_what_a_square_a_texel_shows_from_any_side() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let foot = v(-1.0, -3.0, 0.0);
+    let mut state = plaza(DVec3::ZERO).with_person(foot).state();
+    state.entities.iter_mut().for_each(|entity| entity.sources.retain(|source| source.camera_idx == 0));
+    let place = state.entities[0].sources[0].foot_in_world;
+    let camera = state.cameras[0].camera.pose().position_in_world;
+    let ahead = (camera - place).truncate().normalize().extend(0.0);
+    let aside = ahead.cross(DVec3::Z);
+    let middle = place + v(0.0, 0.0, 0.9);
+    let bare = SceneState { points: Vec::new(), ..state.clone() };
+    let mut squares = SceneState { points: points_of(&state, place), ..state.clone() };
+    // As large as runs are: 1.2 texels.
+    squares
+        .points
+        .iter_mut()
+        .for_each(|square| square.sizes_m = square.sizes_m.map(|size_m| size_m * 1.2 / 1.3));
+    let mut runs = state;
+    let observation = &mut runs.cameras[0].observation;
+    let mut labels = (*observation.soft_mask).clone();
+    labels.data.iter_mut().for_each(|value| *value = if *value >= 128 { 255 } else { 0 });
+    observation.labels = Arc::new(labels);
+    runs.place_points(1);
+    let (n_runs, n_squares) = (runs.points.len(), squares.points.len());
+    assert!(n_runs > 10 && n_runs * 5 < n_squares, "{n_runs} runs, {n_squares} squares");
+    for (name, from) in [
+        ("before", ahead * 5.0),
+        ("slanting", ahead * 3.0 + aside * 4.0 + DVec3::Z * 2.0),
+        ("on the edge", aside * 5.0 + DVec3::Z * 0.4),
+        ("behind", ahead * -5.0 + DVec3::Z),
+        ("above", ahead * 0.5 + DVec3::Z * 6.0),
+    ] {
+        let view = view(middle + from, middle, 0.5, 320, 200);
+        let of =
+            |brush: &mut Brush, state: &SceneState| draw(brush, state, &view, EntityStyle::Points).0.image;
+        let [empty, squares, runs] = [&bare, &squares, &runs].map(|state| of(&mut brush, state));
+        keep(&format!("runs {name}").replace(' ', "_"), &runs);
+        let differ = |a: &RgbImage, b: &RgbImage, most: u8| -> Vec<bool> {
+            let pairs = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
+            pairs.map(|(a, b)| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > most)).collect()
+        };
+        let (shown, expected) = (differ(&runs, &empty, 8), differ(&squares, &empty, 8));
+        let count = |both: &dyn Fn(bool, bool) -> bool| {
+            shown.iter().zip(&expected).filter(|(a, b)| both(**a, **b)).count()
+        };
+        let (n_both, n_either) = (count(&|a, b| a && b), count(&|a, b| a || b));
+        let n_unlike = differ(&runs, &squares, 40).iter().filter(|is_so| **is_so).count();
+        assert!(n_either > 50, "{name}: nothing shows");
+        // Slanting, strips lie along the run and squares level: outlines differ by corners.
+        assert!(n_both * 100 >= n_either * 94, "{name}: {n_both} of {n_either} pixels");
+        // Squares have one colour each, runs what lies between, and on the edge points are equally near.
+        assert!(n_unlike * 5 <= n_either, "{name}: {n_unlike} of {n_either} pixels are unlike");
+    }
+}
+
+/// The foreground texels of the first camera on the upright plane through the feet, each a run of its own.
+fn points_of(state: &SceneState, foot: DVec3) -> Vec<PointRun> {
     let camera = &state.cameras[0];
     let mask: &Mask = &camera.observation.soft_mask;
     let normal = (foot - camera.camera.pose().position_in_world).truncate().normalize().extend(0.0);
     let mut points = Vec::new();
     for y in 0..mask.height {
-        for x in (0..mask.width).filter(|x| mask.get(*x, y) > 0) {
+        for x in (0..mask.width).filter(|x| mask.get(*x, y) >= 128) {
             let texture = DVec2::new(
                 (f64::from(x) + 0.5) / f64::from(mask.width),
                 (f64::from(y) + 0.5) / f64::from(mask.height),
             );
             let ray = camera.camera.ray(texture).expect("a ray");
             let distance = ray.distance_to_plane(foot, normal).expect("in front");
-            points.push(EntityPoint {
+            points.push(PointRun {
                 entity_idx: 0,
                 camera_idx: 0,
-                position_in_world: ray.at(distance),
-                size_m: (1.3 * distance / camera.camera.focal_px().x) as f32,
-                texture: texture.as_vec2().to_array(),
+                ends_in_world: [ray.at(distance); 2],
+                sizes_m: [(1.3 * distance / camera.camera.focal_px().x) as f32; 2],
+                textures: [texture.as_vec2().to_array(); 2],
+                n_rows: 1,
             });
         }
     }

@@ -1,33 +1,40 @@
-//! Entities as squares in space, one a foreground texel.
+//! Entities as runs of squares in space, a square a foreground texel.
 
 use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline,
 };
-use crate::fuse::EntityPoint;
+use crate::fuse::PointRun;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::render::image_array::ImageArray;
 use glam::DVec3;
 
-/// One square.
+/// One run.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub(in crate::render) struct Instance {
-    position_from_anchor: [f32; 3],
-    size_m: f32,
-    texture: [f32; 2],
+    /// Of both ends: where it stands, and the side of its square in metres.
+    ends: [[f32; 4]; 2],
+    /// Texture coordinates of the first and of the last texel's middle.
+    textures: [f32; 4],
     camera_idx: u32,
+    n_rows: u32,
 }
 
 const ATTRIBUTES: Attributes<4> =
-    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32, 2 => Float32x2, 3 => Uint32];
+    wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x4, 2 => Float32x4, 3 => Uint32x2];
 
 impl Instance {
-    pub(in crate::render) fn new(point: &EntityPoint, camera_idx: usize, anchor_in_world: DVec3) -> Self {
+    pub(in crate::render) fn new(run: &PointRun, camera_idx: usize, anchor_in_world: DVec3) -> Self {
+        let end = |idx: usize| {
+            let from_anchor = run.ends_in_world[idx] - anchor_in_world;
+            from_anchor.as_vec3().extend(run.sizes_m[idx]).to_array()
+        };
+        let [[first_u, first_v], [last_u, last_v]] = run.textures;
         Self {
-            position_from_anchor: (point.position_in_world - anchor_in_world).as_vec3().to_array(),
-            size_m: point.size_m,
-            texture: point.texture,
+            ends: [end(0), end(1)],
+            textures: [first_u, first_v, last_u, last_v],
             camera_idx: camera_idx as u32,
+            n_rows: run.n_rows,
         }
     }
 }
@@ -50,7 +57,7 @@ impl PointsPass {
         Self { frames, pipelines: Default::default(), instances }
     }
 
-    /// Records the squares, in any order.
+    /// Records the runs, in any order.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,

@@ -4,7 +4,7 @@
 use super::{draw, plaza, renderer, sound, v, view};
 use glam::{DQuat, DVec2, DVec3, Vec3};
 use videofields::frame::linear_from_srgb;
-use videofields::fuse::{Billboard, EntityPoint, SceneState};
+use videofields::fuse::{Billboard, PointRun, SceneState};
 use videofields::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose,
     TriangleMesh,
@@ -87,16 +87,21 @@ fn points_that_are_no_numbers_are_not_drawn() {
     let Some(mut brush) = renderer("", 1) else { return };
     let mut state = plaza(DVec3::ZERO).with_person(v(-1.0, -3.0, 0.0)).state();
     let expected = draw(&mut brush, &state, &from_the_south(), EntityStyle::None).0.image;
-    let point = EntityPoint {
+    let point = PointRun {
         entity_idx: 0,
         camera_idx: 0,
-        position_in_world: v(-1.0, -3.0, 1.0),
-        size_m: 0.2,
-        texture: [0.5, 0.5],
+        ends_in_world: [v(-1.0, -3.0, 1.0), v(-0.8, -3.0, 1.0)],
+        sizes_m: [0.2; 2],
+        textures: [[0.5, 0.5]; 2],
+        n_rows: 1,
     };
-    let no_place = EntityPoint { position_in_world: v(f64::NAN, 0.0, 1.0), ..point };
-    let no_size = EntityPoint { size_m: f32::NAN, ..point };
-    state.points = vec![no_place, no_size];
+    let [first, last] = point.ends_in_world;
+    let nowhere = v(f64::NAN, 0.0, 1.0);
+    let no_place = PointRun { ends_in_world: [nowhere; 2], ..point };
+    let no_begin = PointRun { ends_in_world: [nowhere, last], ..point };
+    let no_end = PointRun { ends_in_world: [first, nowhere], ..point };
+    let no_size = PointRun { sizes_m: [f32::NAN; 2], ..point };
+    state.points = vec![no_place, no_begin, no_end, no_size];
     let found = sound(&mut brush, &state, &from_the_south(), EntityStyle::Points);
     assert_eq!(found, expected);
 }

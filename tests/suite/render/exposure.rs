@@ -50,13 +50,14 @@ fn people_have_the_gain_of_the_camera_that_shows_them() {
     let gain = Vec3::new(0.5, 0.4, 0.7);
     let evened = with_gains(state.clone(), [gain; 3]);
     let nobody = SceneState { entities: Vec::new(), ..state.clone() };
-    let points: Vec<EntityPoint> = (0..40)
-        .map(|idx| EntityPoint {
+    let points: Vec<PointRun> = (0..40)
+        .map(|idx| PointRun {
             entity_idx: 0,
             camera_idx: idx % 3,
-            position_in_world: v(0.5, -3.0, 0.05 * idx as f64),
-            size_m: 0.3,
-            texture: state.entities[0].sources[idx % 3].rect_middle(&state),
+            ends_in_world: [v(0.5, -3.0, 0.05 * idx as f64); 2],
+            sizes_m: [0.3; 2],
+            textures: [state.entities[0].sources[idx % 3].rect_middle(&state); 2],
+            n_rows: 1,
         })
         .collect();
     let view = from_the_south();
