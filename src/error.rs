@@ -19,6 +19,8 @@ pub enum ErrorKind {
     Invalid,
     /// What was asked for does not exist (a camera, a scene, a frame at that time).
     NotFound,
+    /// The caller may not do that.
+    Forbidden,
     /// Something is asked for that this build, machine or codec set cannot do.
     Unsupported,
     /// A documented limit would be passed; ask for less.

@@ -24,6 +24,8 @@ pub mod geometry;
 
 pub mod frame;
 
+pub mod access;
+
 pub mod encode;
 
 pub mod config;

@@ -45,6 +45,7 @@ const fn class_of(kind: ErrorKind) -> Class {
     match kind {
         ErrorKind::Invalid => class(StatusCode::BAD_REQUEST, "invalid", "The request is wrong"),
         ErrorKind::NotFound => class(StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+        ErrorKind::Forbidden => class(StatusCode::FORBIDDEN, "forbidden", "You may not do that"),
         ErrorKind::Unsupported => {
             class(StatusCode::NOT_IMPLEMENTED, "unsupported", "This daemon cannot do that")
         }
@@ -225,6 +226,7 @@ mod tests {
         };
         check(ErrorKind::Invalid, 400);
         check(ErrorKind::NotFound, 404);
+        check(ErrorKind::Forbidden, 403);
         check(ErrorKind::Unsupported, 501);
         check(ErrorKind::TooLarge, 422);
         check(ErrorKind::Unavailable, 503);

@@ -14,6 +14,9 @@ use serde_json::json;
 /// Most events of one answer.
 const MAX_LIMIT: u32 = 1000;
 
+/// Greatest number of an event: what a browser's numbers hold to the last digit.
+const MAX_ID: u64 = (1 << 53) - 1;
+
 /// Events of one answer, unless more or fewer are asked for.
 const LIMIT: u32 = 100;
 
@@ -21,10 +24,10 @@ const LIMIT: u32 = 100;
 pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     let mut query = Query::parse(raw.as_deref(), &["camera", "after", "limit"]);
     let camera = query.id("camera");
-    let after = query.whole("after", &(0..=u32::MAX)).unwrap_or(0);
+    let after = query.whole("after", &(0..=MAX_ID)).unwrap_or(0);
     let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
     query.finish(Some(()))?;
-    let found = api.door.events(camera.as_deref(), u64::from(after), limit as usize);
+    let found = api.door.events(camera.as_deref(), after, limit as usize);
     let found = found.map_err(|error| problem_of(&api, error))?;
     let events: Vec<_> = found.iter().map(document).collect();
     let body = Json(json!({ "events": events }));

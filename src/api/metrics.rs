@@ -1,15 +1,16 @@
 //! `/metrics`: everything counted and measured, in Prometheus's text format.
 
 use super::Api;
+use super::error::Problem;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 
 /// The metrics as they stand.
-pub(super) async fn scrape(State(api): State<Api>) -> Response {
+pub(super) async fn scrape(State(api): State<Api>) -> Result<Response, Problem> {
     let fields = [
         (header::CONTENT_TYPE, "text/plain; version=0.0.4; charset=utf-8"),
         (header::CACHE_CONTROL, "no-store"),
     ];
-    (fields, api.door.metrics_text()).into_response()
+    Ok((fields, api.door.metrics_text()?).into_response())
 }

@@ -23,9 +23,12 @@ pub(super) async fn show(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     let (request, _moment) = view::asked(&api, (id, PictureFormat::Jpeg), raw.as_deref())?;
+    let is_restricted = api.door.leaves_out(&request.scene, request.at);
     let planned = api.ask("planning a view", move |door| door.plan(&request)).await;
     let planned = planned.map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(document(&planned))).into_response())
+    let mut body = document(&planned);
+    body["restricted"] = json!(is_restricted);
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
 }
 
 fn document(planned: &PlannedView) -> Value {

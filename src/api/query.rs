@@ -10,6 +10,7 @@ use crate::error::{ErrorKind, Fault};
 use crate::frame::is_id;
 use glam::DVec3;
 use percent_encoding::percent_decode_str;
+use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
@@ -85,7 +86,11 @@ impl Query {
     }
 
     /// A whole number within `range`.
-    pub(super) fn whole(&mut self, name: &str, range: &RangeInclusive<u32>) -> Option<u32> {
+    pub(super) fn whole<N: FromStr + PartialOrd + Display>(
+        &mut self,
+        name: &str,
+        range: &RangeInclusive<N>,
+    ) -> Option<N> {
         let allowed = format!("a whole number from {} to {}", range.start(), range.end());
         self.value(name, &allowed, |text| text.parse().ok().filter(|number| range.contains(number)))
     }

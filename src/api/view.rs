@@ -5,6 +5,7 @@ use super::picture::{Picture, server_timing, split, write_rgb};
 use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::{Api, effort, scenes};
+use crate::access::Scope;
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
@@ -78,6 +79,7 @@ pub(super) async fn picture(
     let ((), format) = split(&file, &[("view", ())])?;
     let (request, moment) = asked(&api, (id, format), raw.as_deref())?;
     let size_px = (request.width_px, request.height_px);
+    let is_restricted = api.door.leaves_out(&request.scene, request.at);
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
     let instant = answer.instant;
     let image = std::sync::Arc::clone(&answer.image);
@@ -103,6 +105,9 @@ pub(super) async fn picture(
     if !answer.gaps.is_empty() {
         let gaps = answer.gaps.iter().map(CameraId::as_str).collect::<Vec<_>>();
         fields.push(("videofields-gaps", gaps.join(",")));
+    }
+    if is_restricted {
+        fields.push(("videofields-restricted", "true".to_owned()));
     }
     Ok(Picture { format, bytes, moment, instant, fields })
 }
@@ -161,6 +166,7 @@ fn read(
         colors: query.choice("colors", &[("even", Colors::Even), ("raw", Colors::Raw)]).unwrap_or_default(),
         session: query.id("session"),
         effort: effort::read(&mut query, style),
+        scope: Scope::all(),
     };
     query.finish(Some((request, moment)))
 }

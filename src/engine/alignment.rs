@@ -5,7 +5,6 @@
 //! them. Changes nothing by itself.
 
 use super::EngineError;
-use super::handle::Door;
 use super::shared::Shared;
 use super::sightings::Seen;
 use crate::config::ClockSettings;
@@ -70,13 +69,12 @@ struct Ahead {
 
 impl Shared {
     /// Compares the clocks of a scene's cameras. Takes up to some seconds.
-    pub(super) fn align_scene(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
-        let scene = self.scene(scene)?;
+    pub(super) fn align_scene(&self, scene: &Scene) -> Result<SceneAlignment, EngineError> {
         let members: Vec<_> = scene
             .cameras
             .iter()
             .filter_map(|member| Some((member, self.sightings_of(member.id.as_str())?)))
-            .map(|(member, seen)| (member, places(&scene, member, &seen)))
+            .map(|(member, seen)| (member, places(scene, member, &seen)))
             .collect();
         let n_pairs = members.len() * members.len().saturating_sub(1) / 2;
         let pairs_of = |i: usize| members.iter().skip(i + 1).map(move |second| (i, second));

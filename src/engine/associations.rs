@@ -26,8 +26,8 @@ impl Associations {
         let own = match self.0.iter().position(|(of, _)| Arc::ptr_eq(of, scene)) {
             Some(place) => self.0.remove(place),
             None => {
-                // What a changed scene was before is of no use to anybody.
-                self.0.retain(|(of, _)| of.id != scene.id);
+                // What a changed scene was before is of no use to anybody. A part of a scene, with fewer cameras, is no change.
+                self.0.retain(|(of, _)| !scene.replaces(of));
                 (Arc::clone(scene), Remembered::default())
             }
         };

@@ -143,7 +143,7 @@ impl CameraConsumer {
                 "event"
             );
             self.metrics.ingest_events.with_label_values(&[camera, kind]).inc();
-            self.events.push(event);
+            self.events.push(event, self.clock.now());
         }
         let worst = self.pipeline.conditions().iter().find_map(condition_concern);
         self.concern = worst.or_else(|| self.background_concern.clone());

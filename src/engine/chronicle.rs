@@ -1,10 +1,10 @@
 //! What there is of a scene's time: what was recorded and what is kept in memory, how much moved, what happened.
 
 use super::EngineError;
-use super::handle::Door;
 use super::shared::Shared;
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
+use crate::scene::Scene;
 use crate::store::ActivityRecord;
 use crate::timeline::LoggedEvent;
 
@@ -38,13 +38,12 @@ impl Shared {
     /// What there is of a scene's time between `from` and `to`. Blocks for the database.
     pub(super) fn chronicle(
         &self,
-        scene: &str,
+        scene: &Scene,
         (from, to): (Timestamp, Timestamp),
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError> {
-        let scene = self.scene(scene)?;
         let mut cameras = Vec::new();
-        for camera in self.members(&scene) {
+        for camera in self.members(scene) {
             let mut ranges = Vec::new();
             let mut activity = Vec::new();
             if let Some(past) = &self.past {

@@ -128,6 +128,9 @@ pub enum EngineError {
         /// When it is tried again, from now.
         retry_after: Duration,
     },
+    /// The caller knows of it, but may not do that.
+    #[error("{0}")]
+    Forbidden(String),
     /// The daemon is stopping, or what is needed is not there yet.
     #[error("{0}")]
     Unavailable(String),
@@ -156,6 +159,7 @@ impl EngineError {
             | Self::Crowded { .. }
             | Self::NoRenderer { .. }
             | Self::Unavailable(_) => ErrorKind::Unavailable,
+            Self::Forbidden(_) => ErrorKind::Forbidden,
             Self::Internal(_) => ErrorKind::Internal,
         }
     }

@@ -2,6 +2,7 @@
 
 use super::EngineError;
 use super::shared::Shared;
+use crate::access::{Grants, Right};
 use crate::archive::{Archive, ArchiveError, ExportCamera, ExportFile, ExportRequest, ExportStatus};
 use crate::calibrate::CameraDocument;
 use crate::clock::Timestamp;
@@ -97,14 +98,16 @@ impl Shared {
     }
 
     /// Asks for clips.
-    pub(super) fn asked_export(&self, body: Value) -> Result<ExportStatus, EngineError> {
-        use super::handle::Door as _;
+    pub(super) fn asked_export(&self, body: Value, grants: &Grants) -> Result<ExportStatus, EngineError> {
         let Asked { scene, mut cameras, span: (from, to), note } = Asked::read(body)?;
         if let Some(scene) = &scene {
-            let scene = self.scene(scene)?;
+            let scene = self.scene_within(scene, &self.known_scope(grants))?;
             if cameras.is_empty() {
                 cameras = self.members(&scene).map(|camera| camera.id.to_string()).collect();
             }
+        }
+        for camera in &cameras {
+            self.allowed(grants, camera, Right::Export)?;
         }
         let cameras = cameras.iter().map(|camera| self.exported_camera(camera)).collect::<Result<_, _>>()?;
         let request = ExportRequest { cameras, from, to, note };

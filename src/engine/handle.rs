@@ -4,6 +4,7 @@ use super::{
     AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneTimeline,
     TrackQuery, ViewAnswer, ViewRequest,
 };
+use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
@@ -114,6 +115,16 @@ pub struct SceneSummary {
     pub cameras: Vec<CameraId>,
 }
 
+impl SceneSummary {
+    pub(super) fn of(scene: &Scene) -> Self {
+        Self {
+            id: scene.id.clone(),
+            name: scene.name.clone(),
+            cameras: scene.cameras.iter().map(|member| member.id.clone()).collect(),
+        }
+    }
+}
+
 /// Where a texture coordinate lies in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Located {
@@ -161,13 +172,21 @@ pub struct Readiness {
     pub store: bool,
     /// The renderer runs; its adapter's name, or why not.
     pub renderer: String,
-    /// Cameras with at least one frame, of all.
+    /// Cameras with at least one frame, of all that the caller may know of.
     pub cameras_with_frames: [usize; 2],
 }
 
 /// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`],
 /// [`Door::scene_timeline`], [`Door::search_tracks`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
 pub trait Door: Send + Sync {
+    /// The same door for a caller with `grants`: what the caller may not see is not there, and nothing that is answered is
+    /// concluded from it.
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door>;
+
+    /// Whether what the caller may not see of a scene's cameras at such a time is left out of its pictures: by the grants
+    /// alone, whatever the cameras do.
+    fn leaves_out(&self, scene: &str, at: At) -> bool;
+
     /// Every camera, in the configuration's order.
     fn cameras(&self) -> Vec<CameraSummary>;
 
@@ -363,7 +382,10 @@ pub trait Door: Send + Sync {
     fn readiness(&self) -> Readiness;
 
     /// The metrics in Prometheus's text format.
-    fn metrics_text(&self) -> String;
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`] for who may not see all cameras.
+    fn metrics_text(&self) -> Result<String, EngineError>;
 
     /// Counts an answered HTTP request: the route's template (never the path), its status, its duration.
     fn count_http(&self, route: &str, status: u16, duration: Duration);
@@ -378,6 +400,12 @@ impl Handle {
     #[must_use]
     pub fn new(door: Arc<dyn Door>) -> Self {
         Self(door)
+    }
+
+    /// The same for a caller with `grants`: [`Door::within`].
+    #[must_use]
+    pub fn within(&self, grants: Arc<Grants>) -> Self {
+        Self(Arc::clone(&self.0).within(grants))
     }
 
     /// A picture of a scene.

@@ -19,6 +19,7 @@ mod moments;
 mod offline;
 mod pace;
 mod past;
+mod permitted;
 mod picture;
 mod planned;
 mod playheads;
@@ -26,6 +27,7 @@ mod queue;
 mod renderer;
 mod resolve;
 mod roster;
+mod scopes;
 mod sessions;
 mod shared;
 mod sightings;
@@ -67,8 +69,8 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
-/// Events that are kept, of all cameras together: about a megabyte.
-const MAX_EVENTS: usize = 8192;
+/// Events that are kept of each camera: some 60 kB.
+const MAX_EVENTS: usize = 512;
 
 /// Time that a picture or map in hand is given when the engine stops.
 const FINISH_TIME: Duration = Duration::from_millis(300);

@@ -1,13 +1,12 @@
 //! Where the playheads of the running engine stand: their scenes' extents, and steps from frame to frame.
 
 use super::EngineError;
-use super::handle::Door;
 use super::playheads::{Change, Entry, PlayheadState, Step};
 use super::shared::{CameraEntry, Shared};
+use crate::access::Scope;
 use crate::clock::Timestamp;
 use crate::scene::Scene;
 use crate::timeline::Extent;
-use std::sync::Arc;
 
 impl Shared {
     /// What there is of a scene's time.
@@ -44,15 +43,15 @@ impl Shared {
     }
 
     /// A playhead as callers see it now.
-    pub(super) fn playhead_state(&self, entry: &Entry) -> Result<PlayheadState, EngineError> {
-        let scene = self.scene(&entry.scene)?;
+    pub(super) fn playhead_state(&self, entry: &Entry, scope: &Scope) -> Result<PlayheadState, EngineError> {
+        let scene = self.scene_within(&entry.scene, scope)?;
         Ok(entry.state(self.clock.monotonic(), self.extent(&scene)))
     }
 
     /// Where the playhead of that name stands.
-    pub(super) fn playhead_position(&self, id: &str) -> Result<Timestamp, EngineError> {
+    pub(super) fn playhead_position(&self, id: &str, scope: &Scope) -> Result<Timestamp, EngineError> {
         let entry = self.playheads.find(id)?;
-        let scene = self.scene(&entry.scene)?;
+        let scene = self.scene_within(&entry.scene, scope)?;
         Ok(entry.playhead.position(self.clock.monotonic(), self.extent(&scene)))
     }
 
@@ -61,7 +60,7 @@ impl Shared {
         &self,
         id: &str,
         change: &Change,
-        scene: Option<&str>,
+        (scene, scope): (Option<&str>, &Scope),
     ) -> Result<PlayheadState, EngineError> {
         loop {
             let known = self.playheads.find(id);
@@ -70,14 +69,14 @@ impl Shared {
                 (Err(_), Some(scene)) => Entry::new(id, scene),
                 (Err(error), None) => return Err(error.clone()),
             };
-            let of: Arc<Scene> = self.scene(change.scene.as_deref().unwrap_or(&entry.scene))?;
+            let of = self.scene_within(change.scene.as_deref().unwrap_or(&entry.scene), scope)?;
             entry.scene.clone_from(&of.id);
             let extent = self.extent(&of);
             let stepped = |from| change.step.and_then(|step| self.stepped(&of, step, from));
             entry.apply(change, self.clock.monotonic(), extent, stepped);
             // Another caller's change comes first, and this one is done again upon it.
             if self.playheads.replace(entry.clone(), known.ok().map(|entry| entry.version()))? {
-                return self.playhead_state(&entry);
+                return self.playhead_state(&entry, scope);
             }
         }
     }

@@ -423,6 +423,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: Effort::default(),
+            scope: crate::access::Scope::all(),
         }
     }
 

@@ -178,7 +178,7 @@ impl<'a> RenderThread<'a> {
         // A panic on the way costs what is known of who is who and of gains, and no more.
         let mut associations = std::mem::take(&mut self.associations);
         let remembered = associations.of(&subject.scene);
-        let mut session = subject.session.as_deref().map(|name| self.sessions.take(&request.scene, name));
+        let mut session = subject.session.as_deref().map(|name| self.sessions.take(&subject.scene, name));
         shared.refresh_forecaster();
         let drawn = self.twice_at_most(|thread| {
             thread.ensure_renderer()?;
@@ -187,7 +187,7 @@ impl<'a> RenderThread<'a> {
         });
         self.associations = associations;
         if let Some((name, session)) = subject.session.as_deref().zip(session) {
-            self.sessions.put(&request.scene, name, session);
+            self.sessions.put(&subject.scene, name, session);
         }
         let drawn = drawn?;
         let Some(mut answer) = drawn else { return Ok(None) };
@@ -467,6 +467,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: crate::plan::Effort::default(),
+            scope: crate::access::Scope::all(),
         };
         shared.queue.push(request, reply).expect("there is room");
         assert!(matches!(shared.queue.next(Duration::ZERO), Next::Picture(..)));

@@ -36,7 +36,7 @@ pub(super) const fn limits_of(settings: &RenderSettings) -> ViewLimits {
 impl Shared {
     /// What `request` means now. Blocks where an instant is asked for that memory does not hold.
     pub(super) fn resolve(&self, request: &ViewRequest) -> Result<Resolved, EngineError> {
-        let scene = self.scene(&request.scene)?;
+        let scene = self.scene_within(&request.scene, &request.scope)?;
         let instant = match request.at {
             At::Live => self.live_instant(&scene)?,
             At::Time(instant) => instant,

@@ -1,6 +1,8 @@
 //! View sessions by name: what is smoothed over scene time for each who looks.
 
 use crate::plan::ViewSession;
+use crate::scene::Scene;
+use std::sync::Arc;
 
 /// Most sessions that are kept; the one used longest ago goes first, and begins anew when it is named again.
 const MAX_SESSIONS: usize = 64;
@@ -13,21 +15,22 @@ pub(super) struct Sessions {
 
 #[derive(Debug)]
 struct Kept {
-    scene: String,
+    /// A changed scene goes on with its sessions; one with other cameras has its own.
+    scene: Arc<Scene>,
     name: String,
     session: ViewSession,
 }
 
 impl Sessions {
     /// Takes the session of that name out, to be put back when it has gone on; a new one where there is none.
-    pub(super) fn take(&mut self, scene: &str, name: &str) -> ViewSession {
-        let place = self.kept.iter().position(|kept| kept.scene == scene && kept.name == name);
+    pub(super) fn take(&mut self, scene: &Scene, name: &str) -> ViewSession {
+        let place = self.kept.iter().position(|kept| scene.replaces(&kept.scene) && kept.name == name);
         place.map_or_else(ViewSession::default, |idx| self.kept.remove(idx).session)
     }
 
-    pub(super) fn put(&mut self, scene: &str, name: &str, session: ViewSession) {
+    pub(super) fn put(&mut self, scene: &Arc<Scene>, name: &str, session: ViewSession) {
         self.kept.truncate(MAX_SESSIONS - 1);
-        self.kept.insert(0, Kept { scene: scene.to_owned(), name: name.to_owned(), session });
+        self.kept.insert(0, Kept { scene: Arc::clone(scene), name: name.to_owned(), session });
     }
 }
 
@@ -38,16 +41,18 @@ mod tests {
     #[test]
     fn the_sessions_used_last_are_kept() {
         let mut sessions = Sessions::default();
+        let plaza = crate::scene::parse("plaza", r#"{"version": 1}"#, crate::scene::no_imports).unwrap();
+        let plaza = &Arc::new(plaza.scene);
         for idx in 0..MAX_SESSIONS + 5 {
-            let session = sessions.take("plaza", &format!("wall{idx}"));
-            sessions.put("plaza", &format!("wall{idx}"), session);
-            let session = sessions.take("plaza", "operator");
-            sessions.put("plaza", "operator", session);
+            let session = sessions.take(plaza, &format!("wall{idx}"));
+            sessions.put(plaza, &format!("wall{idx}"), session);
+            let session = sessions.take(plaza, "operator");
+            sessions.put(plaza, "operator", session);
         }
         assert_eq!(sessions.kept.len(), MAX_SESSIONS);
         assert!(sessions.kept.iter().any(|kept| kept.name == "operator"));
         assert!(!sessions.kept.iter().any(|kept| kept.name == "wall0"));
-        sessions.take("plaza", "operator");
+        sessions.take(plaza, "operator");
         assert!(!sessions.kept.iter().any(|kept| kept.name == "operator"), "taken out");
     }
 }

@@ -12,8 +12,10 @@ use super::past::Past;
 use super::playheads::Playheads;
 use super::queue::RenderQueue;
 use super::roster::Roster;
+use super::scopes::Scopes;
 use super::sightings::Seen;
 use super::tuning::Tuning;
+use crate::access::Scope;
 use crate::clock::{Clock, Timestamp};
 use crate::config::{ClockSettings, RenderSettings};
 use crate::error::ErrorKind;
@@ -23,7 +25,7 @@ use crate::mapping::WorldMap;
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Observation, ReplayError, Timeline, TimelineError};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
@@ -81,6 +83,10 @@ pub(super) struct Shared {
     pub(super) playheads: Playheads,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
+    /// Every camera that is configured or part of a scene, in the order of ids.
+    pub(super) all_ids: Vec<CameraId>,
+    /// Scenes as callers may see them.
+    scopes: Scopes,
     /// The adapter's name, or why there is none.
     renderer: Mutex<Result<String, String>>,
     /// What loses the device in use, for tests.
@@ -112,6 +118,10 @@ impl Shared {
             .flat_map(|scene| scene.cameras.iter().map(|camera| (scene.id.clone(), camera.id.clone())))
             .map(|key| (key, MapState::Building))
             .collect();
+        let members = scenes.iter().flat_map(|scene| scene.cameras.iter().map(|member| &member.id));
+        let all_ids: BTreeSet<CameraId> =
+            cameras.iter().map(|camera| &camera.id).chain(members).cloned().collect();
+        let all_ids = all_ids.into_iter().collect();
         let accuracy = Arc::new(AccuracyBoard::new(Arc::clone(&clock)));
         let queue = RenderQueue::new(
             &render_settings,
@@ -132,6 +142,8 @@ impl Shared {
             store_health,
             playheads: Playheads::new(),
             maps: Mutex::new(maps),
+            all_ids,
+            scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),
             device_loss: Mutex::new(None),
             queue,
@@ -175,6 +187,14 @@ impl Shared {
     pub(super) fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
         let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
+    }
+
+    /// What `scope` allows of a scene. A scene that has cameras of which none is allowed is not there.
+    pub(super) fn scene_within(&self, id: &str, scope: &Scope) -> Result<Arc<Scene>, EngineError> {
+        let whole = self.scene(id)?;
+        let part = self.scopes.part(&whole, scope);
+        let is_hidden = part.cameras.is_empty() && !whole.cameras.is_empty();
+        if is_hidden { Err(EngineError::NoScene { id: id.to_owned() }) } else { Ok(part) }
     }
 
     fn running(&self, camera: &str) -> Result<&Roster, EngineError> {

@@ -5,7 +5,6 @@
 //! bounded; an answer that the bounds cut short says where to go on.
 
 use super::EngineError;
-use super::handle::Door;
 use super::past::Past;
 use super::shared::Shared;
 use crate::clock::Timestamp;
@@ -127,13 +126,12 @@ impl FromStr for TrackCursor {
 
 impl Shared {
     /// What moved before a scene's cameras. Blocks for the database, and for as much work as the bounds allow.
-    pub(super) fn find_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
-        let scene = self.scene(scene)?;
-        let members = members(&scene, query.cameras.as_deref())?;
+    pub(super) fn find_tracks(&self, scene: &Scene, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+        let members = members(scene, query.cameras.as_deref())?;
         let Some(past) = &self.past else { return Ok(FoundTracks::default()) };
         let mut lanes: Vec<Lane<'_>> =
             members.into_iter().map(|member| Lane::new(member, query.before.as_ref())).collect();
-        let mut search = Search::new(&scene, query);
+        let mut search = Search::new(scene, query);
         let mut last = None;
         let next = loop {
             let Some((member, record)) = newest(&mut lanes, past, query.span)? else { break None };

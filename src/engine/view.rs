@@ -2,6 +2,7 @@
 
 use super::forecaster::Expected;
 use super::handle::At;
+use crate::access::Scope;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
@@ -81,6 +82,8 @@ pub struct ViewRequest {
     pub session: Option<String>,
     /// How exactly it is drawn, or how soon it must be there.
     pub effort: Effort,
+    /// Which cameras it may show, and anything be concluded from. A caller's door sets it.
+    pub scope: Scope,
 }
 
 impl ViewRequest {
@@ -100,6 +103,7 @@ impl ViewRequest {
             colors: Colors::default(),
             session: None,
             effort,
+            scope: Scope::all(),
         }
     }
 }

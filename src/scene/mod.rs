@@ -36,6 +36,7 @@ use crate::error::{ErrorKind, Fault, join_faults};
 use crate::frame::CameraId;
 use crate::geometry::{Camera, SurfaceId, Surfaces};
 use glam::DVec3;
+use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -140,6 +141,35 @@ impl Scene {
     pub fn material(&self, surface: SurfaceId) -> Option<&Material> {
         self.surfaces.place_of(surface).and_then(|place| self.materials.get(place))
     }
+
+    /// Whether this is `before` as it is now: of the same id and with the same cameras, whatever else was changed.
+    #[must_use]
+    pub fn replaces(&self, before: &Self) -> bool {
+        let ids = |of: &Self| of.cameras.iter().map(|member| member.id.clone()).collect::<Vec<_>>();
+        self.id == before.id && ids(self) == ids(before)
+    }
+
+    /// The same with those cameras alone that `is_kept`, in the document too.
+    #[must_use]
+    pub fn with_cameras(&self, is_kept: impl Fn(&CameraId) -> bool) -> Self {
+        let mut part = self.clone();
+        part.cameras.retain(|member| is_kept(&member.id));
+        part.document = document_of(&self.document, &part.cameras);
+        part
+    }
+}
+
+/// A document with these cameras alone.
+fn document_of(document: &str, cameras: &[SceneCamera]) -> Arc<str> {
+    let is_kept = |camera: &Value| {
+        let id = camera.get("id").and_then(Value::as_str);
+        cameras.iter().any(|member| Some(member.id.as_str()) == id)
+    };
+    let mut document: Value = serde_json::from_str(document).unwrap_or_default();
+    if let Some(Value::Array(all)) = document.get_mut("cameras") {
+        all.retain(is_kept);
+    }
+    serde_json::to_string_pretty(&document).unwrap_or_default().into()
 }
 
 /// A named place to look from.

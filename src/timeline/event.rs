@@ -4,7 +4,7 @@ use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use crate::segment::PixelRect;
 use serde::Serialize;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What happened.
@@ -84,13 +84,16 @@ impl Event {
 /// An event with its number in the log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LoggedEvent {
-    /// 1 for the first since the start, and so on.
+    /// When it was told, microseconds since 1970-01-01 UTC by the machine's clock, or one more than the one before: greater
+    /// is later. A time and not a count, so that who may see some cameras alone does not learn how much happens before
+    /// others.
     pub id: u64,
     /// The event.
     pub event: Event,
 }
 
-/// The newest events of all cameras, as many as it holds; the oldest go first, and are counted.
+/// The newest events of every camera, as many of each as it holds, so that what happens before one drives out nothing of
+/// another; the oldest go first, and are counted.
 #[derive(Debug)]
 pub struct EventLog {
     log: Mutex<Log>,
@@ -99,26 +102,33 @@ pub struct EventLog {
 
 #[derive(Debug, Default)]
 struct Log {
-    events: VecDeque<LoggedEvent>,
-    n_ever: u64,
+    /// By camera, each in the order in which they came.
+    cameras: BTreeMap<CameraId, VecDeque<LoggedEvent>>,
+    last_id: u64,
+    n_gone: u64,
 }
 
 impl EventLog {
-    /// A log that holds `capacity` events.
+    /// A log that holds `capacity` events of each camera.
     #[must_use]
     pub fn new(capacity: usize) -> Self {
         Self { log: Mutex::default(), capacity: capacity.max(1) }
     }
 
-    /// Adds an event; its number.
-    pub fn push(&self, event: Event) -> u64 {
+    /// Adds an event that is told `now`; its number.
+    pub fn push(&self, event: Event, now: Timestamp) -> u64 {
         let mut log = self.lock();
-        log.n_ever += 1;
-        let id = log.n_ever;
-        if log.events.len() == self.capacity {
-            log.events.pop_front();
+        let log = &mut *log;
+        let micros = u64::try_from(now.as_nanos() / 1000).unwrap_or(0);
+        // A clock that steps back, or two events at once: still later.
+        let id = micros.max(log.last_id + 1);
+        log.last_id = id;
+        let own = log.cameras.entry(event.camera.clone()).or_default();
+        if own.len() == self.capacity {
+            own.pop_front();
+            log.n_gone += 1;
         }
-        log.events.push_back(LoggedEvent { id, event });
+        own.push_back(LoggedEvent { id, event });
         id
     }
 
@@ -126,18 +136,20 @@ impl EventLog {
     #[must_use]
     pub fn after(&self, after: u64, limit: usize, wanted: impl Fn(&Event) -> bool) -> Vec<LoggedEvent> {
         let log = self.lock();
-        let newer = log.events.iter().rev().take_while(|logged| logged.id > after);
-        let mut found: Vec<LoggedEvent> =
-            newer.filter(|logged| wanted(&logged.event)).take(limit).cloned().collect();
-        found.reverse();
+        let newer = |own: &VecDeque<LoggedEvent>| {
+            let newest = own.iter().rev().take_while(|logged| logged.id > after);
+            newest.filter(|logged| wanted(&logged.event)).take(limit).cloned().collect::<Vec<_>>()
+        };
+        let mut found: Vec<LoggedEvent> = log.cameras.values().flat_map(newer).collect();
+        found.sort_unstable_by_key(|logged| logged.id);
+        found.drain(..found.len().saturating_sub(limit));
         found
     }
 
     /// Events that were let go to make room.
     #[must_use]
     pub fn n_gone(&self) -> u64 {
-        let log = self.lock();
-        log.n_ever - log.events.len() as u64
+        self.lock().n_gone
     }
 
     fn lock(&self) -> MutexGuard<'_, Log> {
@@ -150,16 +162,20 @@ impl EventLog {
 mod tests {
     use super::*;
 
-    fn event(nanos: i64, kind: EventKind) -> Event {
-        Event::of_picture(CameraId::new("a").unwrap(), Timestamp::from_nanos(nanos), kind)
+    fn event(camera: &str, micros: i64, kind: EventKind) -> Event {
+        Event::of_picture(CameraId::new(camera).unwrap(), Timestamp::from_nanos(micros * 1000), kind)
+    }
+
+    fn told(log: &EventLog, camera: &str, micros: i64, kind: EventKind) -> u64 {
+        log.push(event(camera, micros, kind), Timestamp::from_nanos(micros * 1000))
     }
 
     #[test]
     fn the_newest_are_kept_and_the_others_counted() {
         let log = EventLog::new(3);
-        for nanos in 1..=5 {
-            let kind = if nanos % 2 == 0 { EventKind::Stopped } else { EventKind::LightChanged };
-            assert_eq!(log.push(event(nanos, kind)), nanos as u64);
+        for micros in 1..=5 {
+            let kind = if micros % 2 == 0 { EventKind::Stopped } else { EventKind::LightChanged };
+            assert_eq!(told(&log, "a", micros, kind), micros as u64);
         }
         let ids = |after, limit, kind: Option<EventKind>| {
             let found = log.after(after, limit, |event| kind.is_none_or(|kind| event.kind == kind));
@@ -171,6 +187,30 @@ mod tests {
         assert_eq!(ids(0, 10, Some(EventKind::Stopped)), [4]);
         assert_eq!(ids(9, 10, None), [0; 0]);
         assert_eq!(log.n_gone(), 2);
+    }
+
+    #[test]
+    fn a_busy_camera_neither_drives_out_nor_counts_another_s() {
+        let log = EventLog::new(3);
+        let first = told(&log, "quiet", 10, EventKind::Stopped);
+        for micros in 20..40 {
+            told(&log, "busy", micros, EventKind::Stopped);
+        }
+        let last = told(&log, "quiet", 50, EventKind::LeftBehind);
+        let quiet = log.after(0, 100, |event| event.camera.as_str() == "quiet");
+        assert_eq!(quiet.iter().map(|logged| logged.id).collect::<Vec<_>>(), [first, last]);
+        assert_eq!((first, last), (10, 50), "as if nothing else had happened");
+        let all: Vec<u64> = log.after(0, 4, |_| true).iter().map(|logged| logged.id).collect();
+        assert_eq!(all, [37, 38, 39, 50]);
+    }
+
+    #[test]
+    fn numbers_grow_though_the_clock_steps_back() {
+        let log = EventLog::new(3);
+        assert_eq!(told(&log, "a", 100, EventKind::Stopped), 100);
+        assert_eq!(told(&log, "a", 40, EventKind::Stopped), 101);
+        assert_eq!(told(&log, "b", 101, EventKind::Stopped), 102);
+        assert_eq!(told(&log, "b", -5, EventKind::Stopped), 103);
     }
 
     #[test]

@@ -381,6 +381,7 @@ async fn a_plan_is_answered_without_a_picture() {
                 "depth_maps": "on", "sources": "2",
             },
             "left_out": [],
+            "restricted": false,
             "expected_ms": 40.25,
             "expected_upper_ms": 50.5,
             "expected_error": 4.125,

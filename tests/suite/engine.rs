@@ -9,6 +9,7 @@ mod frozen;
 mod mutations;
 mod pictures;
 mod restart;
+mod rights;
 mod tracks;
 
 use crate::support::wait_for;
@@ -168,6 +169,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         colors: Colors::Even,
         session: None,
         effort: Effort::default(),
+        scope: videofields::access::Scope::all(),
     }
 }
 
@@ -235,7 +237,7 @@ fn one_camera_at_fault_leaves_the_others_working() {
         let sources: Vec<&str> = answer.sources.iter().map(|source| source.camera.as_str()).collect();
         assert_eq!(sources, ["north", "south"]);
     }
-    let text = bench.handle.metrics_text();
+    let text = bench.handle.metrics_text().unwrap();
     assert!(text.contains("camera=\"north\""), "{text}");
     bench.stop();
 }

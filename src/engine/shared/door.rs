@@ -9,11 +9,13 @@ use super::super::handle::{
     surface_name,
 };
 use super::super::past::Past;
+use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, PlayheadState};
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
+use crate::access::{Grants, Scope};
 use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;
 use crate::config::{self, FeedSettings, SegmentSettings};
@@ -29,6 +31,14 @@ use std::time::Duration;
 use tokio::sync::{oneshot, watch};
 
 impl Door for Shared {
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door> {
+        if grants.is_everything() { self } else { Arc::new(Permitted::new(self, grants)) }
+    }
+
+    fn leaves_out(&self, _scene: &str, _at: At) -> bool {
+        false
+    }
+
     fn cameras(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
         let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
@@ -204,12 +214,7 @@ impl Door for Shared {
     }
 
     fn scenes(&self) -> Vec<SceneSummary> {
-        let summary = |scene: &Arc<Scene>| SceneSummary {
-            id: scene.id.clone(),
-            name: scene.name.clone(),
-            cameras: scene.cameras.iter().map(|member| member.id.clone()).collect(),
-        };
-        self.scenes.iter().map(summary).collect()
+        self.scenes.iter().map(|scene| SceneSummary::of(scene)).collect()
     }
 
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
@@ -235,39 +240,43 @@ impl Door for Shared {
         span: (Timestamp, Timestamp),
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError> {
-        self.chronicle(scene, span, minutes_each)
+        self.chronicle(&*self.scene(scene)?, span, minutes_each)
     }
 
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
-        self.find_tracks(scene, query)
+        self.find_tracks(&*self.scene(scene)?, query)
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
-        self.align_scene(scene)
+        self.align_scene(&*self.scene(scene)?)
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {
         // One whose scene is gone is not told of.
-        self.playheads.all().iter().filter_map(|entry| self.playhead_state(entry).ok()).collect()
+        self.playheads
+            .all()
+            .iter()
+            .filter_map(|entry| self.playhead_state(entry, &Scope::all()).ok())
+            .collect()
     }
 
     fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
-        self.playhead_state(&self.playheads.find(id)?)
+        self.playhead_state(&self.playheads.find(id)?, &Scope::all())
     }
 
     fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
-        self.playhead_position(id)
+        self.playhead_position(id, &Scope::all())
     }
 
     fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
         let change = Change::read(change)?;
         let first = self.scenes.first().map(|scene| scene.id.clone());
         let scene = change.scene.clone().or(first).unwrap_or_default();
-        self.change_playhead_of(id, &change, Some(&scene))
+        self.change_playhead_of(id, &change, (Some(&scene), &Scope::all()))
     }
 
     fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
-        self.change_playhead_of(id, &Change::read(change)?, None)
+        self.change_playhead_of(id, &Change::read(change)?, (None, &Scope::all()))
     }
 
     fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
@@ -279,7 +288,7 @@ impl Door for Shared {
     }
 
     fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
-        self.asked_export(body)
+        self.asked_export(body, &Grants::everything())
     }
 
     fn exports(&self) -> Vec<ExportStatus> {
@@ -316,7 +325,7 @@ impl Door for Shared {
         }
     }
 
-    fn metrics_text(&self) -> String {
+    fn metrics_text(&self) -> Result<String, EngineError> {
         for camera in &self.cameras {
             let id = camera.id.as_str();
             if let Some(at) = camera.status.read().last_frame_at {
@@ -330,7 +339,7 @@ impl Door for Shared {
             let age = self.clock.monotonic().saturating_sub(at);
             self.metrics.store_checkpoint_age.set(age.as_secs_f64());
         }
-        self.metrics.encode()
+        Ok(self.metrics.encode())
     }
 
     fn count_http(&self, route: &str, status: u16, duration: Duration) {

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
+use videofields::access::Grants;
 use videofields::archive::{ExportFile, ExportState, ExportStatus};
 use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
@@ -47,6 +48,8 @@ pub(super) struct State {
     pub(super) is_unready: bool,
     /// How often costs were asked for anew.
     pub(super) n_refreshed: u32,
+    /// Whose door was asked for last.
+    pub(super) grants: Option<Arc<Grants>>,
     /// What was asked last.
     pub(super) view: Option<ViewRequest>,
     pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
@@ -112,6 +115,15 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
 }
 
 impl Door for FakeDoor {
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door> {
+        self.0.lock().unwrap().grants = Some(grants);
+        self
+    }
+
+    fn leaves_out(&self, _scene: &str, _at: At) -> bool {
+        self.0.lock().unwrap().grants.as_ref().is_some_and(|grants| !grants.is_everything())
+    }
+
     fn cameras(&self) -> Vec<CameraSummary> {
         vec![summary("north", "live", None), summary("south", "failed", Some("no such file"))]
     }
@@ -324,10 +336,10 @@ impl Door for FakeDoor {
     ) -> Result<Vec<LoggedEvent>, EngineError> {
         camera.map_or(Ok(()), Self::has_camera)?;
         let log = EventLog::new(8);
-        log.push(Event::of_picture(id("north"), FIRST, EventKind::LightChanged));
+        log.push(Event::of_picture(id("north"), FIRST, EventKind::LightChanged), Timestamp::from_nanos(0));
         let rect = Some(PixelRect { x: 3, y: 4, width: 5, height: 6 });
         let stopped = Event::of_picture(id("south"), LAST, EventKind::Stopped);
-        log.push(Event { rect, track: Some(7), since: FIRST, ..stopped });
+        log.push(Event { rect, track: Some(7), since: FIRST, ..stopped }, Timestamp::from_nanos(0));
         Ok(log.after(after, limit, |event| camera.is_none_or(|camera| event.camera.as_str() == camera)))
     }
 
@@ -465,8 +477,9 @@ impl Door for FakeDoor {
         Readiness { ready, store: true, renderer: "llvmpipe".into(), cameras_with_frames: [1, 2] }
     }
 
-    fn metrics_text(&self) -> String {
-        "# TYPE videofields_up gauge\nvideofields_up 1\n".to_owned()
+    fn metrics_text(&self) -> Result<String, EngineError> {
+        self.failure()?;
+        Ok("# TYPE videofields_up gauge\nvideofields_up 1\n".to_owned())
     }
 
     fn count_http(&self, route: &str, status: u16, duration: Duration) {

@@ -51,9 +51,9 @@ fn a_scene_is_made_ready_before_anybody_asks() {
     for id in ["north", "south"] {
         bench.wait_for_state(id, "ended");
     }
-    let is_ready = || bench.handle.metrics_text().contains("videofields_render_warm_ups_total 1");
+    let is_ready = || bench.handle.metrics_text().unwrap().contains("videofields_render_warm_ups_total 1");
     super::wait_for("the scene to be ready", || is_ready().then_some(()));
-    let text = bench.handle.metrics_text();
+    let text = bench.handle.metrics_text().unwrap();
     assert!(text.contains("videofields_render_picture_seconds_count 0"), "nobody asked: {text}");
     let warm_ms = expected_ms(&bench);
     assert!(warm_ms < cold_ms, "{warm_ms} ms after making ready, {cold_ms} before");
@@ -132,7 +132,7 @@ fn a_deadline_is_met_told_and_refused_with_the_least_that_is_possible() {
         }
         other => panic!("{other}"),
     }
-    let text = bench.handle.metrics_text();
+    let text = bench.handle.metrics_text().unwrap();
     assert!(text.contains("videofields_render_expected_ratio_count"), "{text}");
     bench.stop();
 }

@@ -45,7 +45,7 @@ fn answered(bench: &Bench, asked: Asked) -> Result<ViewAnswer, EngineError> {
 
 /// A counter's value.
 fn counted(bench: &Bench, name: &str) -> u64 {
-    let text = bench.handle.metrics_text();
+    let text = bench.handle.metrics_text().unwrap();
     let line = text.lines().find_map(|line| line.strip_prefix(&format!("videofields_{name} ")));
     line.unwrap_or_else(|| panic!("no {name} in\n{text}")).parse().unwrap()
 }

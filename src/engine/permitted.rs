@@ -1,0 +1,367 @@
+//! The door for a caller with some rights: the engine's answers from the cameras alone that the caller may see.
+//!
+//! A camera of which the caller has no right is not there: it is answered as one that does not exist, and is part of no
+//! scene. Of one that the caller knows but may not do this with, it is said that it is forbidden. Scenes are asked for with
+//! a scope ([`super::scopes`]), so that nothing which is forbidden reaches what is computed.
+
+use super::EngineError;
+use super::accuracy::AccuracyStatus;
+use super::alignment::SceneAlignment;
+use super::chronicle::SceneTimeline;
+use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary};
+use super::planned::PlannedView;
+use super::playheads::{Change, PlayheadState};
+use super::shared::{CameraEntry, Shared};
+use super::track_search::{FoundTracks, TrackQuery};
+use super::view::{ViewAnswer, ViewRequest};
+use crate::access::{Grants, Right, Role, Scope};
+use crate::archive::{ExportFile, ExportStatus};
+use crate::clock::Timestamp;
+use crate::config::{FeedSettings, SegmentSettings};
+use crate::frame::CameraId;
+use crate::scene::Scene;
+use crate::timeline::{Event, LoggedEvent, Observation};
+use glam::DVec2;
+use std::fs::File;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{oneshot, watch};
+
+/// How far back from a camera's newest frame "now" reaches: a wall asks for instants just past.
+const NOW_NANOS: i64 = 10_000_000_000;
+
+/// The engine as a caller may see it.
+pub(super) struct Permitted {
+    shared: Arc<Shared>,
+    grants: Arc<Grants>,
+}
+
+impl Shared {
+    /// A camera of which `grants` have `right`; one that they know nothing of is not there.
+    pub(super) fn allowed(
+        &self,
+        grants: &Grants,
+        camera: &str,
+        right: Right,
+    ) -> Result<&CameraEntry, EngineError> {
+        let entry = self.camera(camera)?;
+        match grants.has(camera, right) {
+            true => Ok(entry),
+            false if grants.knows(camera) => {
+                Err(EngineError::Forbidden(format!("of camera {camera} you have no right to {right}")))
+            }
+            false => Err(EngineError::NoCamera { id: camera.to_owned() }),
+        }
+    }
+
+    /// The cameras that `grants` know of.
+    pub(super) fn known_scope(&self, grants: &Grants) -> Scope {
+        grants.scope(self.all_ids.iter(), |id| grants.knows(id.as_str()))
+    }
+
+    /// Whether `instant` is as good as now for a camera: of one that has shown nothing, any is.
+    fn is_now(&self, camera: &str, instant: Timestamp) -> bool {
+        let newest = self.camera(camera).ok().and_then(|entry| entry.timeline.range());
+        newest.is_none_or(|(_, last)| last.nanos_since(instant) <= NOW_NANOS)
+    }
+
+    /// Whether `grants` may see what a camera saw at a time.
+    fn may_see(&self, grants: &Grants, camera: &str, at: At) -> bool {
+        let is_live = |at| match at {
+            At::Live => true,
+            At::Time(instant) => self.is_now(camera, instant),
+        };
+        match at {
+            At::Live => grants.has(camera, Right::Live),
+            At::Time(_) => {
+                grants.has(camera, Right::History) || (grants.has(camera, Right::Live) && is_live(at))
+            }
+        }
+    }
+}
+
+impl Permitted {
+    pub(super) const fn new(shared: Arc<Shared>, grants: Arc<Grants>) -> Self {
+        Self { shared, grants }
+    }
+
+    fn known(&self) -> Scope {
+        self.shared.known_scope(&self.grants)
+    }
+
+    /// The cameras of which the caller has `right`.
+    fn having(&self, right: Right) -> Scope {
+        self.grants.scope(self.shared.all_ids.iter(), |id| self.grants.has(id.as_str(), right))
+    }
+
+    /// The cameras that the caller may see at a time.
+    fn seeing(&self, at: At) -> Scope {
+        let grants = &self.grants;
+        grants.scope(self.shared.all_ids.iter(), |id| self.shared.may_see(grants, id.as_str(), at))
+    }
+
+    fn check(&self, camera: &str, right: Right) -> Result<(), EngineError> {
+        self.shared.allowed(&self.grants, camera, right).map(|_| ())
+    }
+
+    /// Whether the caller may see what a camera saw at a time.
+    fn check_time(&self, camera: &str, at: At) -> Result<(), EngineError> {
+        if self.shared.may_see(&self.grants, camera, at) {
+            return Ok(());
+        }
+        let right = if at == At::Live { Right::Live } else { Right::History };
+        self.check(camera, right)
+    }
+
+    fn check_role(&self, least: Role, what: &str) -> Result<(), EngineError> {
+        if self.grants.role() >= least {
+            return Ok(());
+        }
+        Err(EngineError::Forbidden(format!("{what} is for {} and above", least.as_str())))
+    }
+
+    fn check_change(&self, camera: &str) -> Result<(), EngineError> {
+        self.check(camera, Right::Manage)?;
+        self.check_role(Role::Operator, "changing a camera")
+    }
+
+    fn sees_event(&self, event: &Event) -> bool {
+        self.shared.may_see(&self.grants, event.camera.as_str(), At::Time(event.time))
+    }
+
+    /// Whether all of an export's cameras may be exported.
+    fn sees_export(&self, export: &ExportStatus) -> bool {
+        export.cameras.iter().all(|camera| self.grants.has(camera, Right::Export))
+    }
+
+    fn export(&self, id: &str) -> Result<(), EngineError> {
+        let found = self.shared.exports().into_iter().find(|export| export.id == id);
+        let is_seen = found.is_some_and(|export| self.sees_export(&export));
+        is_seen.then_some(()).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })
+    }
+}
+
+impl Door for Permitted {
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door> {
+        // Rights are of callers, not of doors: another caller's are not cut down to this one's.
+        Arc::clone(&self.shared).within(grants)
+    }
+
+    fn leaves_out(&self, scene: &str, at: At) -> bool {
+        let right = if at == At::Live { Right::Live } else { Right::History };
+        let whole = self.shared.scene(scene);
+        whole.is_ok_and(|whole| whole.cameras.iter().any(|of| !self.grants.has(of.id.as_str(), right)))
+    }
+
+    fn cameras(&self) -> Vec<CameraSummary> {
+        let is_known = |camera: &CameraSummary| self.grants.knows(camera.id.as_str());
+        let known = self.known();
+        let is_there = |scene: &String| self.shared.scene_within(scene, &known).is_ok();
+        let mut cameras: Vec<_> = self.shared.cameras().into_iter().filter(is_known).collect();
+        cameras.iter_mut().for_each(|camera| camera.scenes.retain(is_there));
+        cameras
+    }
+
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
+        self.check_time(camera, at)?;
+        let seen = self.shared.observation(camera, at)?;
+        // The nearest frame to a time that is allowed may be one that is not.
+        self.check_time(camera, if at == At::Live { at } else { At::Time(seen.frame.timestamp) })?;
+        Ok(seen)
+    }
+
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError> {
+        self.check_time(camera, At::Time(at))?;
+        let seen = self.shared.preview(camera, at, reach)?;
+        self.check_time(camera, At::Time(seen.timestamp))?;
+        Ok(seen)
+    }
+
+    fn events(
+        &self,
+        camera: Option<&str>,
+        after: u64,
+        limit: usize,
+    ) -> Result<Vec<LoggedEvent>, EngineError> {
+        if let Some(camera) = camera {
+            self.check(camera, Right::Live)?;
+        }
+        let is_asked = |of: &CameraId| camera.is_none_or(|camera| of.as_str() == camera);
+        let is_seen = |event: &Event| is_asked(&event.camera) && self.sees_event(event);
+        Ok(self.shared.events.after(after, limit, is_seen))
+    }
+
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError> {
+        self.check(camera, Right::Manage)?;
+        self.shared.segment_settings(camera)
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        self.check_change(camera)?;
+        self.shared.change_segment(camera, change)
+    }
+
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError> {
+        self.check(camera, Right::Manage)?;
+        self.shared.feed(camera)
+    }
+
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.check_change(camera)?;
+        self.shared.change_feed(camera, change)
+    }
+
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
+        self.check_change(camera)?;
+        self.shared.accept_place(camera)
+    }
+
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError> {
+        if !self.grants.knows(camera) {
+            return Err(EngineError::NoCamera { id: camera.to_owned() });
+        }
+        if let Some(scene) = scene {
+            self.shared.scene_within(scene, &self.known())?;
+        }
+        self.shared.locate(camera, texture, scene, method)
+    }
+
+    fn scenes(&self) -> Vec<SceneSummary> {
+        let known = self.known();
+        let seen =
+            self.shared.scenes.iter().filter_map(|scene| self.shared.scene_within(&scene.id, &known).ok());
+        seen.map(|scene| SceneSummary::of(&scene)).collect()
+    }
+
+    fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
+        self.shared.scene_within(id, &self.known())
+    }
+
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError> {
+        let scope = self.seeing(request.at);
+        self.shared.view(ViewRequest { scope, ..request }, reply)
+    }
+
+    fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
+        let scope = self.seeing(request.at);
+        self.shared.plan(&ViewRequest { scope, ..request.clone() })
+    }
+
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError> {
+        let scene = self.shared.scene_within(scene, &self.having(Right::History))?;
+        self.shared.chronicle(&scene, span, minutes_each)
+    }
+
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+        let scene = self.shared.scene_within(scene, &self.having(Right::History))?;
+        self.shared.find_tracks(&scene, query)
+    }
+
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
+        let scene = self.shared.scene_within(scene, &self.having(Right::Manage))?;
+        self.shared.align_scene(&scene)
+    }
+
+    fn playheads(&self) -> Vec<PlayheadState> {
+        let known = self.known();
+        let state = |entry| self.shared.playhead_state(&entry, &known).ok();
+        self.shared.playheads.all().into_iter().filter_map(state).collect()
+    }
+
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
+        self.shared.playhead_state(&self.shared.playheads.find(id)?, &self.known())
+    }
+
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
+        self.shared.playhead_position(id, &self.known())
+    }
+
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        self.check_role(Role::Operator, "moving a playhead")?;
+        let change = Change::read(change)?;
+        let first = self.scenes().into_iter().next().map(|scene| scene.id);
+        let scene = change.scene.clone().or(first).unwrap_or_default();
+        self.shared.change_playhead_of(id, &change, (Some(&scene), &self.known()))
+    }
+
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
+        self.check_role(Role::Operator, "moving a playhead")?;
+        self.shared.change_playhead_of(id, &Change::read(change)?, (None, &self.known()))
+    }
+
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
+        self.playhead(id)?;
+        self.check_role(Role::Operator, "removing a playhead")?;
+        self.shared.remove_playhead(id)
+    }
+
+    fn watch_playheads(&self) -> watch::Receiver<u64> {
+        self.shared.watch_playheads()
+    }
+
+    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+        self.check_role(Role::Operator, "asking for an export")?;
+        self.shared.asked_export(body, &self.grants)
+    }
+
+    fn exports(&self) -> Vec<ExportStatus> {
+        self.shared.exports().into_iter().filter(|export| self.sees_export(export)).collect()
+    }
+
+    fn remove_export(&self, id: &str) -> Result<(), EngineError> {
+        self.export(id)?;
+        self.check_role(Role::Operator, "removing an export")?;
+        self.shared.remove_export(id)
+    }
+
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
+        self.export(id)?;
+        self.shared.export_file(id, file)
+    }
+
+    fn accuracy(&self) -> AccuracyStatus {
+        Door::accuracy(&*self.shared)
+    }
+
+    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "measuring costs anew")?;
+        self.shared.refresh_accuracy()
+    }
+
+    fn readiness(&self) -> Readiness {
+        let cameras = self.shared.cameras.iter().filter(|camera| self.grants.knows(camera.id.as_str()));
+        let (n, n_with) = cameras
+            .fold((0, 0), |(n, with), camera| (n + 1, with + usize::from(camera.timeline.range().is_some())));
+        Readiness { cameras_with_frames: [n_with, n], ..self.shared.readiness() }
+    }
+
+    fn metrics_text(&self) -> Result<String, EngineError> {
+        if self.grants.has_everywhere(Right::Live) {
+            return self.shared.metrics_text();
+        }
+        Err(EngineError::Forbidden("metrics are of all cameras, and you may not see them all".to_owned()))
+    }
+
+    fn count_http(&self, route: &str, status: u16, duration: Duration) {
+        self.shared.count_http(route, status, duration);
+    }
+}

@@ -1,0 +1,251 @@
+//! What a caller with some rights is told: nothing of a forbidden camera, and nothing that follows from one.
+
+use super::{Bench, FRAME_NANOS, SCENE, SIZE, at, camera, has_adapter, picture, pictures, request};
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+use tempfile::TempDir;
+use videofields::access::{Grants, Right, Rights, Role};
+use videofields::clock::Timestamp;
+use videofields::config::{End, Settings};
+use videofields::engine::{
+    At, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
+};
+use videofields::error::ErrorKind;
+use videofields::frame::CameraId;
+use videofields::plan::{Colors, EntityStyle};
+
+/// The same floor without anybody.
+fn empty(folder: &Path, name: &str, numbers: std::ops::Range<u32>) -> PathBuf {
+    let folder = folder.join(name);
+    std::fs::create_dir_all(&folder).unwrap();
+    for number in numbers {
+        let mut picture = picture(number);
+        for (x, y) in (0..SIZE.0).flat_map(|x| (0..SIZE.1).map(move |y| (x, y))) {
+            let luma = picture.get_pixel(x, y).0[0];
+            picture.put_pixel(x, y, image::Luma([if luma > 200 { 97 } else { luma }]));
+        }
+        picture.save(folder.join(format!("in{number:04}.png"))).unwrap();
+    }
+    folder.join("in%04d.png")
+}
+
+fn grants(role: Role, everywhere: &[Right], cameras: &[(&str, &[Right])]) -> Arc<Grants> {
+    let of = |(id, rights): &(&str, &[Right])| (CameraId::new(id).unwrap(), Rights::from(rights.to_vec()));
+    let cameras: BTreeMap<_, _> = cameras.iter().map(of).collect();
+    Arc::new(Grants::new(role, Rights::from(everywhere.to_vec()), cameras))
+}
+
+/// A daemon that has seen twenty frames of both cameras, `south` with somebody or without.
+fn seen(folder: &Path, south_sees_somebody: PathBuf) -> Bench {
+    let cameras = [
+        camera("north", pictures(folder, "north", 0..20), End::Stop),
+        camera("south", south_sees_somebody, End::Stop),
+    ];
+    let settings = Settings { camera: cameras.to_vec(), ..Settings::default() };
+    let bench = Bench::start(folder, settings, &[("yard", SCENE)]);
+    for id in ["north", "south"] {
+        bench.wait_for_state(id, "ended");
+    }
+    bench
+}
+
+/// Times that the clock tells, and not what was seen.
+fn timeless(text: &str) -> String {
+    let mut value: serde_json::Value = serde_json::from_str(text).unwrap();
+    fn strip(value: &mut serde_json::Value) {
+        match value {
+            serde_json::Value::Object(members) => {
+                members.retain(|name, _| {
+                    !["since", "age_secs", "expected_ms", "expected_upper_ms"].contains(&name.as_str())
+                });
+                members.values_mut().for_each(strip);
+            }
+            serde_json::Value::Array(values) => values.iter_mut().for_each(strip),
+            _ => {}
+        }
+    }
+    strip(&mut value);
+    value.to_string()
+}
+
+/// Everything that a caller is told, in words, a line a question; pictures as their bytes.
+fn told(bench: &Bench, handle: &Handle) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut tell = |what: &str, answer: String| lines.push(format!("{what}: {answer}"));
+    tell("cameras", timeless(&serde_json::to_string(&handle.cameras()).unwrap()));
+    tell("scenes", serde_json::to_string(&handle.scenes()).unwrap());
+    for scene in ["yard", "nowhere"] {
+        tell("scene", format!("{:?}", handle.scene(scene).map(|scene| scene.document.to_string())));
+        let span = (Timestamp::from_nanos(0), Timestamp::from_nanos(FRAME_NANOS * 1000));
+        let timeline = handle.scene_timeline(scene, span, 1).map(|found| {
+            let events: Vec<_> = found.events.into_iter().map(|logged| logged.event).collect();
+            format!("{:?} {events:?}", found.cameras)
+        });
+        tell("timeline", format!("{timeline:?}"));
+        let query = TrackQuery { span, cameras: None, region: None, before: None, limit: 100 };
+        tell("tracks", format!("{:?}", handle.search_tracks(scene, &query)));
+        let asked = TrackQuery { cameras: Some(vec![CameraId::new("south").unwrap()]), ..query.clone() };
+        tell("tracks of south", format!("{:?}", handle.search_tracks(scene, &asked)));
+        tell("alignment", format!("{:?}", handle.alignment(scene)));
+        tell(
+            "left out",
+            format!("{} {}", handle.leaves_out(scene, At::Live), handle.leaves_out(scene, at(0))),
+        );
+    }
+    for camera in ["north", "south", "nobody"] {
+        for time in [At::Live, at(FRAME_NANOS * 5), at(FRAME_NANOS * 19)] {
+            let seen = handle.observation(camera, time).map(|seen| {
+                (seen.frame.number, seen.frame.image.to_rgb().data, seen.labels.data.clone(), seen.blobs)
+            });
+            tell("observation", format!("{seen:?}"));
+        }
+        let preview = handle.preview(camera, Timestamp::from_nanos(FRAME_NANOS * 7), Duration::from_secs(1));
+        tell("preview", format!("{:?}", preview.map(|found| (found.timestamp, found.image.to_rgb().data))));
+        let events = handle.events(Some(camera), 0, 100);
+        tell(
+            "events",
+            format!("{:?}", events.map(|all| all.into_iter().map(|e| e.event).collect::<Vec<_>>())),
+        );
+        for method in [LocateMethod::Ray, LocateMethod::Map] {
+            for scene in [None, Some("yard"), Some("nowhere")] {
+                let found = handle.locate(camera, glam::DVec2::new(0.5, 0.6), scene, method);
+                tell("locate", format!("{found:?}"));
+            }
+        }
+        tell("segment", format!("{:?}", handle.segment_settings(camera)));
+        tell("change segment", format!("{:?}", handle.change_segment(camera, json!({"delta": 0.2}))));
+        tell("feed", format!("{:?}", handle.feed(camera)));
+        let off = json!({"enabled": true});
+        tell("change feed", format!("{:?}", handle.change_feed(camera, &off)));
+        tell("place", format!("{:?}", handle.accept_place(camera)));
+        let export =
+            json!({"cameras": [camera], "from": "1970-01-01T00:00:00Z", "to": "1970-01-01T00:00:02Z"});
+        tell("export", format!("{:?}", handle.ask_export(export)));
+    }
+    let events = handle.events(None, 0, 100).unwrap();
+    tell("all events", format!("{:?}", events.into_iter().map(|e| e.event).collect::<Vec<_>>()));
+    tell(
+        "playhead",
+        format!("{:?}", handle.put_playhead("wall", json!({"at": "1970-01-01T00:00:01Z", "paused": true}))),
+    );
+    tell("playheads", serde_json::to_string(&handle.playheads()).unwrap());
+    tell("readiness", serde_json::to_string(&handle.readiness()).unwrap());
+    tell("metrics", format!("{:?}", handle.metrics_text().map(|_| ())));
+    for asked in views() {
+        let answer = bench.runtime.block_on(handle.view(asked.clone())).map(|answer| {
+            let plan = format!("{:?}", answer.plan);
+            (answer.image.data.clone(), answer.instant, answer.view, answer.sources, answer.gaps, plan)
+        });
+        tell("view", format!("{asked:?} {answer:?}"));
+        let plan = handle.plan(&asked).map(|plan| PlannedView { expected: None, ..plan });
+        tell("plan", format!("{plan:?}"));
+    }
+    lines
+}
+
+/// Views of all kinds, from where both cameras would show somebody.
+fn views() -> Vec<ViewRequest> {
+    let mut views = Vec::new();
+    for time in [At::Live, at(FRAME_NANOS * 12), at(FRAME_NANOS * 19)] {
+        for style in [EntityStyle::Billboards, EntityStyle::Points, EntityStyle::None] {
+            for colors in [Colors::Even, Colors::Raw] {
+                views.push(ViewRequest {
+                    style,
+                    colors,
+                    width_px: 80,
+                    height_px: 60,
+                    ..request("yard", time)
+                });
+            }
+        }
+        views.push(ViewRequest { session: Some("wall".to_owned()), ..request("yard", time) });
+        let kind = ViewKind::Map { across_m: None, heading_rad: 0.0 };
+        views.push(ViewRequest { kind, eye: None, target: None, ..request("yard", time) });
+    }
+    views
+}
+
+#[test]
+fn nothing_that_a_forbidden_camera_sees_reaches_a_caller() {
+    if !has_adapter() {
+        return;
+    }
+    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+    let somebody = seen(folders[0].path(), pictures(folders[0].path(), "south", 0..20));
+    let nobody = seen(folders[1].path(), empty(folders[1].path(), "south", 0..20));
+    let both = [&somebody, &nobody];
+    // Others look first, so that what they leave behind would show.
+    let all = both.map(|bench| told(bench, &bench.handle));
+    let n_unlike = all[0].iter().zip(&all[1]).filter(|(a, b)| a != b).count();
+    assert!(n_unlike > 20, "{n_unlike} answers tell whether somebody is there");
+    for (role, rights) in [
+        (Role::Viewer, &[Right::Live, Right::History][..]),
+        (Role::Operator, &Right::ALL[..]),
+        (Role::Viewer, &[Right::History]),
+    ] {
+        let grants = grants(role, &[], &[("north", rights)]);
+        let [with, without] = both.map(|bench| told(bench, &bench.handle.within(Arc::clone(&grants))));
+        // The cameras' files lie in two folders.
+        let [with_in, without_in] = folders.each_ref().map(|folder| folder.path().to_str().unwrap());
+        let without = without.iter().map(|line| line.replace(without_in, with_in)).collect();
+        let answers = [with, without];
+        for (with, without) in answers[0].iter().zip(&answers[1]) {
+            let at =
+                with.bytes().zip(without.bytes()).position(|(a, b)| a != b).unwrap_or(0).saturating_sub(200);
+            let part = |of: &str| of.chars().skip(at).take(600).collect::<String>();
+            assert!(with == without, "{role:?} is told\n{}\nor\n{}", part(with), part(without));
+            // But for what the caller asked for by that name, and the error that says that there is none.
+            let echoes =
+                ["NoCamera { id: \"south\" }", "unknown camera of the scene `south`", "tracks of south"];
+            let said = echoes.iter().fold(with.clone(), |said, echo| said.replace(echo, ""));
+            let is_named = said.contains("south");
+            assert!(!is_named, "{role:?} learns of the camera: {with:.2000}");
+        }
+        assert!(answers[0].iter().any(|line| line.starts_with("view") && line.contains("Ok(")), "{role:?}");
+    }
+}
+
+#[test]
+fn rights_are_of_a_time_and_of_a_camera() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path(), pictures(folder.path(), "south", 0..20));
+    let early = at(0);
+    let kind = |found: Result<(), EngineError>| found.err().map(|error| error.kind());
+    let look = |handle: &Handle, camera: &str, time| kind(handle.observation(camera, time).map(|_| ()));
+    let live = bench.handle.within(grants(Role::Viewer, &[], &[("north", &[Right::Live])]));
+    assert_eq!(look(&live, "north", At::Live), None);
+    // Two seconds of frames: all of it is as good as now.
+    assert_eq!(look(&live, "north", early), None);
+    let long_ago = At::Time(Timestamp::from_nanos(-20_000_000_000));
+    assert_eq!(look(&live, "north", long_ago), Some(ErrorKind::Forbidden));
+    assert_eq!(look(&live, "south", At::Live), Some(ErrorKind::NotFound));
+    let history = bench.handle.within(grants(Role::Viewer, &[], &[("north", &[Right::History])]));
+    assert_eq!(look(&history, "north", At::Live), Some(ErrorKind::Forbidden));
+    assert_eq!(look(&history, "north", early), None);
+
+    let manage = json!({"delta": 0.1});
+    let change =
+        |handle: &Handle, camera: &str| kind(handle.change_segment(camera, manage.clone()).map(|_| ()));
+    assert_eq!(change(&live, "north"), Some(ErrorKind::Forbidden));
+    let viewer = bench.handle.within(grants(Role::Viewer, &[Right::Manage], &[]));
+    assert_eq!(change(&viewer, "north"), Some(ErrorKind::Forbidden), "a viewer changes nothing");
+    let operator = bench.handle.within(grants(Role::Operator, &[], &[("north", &[Right::Manage])]));
+    assert_eq!(change(&operator, "north"), None);
+    assert_eq!(change(&operator, "south"), Some(ErrorKind::NotFound));
+
+    let everywhere = bench.handle.within(grants(Role::Viewer, &[Right::Live], &[]));
+    assert_eq!(everywhere.cameras().len(), 2);
+    assert!(everywhere.metrics_text().is_ok());
+    assert_eq!(kind(live.metrics_text().map(|_| ())), Some(ErrorKind::Forbidden));
+    assert!(live.leaves_out("yard", At::Live) && !everywhere.leaves_out("yard", At::Live));
+    assert!(everywhere.leaves_out("yard", early), "without the right to history");
+    let nothing = bench.handle.within(Arc::new(Grants::nothing()));
+    assert!(nothing.cameras().is_empty() && nothing.scenes().is_empty());
+    assert_eq!(kind(nothing.scene("yard").map(|_| ())), Some(ErrorKind::NotFound));
+    assert_eq!(nothing.readiness().cameras_with_frames, [0, 0]);
+    assert_eq!(kind(viewer.put_playhead("a", json!({})).map(|_| ())), Some(ErrorKind::Forbidden));
+    assert_eq!(kind(operator.put_playhead("a", json!({})).map(|_| ())), None);
+}
