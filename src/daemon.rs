@@ -3,6 +3,7 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
+use crate::accounts::Accounts;
 use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
 use crate::api;
 use crate::archive::Archive;
@@ -15,7 +16,7 @@ use crate::store::Store;
 use crate::telemetry::Metrics;
 use anyhow::{Context, Result};
 use std::net::SocketAddr;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::Handle as Runtime;
@@ -23,6 +24,9 @@ use tokio::signal::unix::{SignalKind, signal};
 
 /// The world on which the machine's costs are measured.
 const MEASURED_WORLD: &str = "plaza";
+
+/// How often users and tokens are read again: what another process revoked holds after a minute at the latest.
+const ACCOUNTS_PERIOD: Duration = Duration::from_secs(20);
 
 /// Time that a step of measuring in hand is given when the daemon stops.
 const FINISH_TIME: Duration = Duration::from_millis(100);
@@ -61,6 +65,10 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         _some = terminate.recv() => return Ok(()),
         _some = interrupt.recv() => return Ok(()),
     };
+    // Nobody is let in where it is not known who may come in.
+    let accounts =
+        Accounts::open(store.clone(), Arc::clone(&clock)).await.context("cannot read the users")?;
+    let accounts = Arc::new(accounts);
     let metrics = Arc::new(Metrics::new());
     warn_of_unknown_cameras(config, &scenes);
     let archive = start_archive(config, &store, &metrics, &clock).await?;
@@ -83,8 +91,11 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
-    let router = api::router(engine.handle(), Arc::clone(&clock), &settings.server.hosts);
+    let router =
+        api::router(engine.handle(), Arc::clone(&accounts), Arc::clone(&clock), &settings.server.hosts);
+    let following = tokio::spawn(follow_accounts(Arc::downgrade(&accounts)));
     api::serve(listener, router, stopped).await;
+    following.abort();
     // Joining threads blocks; nothing else is left to do for this one.
     tokio::task::block_in_place(|| {
         keeper.stop(&*clock, FINISH_TIME);
@@ -97,6 +108,18 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     store.close_within(CLOSE_TIME).await?;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// Learns what another process, such as `videofields user`, changed of users and tokens.
+async fn follow_accounts(accounts: Weak<Accounts>) {
+    // Until the daemon lets go of them.
+    while let Some(accounts) = accounts.upgrade() {
+        if let Err(error) = accounts.reload().await {
+            tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
+        }
+        drop(accounts);
+        tokio::time::sleep(ACCOUNTS_PERIOD).await;
+    }
 }
 
 /// The recordings, where the configuration names a folder for them.

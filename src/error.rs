@@ -19,8 +19,16 @@ pub enum ErrorKind {
     Invalid,
     /// What was asked for does not exist (a camera, a scene, a frame at that time).
     NotFound,
+    /// It is not known who the caller is: a log-in or token is needed.
+    Unauthenticated,
     /// The caller may not do that.
     Forbidden,
+    /// What was to be changed is another than the caller knew: look again, then ask again.
+    Changed,
+    /// It does not go with what there is; something else must be changed first.
+    Conflict,
+    /// The caller tried too often; trying later may succeed.
+    Throttled,
     /// Something is asked for that this build, machine or codec set cannot do.
     Unsupported,
     /// A documented limit would be passed; ask for less.

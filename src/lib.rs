@@ -36,6 +36,8 @@ pub mod media;
 
 pub mod store;
 
+pub mod accounts;
+
 pub mod gpu;
 
 pub mod mapping;

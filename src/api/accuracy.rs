@@ -2,22 +2,23 @@
 
 use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::tune::refuse_foreign;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
 /// The table, and where measuring stands.
-pub(super) async fn show(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     Ok(answer(&api, StatusCode::OK))
 }
 
 /// Asks for it to be measured anew.
 pub(super) async fn refresh(
-    State(api): State<Api>,
+    Asked(api): Asked,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {

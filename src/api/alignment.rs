@@ -1,20 +1,20 @@
 //! `/api/v1/scenes/{id}/alignment`: how far the clocks of a scene's cameras are apart.
 
-use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use crate::engine::{CameraAlignment, PairAlignment};
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
 /// What the cameras saw in common, and what follows for their clocks.
 pub(super) async fn show(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

@@ -2,6 +2,7 @@
 
 use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::picture::{Picture, server_timing, split, write_rgb, write_yuv};
 use super::query::Query;
 use super::segments::Segments;
@@ -10,7 +11,7 @@ use crate::engine::{At, CameraSummary, EngineError};
 use crate::frame::{Mask, RgbImage};
 use crate::timeline::Observation;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 
@@ -26,7 +27,7 @@ const KINDS: [(&str, Kind); 3] =
     [("frame", Kind::Frame), ("background", Kind::Background), ("mask", Kind::Mask)];
 
 /// Every camera.
-pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     let body = Json(serde_json::json!({ "cameras": api.door.cameras() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
@@ -34,7 +35,7 @@ pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Res
 
 /// One camera.
 pub(super) async fn one(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -45,7 +46,7 @@ pub(super) async fn one(
 
 /// What a camera saw.
 pub(super) async fn picture(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {

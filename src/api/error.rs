@@ -5,6 +5,7 @@
 //! there the request's path is known. What a client may not read (the text of an internal fault) stays aside for
 //! the log.
 
+use crate::accounts::AccountError;
 use crate::encode::EncodeError;
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault, join_faults};
@@ -21,7 +22,7 @@ pub(super) struct Problem {
     errors: Vec<Fault>,
     /// What only the log may say.
     internal: Option<String>,
-    /// After how many seconds a 503 may be asked again.
+    /// After how many seconds a 429 or 503 may be asked again.
     retry_after_secs: u64,
 }
 
@@ -45,6 +46,12 @@ const fn class_of(kind: ErrorKind) -> Class {
     match kind {
         ErrorKind::Invalid => class(StatusCode::BAD_REQUEST, "invalid", "The request is wrong"),
         ErrorKind::NotFound => class(StatusCode::NOT_FOUND, "not-found", "There is no such thing"),
+        ErrorKind::Unauthenticated => {
+            class(StatusCode::UNAUTHORIZED, "unauthenticated", "It is not known who you are")
+        }
+        ErrorKind::Changed => class(StatusCode::PRECONDITION_FAILED, "changed", "It was changed meanwhile"),
+        ErrorKind::Conflict => class(StatusCode::CONFLICT, "conflict", "It does not go with what there is"),
+        ErrorKind::Throttled => class(StatusCode::TOO_MANY_REQUESTS, "throttled", "Too many tries"),
         ErrorKind::Forbidden => class(StatusCode::FORBIDDEN, "forbidden", "You may not do that"),
         ErrorKind::Unsupported => {
             class(StatusCode::NOT_IMPLEMENTED, "unsupported", "This daemon cannot do that")
@@ -96,6 +103,20 @@ impl Problem {
     pub(super) fn method(detail: &str) -> Self {
         let class = class(StatusCode::METHOD_NOT_ALLOWED, "method", "The method is not allowed");
         Self::of(class, detail.to_owned())
+    }
+
+    /// A change that came without a condition.
+    pub(super) fn precondition_required() -> Self {
+        let class =
+            class(StatusCode::PRECONDITION_REQUIRED, "precondition-required", "A condition is needed");
+        let detail =
+            "send If-Match with the ETag of what you change, or If-None-Match: * to make something new";
+        Self::of(class, detail.to_owned())
+    }
+
+    /// A condition that cannot be read.
+    pub(super) fn condition(detail: &str) -> Self {
+        Self::new(ErrorKind::Invalid, detail)
     }
 
     /// A target of more than `limit_bytes`.
@@ -182,7 +203,12 @@ impl IntoResponse for Problem {
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/problem+json"));
         headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
-        if self.class.status == StatusCode::SERVICE_UNAVAILABLE {
+        if self.class.status == StatusCode::UNAUTHORIZED {
+            headers
+                .insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer realm=\"videofields\""));
+        }
+        let statuses = [StatusCode::SERVICE_UNAVAILABLE, StatusCode::TOO_MANY_REQUESTS];
+        if statuses.contains(&self.class.status) {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(self.retry_after_secs));
         }
         response.extensions_mut().insert(self);
@@ -209,10 +235,31 @@ impl From<EngineError> for Problem {
     }
 }
 
+impl From<AccountError> for Problem {
+    fn from(error: AccountError) -> Self {
+        let kind = error.kind();
+        match error {
+            AccountError::Faults(faults) => Self::at(kind, faults),
+            AccountError::Throttled { wait } => {
+                let retry_after_secs = (wait.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS);
+                Self { retry_after_secs, ..Self::new(kind, error.to_string()) }
+            }
+            error => Self::new(kind, error.to_string()),
+        }
+    }
+}
+
 impl From<EncodeError> for Problem {
     fn from(error: EncodeError) -> Self {
         Self::new(error.kind(), error.to_string())
     }
+}
+
+/// The answer to a method that a route does not take; `allowed` are those it does.
+pub(super) async fn only(allowed: &'static str) -> Response {
+    let mut response = Problem::method(&format!("only {allowed} are answered here")).into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static(allowed));
+    response
 }
 
 #[cfg(test)]
@@ -226,7 +273,11 @@ mod tests {
         };
         check(ErrorKind::Invalid, 400);
         check(ErrorKind::NotFound, 404);
+        check(ErrorKind::Unauthenticated, 401);
         check(ErrorKind::Forbidden, 403);
+        check(ErrorKind::Conflict, 409);
+        check(ErrorKind::Changed, 412);
+        check(ErrorKind::Throttled, 429);
         check(ErrorKind::Unsupported, 501);
         check(ErrorKind::TooLarge, 422);
         check(ErrorKind::Unavailable, 503);

@@ -1,12 +1,12 @@
 //! `/api/v1/events`: what happened before the cameras.
 
-use super::Api;
 use super::cameras::problem_of;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use crate::timeline::LoggedEvent;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
@@ -21,7 +21,7 @@ const MAX_ID: u64 = (1 << 53) - 1;
 const LIMIT: u32 = 100;
 
 /// The newest events after one, oldest first.
-pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     let mut query = Query::parse(raw.as_deref(), &["camera", "after", "limit"]);
     let camera = query.id("camera");
     let after = query.whole("after", &(0..=MAX_ID)).unwrap_or(0);

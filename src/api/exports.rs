@@ -2,6 +2,7 @@
 
 use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
@@ -11,7 +12,7 @@ use crate::error::ErrorKind;
 use crate::media::descriptor_path;
 use axum::Json;
 use axum::body::{Body, Bytes};
-use axum::extract::{RawQuery, Request, State};
+use axum::extract::{RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
@@ -20,14 +21,14 @@ use tower_http::services::ServeFile;
 const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
 
 /// All exports.
-pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     Ok((NO_STORE, Json(json!({ "exports": api.door.exports() }))).into_response())
 }
 
 /// Asks for an export.
 pub(super) async fn ask(
-    State(api): State<Api>,
+    Asked(api): Asked,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
     body: Bytes,
@@ -45,7 +46,7 @@ pub(super) async fn ask(
 
 /// How far an export is.
 pub(super) async fn one(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -57,7 +58,7 @@ pub(super) async fn one(
 
 /// Takes an export back, or removes it.
 pub(super) async fn remove(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -71,7 +72,7 @@ pub(super) async fn remove(
 
 /// A file of an export, whole or in ranges.
 pub(super) async fn file(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments((id, name)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
     request: Request,

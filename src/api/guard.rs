@@ -86,7 +86,7 @@ fn set_security_fields(headers: &mut HeaderMap) {
     set(header::X_CONTENT_TYPE_OPTIONS, "nosniff");
     set(header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'");
     set(header::REFERRER_POLICY, "no-referrer");
-    // The daemon has no users yet: without this, any page open in the operator's browser could show its pictures.
+    // Where there are no users, any page open in the operator's browser could else show the daemon's pictures.
     set(header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin");
 }
 

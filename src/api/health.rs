@@ -1,8 +1,7 @@
 //! `/healthz`: the process answers. `/readyz`: it can do its work.
 
-use super::Api;
+use super::identity::Asked;
 use axum::Json;
-use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
@@ -13,7 +12,7 @@ pub(super) async fn live() -> Response {
 }
 
 /// 200 when every part is ready, 503 when one is not; the body says which.
-pub(super) async fn ready(State(api): State<Api>) -> Response {
+pub(super) async fn ready(Asked(api): Asked) -> Response {
     let readiness = api.door.readiness();
     let status = if readiness.ready { StatusCode::OK } else { StatusCode::SERVICE_UNAVAILABLE };
     (status, [(header::CACHE_CONTROL, "no-store")], Json(readiness)).into_response()

@@ -1,12 +1,13 @@
 //! `/api/v1/cameras/{id}/locate`: where a texture coordinate of a camera lies in the world.
 
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
-use super::{Api, cameras, scenes};
+use super::{cameras, scenes};
 use crate::engine::{EngineError, LocateMethod};
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec2;
@@ -15,7 +16,7 @@ const METHODS: [(&str, LocateMethod); 2] = [("ray", LocateMethod::Ray), ("map", 
 
 /// The world point behind `u`, `v`.
 pub(super) async fn locate(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

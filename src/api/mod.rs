@@ -7,6 +7,7 @@
 mod accuracy;
 mod alignment;
 mod cameras;
+mod conditions;
 mod effort;
 mod encoding;
 mod error;
@@ -14,6 +15,7 @@ mod events;
 mod exports;
 mod guard;
 mod health;
+mod identity;
 mod locate;
 mod metrics;
 mod page;
@@ -24,24 +26,30 @@ mod query;
 mod scenes;
 mod segments;
 mod serve;
+mod session;
 mod strip;
 mod timeline;
+mod tokens;
 mod tracks;
 mod tune;
+mod users;
 mod view;
 
 pub use serve::serve;
 pub use view::read_view_request;
 
+use crate::access::Grants;
+use crate::accounts::Accounts;
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
 use axum::Router;
 use axum::http::{HeaderValue, Uri, header};
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{delete, get, post};
 use error::Problem;
+use identity::Identity;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -80,7 +88,14 @@ impl Default for Limits {
 /// What every route has at hand. Cheap to clone.
 #[derive(Clone)]
 struct Api {
+    /// The engine; routes have their caller's `door` instead.
+    whole: Handle,
+    /// The engine as the caller may see it.
     door: Handle,
+    /// Who asks.
+    identity: Identity,
+    /// Users and tokens; without, everybody may do everything.
+    accounts: Option<Arc<Accounts>>,
     clock: Arc<dyn Clock>,
     limits: Limits,
     requests: Arc<Semaphore>,
@@ -108,18 +123,26 @@ impl Api {
 
 /// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be
 /// addressed to an IP address, `localhost` or one of `hosts`.
-pub fn router(door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
-    router_within(Limits::default(), door, clock, hosts)
+pub fn router(door: Handle, accounts: Arc<Accounts>, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
+    router_within(Limits::default(), (door, Some(accounts)), clock, hosts)
 }
 
-/// As [`router`], with limits of the caller's.
-pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
+/// As [`router`], with limits of the caller's; without `accounts` everybody may do everything.
+pub fn router_within(
+    limits: Limits,
+    (door, accounts): (Handle, Option<Arc<Accounts>>),
+    clock: Arc<dyn Clock>,
+    hosts: &[String],
+) -> Router {
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
     let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
     let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
     let api = Api {
-        door,
+        whole: door.clone(),
+        door: door.within(Arc::new(Grants::nothing())),
+        identity: Identity::everybody(),
+        accounts,
         clock,
         limits,
         requests,
@@ -129,8 +152,7 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         answers,
         hosts: hosts.into(),
     };
-    let limited = Router::new()
-        .merge(page::routes())
+    let private = Router::new()
         .route("/api/v1/cameras", get(cameras::list))
         .route("/api/v1/cameras/{id}", get(cameras::one))
         .route("/api/v1/cameras/{id}/locate", get(locate::locate))
@@ -167,14 +189,33 @@ pub fn router_within(limits: Limits, door: Handle, clock: Arc<dyn Clock>, hosts:
         )
         .route("/api/v1/playheads/{id}/events", get(playheads::events))
         .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
+        .route("/api/v1/users", get(users::list))
+        .route(
+            "/api/v1/users/{id}",
+            get(users::one)
+                .put(users::put)
+                .delete(users::remove)
+                .fallback(|| error::only("GET, HEAD, PUT, DELETE")),
+        )
+        .route(
+            "/api/v1/tokens",
+            get(tokens::list).post(tokens::add).fallback(|| error::only("GET, HEAD, POST")),
+        )
+        .route("/api/v1/tokens/{id}", delete(tokens::remove).fallback(|| error::only("DELETE")))
+        .layer(from_fn(identity::require));
+    let session = get(session::show).post(session::log_in).delete(session::log_out);
+    let limited = private
+        .merge(page::routes())
+        .route("/api/v1/session", session.fallback(|| error::only("GET, HEAD, POST, DELETE")))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()
         .route("/healthz", get(health::live))
         .route("/readyz", get(health::ready))
-        .route("/metrics", get(metrics::scrape))
+        .route("/metrics", get(metrics::scrape).layer(from_fn(identity::require)))
         .merge(limited)
         .fallback(no_route)
         .method_not_allowed_fallback(no_method)
+        .layer(from_fn_with_state(api.clone(), identity::identify))
         .layer(from_fn_with_state(api.clone(), guard::observe))
         .with_state(api)
 }

@@ -11,11 +11,12 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Path, content type and text of every file.
-const FILES: [(&str, &str, &str); 8] = [
+const FILES: [(&str, &str, &str); 9] = [
     ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("/app.css", "text/css; charset=utf-8", include_str!("page/app.css")),
     ("/app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
     ("/ask.js", "text/javascript; charset=utf-8", include_str!("page/ask.js")),
+    ("/login.js", "text/javascript; charset=utf-8", include_str!("page/login.js")),
     ("/view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
     ("/orbit.js", "text/javascript; charset=utf-8", include_str!("page/orbit.js")),
     ("/cameras.js", "text/javascript; charset=utf-8", include_str!("page/cameras.js")),

@@ -1,7 +1,7 @@
 //! `/api/v1/scenes/{id}/plan`: what would be drawn of a view and why, without drawing it.
 
-use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
@@ -10,7 +10,7 @@ use crate::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
 use crate::frame::CameraId;
 use crate::plan::Preset;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec3;
@@ -18,7 +18,7 @@ use serde_json::{Map, Value, json};
 
 /// The plan of the view that the same parameters would show.
 pub(super) async fn show(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

@@ -2,6 +2,7 @@
 
 use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
@@ -10,7 +11,7 @@ use crate::error::Fault;
 use crate::frame::is_id;
 use axum::Json;
 use axum::body::Bytes;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -23,7 +24,7 @@ use tokio::sync::watch;
 const BEAT: Duration = Duration::from_secs(1);
 
 /// All playheads.
-pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     let body = Json(json!({ "playheads": api.door.playheads() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
@@ -31,7 +32,7 @@ pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Res
 
 /// One playhead.
 pub(super) async fn one(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -42,7 +43,7 @@ pub(super) async fn one(
 
 /// Makes a playhead, or changes it if it is there.
 pub(super) async fn put(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -63,7 +64,7 @@ pub(super) async fn put(
 
 /// Changes a playhead by the members of a JSON object.
 pub(super) async fn change(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -86,7 +87,7 @@ async fn changed(
 
 /// Removes a playhead.
 pub(super) async fn remove(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -99,7 +100,7 @@ pub(super) async fn remove(
 
 /// A playhead's state now, whenever it is changed, and once a second, as server-sent events; ends when it is removed.
 pub(super) async fn events(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -132,6 +133,8 @@ impl Following {
         if *self.changes.borrow_and_update() == ENDED {
             return None;
         }
+        // Who may no longer see it hears no more of it.
+        self.api = self.api.renewed()?;
         let state = self.api.door.playhead(&self.id).ok()?;
         let event =
             Event::default().id(state.version.to_string()).event("playhead").json_data(&state).ok()?;

@@ -2,18 +2,19 @@
 
 use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use crate::engine::EngineError;
 use crate::scene::Scene;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 
 /// Every scene, the default one first.
-pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     let body = Json(serde_json::json!({ "scenes": api.door.scenes() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
@@ -21,7 +22,7 @@ pub(super) async fn list(State(api): State<Api>, RawQuery(raw): RawQuery) -> Res
 
 /// One scene's document, in its normal form.
 pub(super) async fn one(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

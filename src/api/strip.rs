@@ -3,9 +3,9 @@
 //! A tile stands for an equal part of the stretch and shows a picture from within it: the key frame before its middle where
 //! one is near enough, which costs one frame's decoding. Header fields tell each picture's own time.
 
-use super::Api;
 use super::cameras::problem_of;
 use super::error::Problem;
+use super::identity::Asked;
 use super::picture::{server_timing, write_rgb};
 use super::query::Query;
 use super::segments::Segments;
@@ -14,7 +14,7 @@ use crate::encode::PictureFormat;
 use crate::engine::{EngineError, Handle, Preview};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::{RgbImage, YuvImage};
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use image::imageops::thumbnail;
@@ -63,7 +63,7 @@ type Rgb8 = ImageBuffer<Rgb<u8>, Vec<u8>>;
 
 /// The strip.
 pub(super) async fn show(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

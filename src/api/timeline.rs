@@ -1,7 +1,7 @@
 //! `/api/v1/scenes/{id}/timeline`: what there is of a scene's time.
 
-use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
@@ -9,7 +9,7 @@ use crate::clock::Timestamp;
 use crate::engine::CameraTimeline;
 use crate::error::{ErrorKind, Fault};
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
@@ -24,7 +24,7 @@ const NANOS_PER_SEC: i64 = 1_000_000_000;
 
 /// Recorded stretches, activity and events of a scene between two instants.
 pub(super) async fn show(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

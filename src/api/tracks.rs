@@ -1,7 +1,7 @@
 //! `/api/v1/scenes/{id}/tracks`: what moved before a scene's cameras, by time, camera and place.
 
-use super::Api;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::{MAX_COORDINATE_M, Query};
 use super::scenes::problem_of;
 use super::segments::Segments;
@@ -10,7 +10,7 @@ use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::GroundPolygon;
 use axum::Json;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec2;
@@ -27,7 +27,7 @@ const MAX_CORNERS: usize = 64;
 
 /// The newest tracks of a span of time, the one that began last first.
 pub(super) async fn list(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {

@@ -1,14 +1,14 @@
 //! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
-use super::Api;
 use super::cameras::problem_of;
 use super::error::Problem;
+use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::body::Bytes;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 
@@ -17,7 +17,7 @@ const FETCH_SITE: &str = "sec-fetch-site";
 
 /// How a camera's foreground is found.
 pub(super) async fn show(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -28,7 +28,7 @@ pub(super) async fn show(
 
 /// Changes that by the members of a JSON object (RFC 7396); in force from the camera's next frame until the daemon ends.
 pub(super) async fn change(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -43,7 +43,7 @@ pub(super) async fn change(
 
 /// What feeds a camera: whether frames are taken, from where, and what is wrong with its clock.
 pub(super) async fn show_source(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
@@ -54,7 +54,7 @@ pub(super) async fn show_source(
 
 /// Changes that by the members of a JSON object (RFC 7396), until the daemon ends; other cameras do not notice.
 pub(super) async fn change_source(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -71,7 +71,7 @@ pub(super) async fn change_source(
 
 /// Takes the place that a moved camera now shows for its place.
 pub(super) async fn accept_place(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
@@ -105,8 +105,8 @@ pub(super) fn read_body(body: &[u8]) -> Result<serde_json::Value, Problem> {
     })
 }
 
-/// Refuses what a page of another site asks for. There are no users yet: without this, any page open in the operator's
-/// browser could change what the daemon does.
+/// Refuses what a page of another site asks for. Where there are no users, any page open in the
+/// operator's browser could else change what the daemon does.
 pub(super) fn refuse_foreign(headers: &HeaderMap) -> Result<(), Problem> {
     let is_foreign = headers.get(FETCH_SITE).is_some_and(|site| site != "same-origin" && site != "none");
     if is_foreign {

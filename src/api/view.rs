@@ -1,6 +1,7 @@
 //! `/api/v1/scenes/{id}/view.{jpg,png}`: the fused picture of a scene from anywhere.
 
 use super::error::Problem;
+use super::identity::Asked;
 use super::picture::{Picture, server_timing, split, write_rgb};
 use super::query::{Moment, Query};
 use super::segments::Segments;
@@ -13,7 +14,7 @@ use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::plan::{Aim, Colors, EntityStyle, Preset};
 use crate::scene::SceneView;
-use axum::extract::{RawQuery, State};
+use axum::extract::RawQuery;
 use glam::DVec3;
 use std::ops::RangeInclusive;
 
@@ -72,7 +73,7 @@ const CONVERGENCE_M: RangeInclusive<f64> = 1e-3..=1e8;
 
 /// The scene as seen from where the request says.
 pub(super) async fn picture(
-    State(api): State<Api>,
+    Asked(api): Asked,
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result};
 use std::io::Write as _;
 
+pub(crate) mod account;
 pub(crate) mod accuracy;
 pub(crate) mod bench;
 pub(crate) mod calibration;

@@ -40,7 +40,7 @@ pub struct Settings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerSettings {
-    /// Address and port. There are no users yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
+    /// Address and port. There is no TLS yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
     #[serde(deserialize_with = "listen_address")]
     pub listen: SocketAddr,
     /// Names, without port, by which browsers may address the daemon beside IP addresses and `localhost`, such as the

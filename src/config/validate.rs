@@ -27,8 +27,8 @@ pub(super) struct Ids {
 pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     if !settings.server.listen.ip().is_loopback() {
         let message = format!(
-            "{} can be reached from other machines, and there are no users yet to keep strangers out: listen on \
-             a loopback address (127.0.0.1 or [::1]) and put a proxy with a log-in before it",
+            "{} can be reached from other machines, and passwords and pictures would go there unencrypted: listen on \
+             a loopback address (127.0.0.1 or [::1]) and put a proxy with TLS before it",
             settings.server.listen.ip()
         );
         gatherer.fault("/server/listen", message);

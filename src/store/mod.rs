@@ -1,5 +1,5 @@
 //! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
-//! recorded segments, how much moved and where it went, one file a table.
+//! recorded segments, how much moved and where it went, users and tokens, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -18,6 +18,7 @@ mod scene;
 mod segment;
 mod texture_map;
 mod track;
+mod user;
 
 pub use activity::ActivityRecord;
 pub use background::BackgroundRecord;
@@ -28,6 +29,7 @@ pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};
 pub use texture_map::TextureMapRecord;
 pub use track::TrackRecord;
+pub use user::{TokenRecord, UserRecord};
 
 use sqlx::SqlitePool;
 use std::path::{Path, PathBuf};

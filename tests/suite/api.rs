@@ -11,6 +11,7 @@ mod strip;
 mod timeline;
 mod tracks;
 mod tune;
+mod users;
 
 use axum::Router;
 use axum::body::{Body, to_bytes};
@@ -22,6 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tower::ServiceExt;
+use videofields::accounts::Accounts;
 use videofields::api::{Limits, router_within};
 use videofields::clock::{Clock, Timestamp};
 use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
@@ -55,12 +57,16 @@ impl Bench {
     }
 
     fn within(limits: Limits, state: State) -> Self {
+        Self::with_accounts(limits, state, None)
+    }
+
+    fn with_accounts(limits: Limits, state: State, accounts: Option<Arc<Accounts>>) -> Self {
         let door = Arc::new(FakeDoor(state.into()));
         let handle = Handle::new(Arc::clone(&door) as _);
         Self {
             router: router_within(
                 limits,
-                handle,
+                (handle, accounts),
                 Arc::new(TickingClock::default()),
                 &["wall.example".to_owned()],
             ),

@@ -347,7 +347,7 @@ fn only_loopback_is_listened_on() {
     }
     for listen in ["0.0.0.0:80", "[::]:80", "192.168.0.2:80", "[::ffff:127.0.0.1]:80"] {
         let said = faults_of(&format!("server.listen = \"{listen}\""));
-        assert!(said[0].contains("no users yet"), "{listen}: {said:?}");
+        assert!(said[0].contains("unencrypted"), "{listen}: {said:?}");
     }
     for listen in ["localhost:80", "127.0.0.1", ":80", ""] {
         let said = faults_of(&format!("server.listen = \"{listen}\""));

@@ -2,6 +2,7 @@
 
 import { ask } from "/ask.js";
 import * as cameras from "/cameras.js";
+import { known } from "/login.js";
 import * as view from "/view.js";
 
 const choice = document.querySelector("#scene");
@@ -56,6 +57,7 @@ follow("#entities", view.showEntities);
 follow("#kind", cameras.showKind);
 document.querySelector("#reset").addEventListener("click", view.resetView);
 choice.addEventListener("change", showScene);
+await known();
 cameras.run(scene, view.mark, reporter("cameras"));
 await loadScenes();
 choice.replaceChildren(...scenes.map(({ id, name }) => new Option(name, id)));

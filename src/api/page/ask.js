@@ -22,6 +22,8 @@ export async function ask(path, parameters = {}) {
     throw new Trouble("The daemon does not answer.", 0);
   }
   if (response.ok) return response;
+  // A session that is over: whoever looks must log in again.
+  if (response.status === 401) document.dispatchEvent(new Event("stranger"));
   const problem = await response.json().catch(() => null);
   throw new Trouble(problem?.detail ?? `The daemon answered ${response.status}.`, response.status);
 }

@@ -8,7 +8,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
-use videofields::api::{router, serve};
+use videofields::api::{Limits, router_within, serve};
 use videofields::clock::SystemClock;
 use videofields::engine::Handle;
 
@@ -21,7 +21,12 @@ struct Running {
 
 async fn start(state: State) -> Running {
     let door = Arc::new(FakeDoor(state.into()));
-    let router = router(Handle::new(Arc::clone(&door) as _), Arc::new(SystemClock::new()), &[]);
+    let router = router_within(
+        Limits::default(),
+        (Handle::new(Arc::clone(&door) as _), None),
+        Arc::new(SystemClock::new()),
+        &[],
+    );
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();

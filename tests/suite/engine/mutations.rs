@@ -151,7 +151,12 @@ fn a_thousand_mutated_view_requests_are_answered_or_refused() {
     for id in ["west", "east", "north"] {
         bench.wait_for_state(id, "live");
     }
-    let router = api::router(bench.handle.clone(), Arc::new(SystemClock::new()), &[]);
+    let router = api::router_within(
+        api::Limits::default(),
+        (bench.handle.clone(), None),
+        Arc::new(SystemClock::new()),
+        &[],
+    );
     let mut random = Random(2);
     let mut statuses = BTreeMap::new();
     for _ in 0..1000 {

@@ -8,7 +8,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
 use videofields::access::{Grants, Right, Rights, Role};
-use videofields::clock::Timestamp;
+use videofields::accounts::{Accounts, UserChange};
+use videofields::api;
+use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{End, Settings};
 use videofields::engine::{
     At, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
@@ -59,7 +61,8 @@ fn timeless(text: &str) -> String {
         match value {
             serde_json::Value::Object(members) => {
                 members.retain(|name, _| {
-                    !["since", "age_secs", "expected_ms", "expected_upper_ms"].contains(&name.as_str())
+                    !["since", "age_secs", "expected_ms", "expected_upper_ms", "created_at", "updated_at"]
+                        .contains(&name.as_str())
                 });
                 members.values_mut().for_each(strip);
             }
@@ -248,4 +251,150 @@ fn rights_are_of_a_time_and_of_a_camera() {
     assert_eq!(nothing.readiness().cameras_with_frames, [0, 0]);
     assert_eq!(kind(viewer.put_playhead("a", json!({})).map(|_| ())), Some(ErrorKind::Forbidden));
     assert_eq!(kind(operator.put_playhead("a", json!({})).map(|_| ())), None);
+}
+
+/// Every route, with ids of what is permitted, what is forbidden and what is not there.
+fn routes() -> Vec<String> {
+    let mut routes: Vec<String> = [
+        "/healthz",
+        "/readyz",
+        "/metrics",
+        "/",
+        "/api/v1/cameras",
+        "/api/v1/scenes",
+        "/api/v1/events",
+        "/api/v1/events?camera=south",
+        "/api/v1/events?camera=nobody",
+        "/api/v1/exports",
+        "/api/v1/exports/none",
+        "/api/v1/exports/none/manifest.json",
+        "/api/v1/playheads",
+        "/api/v1/playheads/wall",
+        "/api/v1/playheads/none",
+        "/api/v1/session",
+        "/api/v1/users",
+        "/api/v1/users/guest",
+        "/api/v1/users/root",
+        "/api/v1/tokens",
+        "/api/v1/nothing",
+    ]
+    .map(str::to_owned)
+    .into();
+    for camera in ["north", "south", "nobody"] {
+        let of = format!("/api/v1/cameras/{camera}");
+        let span = "from=1970-01-01T00:00:00Z&to=1970-01-01T00:00:01Z";
+        routes.extend([
+            of.clone(),
+            format!("{of}/segment"),
+            format!("{of}/source"),
+            format!("{of}/locate?u=0.5&v=0.6"),
+            format!("{of}/locate?u=0.5&v=0.6&scene=yard&method=map"),
+            format!("{of}/strip.jpg?{span}&count=3"),
+        ]);
+        for kind in ["frame", "background", "mask"] {
+            for time in ["live", "100000000", "1970-01-01T00:00:00.3Z", "playhead:wall"] {
+                routes.push(format!("{of}/{kind}.png?t={time}"));
+            }
+            routes.push(format!("{of}/{kind}.jpg"));
+        }
+    }
+    for scene in ["yard", "nowhere"] {
+        let of = format!("/api/v1/scenes/{scene}");
+        let span = "from=1970-01-01T00:00:00Z&to=1970-01-01T00:00:01Z";
+        routes.extend([of.clone(), format!("{of}/alignment"), format!("{of}/timeline?{span}")]);
+        routes.extend(
+            ["", "&camera=south", "&camera=north"].map(|of_camera| format!("{of}/tracks?{span}{of_camera}")),
+        );
+        for what in ["view.png", "view.jpg", "plan"] {
+            for wishes in [
+                "",
+                "&entities=points",
+                "&quality=draft",
+                "&quality=exact&colors=raw",
+                "&session=wall",
+                "&t=200000000",
+                "&t=playhead:wall&see_through=off",
+                "&projection=map",
+                "&projection=stereo",
+            ] {
+                routes.push(format!("{of}/{what}?width=64&height=48{wishes}"));
+            }
+        }
+    }
+    routes
+}
+
+/// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
+fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
+    use axum::body::{Body, to_bytes};
+    use tower::ServiceExt;
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    bench.runtime.block_on(async {
+        let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
+        let router = api::router(bench.handle.clone(), Arc::new(accounts), clock, &[]);
+        let mut answers = Vec::new();
+        for route in routes() {
+            let request = axum::http::Request::get(&route).header("authorization", format!("Bearer {token}"));
+            let response = router.clone().oneshot(request.body(Body::empty()).unwrap()).await.unwrap();
+            let (parts, body) = response.into_parts();
+            // What a stage took, was expected to take, or how old something is: times.
+            let times = ["server-timing", "videofields-age", "videofields-expected"];
+            let is_json = parts.headers.get("content-type").is_some_and(|kind| kind == "application/json");
+            // A time is as long as its digits.
+            let is_time = |name: &str| times.contains(&name) || (is_json && name == "content-length");
+            let fields = parts.headers.iter().filter(|(name, _)| !is_time(name.as_str()));
+            let fields: Vec<String> = fields.map(|(name, value)| format!("{name}: {value:?}")).collect();
+            let body = to_bytes(body, 1 << 24).await.unwrap().to_vec();
+            let body =
+                if is_json { timeless(std::str::from_utf8(&body).unwrap()).into_bytes() } else { body };
+            answers.push((route, format!("{} {}", parts.status, fields.join("; ")), body));
+        }
+        answers
+    })
+}
+
+#[test]
+fn no_route_tells_a_byte_of_a_forbidden_camera() {
+    if !has_adapter() {
+        return;
+    }
+    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+    let somebody = seen(folders[0].path(), pictures(folders[0].path(), "south", 0..20));
+    let nobody = seen(folders[1].path(), empty(folders[1].path(), "south", 0..20));
+    let both = [&somebody, &nobody];
+    let users = |bench: &Bench| {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        bench.handle.put_playhead("wall", json!({"at": "1970-01-01T00:00:00.2Z", "paused": true})).unwrap();
+        bench.runtime.block_on(async {
+            let accounts = Accounts::open(bench.store.clone(), clock).await.unwrap();
+            let user = |body| UserChange::read(body).unwrap();
+            let admin = user(json!({"role": "admin", "password": "a long password"}));
+            accounts.put_user("root", admin, None).await.unwrap();
+            let guest =
+                user(json!({"role": "operator", "cameras": {"north": ["live", "history", "export"]}}));
+            accounts.put_user("guest", guest, None).await.unwrap();
+            let token = async |user| accounts.add_token(user, String::new(), None).await.unwrap().1;
+            [token("root").await, token("guest").await]
+        })
+    };
+    let tokens = both.map(users);
+    // An admin looks at everything first, at all of what caches could keep.
+    let all = [0, 1].map(|idx| answered(both[idx], &tokens[idx][0]));
+    let n_unlike = all[0].iter().zip(&all[1]).filter(|(a, b)| a.2 != b.2).count();
+    assert!(n_unlike > 20, "{n_unlike} answers tell whether somebody is there");
+    let mine = [0, 1].map(|idx| answered(both[idx], &tokens[idx][1]));
+    let mut n_told = 0;
+    for ((route, head, body), (_, other_head, other_body)) in mine[0].iter().zip(&mine[1]) {
+        // Tokens are random.
+        let is_own = route == "/api/v1/tokens";
+        let is_alike = head == other_head && (body == other_body || is_own);
+        let shown = |body: &[u8]| String::from_utf8_lossy(&body[..body.len().min(400)]).into_owned();
+        assert!(is_alike, "{route}: {head}\n{}\nor {other_head}\n{}", shown(body), shown(other_body));
+        n_told += usize::from(head.starts_with("200"));
+        let asks_for_it = route.contains("south");
+        let is_named = format!("{head}{}", String::from_utf8_lossy(body)).contains("south");
+        assert!(asks_for_it || !is_named, "{route} names the camera: {head} {}", shown(body));
+        assert!(!asks_for_it || head.starts_with("404") || route.contains("tracks"), "{route}: {head}");
+    }
+    assert!(n_told > 50, "{n_told} routes were answered");
 }

@@ -1,0 +1,155 @@
+//! Who asks: from a request's token or cookie to a caller, and to the door that is theirs.
+//!
+//! `identify` looks every request up before any route sees it; `require` stands before all routes but those that anybody
+//! may ask. A route takes [`Asked`], whose door shows what the caller may see and nothing else.
+
+use super::Api;
+use super::error::Problem;
+use crate::access::{Grants, Role};
+use crate::accounts::{Accounts, Caller};
+use crate::engine::Handle;
+use crate::error::ErrorKind;
+use axum::extract::{FromRequestParts, Request, State};
+use axum::http::request::Parts;
+use axum::http::{HeaderMap, Method, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+
+/// The cookie of a page that logged in.
+pub(super) const COOKIE: &str = "videofields_session";
+
+/// The field in which a page that logged in proves that a change is its own.
+pub(super) const CSRF_FIELD: &str = "x-csrf-token";
+
+/// What a caller showed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Credential {
+    Token(String),
+    Session(String),
+}
+
+/// Who asks, and by what.
+#[derive(Clone, Debug)]
+pub(super) struct Identity {
+    pub(super) caller: Caller,
+    pub(super) credential: Option<Credential>,
+}
+
+impl Identity {
+    /// While there are no users.
+    pub(super) fn everybody() -> Self {
+        Self { caller: Accounts::everybody(), credential: None }
+    }
+
+    /// Whoever shows nothing where there are users.
+    fn stranger() -> Self {
+        let caller = Caller { user: None, grants: Arc::new(Grants::nothing()), csrf_token: None };
+        Self { caller, credential: None }
+    }
+
+    /// Who that is now; none once the token or session is nobody's any more.
+    fn of(accounts: &Accounts, credential: Credential) -> Option<Self> {
+        let caller = match &credential {
+            Credential::Token(token) => accounts.by_token(token),
+            Credential::Session(key) => accounts.by_session(key),
+        }?;
+        Some(Self { caller, credential: Some(credential) })
+    }
+}
+
+/// The token or session that a request shows; of both, the token.
+fn credential(headers: &HeaderMap) -> Option<Credential> {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+    if let Some((scheme, token)) = text(header::AUTHORIZATION).and_then(|value| value.split_once(' '))
+        && scheme.eq_ignore_ascii_case("bearer")
+    {
+        return Some(Credential::Token(token.trim().to_owned()));
+    }
+    let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let mut pairs = cookies.flat_map(|all| all.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    pairs.find(|(name, _)| *name == COOKIE).map(|(_, key)| Credential::Session(key.to_owned()))
+}
+
+/// Looks up who asks. A token that is nobody's is refused at once; an old cookie counts as none.
+pub(super) async fn identify(State(api): State<Api>, mut request: Request, next: Next) -> Response {
+    let identity = match &api.accounts {
+        Some(accounts) if !accounts.is_open() => match credential(request.headers()) {
+            Some(credential) => match (Identity::of(accounts, credential.clone()), credential) {
+                (Some(identity), _) => identity,
+                (None, Credential::Session(_)) => Identity::stranger(),
+                (None, Credential::Token(_)) => {
+                    let detail = "the token is nobody's: revoked, expired or mistyped";
+                    return Problem::new(ErrorKind::Unauthenticated, detail).into_response();
+                }
+            },
+            None => Identity::stranger(),
+        },
+        _ => Identity::everybody(),
+    };
+    request.extensions_mut().insert(identity);
+    next.run(request).await
+}
+
+/// Refuses strangers, and changes that a page asks for without proof that they are its own.
+pub(super) async fn require(request: Request, next: Next) -> Response {
+    let Some(identity) = request.extensions().get::<Identity>() else {
+        return Problem::new(ErrorKind::Internal, "nobody looked up who asks").into_response();
+    };
+    if identity.caller.user.is_none() && !identity.caller.grants.is_everything() {
+        let detail = "log in (POST /api/v1/session), or send a token: Authorization: Bearer vf_...";
+        return Problem::new(ErrorKind::Unauthenticated, detail).into_response();
+    }
+    let is_safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
+    let proof = request.headers().get(CSRF_FIELD).and_then(|value| value.to_str().ok());
+    if !is_safe && identity.caller.csrf_token.as_deref().is_some_and(|token| proof != Some(token)) {
+        let detail = format!("with a session, a change needs {CSRF_FIELD}: what GET /api/v1/session tells");
+        return Problem::new(ErrorKind::Forbidden, detail).into_response();
+    }
+    next.run(request).await
+}
+
+/// The interface as the caller may use it.
+pub(super) struct Asked(pub(super) Api);
+
+impl FromRequestParts<Api> for Asked {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, api: &Api) -> Result<Self, Problem> {
+        let identity = parts.extensions.get::<Identity>();
+        let identity =
+            identity.ok_or_else(|| Problem::new(ErrorKind::Internal, "nobody looked up who asks"))?;
+        Ok(Self(api.of(identity.clone())))
+    }
+}
+
+impl Api {
+    fn of(&self, identity: Identity) -> Self {
+        let door = Handle::within(&self.whole, Arc::clone(&identity.caller.grants));
+        Self { door, identity, ..self.clone() }
+    }
+
+    /// The same as the caller may use it by now; none once the caller is nobody any more. What goes on for long asks this
+    /// again and again.
+    pub(super) fn renewed(&self) -> Option<Self> {
+        let Some(accounts) = &self.accounts else { return Some(self.clone()) };
+        match &self.identity.credential {
+            Some(credential) => Identity::of(accounts, credential.clone()).map(|identity| self.of(identity)),
+            None => accounts.is_open().then(|| self.clone()),
+        }
+    }
+
+    /// Refuses who is no admin.
+    pub(super) fn check_admin(&self, what: &str) -> Result<(), Problem> {
+        if self.identity.caller.grants.role() == Role::Admin {
+            return Ok(());
+        }
+        Err(Problem::new(ErrorKind::Forbidden, format!("{what} is for admins")))
+    }
+
+    /// The users; of a daemon that keeps none, that it does not.
+    pub(super) fn accounts(&self) -> Result<&Accounts, Problem> {
+        let accounts = self.accounts.as_deref();
+        accounts.ok_or_else(|| Problem::new(ErrorKind::Unsupported, "this daemon keeps no users"))
+    }
+}

@@ -1,0 +1,88 @@
+//! `/api/v1/session`: who the caller is, and logging a page in and out.
+
+use super::error::Problem;
+use super::identity::{Asked, COOKIE, Credential, Identity};
+use super::query::Query;
+use super::tune::{read_body, refuse_foreign};
+use crate::accounts::{AccountError, Caller, SESSION_TIME};
+use crate::error::{Fault, Gatherer};
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::RawQuery;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
+
+/// What logs in.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Credentials {
+    user: String,
+    password: String,
+}
+
+/// Who asks.
+pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Ok(([NO_STORE], Json(document(&api.identity))).into_response())
+}
+
+fn document(Identity { caller, .. }: &Identity) -> Value {
+    let Caller { user, grants, csrf_token } = caller;
+    let role = (user.is_some() || grants.is_everything()).then(|| grants.role());
+    json!({ "user": user, "role": role, "csrf_token": csrf_token })
+}
+
+/// Logs a page in: its key is in a cookie that scripts cannot read.
+pub(super) async fn log_in(
+    Asked(api): Asked,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let mut gatherer = Gatherer::default();
+    let body = read_body(&body)?;
+    if !body.is_object() {
+        return Err(AccountError::Faults(vec![Fault::new("", "expected an object")]).into());
+    }
+    let Some(Credentials { user, password }) = gatherer.read::<Credentials>(body, "") else {
+        return Err(AccountError::Faults(gatherer.into_faults()).into());
+    };
+    let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
+        tracing::warn!(?user, %error, "a log-in failed");
+    })?;
+    tracing::info!(user, "logged in");
+    let identity =
+        Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session.clone())) };
+    let mut response = ([NO_STORE], Json(document(&identity))).into_response();
+    let cookie = cookie(&logged.session, SESSION_TIME.as_secs());
+    response.headers_mut().insert(header::SET_COOKIE, cookie);
+    Ok(response)
+}
+
+/// Logs a page out.
+pub(super) async fn log_out(
+    Asked(api): Asked,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    if let Some(Credential::Session(key)) = &api.identity.credential {
+        api.accounts()?.log_out(key);
+    }
+    let mut response = (StatusCode::NO_CONTENT, [NO_STORE]).into_response();
+    response.headers_mut().insert(header::SET_COOKIE, cookie("", 0));
+    Ok(response)
+}
+
+/// A cookie that goes to this daemon alone, is sent by its own pages alone and is read by no script.
+fn cookie(key: &str, secs: u64) -> HeaderValue {
+    let text = format!("{COOKIE}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict");
+    HeaderValue::try_from(text).unwrap_or(HeaderValue::from_static(""))
+}

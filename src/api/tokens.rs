@@ -1,0 +1,110 @@
+//! `/api/v1/tokens`: what programs show in a user's place. Everybody has their own; admins see all.
+
+use super::error::Problem;
+use super::identity::Asked;
+use super::query::Query;
+use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use crate::access::Role;
+use crate::accounts::AccountError;
+use crate::clock::Timestamp;
+use crate::error::{ErrorKind, Fault, Gatherer};
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::RawQuery;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use serde_json::json;
+
+/// Most characters of what a token is for.
+const MAX_NOTE_CHARS: usize = 200;
+
+/// A token as it is asked for.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct TokenAsked {
+    /// Whose it is to be; the caller's if absent.
+    #[serde(default)]
+    user: Option<String>,
+    /// What it is for.
+    #[serde(default)]
+    note: String,
+    /// From when on it is not taken any more; never if absent.
+    #[serde(default)]
+    expires_at: Option<String>,
+}
+
+/// The caller's tokens; all of an admin.
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let caller = &api.identity.caller;
+    let whose = if caller.grants.role() == Role::Admin { None } else { caller.user.as_deref() };
+    let body = Json(json!({ "tokens": api.accounts()?.tokens(whose) }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+/// Makes a token; its secret is told this once.
+pub(super) async fn add(
+    Asked(api): Asked,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let (asked, expires_at) = read(&body, api.clock.now())?;
+    let own = api.identity.caller.user.as_deref();
+    let Some(user) = asked.user.as_deref().or(own) else {
+        return Err(AccountError::Faults(vec![Fault::new("/user", "name whose it is to be")]).into());
+    };
+    if own != Some(user) {
+        api.check_admin("another user's token")?;
+    }
+    let (token, text) = api.accounts()?.add_token(user, asked.note, expires_at).await?;
+    tracing::info!(token = token.id, user, by = ?own, "token made");
+    let mut body =
+        serde_json::to_value(token).map_err(|error| Problem::new(ErrorKind::Internal, error.to_string()))?;
+    body["token"] = json!(text);
+    Ok((StatusCode::CREATED, [(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+fn read(body: &[u8], now: Timestamp) -> Result<(TokenAsked, Option<Timestamp>), Problem> {
+    let body = read_body(body)?;
+    if !body.is_object() {
+        return Err(AccountError::Faults(vec![Fault::new("", "expected an object")]).into());
+    }
+    let mut gatherer = Gatherer::default();
+    let asked = gatherer.read::<TokenAsked>(body, "");
+    let mut expires_at = None;
+    if let Some(asked) = &asked {
+        if asked.note.chars().count() > MAX_NOTE_CHARS {
+            gatherer.fault("/note", format!("at most {MAX_NOTE_CHARS} characters"));
+        }
+        match asked.expires_at.as_deref().map(str::parse::<Timestamp>) {
+            Some(Ok(at)) if at <= now => gatherer.fault("/expires_at", "lies in the past"),
+            Some(Ok(at)) => expires_at = Some(at),
+            Some(Err(error)) => gatherer.fault("/expires_at", error.to_string()),
+            None => {}
+        }
+    }
+    let faults = gatherer.into_faults();
+    let asked = asked.filter(|_| faults.is_empty()).ok_or(AccountError::Faults(faults))?;
+    Ok((asked, expires_at))
+}
+
+/// Takes a token back.
+pub(super) async fn remove(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    let caller = &api.identity.caller;
+    let whose = if caller.grants.role() == Role::Admin { None } else { caller.user.as_deref() };
+    api.accounts()?.remove_token(&id, whose).await?;
+    tracing::info!(token = id, by = ?caller.user, "token revoked");
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}

@@ -1,0 +1,90 @@
+//! `/api/v1/users`: who may ask for what. For admins; anybody may look at themselves.
+
+use super::conditions::{Precondition, etag};
+use super::error::Problem;
+use super::identity::Asked;
+use super::query::Query;
+use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use crate::accounts::{AccountError, UserChange, UserSummary};
+use crate::error::Fault;
+use crate::frame::is_id;
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::RawQuery;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::json;
+
+/// Every user.
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    api.check_admin("the list of users")?;
+    let body = Json(json!({ "users": api.accounts()?.users() }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+/// One user.
+pub(super) async fn one(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    if api.identity.caller.user.as_deref() != Some(&id) {
+        api.check_admin("another user")?;
+    }
+    Ok(answer(StatusCode::OK, api.accounts()?.user(&id)?))
+}
+
+/// Makes a user (`If-None-Match: *`) or changes one (`If-Match`).
+pub(super) async fn put(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    api.check_admin("changing users")?;
+    if !is_id(&id) {
+        let message = "a user's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
+        return Err(AccountError::Faults(vec![Fault::new("id", message)]).into());
+    }
+    let was = match Precondition::required(&headers)? {
+        Precondition::Absent => None,
+        Precondition::Version(version) => Some(version),
+        Precondition::Present => Some(api.accounts()?.user(&id)?.version),
+    };
+    let change = UserChange::read(read_body(&body)?)?;
+    let user = api.accounts()?.put_user(&id, change, was).await?;
+    tracing::info!(user = id, by = ?api.identity.caller.user, role = user.role.as_str(), "user changed");
+    Ok(answer(if was.is_none() { StatusCode::CREATED } else { StatusCode::OK }, user))
+}
+
+/// Removes a user (`If-Match`), with tokens and sessions.
+pub(super) async fn remove(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    api.check_admin("removing users")?;
+    let now = api.accounts()?.user(&id)?.version;
+    let was = match Precondition::required(&headers)? {
+        Precondition::Version(version) => version,
+        Precondition::Present => now,
+        Precondition::Absent => return Err(AccountError::Changed { now: Some(now) }.into()),
+    };
+    api.accounts()?.remove_user(&id, was).await?;
+    tracing::info!(user = id, by = ?api.identity.caller.user, "user removed");
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}
+
+fn answer(status: StatusCode, user: UserSummary) -> Response {
+    let fields = [(header::CACHE_CONTROL, "no-store".to_owned()), (header::ETAG, etag(user.version))];
+    (status, fields, Json(user)).into_response()
+}
