@@ -3,7 +3,7 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
-use crate::accounts::Accounts;
+use crate::accounts::{Accounts, Audit};
 use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
 use crate::api;
 use crate::archive::Archive;
@@ -91,8 +91,9 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
-    let router =
-        api::router(engine.handle(), Arc::clone(&accounts), Arc::clone(&clock), &settings.server.hosts);
+    let audit = Arc::new(Audit::new(store.clone()));
+    let trust = api::Trust { accounts: Arc::clone(&accounts), audit };
+    let router = api::router(engine.handle(), trust, Arc::clone(&clock), &settings.server.hosts);
     let following = tokio::spawn(follow_accounts(Arc::downgrade(&accounts)));
     api::serve(listener, router, stopped).await;
     following.abort();

@@ -1,14 +1,16 @@
-//! Who asks: users with roles and rights, their tokens and their sessions.
+//! Who asks: users with roles and rights, their tokens and their sessions; and what they did.
 //!
 //! In: names, passwords, tokens, session keys. Out: a [`Caller`] with [`Grants`], or why there is none. Users and tokens are
 //! kept in the store, durable before a change is acknowledged, and in memory, where every request finds them; sessions in
 //! memory alone. While there is no user at all everybody is an admin: the daemon then listens on loopback addresses only.
 
+mod audit;
 mod document;
 mod error;
 mod secret;
 mod throttle;
 
+pub use audit::Audit;
 pub use document::{TokenSummary, UserChange, UserSummary};
 pub use error::AccountError;
 pub use secret::NoRandomness;

@@ -6,6 +6,7 @@
 
 mod accuracy;
 mod alignment;
+mod audit;
 mod cameras;
 mod conditions;
 mod effort;
@@ -39,7 +40,7 @@ pub use serve::serve;
 pub use view::read_view_request;
 
 use crate::access::Grants;
-use crate::accounts::Accounts;
+use crate::accounts::{Accounts, Audit};
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
@@ -96,6 +97,8 @@ struct Api {
     identity: Identity,
     /// Users and tokens; without, everybody may do everything.
     accounts: Option<Arc<Accounts>>,
+    /// Where it is noted what callers do.
+    audit: Option<Arc<Audit>>,
     clock: Arc<dyn Clock>,
     limits: Limits,
     requests: Arc<Semaphore>,
@@ -121,16 +124,25 @@ impl Api {
     }
 }
 
-/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be
-/// addressed to an IP address, `localhost` or one of `hosts`.
-pub fn router(door: Handle, accounts: Arc<Accounts>, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
-    router_within(Limits::default(), (door, Some(accounts)), clock, hosts)
+/// Who is let in, and where it is noted what they do.
+#[derive(Clone)]
+pub struct Trust {
+    /// Users and tokens.
+    pub accounts: Arc<Accounts>,
+    /// What they did.
+    pub audit: Arc<Audit>,
 }
 
-/// As [`router`], with limits of the caller's; without `accounts` everybody may do everything.
+/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be
+/// addressed to an IP address, `localhost` or one of `hosts`.
+pub fn router(door: Handle, trust: Trust, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
+    router_within(Limits::default(), (door, Some(trust)), clock, hosts)
+}
+
+/// As [`router`], with limits of the caller's; without `trust` everybody may do everything, and nothing is noted.
 pub fn router_within(
     limits: Limits,
-    (door, accounts): (Handle, Option<Arc<Accounts>>),
+    (door, trust): (Handle, Option<Trust>),
     clock: Arc<dyn Clock>,
     hosts: &[String],
 ) -> Router {
@@ -142,7 +154,8 @@ pub fn router_within(
         whole: door.clone(),
         door: door.within(Arc::new(Grants::nothing())),
         identity: Identity::everybody(),
-        accounts,
+        accounts: trust.as_ref().map(|trust| Arc::clone(&trust.accounts)),
+        audit: trust.map(|trust| trust.audit),
         clock,
         limits,
         requests,
@@ -189,6 +202,7 @@ pub fn router_within(
         )
         .route("/api/v1/playheads/{id}/events", get(playheads::events))
         .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
+        .route("/api/v1/audit", get(audit::list))
         .route("/api/v1/users", get(users::list))
         .route(
             "/api/v1/users/{id}",
@@ -215,6 +229,7 @@ pub fn router_within(
         .merge(limited)
         .fallback(no_route)
         .method_not_allowed_fallback(no_method)
+        .layer(from_fn_with_state(api.clone(), audit::note))
         .layer(from_fn_with_state(api.clone(), identity::identify))
         .layer(from_fn_with_state(api.clone(), guard::observe))
         .with_state(api)

@@ -3,6 +3,7 @@
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tokio::runtime::Handle as Runtime;
 use videofields::archive::{self, Checked};
 use videofields::clock::SystemClock;
 use videofields::config::{self, ArchiveSettings, Config};
@@ -74,8 +75,14 @@ fn check(settings: &ArchiveSettings, store: &Store) -> Result<()> {
         super::complain(fault);
     }
     super::say(&summary(store.path(), settings, &checked))?;
-    let n_told = checked.faults.len() as u64;
-    match checked.n_faults {
+    let audit = Runtime::current().block_on(store.check_audit())?;
+    let head = audit.head.map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
+    super::say(&format!("audit log: {} entries as they were written{head}", audit.n_whole))?;
+    if let Some(fault) = &audit.fault {
+        super::complain(&format!("audit log: {fault}"));
+    }
+    let n_told = checked.faults.len() as u64 + u64::from(audit.fault.is_some());
+    match checked.n_faults + u64::from(audit.fault.is_some()) {
         0 => Ok(()),
         n_faults if n_faults > n_told => bail!("{n_faults} faults, of which {n_told} are told"),
         n_faults => bail!("{n_faults} faults"),

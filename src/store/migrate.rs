@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 9] = [
+const STEPS: [Step; 10] = [
     (1, "create_scene", include_str!("../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../migrations/0003_create_texture_map.sql")),
@@ -17,6 +17,7 @@ const STEPS: [Step; 9] = [
     (7, "create_activity", include_str!("../../migrations/0007_create_activity.sql")),
     (8, "create_track", include_str!("../../migrations/0008_create_track.sql")),
     (9, "create_user", include_str!("../../migrations/0009_create_user.sql")),
+    (10, "create_audit", include_str!("../../migrations/0010_create_audit.sql")),
 ];
 
 /// The newest schema that this release knows.

@@ -1,5 +1,5 @@
 //! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
-//! recorded segments, how much moved and where it went, users and tokens, one file a table.
+//! recorded segments, how much moved and where it went, users and tokens, what they did, one file a table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -8,6 +8,7 @@
 //! alone loses nothing.
 
 mod activity;
+mod audit;
 mod background;
 mod background_history;
 mod error;
@@ -21,6 +22,7 @@ mod track;
 mod user;
 
 pub use activity::ActivityRecord;
+pub use audit::{AuditCheck, AuditEntry, AuditRecord};
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
 pub use error::StoreError;

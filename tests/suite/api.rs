@@ -23,8 +23,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tower::ServiceExt;
-use videofields::accounts::Accounts;
-use videofields::api::{Limits, router_within};
+use videofields::api::{Limits, Trust, router_within};
 use videofields::clock::{Clock, Timestamp};
 use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
 use videofields::plan::{Colors, Effort, EntityStyle};
@@ -57,21 +56,16 @@ impl Bench {
     }
 
     fn within(limits: Limits, state: State) -> Self {
-        Self::with_accounts(limits, state, None)
+        Self::trusting(limits, state, None)
     }
 
-    fn with_accounts(limits: Limits, state: State, accounts: Option<Arc<Accounts>>) -> Self {
+    /// With users, who live by a clock of their own.
+    fn trusting(limits: Limits, state: State, trust: Option<(Trust, Arc<dyn Clock>)>) -> Self {
+        let (trust, clock) = trust.unzip();
+        let clock = clock.unwrap_or_else(|| Arc::new(TickingClock::default()));
         let door = Arc::new(FakeDoor(state.into()));
         let handle = Handle::new(Arc::clone(&door) as _);
-        Self {
-            router: router_within(
-                limits,
-                (handle, accounts),
-                Arc::new(TickingClock::default()),
-                &["wall.example".to_owned()],
-            ),
-            door,
-        }
+        Self { router: router_within(limits, (handle, trust), clock, &["wall.example".to_owned()]), door }
     }
 
     async fn send(&self, request: Request<Body>) -> Answer {

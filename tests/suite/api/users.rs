@@ -9,8 +9,8 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
 use videofields::access::{Grants, Right};
-use videofields::accounts::Accounts;
-use videofields::api::Limits;
+use videofields::accounts::{Accounts, Audit};
+use videofields::api::{Limits, Trust};
 use videofields::clock::{Clock, Timestamp};
 use videofields::store::Store;
 
@@ -63,7 +63,10 @@ impl House {
         let clock = Arc::new(StoppedClock::default());
         let accounts = Accounts::open(store.clone(), Arc::clone(&clock) as _).await.unwrap();
         let accounts = Arc::new(accounts);
-        let bench = Bench::with_accounts(Limits::default(), State::default(), Some(Arc::clone(&accounts)));
+        let audit = Arc::new(Audit::new(store.clone()));
+        let trust = Trust { accounts: Arc::clone(&accounts), audit };
+        let bench =
+            Bench::trusting(Limits::default(), State::default(), Some((trust, Arc::clone(&clock) as _)));
         Self { bench, accounts, clock, store, _folder: folder }
     }
 
@@ -128,7 +131,7 @@ fn key(answer: &Answer) -> String {
 }
 
 /// Routes of which strangers get nothing.
-const PRIVATE: [&str; 22] = [
+const PRIVATE: [&str; 23] = [
     "/metrics",
     "/api/v1/cameras",
     "/api/v1/cameras/north",
@@ -149,6 +152,7 @@ const PRIVATE: [&str; 22] = [
     "/api/v1/playheads",
     "/api/v1/playheads/wall/events",
     "/api/v1/accuracy",
+    "/api/v1/audit",
     "/api/v1/users",
     "/api/v1/tokens",
 ];
@@ -399,4 +403,93 @@ async fn users_and_tokens_are_there_after_a_restart() {
     for needle in [PASSWORD.as_bytes(), secret.as_bytes()] {
         assert!(!kept.windows(needle.len()).chain(log.windows(needle.len())).any(|window| window == needle));
     }
+}
+
+#[tokio::test]
+async fn what_callers_did_is_noted_once_and_cannot_be_changed_unseen() {
+    let (house, admin) = House::with_admin().await;
+    house.user(&admin, "ann", json!({"role": "viewer", "cameras": {"*": ["live"]}})).await;
+    let (_, ann) = house.accounts.add_token("ann", String::new(), None).await.unwrap();
+    // Looks: once in ten minutes, and what was refused showed nothing.
+    for path in [
+        "/api/v1/cameras/north/frame.png",
+        "/api/v1/cameras/north/frame.png?t=live",
+        "/api/v1/cameras/nobody/frame.png",
+        "/api/v1/cameras",
+        "/api/v1/scenes/plaza/view.png?width=64&height=48",
+        "/api/v1/scenes/plaza/view.png?width=80&height=48",
+    ] {
+        house.get(path, Shows::Token(&ann)).await;
+    }
+    house.clock.forward(Duration::from_secs(600));
+    house.get("/api/v1/cameras/north/frame.png", Shows::Token(&ann)).await;
+    // Changes: each, whatever came of it.
+    house.send("PUT", "/api/v1/users/eve", Shows::Token(&ann), &[("if-none-match", "*")], json!({})).await;
+    house.send("DELETE", "/api/v1/cameras/north/segment", Shows::Nothing, &[], Value::Null).await;
+    house.log_in("root", "a wrong password").await;
+    house.get("/api/v1/audit", Shows::Token(&ann)).await.problem(403, "/api/v1/audit");
+    let listed = house.get("/api/v1/audit", Shows::Token(&admin)).await.json();
+    let lines: Vec<String> = listed["entries"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|entry| {
+            let word = |name: &str| entry[name].as_str().unwrap_or("-").to_owned();
+            format!(
+                "{} {} {} {} {}",
+                entry["number"],
+                word("user"),
+                word("action"),
+                word("target"),
+                entry["status"]
+            )
+        })
+        .collect();
+    assert_eq!(
+        lines,
+        [
+            "1 - PUT /api/v1/users/{id} /api/v1/users/root 201",
+            "2 root PUT /api/v1/users/{id} /api/v1/users/ann 201",
+            "3 ann GET /api/v1/cameras/{id}/{picture} /api/v1/cameras/north/frame.png 200",
+            "4 ann GET /api/v1/scenes/{id}/{picture} /api/v1/scenes/plaza/view.png?width=64&height=48 200",
+            "5 ann GET /api/v1/cameras/{id}/{picture} /api/v1/cameras/north/frame.png 200",
+            "6 ann PUT /api/v1/users/{id} /api/v1/users/eve 403",
+            "7 - DELETE /api/v1/cameras/{id}/segment /api/v1/cameras/north/segment 401",
+            "8 - POST /api/v1/session /api/v1/session 401",
+        ]
+    );
+    assert_eq!(listed["next"], Value::Null);
+    let page = house.get("/api/v1/audit?after=2&limit=3", Shows::Token(&admin)).await.json();
+    assert_eq!((page["entries"].as_array().unwrap().len(), &page["next"]), (3, &json!(5)));
+    let whole = house.store.check_audit().await.unwrap();
+    assert_eq!((whole.n_whole, &whole.fault), (8, &None));
+    assert_eq!(whole.head.as_deref(), listed["entries"][7]["digest"].as_str());
+}
+
+#[tokio::test]
+async fn an_audit_log_that_was_changed_says_where() {
+    use sqlx::{Connection, SqliteConnection};
+    let (house, _) = House::with_admin().await;
+    for _ in 0..3 {
+        house.log_in("root", "a wrong password").await;
+    }
+    let path = format!("sqlite://{}", house.store.path().display());
+    let mut connection = SqliteConnection::connect(&path).await.unwrap();
+    let mut run = async |sql: &'static str| sqlx::query(sql).execute(&mut connection).await;
+    for sql in ["update audit set user = 'eve' where number = 2", "delete from audit where number = 4"] {
+        let refused = run(sql).await.unwrap_err().to_string();
+        assert!(refused.contains("only ever added to"), "{refused}");
+    }
+    // Who can write the file can take the triggers away: then it shows.
+    run("drop trigger audit_is_not_changed").await.unwrap();
+    run("drop trigger audit_is_not_shortened").await.unwrap();
+    run("update audit set user = 'eve' where number = 3").await.unwrap();
+    let found = house.store.check_audit().await.unwrap();
+    assert_eq!(
+        (found.n_whole, found.fault.as_deref()),
+        (2, Some("entry 3 or one before it is not as it was written"))
+    );
+    run("delete from audit where number = 2").await.unwrap();
+    let found = house.store.check_audit().await.unwrap();
+    assert_eq!((found.n_whole, found.fault.as_deref()), (1, Some("entry 2 is missing")));
 }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
 use videofields::access::{Grants, Right, Rights, Role};
-use videofields::accounts::{Accounts, UserChange};
+use videofields::accounts::{Accounts, Audit, UserChange};
 use videofields::api;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{End, Settings};
@@ -272,6 +272,7 @@ fn routes() -> Vec<String> {
         "/api/v1/playheads/wall",
         "/api/v1/playheads/none",
         "/api/v1/session",
+        "/api/v1/audit",
         "/api/v1/users",
         "/api/v1/users/guest",
         "/api/v1/users/root",
@@ -331,7 +332,9 @@ fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     bench.runtime.block_on(async {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
-        let router = api::router(bench.handle.clone(), Arc::new(accounts), clock, &[]);
+        let audit = Arc::new(Audit::new(bench.store.clone()));
+        let trust = api::Trust { accounts: Arc::new(accounts), audit };
+        let router = api::router(bench.handle.clone(), trust, clock, &[]);
         let mut answers = Vec::new();
         for route in routes() {
             let request = axum::http::Request::get(&route).header("authorization", format!("Bearer {token}"));

@@ -1,0 +1,104 @@
+//! `/api/v1/audit`: who did what; and the layer that notes it.
+//!
+//! Noted is whatever changes something, whatever came of it, and who looked at pictures and recordings: of the same caller
+//! and target once in ten minutes, so that a wall that pulls thirty pictures a second is a line and not a flood. An entry is on
+//! disk before the answer goes out.
+
+use super::Api;
+use super::error::Problem;
+use super::identity::{Asked, Identity};
+use super::query::Query;
+use crate::clock::Timestamp;
+use crate::error::ErrorKind;
+use crate::store::{AuditEntry, AuditRecord};
+use axum::Json;
+use axum::extract::{MatchedPath, RawQuery, Request, State};
+use axum::http::{Method, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+/// Routes at which somebody looks at what cameras saw.
+const LOOKS: [&str; 5] = [
+    "/api/v1/cameras/{id}/{picture}",
+    "/api/v1/cameras/{id}/strip.jpg",
+    "/api/v1/scenes/{id}/{picture}",
+    "/api/v1/scenes/{id}/tracks",
+    "/api/v1/exports/{id}/{file}",
+];
+
+/// Most entries of one answer.
+const MAX_LIMIT: u32 = 1000;
+const LIMIT: u32 = 100;
+
+/// Greatest number of an entry that is asked for.
+const MAX_NUMBER: i64 = (1 << 53) - 1;
+
+/// Notes what a request did.
+pub(super) async fn note(
+    State(api): State<Api>,
+    matched: Option<MatchedPath>,
+    request: Request,
+    next: Next,
+) -> Response {
+    let Some(audit) = api.audit.clone() else { return next.run(request).await };
+    let method = request.method().clone();
+    let uri = request.uri().clone();
+    let user = request.extensions().get::<Identity>().and_then(|identity| identity.caller.user.clone());
+    let response = next.run(request).await;
+    let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
+    let is_look = matches!(method, Method::GET | Method::HEAD);
+    let status = response.status();
+    if is_look {
+        // What was refused showed nothing; of a flood of wrong requests the metrics tell.
+        let is_noted = LOOKS.contains(&route) && status.is_success();
+        if !is_noted || !audit.is_new_look(user.as_deref(), uri.path(), api.clock.monotonic()) {
+            return response;
+        }
+    } else if matched.is_none() {
+        return response;
+    }
+    let entry = AuditEntry {
+        at: api.clock.now(),
+        user,
+        action: format!("{method} {route}"),
+        target: uri.path_and_query().map_or_else(|| uri.path().to_owned(), ToString::to_string),
+        status: status.as_u16(),
+    };
+    if let Err(error) = audit.append(&entry).await {
+        tracing::error!(%error, ?entry, "what was done could not be noted in the audit log");
+    }
+    response
+}
+
+/// Entries after a number, the oldest first.
+pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), &["after", "limit"]);
+    let after = query.whole("after", &(0..=MAX_NUMBER)).unwrap_or(0);
+    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    query.finish(Some(()))?;
+    api.check_admin("the audit log")?;
+    let audit = api.audit.as_ref();
+    let audit =
+        audit.ok_or_else(|| Problem::new(ErrorKind::Unsupported, "this daemon keeps no audit log"))?;
+    let found = audit.entries(after, limit).await;
+    let found = found.map_err(|error| Problem::new(error.kind(), error.to_string()))?;
+    let next = found.last().filter(|_| found.len() as u32 == limit).map(|last| last.number);
+    let entries: Vec<Value> = found.iter().map(document).collect();
+    let body = Json(json!({ "entries": entries, "next": next }));
+    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+}
+
+fn document(record: &AuditRecord) -> Value {
+    let AuditEntry { at, user, action, target, status } = &record.entry;
+    let at: &Timestamp = at;
+    json!({
+        "number": record.number,
+        "at": at.to_string(),
+        "user": user,
+        "action": action,
+        "target": target,
+        "status": status,
+        "digest": record.digest_text(),
+    })
+}

@@ -1,0 +1,160 @@
+//! Table `audit`: who did what. Only ever added to, on disk when it is acknowledged, and chained by digests.
+
+use super::{Store, StoreError};
+use crate::clock::Timestamp;
+use sha2::Digest;
+
+/// Rows that are read at once when all are checked.
+const PAGE: u32 = 1000;
+
+/// Something that was done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditEntry {
+    /// When, by the machine's clock.
+    pub at: Timestamp,
+    /// By whom; none where there are no users, or by a stranger.
+    pub user: Option<String>,
+    /// What: a method and a route's template.
+    pub action: String,
+    /// To what: path and query.
+    pub target: String,
+    /// What came of it: an HTTP status.
+    pub status: u16,
+}
+
+/// An entry as it is kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditRecord {
+    /// 1, 2, 3, ... without gaps.
+    pub number: i64,
+    /// What was done.
+    pub entry: AuditEntry,
+    /// SHA-256 of the digest before and of this entry.
+    pub digest: [u8; 32],
+}
+
+impl AuditRecord {
+    /// Its digest, lower-case hexadecimal.
+    #[must_use]
+    pub fn digest_text(&self) -> String {
+        self.digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// What a look at all entries found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditCheck {
+    /// Entries that are whole, from the first on.
+    pub n_whole: i64,
+    /// The digest of the last of these: whoever noted it can tell later that nothing before it was changed.
+    pub head: Option<String>,
+    /// What is wrong with the entry after them.
+    pub fault: Option<String>,
+}
+
+type Row = (i64, i64, Option<String>, String, String, i64, Vec<u8>);
+
+/// SHA-256 of the digest before and of an entry: every part with its length before it, so that none can be moved into the
+/// next.
+fn digest(before: &[u8; 32], number: i64, entry: &AuditEntry) -> [u8; 32] {
+    let mut hash = sha2::Sha256::new();
+    hash.update(before);
+    hash.update(number.to_be_bytes());
+    hash.update(entry.at.as_nanos().to_be_bytes());
+    hash.update(entry.status.to_be_bytes());
+    hash.update([u8::from(entry.user.is_some())]);
+    for text in [entry.user.as_deref().unwrap_or_default(), &entry.action, &entry.target] {
+        hash.update((text.len() as u64).to_be_bytes());
+        hash.update(text.as_bytes());
+    }
+    hash.finalize().into()
+}
+
+impl Store {
+    /// Adds an entry; its number.
+    ///
+    /// # Errors
+    /// When the database fails: then it was not noted.
+    pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
+        let classify = |error| self.classify(error);
+        // The write lock is taken before the last row is read: another process may write too.
+        let mut transaction = self.durable.begin_with("begin immediate").await.map_err(classify)?;
+        let last: Option<(i64, Vec<u8>)> =
+            sqlx::query_as("select number, digest from audit order by number desc limit 1")
+                .fetch_optional(&mut *transaction)
+                .await
+                .map_err(classify)?;
+        let (number, before) = last.map_or((0, vec![0; 32]), |(number, digest)| (number, digest));
+        let unreadable = || StoreError::UnreadableRow { path: self.path.clone(), what: "audit.digest" };
+        let before: [u8; 32] = before.try_into().map_err(|_wrong_length| unreadable())?;
+        let number = number + 1;
+        sqlx::query(
+            "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
+        )
+        .bind(number)
+        .bind(entry.at.as_nanos())
+        .bind(&entry.user)
+        .bind(&entry.action)
+        .bind(&entry.target)
+        .bind(i64::from(entry.status))
+        .bind(&digest(&before, number, entry)[..])
+        .execute(&mut *transaction)
+        .await
+        .map_err(classify)?;
+        transaction.commit().await.map_err(classify)?;
+        Ok(number)
+    }
+
+    /// The first `limit` entries after number `after`.
+    ///
+    /// # Errors
+    /// When the database fails, or holds what this program did not write.
+    pub async fn audit(&self, after: i64, limit: u32) -> Result<Vec<AuditRecord>, StoreError> {
+        let rows: Vec<Row> = sqlx::query_as(
+            "select number, at, user, action, target, status, digest from audit
+             where number > ? order by number limit ?",
+        )
+        .bind(after)
+        .bind(limit)
+        .fetch_all(&self.cache)
+        .await
+        .map_err(|error| self.classify(error))?;
+        let record = |(number, at, user, action, target, status, digest): Row| {
+            let odd = |what| StoreError::UnreadableRow { path: self.path.clone(), what };
+            let status = u16::try_from(status).map_err(|_too_large| odd("audit.status"))?;
+            let digest = digest.try_into().map_err(|_wrong_length| odd("audit.digest"))?;
+            let entry = AuditEntry { at: Timestamp::from_nanos(at), user, action, target, status };
+            Ok(AuditRecord { number, entry, digest })
+        };
+        rows.into_iter().map(record).collect()
+    }
+
+    /// Looks at every entry, from the first to the last.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn check_audit(&self) -> Result<AuditCheck, StoreError> {
+        let (mut n_whole, mut before) = (0, [0; 32]);
+        let mut fault = None;
+        'all: loop {
+            let page = self.audit(n_whole, PAGE).await?;
+            if page.is_empty() {
+                break;
+            }
+            for record in page {
+                if record.number != n_whole + 1 {
+                    fault = Some(format!("entry {} is missing", n_whole + 1));
+                    break 'all;
+                }
+                if record.digest != digest(&before, record.number, &record.entry) {
+                    let number = record.number;
+                    fault = Some(format!("entry {number} or one before it is not as it was written"));
+                    break 'all;
+                }
+                (n_whole, before) = (record.number, record.digest);
+            }
+        }
+        let hex = |digest: [u8; 32]| digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(AuditCheck { n_whole, head: (n_whole > 0).then(|| hex(before)), fault })
+    }
+}
