@@ -26,12 +26,12 @@ impl Audit {
         Self { store, looks: Mutex::default() }
     }
 
-    /// Whether a look is to be noted at `now` (monotonic): not again within ten minutes.
+    /// Whether what a caller does is to be noted at `now` (monotonic): not again within ten minutes.
     #[must_use]
-    pub fn is_new_look(&self, user: Option<&str>, path: &str, now: Duration) -> bool {
+    pub fn is_new(&self, user: Option<&str>, what: &str, now: Duration) -> bool {
         // A panic leaves the map whole.
         let mut looks = self.looks.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (user.map(str::to_owned), path.to_owned());
+        let key = (user.map(str::to_owned), what.to_owned());
         if looks.get(&key).is_some_and(|noted| now.saturating_sub(*noted) < AGAIN) {
             return false;
         }
@@ -70,7 +70,7 @@ mod tests {
     async fn a_look_is_noted_again_after_ten_minutes_and_few_are_remembered() {
         let folder = tempfile::TempDir::new().unwrap();
         let audit = Audit::new(Store::open(&folder.path().join("test.sqlite")).await.unwrap());
-        let is_new = |user, path: &str, secs| audit.is_new_look(user, path, Duration::from_secs(secs));
+        let is_new = |user, path: &str, secs| audit.is_new(user, path, Duration::from_secs(secs));
         assert!(is_new(Some("ann"), "/a", 0) && !is_new(Some("ann"), "/a", 599));
         assert!(is_new(Some("bob"), "/a", 1) && is_new(None, "/a", 1) && is_new(Some("ann"), "/b", 1));
         assert!(is_new(Some("ann"), "/a", 600));

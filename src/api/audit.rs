@@ -1,8 +1,8 @@
 //! `/api/v1/audit`: who did what; and the layer that notes it.
 //!
 //! Noted is whatever changes something, whatever came of it, and who looked at pictures and recordings: of the same caller
-//! and target once in ten minutes, so that a wall that pulls thirty pictures a second is a line and not a flood. An entry is on
-//! disk before the answer goes out.
+//! and target once in ten minutes, so that a wall that pulls thirty pictures a second is a line and not a flood; and what
+//! strangers tried, once in ten minutes a route. An entry is on disk before the answer goes out.
 
 use super::Api;
 use super::error::Problem;
@@ -13,7 +13,7 @@ use crate::error::ErrorKind;
 use crate::store::{AuditEntry, AuditRecord};
 use axum::Json;
 use axum::extract::{MatchedPath, RawQuery, Request, State};
-use axum::http::{Method, header};
+use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
@@ -49,13 +49,17 @@ pub(super) async fn note(
     let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
     let is_look = matches!(method, Method::GET | Method::HEAD);
     let status = response.status();
-    if is_look {
+    let is_noted = if is_look {
         // What was refused showed nothing; of a flood of wrong requests the metrics tell.
-        let is_noted = LOOKS.contains(&route) && status.is_success();
-        if !is_noted || !audit.is_new_look(user.as_deref(), uri.path(), api.clock.monotonic()) {
-            return response;
-        }
-    } else if matched.is_none() {
+        let is_seen = LOOKS.contains(&route) && status.is_success();
+        is_seen && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic())
+    } else if status == StatusCode::UNAUTHORIZED {
+        // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
+        audit.is_new(None, &format!("{method} {route}"), api.clock.monotonic())
+    } else {
+        matched.is_some()
+    };
+    if !is_noted {
         return response;
     }
     let entry = AuditEntry {

@@ -3,9 +3,8 @@
 use super::error::Problem;
 use super::identity::{Asked, COOKIE, Credential, Identity};
 use super::query::Query;
-use super::tune::{read_body, refuse_foreign};
-use crate::accounts::{AccountError, Caller, SESSION_TIME};
-use crate::error::{Fault, Gatherer};
+use super::tune::{read_members, refuse_foreign};
+use crate::accounts::{Caller, SESSION_TIME};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::RawQuery;
@@ -45,14 +44,7 @@ pub(super) async fn log_in(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let mut gatherer = Gatherer::default();
-    let body = read_body(&body)?;
-    if !body.is_object() {
-        return Err(AccountError::Faults(vec![Fault::new("", "expected an object")]).into());
-    }
-    let Some(Credentials { user, password }) = gatherer.read::<Credentials>(body, "") else {
-        return Err(AccountError::Faults(gatherer.into_faults()).into());
-    };
+    let Credentials { user, password } = read_members(&body)?;
     let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
         tracing::warn!(?user, %error, "a log-in failed");
     })?;

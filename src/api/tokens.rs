@@ -4,7 +4,7 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
-use super::tune::{read_body, refuse_foreign};
+use super::tune::{read_members, refuse_foreign};
 use crate::access::Role;
 use crate::accounts::AccountError;
 use crate::clock::Timestamp;
@@ -70,27 +70,20 @@ pub(super) async fn add(
 }
 
 fn read(body: &[u8], now: Timestamp) -> Result<(TokenAsked, Option<Timestamp>), Problem> {
-    let body = read_body(body)?;
-    if !body.is_object() {
-        return Err(AccountError::Faults(vec![Fault::new("", "expected an object")]).into());
-    }
+    let asked: TokenAsked = read_members(body)?;
     let mut gatherer = Gatherer::default();
-    let asked = gatherer.read::<TokenAsked>(body, "");
     let mut expires_at = None;
-    if let Some(asked) = &asked {
-        if asked.note.chars().count() > MAX_NOTE_CHARS {
-            gatherer.fault("/note", format!("at most {MAX_NOTE_CHARS} characters"));
-        }
-        match asked.expires_at.as_deref().map(str::parse::<Timestamp>) {
-            Some(Ok(at)) if at <= now => gatherer.fault("/expires_at", "lies in the past"),
-            Some(Ok(at)) => expires_at = Some(at),
-            Some(Err(error)) => gatherer.fault("/expires_at", error.to_string()),
-            None => {}
-        }
+    if asked.note.chars().count() > MAX_NOTE_CHARS {
+        gatherer.fault("/note", format!("at most {MAX_NOTE_CHARS} characters"));
+    }
+    match asked.expires_at.as_deref().map(str::parse::<Timestamp>) {
+        Some(Ok(at)) if at <= now => gatherer.fault("/expires_at", "lies in the past"),
+        Some(Ok(at)) => expires_at = Some(at),
+        Some(Err(error)) => gatherer.fault("/expires_at", error.to_string()),
+        None => {}
     }
     let faults = gatherer.into_faults();
-    let asked = asked.filter(|_| faults.is_empty()).ok_or(AccountError::Faults(faults))?;
-    Ok((asked, expires_at))
+    if faults.is_empty() { Ok((asked, expires_at)) } else { Err(AccountError::Faults(faults).into()) }
 }
 
 /// Takes a token back.

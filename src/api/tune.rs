@@ -5,12 +5,13 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
-use crate::error::{ErrorKind, Fault};
+use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde::de::DeserializeOwned;
 
 /// Where a browser says what kind of page a request comes from.
 const FETCH_SITE: &str = "sec-fetch-site";
@@ -103,6 +104,19 @@ pub(super) fn read_body(body: &[u8]) -> Result<serde_json::Value, Problem> {
         let message = format!("the body is no JSON ({place}): {error}");
         Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
     })
+}
+
+/// The members of the JSON object that a request brings; refused with every fault, each at its JSON pointer.
+pub(super) fn read_members<T: DeserializeOwned>(body: &[u8]) -> Result<T, Problem> {
+    let body = read_body(body)?;
+    // serde would take a list for an object's members in their order.
+    if !body.is_object() {
+        return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("", "expected an object")]));
+    }
+    let mut gatherer = Gatherer::default();
+    let members = gatherer.read::<T>(body, "");
+    let faults = gatherer.into_faults();
+    members.filter(|_| faults.is_empty()).ok_or_else(|| Problem::at(ErrorKind::Invalid, faults))
 }
 
 /// Refuses what a page of another site asks for. Where there are no users, any page open in the

@@ -59,23 +59,18 @@ impl Shared {
         grants.scope(self.all_ids.iter(), |id| grants.knows(id.as_str()))
     }
 
-    /// Whether `instant` is as good as now for a camera: of one that has shown nothing, any is.
+    /// Whether `instant` is as good as now for a camera.
     fn is_now(&self, camera: &str, instant: Timestamp) -> bool {
         let newest = self.camera(camera).ok().and_then(|entry| entry.timeline.range());
-        newest.is_none_or(|(_, last)| last.nanos_since(instant) <= NOW_NANOS)
+        newest.is_some_and(|(_, last)| last.nanos_since(instant) <= NOW_NANOS)
     }
 
     /// Whether `grants` may see what a camera saw at a time.
     fn may_see(&self, grants: &Grants, camera: &str, at: At) -> bool {
-        let is_live = |at| match at {
-            At::Live => true,
-            At::Time(instant) => self.is_now(camera, instant),
-        };
+        let has = |right| grants.has(camera, right);
         match at {
-            At::Live => grants.has(camera, Right::Live),
-            At::Time(_) => {
-                grants.has(camera, Right::History) || (grants.has(camera, Right::Live) && is_live(at))
-            }
+            At::Live => has(Right::Live),
+            At::Time(instant) => has(Right::History) || (has(Right::Live) && self.is_now(camera, instant)),
         }
     }
 }
@@ -98,6 +93,15 @@ impl Permitted {
     fn seeing(&self, at: At) -> Scope {
         let grants = &self.grants;
         grants.scope(self.shared.all_ids.iter(), |id| self.shared.may_see(grants, id.as_str(), at))
+    }
+
+    /// A scene with the cameras of `scope`. Of one that the caller knows, but of which these are none, that it may not be seen
+    /// so.
+    fn scene_with(&self, id: &str, scope: &Scope, what: &str) -> Result<Arc<Scene>, EngineError> {
+        self.shared.scene_within(id, scope).or_else(|error| {
+            self.scene(id).map_err(|_unknown| error)?;
+            Err(EngineError::Forbidden(format!("of no camera of scene {id} you have a right to {what}")))
+        })
     }
 
     fn check(&self, camera: &str, right: Right) -> Result<(), EngineError> {
@@ -184,7 +188,8 @@ impl Door for Permitted {
         limit: usize,
     ) -> Result<Vec<LoggedEvent>, EngineError> {
         if let Some(camera) = camera {
-            self.check(camera, Right::Live)?;
+            let is_known = self.grants.knows(camera) && self.shared.camera(camera).is_ok();
+            is_known.then_some(()).ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })?;
         }
         let is_asked = |of: &CameraId| camera.is_none_or(|camera| of.as_str() == camera);
         let is_seen = |event: &Event| is_asked(&event.camera) && self.sees_event(event);
@@ -253,11 +258,13 @@ impl Door for Permitted {
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         let scope = self.seeing(request.at);
+        self.scene_with(&request.scene, &scope, "that time")?;
         self.shared.view(ViewRequest { scope, ..request }, reply)
     }
 
     fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let scope = self.seeing(request.at);
+        self.scene_with(&request.scene, &scope, "that time")?;
         self.shared.plan(&ViewRequest { scope, ..request.clone() })
     }
 
@@ -267,17 +274,17 @@ impl Door for Permitted {
         span: (Timestamp, Timestamp),
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError> {
-        let scene = self.shared.scene_within(scene, &self.having(Right::History))?;
+        let scene = self.scene_with(scene, &self.having(Right::History), "history")?;
         self.shared.chronicle(&scene, span, minutes_each)
     }
 
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
-        let scene = self.shared.scene_within(scene, &self.having(Right::History))?;
+        let scene = self.scene_with(scene, &self.having(Right::History), "history")?;
         self.shared.find_tracks(&scene, query)
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
-        let scene = self.shared.scene_within(scene, &self.having(Right::Manage))?;
+        let scene = self.scene_with(scene, &self.having(Right::Manage), "manage")?;
         self.shared.align_scene(&scene)
     }
 

@@ -54,6 +54,14 @@ fn seen(folder: &Path, south_sees_somebody: PathBuf) -> Bench {
     bench
 }
 
+/// Two daemons, and where their files lie: before `south` is somebody in the one and nobody in the other.
+fn two_worlds() -> ([TempDir; 2], [Bench; 2]) {
+    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+    let [first, second] = folders.each_ref().map(TempDir::path);
+    let benches = [seen(first, pictures(first, "south", 0..20)), seen(second, empty(second, "south", 0..20))];
+    (folders, benches)
+}
+
 /// Times that the clock tells, and not what was seen.
 fn timeless(text: &str) -> String {
     let mut value: serde_json::Value = serde_json::from_str(text).unwrap();
@@ -176,10 +184,8 @@ fn nothing_that_a_forbidden_camera_sees_reaches_a_caller() {
     if !has_adapter() {
         return;
     }
-    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
-    let somebody = seen(folders[0].path(), pictures(folders[0].path(), "south", 0..20));
-    let nobody = seen(folders[1].path(), empty(folders[1].path(), "south", 0..20));
-    let both = [&somebody, &nobody];
+    let (folders, benches) = two_worlds();
+    let both = benches.each_ref();
     // Others look first, so that what they leave behind would show.
     let all = both.map(|bench| told(bench, &bench.handle));
     let n_unlike = all[0].iter().zip(&all[1]).filter(|(a, b)| a != b).count();
@@ -225,9 +231,20 @@ fn rights_are_of_a_time_and_of_a_camera() {
     let long_ago = At::Time(Timestamp::from_nanos(-20_000_000_000));
     assert_eq!(look(&live, "north", long_ago), Some(ErrorKind::Forbidden));
     assert_eq!(look(&live, "south", At::Live), Some(ErrorKind::NotFound));
+    let view = |handle: &Handle, scene, at| {
+        kind(bench.runtime.block_on(handle.view(request(scene, at))).map(|_| ()))
+    };
+    assert_eq!(view(&live, "yard", long_ago), Some(ErrorKind::Forbidden));
+    assert_eq!(view(&live, "nowhere", long_ago), Some(ErrorKind::NotFound));
+    assert_eq!(kind(live.plan(&request("yard", long_ago)).map(|_| ())), Some(ErrorKind::Forbidden));
+    let span = (Timestamp::from_nanos(0), Timestamp::from_nanos(FRAME_NANOS));
+    assert_eq!(kind(live.scene_timeline("yard", span, 1).map(|_| ())), Some(ErrorKind::Forbidden));
+    assert_eq!(kind(live.alignment("yard").map(|_| ())), Some(ErrorKind::Forbidden));
     let history = bench.handle.within(grants(Role::Viewer, &[], &[("north", &[Right::History])]));
     assert_eq!(look(&history, "north", At::Live), Some(ErrorKind::Forbidden));
     assert_eq!(look(&history, "north", early), None);
+    assert_eq!(kind(history.events(Some("north"), 0, 10).map(|_| ())), None);
+    assert_eq!(kind(history.events(Some("south"), 0, 10).map(|_| ())), Some(ErrorKind::NotFound));
 
     let manage = json!({"delta": 0.1});
     let change =
@@ -361,10 +378,8 @@ fn no_route_tells_a_byte_of_a_forbidden_camera() {
     if !has_adapter() {
         return;
     }
-    let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
-    let somebody = seen(folders[0].path(), pictures(folders[0].path(), "south", 0..20));
-    let nobody = seen(folders[1].path(), empty(folders[1].path(), "south", 0..20));
-    let both = [&somebody, &nobody];
+    let (_folders, benches) = two_worlds();
+    let both = benches.each_ref();
     let users = |bench: &Bench| {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         bench.handle.put_playhead("wall", json!({"at": "1970-01-01T00:00:00.2Z", "paused": true})).unwrap();
