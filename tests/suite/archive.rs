@@ -6,6 +6,7 @@ use crate::support::small_disk::SmallDisk;
 use crate::support::{say_skipped, wait_for};
 use gstreamer as gst;
 use gstreamer::prelude::*;
+use sqlx::{Connection, SqliteConnection};
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
@@ -18,7 +19,7 @@ use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::ArchiveSettings;
 use videofields::frame::CameraId;
 use videofields::media::{Decoder, EncodedFrame, EncodedQueue, Input, TICK_NANOS};
-use videofields::store::{SegmentRecord, Store};
+use videofields::store::{AuditEntry, SegmentRecord, Store};
 use videofields::telemetry::Metrics;
 use videofields::timeline::Replay;
 
@@ -368,6 +369,38 @@ fn run(command: &str, folder: &Path) -> (Option<i32>, String, String) {
     let output = process.args([command, "site.toml"]).current_dir(folder).output().unwrap();
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code(), text(output.stdout), text(output.stderr))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn check_store_says_whether_the_audit_log_is_as_it_was_written() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path();
+    std::fs::write(folder.join("site.toml"), "[storage]\ndatabase = \"a.sqlite\"\n").unwrap();
+    let store = Store::open(&folder.join("a.sqlite")).await.unwrap();
+    for user in [None, Some("ann"), Some("bob")] {
+        let entry = AuditEntry {
+            at: Timestamp::from_nanos(7),
+            user: user.map(str::to_owned),
+            action: "PUT /api/v1/users/{id}".to_owned(),
+            target: "/api/v1/users/eve".to_owned(),
+            status: 201,
+        };
+        store.append_audit(&entry).await.unwrap();
+    }
+    let head = store.check_audit().await.unwrap().head.unwrap();
+    store.close().await.unwrap();
+    let (status, stdout, stderr) = run("check-store", folder);
+    assert_eq!((status, stderr.as_str()), (Some(0), ""), "{stdout}");
+    let said = format!("audit log: 3 entries as they were written, the last one's digest is {head}");
+    assert!(stdout.contains(&said), "{stdout}");
+    let path = format!("sqlite://{}", folder.join("a.sqlite").display());
+    let mut connection = SqliteConnection::connect(&path).await.unwrap();
+    let change = "drop trigger audit_is_not_changed; update audit set user = 'eve' where number = 2";
+    sqlx::raw_sql(change).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+    let (status, _, stderr) = run("check-store", folder);
+    let is_told = stderr.contains("audit log: entry 2 or one before it is not as it was written");
+    assert!(status == Some(1) && is_told, "{stderr}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
