@@ -10,7 +10,7 @@ use super::alignment::SceneAlignment;
 use super::chronicle::SceneTimeline;
 use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary};
 use super::planned::PlannedView;
-use super::playheads::{Change, PlayheadState};
+use super::playheads::{Change, Entry, PlayheadState};
 use super::shared::{CameraEntry, Shared};
 use super::track_search::{FoundTracks, TrackQuery};
 use super::view::{ViewAnswer, ViewRequest};
@@ -127,6 +127,13 @@ impl Permitted {
     fn check_change(&self, camera: &str) -> Result<(), EngineError> {
         self.check(camera, Right::Manage)?;
         self.check_role(Role::Operator, "changing a camera")
+    }
+
+    /// A playhead of a scene that the caller knows; any other is not there.
+    fn own_playhead(&self, id: &str) -> Result<Entry, EngineError> {
+        let entry = self.shared.playheads.find(id)?;
+        let is_known = self.scene(&entry.scene).is_ok();
+        is_known.then_some(entry).ok_or_else(|| EngineError::NoPlayhead { id: id.to_owned() })
     }
 
     fn sees_event(&self, event: &Event) -> bool {
@@ -295,15 +302,19 @@ impl Door for Permitted {
     }
 
     fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError> {
-        self.shared.playhead_state(&self.shared.playheads.find(id)?, &self.known())
+        self.shared.playhead_state(&self.own_playhead(id)?, &self.known())
     }
 
     fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError> {
+        self.own_playhead(id)?;
         self.shared.playhead_position(id, &self.known())
     }
 
     fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
         self.check_role(Role::Operator, "moving a playhead")?;
+        if self.shared.playheads.find(id).is_ok() && self.own_playhead(id).is_err() {
+            return Err(EngineError::Forbidden(format!("the name {id} is taken")));
+        }
         let change = Change::read(change)?;
         let first = self.scenes().into_iter().next().map(|scene| scene.id);
         let scene = change.scene.clone().or(first).unwrap_or_default();
@@ -312,11 +323,12 @@ impl Door for Permitted {
 
     fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
         self.check_role(Role::Operator, "moving a playhead")?;
+        self.own_playhead(id)?;
         self.shared.change_playhead_of(id, &Change::read(change)?, (None, &self.known()))
     }
 
     fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
-        self.playhead(id)?;
+        self.own_playhead(id)?;
         self.check_role(Role::Operator, "removing a playhead")?;
         self.shared.remove_playhead(id)
     }

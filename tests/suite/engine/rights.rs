@@ -270,6 +270,27 @@ fn rights_are_of_a_time_and_of_a_camera() {
     assert_eq!(kind(operator.put_playhead("a", json!({})).map(|_| ())), None);
 }
 
+#[test]
+fn a_playhead_of_a_hidden_scene_is_not_there_and_names_no_scene() {
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path(), pictures(folder.path(), "south", 0..3));
+    bench.handle.put_playhead("wall", json!({"paused": true})).unwrap();
+    let stranger = bench.handle.within(grants(Role::Operator, &[], &[("elsewhere", &Right::ALL)]));
+    assert!(stranger.playheads().is_empty());
+    let position = stranger.playhead_at("wall").map(|_| ());
+    let change = stranger.change_playhead("wall", json!({"paused": false})).map(|_| ());
+    let moved = stranger.change_playhead("wall", json!({"scene": "yard"})).map(|_| ());
+    for found in
+        [stranger.playhead("wall").map(|_| ()), position, change, moved, stranger.remove_playhead("wall")]
+    {
+        let error = found.unwrap_err();
+        assert!(error.kind() == ErrorKind::NotFound && !error.to_string().contains("yard"), "{error}");
+    }
+    let taken = stranger.put_playhead("wall", json!({"scene": "yard"})).unwrap_err();
+    assert!(taken.kind() == ErrorKind::Forbidden && !taken.to_string().contains("yard"), "{taken}");
+    assert_eq!(bench.handle.playheads().len(), 1);
+}
+
 /// Every route, with ids of what is permitted, what is forbidden and what is not there.
 fn routes() -> Vec<String> {
     let mut routes: Vec<String> = [
