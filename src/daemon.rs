@@ -3,30 +3,30 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
+mod upkeep;
+
 use crate::accounts::{Accounts, Audit};
 use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
-use crate::api;
+use crate::api::{self, Site, Tls};
 use crate::archive::Archive;
+use crate::catalog::{Catalog, ConfiguredScene};
 use crate::clock::{Clock, SystemClock};
-use crate::config::{Config, SceneSettings};
+use crate::config::{Config, SceneSettings, ServerSettings};
 use crate::engine::Engine;
 use crate::scene::{self, Scene};
 use crate::simulate::World;
 use crate::store::Store;
 use crate::telemetry::Metrics;
-use anyhow::{Context, Result};
-use std::net::SocketAddr;
-use std::sync::{Arc, Weak};
+use anyhow::{Context, Result, bail};
+use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::Handle as Runtime;
 use tokio::signal::unix::{SignalKind, signal};
+use tokio::task::JoinSet;
 
 /// The world on which the machine's costs are measured.
 const MEASURED_WORLD: &str = "plaza";
-
-/// How often users and tokens are read again: what another process revoked holds after a minute at the latest.
-const ACCOUNTS_PERIOD: Duration = Duration::from_secs(20);
 
 /// Time that a step of measuring in hand is given when the daemon stops.
 const FINISH_TIME: Duration = Duration::from_millis(100);
@@ -34,12 +34,12 @@ const FINISH_TIME: Duration = Duration::from_millis(100);
 /// Time for the database to be closed: with `engine`'s, less than the 3 s in which the daemon must be gone.
 const CLOSE_TIME: Duration = Duration::from_millis(400);
 
-/// Runs the daemon until SIGTERM or SIGINT; `announce` hears the address once requests are answered.
+/// Runs the daemon until SIGTERM or SIGINT; `announce` hears the page's URL once requests are answered.
 ///
 /// # Errors
-/// When the store cannot be opened, the address cannot be taken, or a thread cannot be started. A camera or scene
-/// that fails stops nothing: the API shows its state.
-pub fn serve(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
+/// When the store cannot be opened, the address cannot be taken, the certificate cannot be used, other machines could come
+/// in without users, or a thread cannot be started. A camera or scene that fails stops nothing: the API shows its state.
+pub fn serve(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .thread_name("videofields-io")
         .enable_all()
@@ -51,17 +51,19 @@ pub fn serve(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     outcome
 }
 
-async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
+async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
     let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
+    let hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
     let settings = config.settings();
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let tls = load_tls(&settings.server)?;
     // First the address: when another daemon holds it, nothing else should have been touched.
     let listen = settings.server.listen;
     let listener = TcpListener::bind(listen).await.with_context(|| format!("cannot listen on {listen}"))?;
     // Another daemon may hold the database for long: then there is nothing yet to be finished.
-    let (store, scenes) = tokio::select! {
-        opened = open(config, &*clock) => opened?,
+    let (store, catalog) = tokio::select! {
+        opened = open(config, &clock) => opened?,
         _some = terminate.recv() => return Ok(()),
         _some = interrupt.recv() => return Ok(()),
     };
@@ -69,21 +71,31 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     let accounts =
         Accounts::open(store.clone(), Arc::clone(&clock)).await.context("cannot read the users")?;
     let accounts = Arc::new(accounts);
+    if accounts.is_open() && !listen.ip().is_loopback() {
+        bail!(
+            "{listen} can be reached from other machines, and while there are no users everybody may do everything: make \
+             the first with `videofields user FILE set NAME --role admin --password`"
+        );
+    }
     let metrics = Arc::new(Metrics::new());
+    let order: Vec<_> = settings.scene.iter().map(|scene| scene.id.clone()).collect();
+    let scenes = catalog.scenes(&order);
     warn_of_unknown_cameras(config, &scenes);
     let archive = start_archive(config, &store, &metrics, &clock).await?;
     let engine =
         Engine::start_recording(config, scenes, store.clone(), metrics, Arc::clone(&clock), archive.clone())?;
     let keeper = start_keeper(config, &engine, &store, &clock)?;
     let address = listener.local_addr().context("the listener has no address")?;
-    tracing::info!(%address, "listening");
-    announce(address);
+    let url = format!("{}://{address}/", if tls.is_some() { "https" } else { "http" });
+    tracing::info!(url, "listening");
+    announce(&url);
 
     let stopped = async {
         tokio::select! {
             _some = terminate.recv() => tracing::info!("stopping on SIGTERM"),
             _some = interrupt.recv() => tracing::info!("stopping on SIGINT"),
         }
+        upkeep::tell_stopping();
         keeper.request_stop();
         if let Some(archive) = &archive {
             archive.end_exports();
@@ -92,11 +104,15 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
         engine.request_stop();
     };
     let audit = Arc::new(Audit::new(store.clone()));
-    let trust = api::Trust { accounts: Arc::clone(&accounts), audit };
-    let router = api::router(engine.handle(), trust, Arc::clone(&clock), &settings.server.hosts);
-    let following = tokio::spawn(follow_accounts(Arc::downgrade(&accounts)));
-    api::serve(listener, router, stopped).await;
-    following.abort();
+    let trust = api::Trust { accounts: Arc::clone(&accounts), audit, catalog: Arc::new(catalog) };
+    let site = Site { hosts: settings.server.hosts.clone(), is_encrypted: tls.is_some() };
+    let router = api::router(engine.handle(), trust, Arc::clone(&clock), site);
+    let mut upkeep = JoinSet::new();
+    upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
+    upkeep.spawn(upkeep::follow_certificate(tls.clone(), Arc::downgrade(&accounts), hangup));
+    upkeep.spawn(upkeep::keep_awake(engine.handle()));
+    api::serve(listener, tls, router, stopped).await;
+    upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.
     tokio::task::block_in_place(|| {
         keeper.stop(&*clock, FINISH_TIME);
@@ -111,16 +127,14 @@ async fn run(config: &Config, announce: impl FnOnce(SocketAddr)) -> Result<()> {
     Ok(())
 }
 
-/// Learns what another process, such as `videofields user`, changed of users and tokens.
-async fn follow_accounts(accounts: Weak<Accounts>) {
-    // Until the daemon lets go of them.
-    while let Some(accounts) = accounts.upgrade() {
-        if let Err(error) = accounts.reload().await {
-            tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
-        }
-        drop(accounts);
-        tokio::time::sleep(ACCOUNTS_PERIOD).await;
+/// What encrypts connections, where the configuration names a certificate.
+fn load_tls(server: &ServerSettings) -> Result<Option<Arc<Tls>>> {
+    if !server.is_encrypted() {
+        return Ok(None);
     }
+    let tls =
+        Tls::load(&server.certificate, &server.private_key).context("connections cannot be encrypted")?;
+    Ok(Some(Arc::new(tls)))
 }
 
 /// The recordings, where the configuration names a folder for them.
@@ -153,23 +167,25 @@ fn start_keeper(config: &Config, engine: &Engine, store: &Store, clock: &Arc<dyn
         .context("cannot start the thread that measures costs")
 }
 
-async fn open(config: &Config, clock: &dyn Clock) -> Result<(Store, Vec<Arc<Scene>>)> {
-    let store = Store::open(&config.settings().storage.database).await?;
-    let scenes = load_scenes(config, &store, clock).await;
-    Ok((store, scenes))
+async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog)> {
+    let settings = config.settings();
+    let store = Store::open(&settings.storage.database).await?;
+    let configured = configured_scenes(config, &store, &**clock).await;
+    let folders = (config.folder().to_owned(), settings.media.roots.clone());
+    let catalog = Catalog::open(store.clone(), Arc::clone(clock), configured, folders).await;
+    Ok((store, catalog.context("cannot read what was kept of scenes, views and walls")?))
 }
 
 /// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and
 /// left out otherwise: one bad document takes no other scene down.
-async fn load_scenes(config: &Config, store: &Store, clock: &dyn Clock) -> Vec<Arc<Scene>> {
+async fn configured_scenes(config: &Config, store: &Store, clock: &dyn Clock) -> Vec<ConfiguredScene> {
     let mut scenes = Vec::new();
     for settings in &config.settings().scene {
-        match load_scene(config, settings, store, clock).await {
-            Ok(scene) => scenes.push(Arc::new(scene)),
-            Err(error) => {
-                tracing::error!(scene = settings.id, error = format!("{error:#}"), "scene left out");
-            }
-        }
+        let loaded = load_scene(config, settings, store, clock).await.inspect_err(|error| {
+            tracing::error!(scene = settings.id, error = format!("{error:#}"), "scene left out");
+        });
+        let scene = loaded.ok().map(Arc::new);
+        scenes.push(ConfiguredScene { id: settings.id.clone(), file: settings.file.clone(), scene });
     }
     scenes
 }

@@ -68,6 +68,8 @@ pub mod render;
 
 pub mod engine;
 
+pub mod catalog;
+
 pub mod api;
 
 pub mod simulate;

@@ -30,6 +30,9 @@ pub enum AccountError {
     /// Nobody could change users any more.
     #[error("the last admin who can log in must stay one: make another first")]
     LastAdmin,
+    /// The database has no users any more, while the daemon knows some.
+    #[error("the database has no users any more; those known hold on until the daemon starts again")]
+    UsersGone,
     /// The password is not the user's, or there is no such user.
     #[error("no user has that name and password")]
     WrongPassword,
@@ -74,7 +77,7 @@ impl AccountError {
             Self::WrongPassword => ErrorKind::Unauthenticated,
             Self::Throttled { .. } => ErrorKind::Throttled,
             Self::Store(error) => error.kind(),
-            Self::NoRandomness(_) | Self::Internal(_) => ErrorKind::Internal,
+            Self::NoRandomness(_) | Self::UsersGone | Self::Internal(_) => ErrorKind::Internal,
         }
     }
 }

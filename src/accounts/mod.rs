@@ -114,6 +114,10 @@ impl Accounts {
         let users = users?;
         let tokens = self.store.tokens().await?.into_iter().map(|token| (token.id.clone(), token)).collect();
         let mut book = self.write();
+        if users.is_empty() && !book.users.is_empty() {
+            // Without users everybody may do everything: that must not come of a database that was exchanged.
+            return Err(AccountError::UsersGone);
+        }
         let before = std::mem::replace(&mut book.users, users);
         book.tokens = tokens;
         let Book { users, sessions, .. } = &mut *book;

@@ -1,40 +1,28 @@
 //! Conditions on changes (RFC 9110, section 13): what is changed must be what the caller last saw.
 
 use super::error::Problem;
+use crate::catalog::Condition;
 use axum::http::{HeaderMap, header};
-
-/// What must hold for a change to be made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Precondition {
-    /// There is none yet: `If-None-Match: *`.
-    Absent,
-    /// There is one, whichever: `If-Match: *`.
-    Present,
-    /// It has this version: `If-Match: "3"`.
-    Version(i64),
-}
 
 /// The entity tag of a version.
 pub(super) fn etag(version: i64) -> String {
     format!("\"{version}\"")
 }
 
-impl Precondition {
-    /// The condition of a change that must have one.
-    pub(super) fn required(headers: &HeaderMap) -> Result<Self, Problem> {
-        let field = |name| headers.get(name).map(|value| value.to_str().unwrap_or_default().trim());
-        match (field(header::IF_MATCH), field(header::IF_NONE_MATCH)) {
-            (None, None) => Err(Problem::precondition_required()),
-            (None, Some("*")) => Ok(Self::Absent),
-            (Some("*"), None) => Ok(Self::Present),
-            (Some(tag), None) => {
-                let version = tag.strip_prefix('"').and_then(|tag| tag.strip_suffix('"'));
-                // Another tag than ours is no version that there ever was.
-                Ok(Self::Version(version.and_then(|version| version.parse().ok()).unwrap_or(0)))
-            }
-            (_, Some(_)) => {
-                Err(Problem::condition("expected If-Match with an answer's ETag, or If-None-Match: *"))
-            }
+/// The condition of a change that must have one.
+pub(super) fn required(headers: &HeaderMap) -> Result<Condition, Problem> {
+    let field = |name| headers.get(name).map(|value| value.to_str().unwrap_or_default().trim());
+    match (field(header::IF_MATCH), field(header::IF_NONE_MATCH)) {
+        (None, None) => Err(Problem::precondition_required()),
+        (None, Some("*")) => Ok(Condition::Absent),
+        (Some("*"), None) => Ok(Condition::Present),
+        (Some(tag), None) => {
+            let version = tag.strip_prefix('"').and_then(|tag| tag.strip_suffix('"'));
+            // Another tag than ours is no version that there ever was.
+            Ok(Condition::Version(version.and_then(|version| version.parse().ok()).unwrap_or(-1)))
+        }
+        (_, Some(_)) => {
+            Err(Problem::condition("expected If-Match with an answer's ETag, or If-None-Match: *"))
         }
     }
 }
@@ -46,16 +34,16 @@ mod tests {
 
     #[test]
     fn conditions_are_read_as_they_are_written() {
-        let check = |fields: &[(header::HeaderName, &'static str)], expected: Option<Precondition>| {
+        let check = |fields: &[(header::HeaderName, &'static str)], expected: Option<Condition>| {
             let fields = fields.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value)));
-            assert_eq!(Precondition::required(&fields.collect()).ok(), expected);
+            assert_eq!(required(&fields.collect()).ok(), expected);
         };
         check(&[], None);
-        check(&[(header::IF_MATCH, "*")], Some(Precondition::Present));
-        check(&[(header::IF_NONE_MATCH, "*")], Some(Precondition::Absent));
-        check(&[(header::IF_MATCH, "\"17\"")], Some(Precondition::Version(17)));
-        check(&[(header::IF_MATCH, "W/\"17\"")], Some(Precondition::Version(0)));
-        check(&[(header::IF_MATCH, "17")], Some(Precondition::Version(0)));
+        check(&[(header::IF_MATCH, "*")], Some(Condition::Present));
+        check(&[(header::IF_NONE_MATCH, "*")], Some(Condition::Absent));
+        check(&[(header::IF_MATCH, "\"17\"")], Some(Condition::Version(17)));
+        check(&[(header::IF_MATCH, "W/\"17\"")], Some(Condition::Version(-1)));
+        check(&[(header::IF_MATCH, "17")], Some(Condition::Version(-1)));
         check(&[(header::IF_NONE_MATCH, "\"17\"")], None);
         check(&[(header::IF_MATCH, "\"1\""), (header::IF_NONE_MATCH, "*")], None);
         assert_eq!(etag(17), "\"17\"");

@@ -6,6 +6,7 @@
 //! the log.
 
 use crate::accounts::AccountError;
+use crate::catalog::CatalogError;
 use crate::encode::EncodeError;
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault, join_faults};
@@ -142,6 +143,14 @@ impl Problem {
         Self::of(class, detail)
     }
 
+    /// A body of more bytes than its route takes.
+    pub(super) fn content_too_large() -> Self {
+        let class =
+            class(StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The request's body is too large");
+        let detail = "a scene document may have 4 MiB, any other body 1 MiB";
+        Self::of(class, detail.to_owned())
+    }
+
     /// What the log must say, where the client reads nothing of it.
     pub(super) fn internal(&self) -> Option<&str> {
         self.internal.as_deref()
@@ -245,6 +254,16 @@ impl From<AccountError> for Problem {
                 Self { retry_after_secs, ..Self::new(kind, error.to_string()) }
             }
             error => Self::new(kind, error.to_string()),
+        }
+    }
+}
+
+impl From<CatalogError> for Problem {
+    fn from(error: CatalogError) -> Self {
+        match error {
+            CatalogError::Faults(faults) => Self::at(ErrorKind::Invalid, faults),
+            CatalogError::Engine(error) => error.into(),
+            error => Self::new(error.kind(), error.to_string()),
         }
     }
 }

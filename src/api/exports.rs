@@ -1,6 +1,7 @@
 //! `/api/v1/exports`: clips of what was recorded, asked for, watched and taken away.
 
 use super::Api;
+use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
@@ -11,7 +12,7 @@ use crate::engine::EngineError;
 use crate::error::ErrorKind;
 use crate::media::descriptor_path;
 use axum::Json;
-use axum::body::{Body, Bytes};
+use axum::body::Body;
 use axum::extract::{RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -31,7 +32,7 @@ pub(super) async fn ask(
     Asked(api): Asked,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;

@@ -1,8 +1,8 @@
 //! What stands before every route: limits on the request, on its time and on how many are answered at once; and
 //! what is done to every answer: problem documents written down, security header fields set, the answer counted.
 
-use super::Api;
 use super::error::Problem;
+use super::{Api, Site};
 use crate::error::ErrorKind;
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
@@ -37,7 +37,7 @@ pub(super) async fn observe(
         }
         *response.body_mut() = Body::from(problem.document(&path));
     }
-    set_security_fields(response.headers_mut());
+    set_security_fields(response.headers_mut(), &api.site);
     let duration = api.clock.monotonic().saturating_sub(start);
     let status = response.status().as_u16();
     tracing::debug!(status, millis = duration.as_secs_f64() * 1e3, "answered");
@@ -75,11 +75,11 @@ fn foreign_host(api: &Api, request: &Request) -> Option<Problem> {
             .is_some_and(|name| name.parse::<Ipv6Addr>().is_ok());
     let is_known = is_address
         || name.eq_ignore_ascii_case("localhost")
-        || api.hosts.iter().any(|known| known.eq_ignore_ascii_case(name));
+        || api.site.hosts.iter().any(|known| known.eq_ignore_ascii_case(name));
     (!is_known).then(|| Problem::host(name))
 }
 
-fn set_security_fields(headers: &mut HeaderMap) {
+fn set_security_fields(headers: &mut HeaderMap, site: &Site) {
     let mut set = |name, value| {
         headers.entry(name).or_insert(HeaderValue::from_static(value));
     };
@@ -88,6 +88,10 @@ fn set_security_fields(headers: &mut HeaderMap) {
     set(header::REFERRER_POLICY, "no-referrer");
     // Where there are no users, any page open in the operator's browser could else show the daemon's pictures.
     set(header::HeaderName::from_static("cross-origin-resource-policy"), "same-origin");
+    if site.is_encrypted {
+        // A year: a browser that was here once comes back encrypted, whatever a link says.
+        set(header::STRICT_TRANSPORT_SECURITY, "max-age=31536000");
+    }
 }
 
 /// Holds the requests behind it to a number at once, and each to a time.

@@ -9,6 +9,8 @@ mod alignment;
 mod audit;
 mod cameras;
 mod conditions;
+mod content;
+mod documents;
 mod effort;
 mod encoding;
 mod error;
@@ -30,6 +32,7 @@ mod serve;
 mod session;
 mod strip;
 mod timeline;
+mod tls;
 mod tokens;
 mod tracks;
 mod tune;
@@ -37,14 +40,18 @@ mod users;
 mod view;
 
 pub use serve::serve;
+pub use tls::{Tls, TlsError};
 pub use view::read_view_request;
 
 use crate::access::Grants;
 use crate::accounts::{Accounts, Audit};
+use crate::catalog::Catalog;
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
+use crate::scene::MAX_DOCUMENT_BYTES;
 use axum::Router;
+use axum::extract::DefaultBodyLimit;
 use axum::http::{HeaderValue, Uri, header};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Response};
@@ -99,6 +106,8 @@ struct Api {
     accounts: Option<Arc<Accounts>>,
     /// Where it is noted what callers do.
     audit: Option<Arc<Audit>>,
+    /// What people keep; without, nothing can be changed for good.
+    catalog: Option<Arc<Catalog>>,
     clock: Arc<dyn Clock>,
     limits: Limits,
     requests: Arc<Semaphore>,
@@ -107,11 +116,17 @@ struct Api {
     strips: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
-    /// Names by which the daemon may be addressed, beside IP addresses and `localhost`.
-    hosts: Arc<[String]>,
+    site: Arc<Site>,
 }
 
 impl Api {
+    /// What people keep.
+    fn catalog(&self) -> Result<&Arc<Catalog>, Problem> {
+        self.catalog
+            .as_ref()
+            .ok_or_else(|| Problem::new(ErrorKind::Unavailable, "nothing is kept by this daemon"))
+    }
+
     /// Asks the engine what may take a while, on a thread that may block; `action` is what a panic broke off.
     async fn ask<T: Send + 'static>(
         &self,
@@ -124,6 +139,15 @@ impl Api {
     }
 }
 
+/// How the daemon is reached.
+#[derive(Clone, Debug, Default)]
+pub struct Site {
+    /// Names by which it may be addressed, beside IP addresses and `localhost`.
+    pub hosts: Vec<String>,
+    /// Whether connections are encrypted by the daemon itself: browsers are then told to come in no other way.
+    pub is_encrypted: bool,
+}
+
 /// Who is let in, and where it is noted what they do.
 #[derive(Clone)]
 pub struct Trust {
@@ -131,12 +155,13 @@ pub struct Trust {
     pub accounts: Arc<Accounts>,
     /// What they did.
     pub audit: Arc<Audit>,
+    /// What they keep.
+    pub catalog: Arc<Catalog>,
 }
 
-/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take. Requests must be
-/// addressed to an IP address, `localhost` or one of `hosts`.
-pub fn router(door: Handle, trust: Trust, clock: Arc<dyn Clock>, hosts: &[String]) -> Router {
-    router_within(Limits::default(), (door, Some(trust)), clock, hosts)
+/// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take.
+pub fn router(door: Handle, trust: Trust, clock: Arc<dyn Clock>, site: Site) -> Router {
+    router_within(Limits::default(), (door, Some(trust)), clock, site)
 }
 
 /// As [`router`], with limits of the caller's; without `trust` everybody may do everything, and nothing is noted.
@@ -144,7 +169,7 @@ pub fn router_within(
     limits: Limits,
     (door, trust): (Handle, Option<Trust>),
     clock: Arc<dyn Clock>,
-    hosts: &[String],
+    site: Site,
 ) -> Router {
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
@@ -155,7 +180,8 @@ pub fn router_within(
         door: door.within(Arc::new(Grants::nothing())),
         identity: Identity::everybody(),
         accounts: trust.as_ref().map(|trust| Arc::clone(&trust.accounts)),
-        audit: trust.map(|trust| trust.audit),
+        audit: trust.as_ref().map(|trust| Arc::clone(&trust.audit)),
+        catalog: trust.map(|trust| trust.catalog),
         clock,
         limits,
         requests,
@@ -163,7 +189,7 @@ pub fn router_within(
         encoding_pace: Arc::default(),
         strips,
         answers,
-        hosts: hosts.into(),
+        site: Arc::new(site),
     };
     let private = Router::new()
         .route("/api/v1/cameras", get(cameras::list))
@@ -178,7 +204,21 @@ pub fn router_within(
         .route("/api/v1/cameras/{id}/strip.jpg", get(strip::show))
         .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
         .route("/api/v1/scenes", get(scenes::list))
-        .route("/api/v1/scenes/{id}", get(scenes::one))
+        .route(
+            "/api/v1/scenes/{id}",
+            get(scenes::one)
+                .put(scenes::put)
+                .patch(scenes::change)
+                .delete(scenes::remove)
+                .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
+                .fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")),
+        )
+        .route("/api/v1/scenes/{id}/versions", get(scenes::versions))
+        .route("/api/v1/scenes/{id}/versions/{number}", get(scenes::version))
+        .route(
+            "/api/v1/scenes/{id}/versions/{number}/restore",
+            post(scenes::restore).fallback(|| error::only("POST")),
+        )
         .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
         .route("/api/v1/scenes/{id}/tracks", get(tracks::list))
         .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
@@ -221,6 +261,7 @@ pub fn router_within(
     let limited = private
         .merge(page::routes())
         .route("/api/v1/session", session.fallback(|| error::only("GET, HEAD, POST, DELETE")))
+        .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()
         .route("/healthz", get(health::live))

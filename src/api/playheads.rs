@@ -1,6 +1,7 @@
 //! `/api/v1/playheads`: places in scene time that operators and walls share.
 
 use super::Api;
+use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
@@ -10,7 +11,6 @@ use crate::engine::{ENDED, EngineError, Handle, PlayheadState};
 use crate::error::Fault;
 use crate::frame::is_id;
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -47,7 +47,7 @@ pub(super) async fn put(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
@@ -68,7 +68,7 @@ pub(super) async fn change(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;

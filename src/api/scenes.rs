@@ -1,23 +1,34 @@
-//! `/api/v1/scenes`: the scenes and their documents.
+//! `/api/v1/scenes`: the scenes and their documents, what they were before, and changing them.
 
 use super::Api;
+use super::conditions::{etag, required};
+use super::content::Content;
+use super::documents::{self, merge};
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use crate::catalog::{CatalogError, Condition};
 use crate::engine::EngineError;
+use crate::error::{ErrorKind, Fault};
+use crate::frame::is_id;
 use crate::scene::Scene;
+use crate::store::DocumentKind;
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::header;
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
 use std::sync::Arc;
+
+const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
 /// Every scene, the default one first.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
-    let body = Json(serde_json::json!({ "scenes": api.door.scenes() }));
-    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+    let body = Json(json!({ "scenes": api.door.scenes() }));
+    Ok(([NO_STORE], body).into_response())
 }
 
 /// One scene's document, in its normal form.
@@ -28,8 +39,151 @@ pub(super) async fn one(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     let document = find(&api, &id)?.document.to_string();
-    let fields = [(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-store")];
+    let version = api.catalog.as_ref().map_or(0, |catalog| catalog.state(DocumentKind::Scene, &id).version);
+    let fields = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::ETAG, etag(version)),
+    ];
     Ok((fields, document).into_response())
+}
+
+/// Makes a scene (`If-None-Match: *`) or replaces one (`If-Match`); with `validate_only=true` says what would be kept.
+pub(super) async fn put(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    Content(body): Content,
+) -> Result<Response, Problem> {
+    let validates_only = read_change(raw.as_deref())?;
+    check(&api, &id, &headers)?;
+    let document = String::from_utf8(body.to_vec()).map_err(|error| {
+        let message =
+            format!("the document must be UTF-8, but byte {} is not", error.utf8_error().valid_up_to());
+        Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
+    })?;
+    if validates_only {
+        return validated(&api, id, document).await;
+    }
+    keep(&api, id, document, required(&headers)?).await
+}
+
+/// Changes the members of a scene's document that are given (JSON Merge Patch, RFC 7396); lists are replaced whole.
+pub(super) async fn change(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    Content(body): Content,
+) -> Result<Response, Problem> {
+    let validates_only = read_change(raw.as_deref())?;
+    check(&api, &id, &headers)?;
+    let state = api.catalog()?.state(DocumentKind::Scene, &id);
+    let mut document = read_body(find(&api, &id)?.document.as_bytes())?;
+    merge(&mut document, read_body(&body)?);
+    let document = document.to_string();
+    if validates_only {
+        return validated(&api, id, document).await;
+    }
+    // What was patched is what is replaced, even where any version may be.
+    let condition = match required(&headers)? {
+        Condition::Present => Condition::Version(state.version),
+        condition => condition,
+    };
+    keep(&api, id, document, condition).await
+}
+
+/// Takes away what is kept of a scene (`If-Match`); the configuration's comes back, if it has one.
+pub(super) async fn remove(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check(&api, &id, &headers)?;
+    find(&api, &id)?;
+    let (condition, by) = (required(&headers)?, api.identity.caller.user.clone());
+    api.catalog()?.remove_scene(&api.whole, &id, condition, by).await?;
+    tracing::info!(scene = id, by = ?api.identity.caller.user, "scene removed");
+    Ok((StatusCode::NO_CONTENT, [NO_STORE]).into_response())
+}
+
+/// What a scene was, the newest version first.
+pub(super) async fn versions(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    // Of all cameras, those of then too.
+    api.check_admin("the versions of scenes")?;
+    documents::versions(&api, (DocumentKind::Scene, &id), raw.as_deref()).await
+}
+
+/// One version of a scene's document.
+pub(super) async fn version(
+    Asked(api): Asked,
+    Segments((id, number)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    api.check_admin("the versions of scenes")?;
+    documents::version(&api, (DocumentKind::Scene, &id), &number, raw.as_deref()).await
+}
+
+/// Makes a version of before the newest (`If-Match` with the newest's tag).
+pub(super) async fn restore(
+    Asked(api): Asked,
+    Segments((id, number)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check(&api, &id, &headers)?;
+    let number = documents::number(&number)?;
+    let document = api.catalog()?.version(DocumentKind::Scene, &id, number).await?;
+    keep(&api, id, document, required(&headers)?).await
+}
+
+/// Whether a change is only tried.
+fn read_change(raw: Option<&str>) -> Result<bool, Problem> {
+    let mut query = Query::parse(raw, &["validate_only"]);
+    let only = query.choice("validate_only", &[("false", false), ("true", true)]).unwrap_or_default();
+    query.finish(Some(only))
+}
+
+/// Refuses who may not change scenes, and names that none can have.
+fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    refuse_foreign(headers)?;
+    api.check_admin("changing scenes")?;
+    if is_id(id) {
+        return Ok(());
+    }
+    let message = "a scene's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
+    Err(CatalogError::Faults(vec![Fault::new("id", message)]).into())
+}
+
+async fn validated(api: &Api, id: String, document: String) -> Result<Response, Problem> {
+    let catalog = Arc::clone(api.catalog()?);
+    let read = tokio::task::spawn_blocking(move || catalog.parse(&id, &document)).await;
+    let parsed =
+        read.map_err(|error| Problem::new(ErrorKind::Internal, format!("reading a scene: {error}")))??;
+    let kept: Value = read_body(parsed.scene.document.as_bytes())?;
+    Ok(([NO_STORE], Json(json!({ "is_valid": true, "document": kept }))).into_response())
+}
+
+async fn keep(api: &Api, id: String, document: String, condition: Condition) -> Result<Response, Problem> {
+    let (catalog, by) = (api.catalog()?, api.identity.caller.user.clone());
+    let is_new = !catalog.state(DocumentKind::Scene, &id).is_there;
+    let version = catalog.put_scene(&api.whole, (&id, document), condition, by).await?;
+    tracing::info!(scene = id, version, by = ?api.identity.caller.user, "scene changed");
+    let fields = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::ETAG, etag(version)),
+    ];
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    Ok((status, fields, find(api, &id)?.document.to_string()).into_response())
 }
 
 /// The scene of that id.

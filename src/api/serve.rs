@@ -1,6 +1,7 @@
 //! The server under the routes: takes connections, bounds them in number, header and time, and lets them finish
 //! when the daemon stops.
 
+use super::tls::Tls;
 use axum::Router;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -8,6 +9,7 @@ use hyper_util::service::TowerToHyperService;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
@@ -15,7 +17,7 @@ use tokio::task::JoinSet;
 /// Connections held at once; more wait in the kernel's queue.
 const MAX_CONNECTIONS: usize = 256;
 
-/// Time for a request's head to arrive, and for which a connection may stay idle.
+/// Time for a request's head to arrive, for which a connection may stay idle, and to agree on its encryption.
 const HEAD_TIME: Duration = Duration::from_secs(10);
 
 /// Bytes of a request's head before the connection is refused outright; `guard` has the finer limits.
@@ -34,8 +36,13 @@ const FINISH_TIME: Duration = Duration::from_secs(2);
 const REFUSED_PAUSE: Duration = Duration::from_millis(100);
 
 /// Answers the requests that come to `listener` until `shutdown` completes; then takes no more, and returns when
-/// those in flight are answered, at most 2 s later.
-pub async fn serve(listener: TcpListener, router: Router, shutdown: impl Future<Output = ()> + Send) {
+/// those in flight are answered, at most 2 s later. With `tls` connections are encrypted, and others are not answered.
+pub async fn serve(
+    listener: TcpListener,
+    tls: Option<Arc<Tls>>,
+    router: Router,
+    shutdown: impl Future<Output = ()> + Send,
+) {
     let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let (stopping, _) = watch::channel(false);
     let mut connections = JoinSet::new();
@@ -44,7 +51,7 @@ pub async fn serve(listener: TcpListener, router: Router, shutdown: impl Future<
         tokio::select! {
             () = &mut shutdown => break,
             (stream, slot) = next_connection(&listener, &slots) => {
-                connections.spawn(converse(stream, slot, router.clone(), stopping.subscribe()));
+                connections.spawn(welcome(stream, slot, tls.clone(), (router.clone(), stopping.subscribe())));
             }
             Some(ended) = connections.join_next() => note_end(ended),
         }
@@ -85,15 +92,31 @@ fn note_end(ended: Result<(), tokio::task::JoinError>) {
     }
 }
 
-async fn converse(
+async fn welcome(
     stream: TcpStream,
     _slot: OwnedSemaphorePermit,
-    router: Router,
-    mut stopping: watch::Receiver<bool>,
+    tls: Option<Arc<Tls>>,
+    (router, mut stopping): (Router, watch::Receiver<bool>),
 ) {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "small answers may be delayed");
     }
+    let Some(tls) = tls else { return converse(stream, router, stopping).await };
+    let agreed = tokio::select! {
+        agreed = tokio::time::timeout(HEAD_TIME, tls.accept(stream)) => agreed,
+        _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => return,
+    };
+    match agreed {
+        Ok(Ok(stream)) => converse(stream, router, stopping).await,
+        Ok(Err(error)) => tracing::debug!(%error, "no agreement on a connection's encryption"),
+        Err(_elapsed) => tracing::debug!("a connection took too long to agree on its encryption"),
+    }
+}
+
+async fn converse<S>(stream: S, router: Router, mut stopping: watch::Receiver<bool>)
+where
+    S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
+{
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)

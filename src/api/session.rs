@@ -1,12 +1,13 @@
 //! `/api/v1/session`: who the caller is, and logging a page in and out.
 
+use super::Site;
+use super::content::Content;
 use super::error::Problem;
 use super::identity::{Asked, COOKIE, Credential, Identity};
 use super::query::Query;
 use super::tune::{read_members, refuse_foreign};
 use crate::accounts::{Caller, SESSION_TIME};
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -40,7 +41,7 @@ pub(super) async fn log_in(
     Asked(api): Asked,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
@@ -52,7 +53,7 @@ pub(super) async fn log_in(
     let identity =
         Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session.clone())) };
     let mut response = ([NO_STORE], Json(document(&identity))).into_response();
-    let cookie = cookie(&logged.session, SESSION_TIME.as_secs());
+    let cookie = cookie(&logged.session, SESSION_TIME.as_secs(), &api.site);
     response.headers_mut().insert(header::SET_COOKIE, cookie);
     Ok(response)
 }
@@ -69,12 +70,13 @@ pub(super) async fn log_out(
         api.accounts()?.log_out(key);
     }
     let mut response = (StatusCode::NO_CONTENT, [NO_STORE]).into_response();
-    response.headers_mut().insert(header::SET_COOKIE, cookie("", 0));
+    response.headers_mut().insert(header::SET_COOKIE, cookie("", 0, &api.site));
     Ok(response)
 }
 
 /// A cookie that goes to this daemon alone, is sent by its own pages alone and is read by no script.
-fn cookie(key: &str, secs: u64) -> HeaderValue {
-    let text = format!("{COOKIE}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict");
+fn cookie(key: &str, secs: u64, site: &Site) -> HeaderValue {
+    let secure = if site.is_encrypted { "; Secure" } else { "" };
+    let text = format!("{COOKIE}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict{secure}");
     HeaderValue::try_from(text).unwrap_or(HeaderValue::from_static(""))
 }

@@ -1,5 +1,6 @@
 //! `/api/v1/tokens`: what programs show in a user's place. Everybody has their own; admins see all.
 
+use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
@@ -10,7 +11,6 @@ use crate::accounts::AccountError;
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -49,7 +49,7 @@ pub(super) async fn add(
     Asked(api): Asked,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;

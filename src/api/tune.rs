@@ -1,13 +1,13 @@
 //! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
 use super::cameras::problem_of;
+use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -33,7 +33,7 @@ pub(super) async fn change(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
@@ -59,7 +59,7 @@ pub(super) async fn change_source(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;

@@ -1,16 +1,17 @@
 //! `/api/v1/users`: who may ask for what. For admins; anybody may look at themselves.
 
-use super::conditions::{Precondition, etag};
+use super::conditions::{etag, required};
+use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use crate::accounts::{AccountError, UserChange, UserSummary};
+use crate::catalog::Condition;
 use crate::error::Fault;
 use crate::frame::is_id;
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -43,7 +44,7 @@ pub(super) async fn put(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
-    body: Bytes,
+    Content(body): Content,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     refuse_foreign(&headers)?;
@@ -52,10 +53,10 @@ pub(super) async fn put(
         let message = "a user's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
         return Err(AccountError::Faults(vec![Fault::new("id", message)]).into());
     }
-    let was = match Precondition::required(&headers)? {
-        Precondition::Absent => None,
-        Precondition::Version(version) => Some(version),
-        Precondition::Present => Some(api.accounts()?.user(&id)?.version),
+    let was = match required(&headers)? {
+        Condition::Absent => None,
+        Condition::Version(version) => Some(version),
+        Condition::Present => Some(api.accounts()?.user(&id)?.version),
     };
     let change = UserChange::read(read_body(&body)?)?;
     let user = api.accounts()?.put_user(&id, change, was).await?;
@@ -74,10 +75,10 @@ pub(super) async fn remove(
     refuse_foreign(&headers)?;
     api.check_admin("removing users")?;
     let now = api.accounts()?.user(&id)?.version;
-    let was = match Precondition::required(&headers)? {
-        Precondition::Version(version) => version,
-        Precondition::Present => now,
-        Precondition::Absent => return Err(AccountError::Changed { now: Some(now) }.into()),
+    let was = match required(&headers)? {
+        Condition::Version(version) => version,
+        Condition::Present => now,
+        Condition::Absent => return Err(AccountError::Changed { now: Some(now) }.into()),
     };
     api.accounts()?.remove_user(&id, was).await?;
     tracing::info!(user = id, by = ?api.identity.caller.user, "user removed");

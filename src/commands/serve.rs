@@ -71,7 +71,7 @@ fn announce(lines: &[String]) {
 impl Serve {
     pub(crate) fn run(&self) -> Result<()> {
         self.log.init()?;
-        daemon::serve(&load(&self.config, self.listen)?, |address| announce(&[format!("http://{address}/")]))
+        daemon::serve(&load(&self.config, self.listen)?, |url| announce(&[url.to_owned()]))
     }
 }
 
@@ -87,12 +87,12 @@ impl Demo {
         }
         let config = load(path, Some(self.listen))?;
         let scene = config.settings().scene.first().map_or_else(String::new, |scene| scene.id.clone());
-        daemon::serve(&config, |address| {
+        daemon::serve(&config, |url| {
             announce(&[
-                format!("the page      http://{address}/"),
-                format!("a fused view  http://{address}/api/v1/scenes/{scene}/view.jpg"),
-                format!("the cameras   http://{address}/api/v1/cameras"),
-                format!("the metrics   http://{address}/metrics"),
+                format!("the page      {url}"),
+                format!("a fused view  {url}api/v1/scenes/{scene}/view.jpg"),
+                format!("the cameras   {url}api/v1/cameras"),
+                format!("the metrics   {url}metrics"),
             ]);
         })
     }

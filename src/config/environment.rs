@@ -12,7 +12,14 @@ const PREFIX: &str = "VIDEOFIELDS_";
 const SECTIONS: [&str; 7] = ["server", "storage", "archive", "media", "timeline", "render", "accuracy"];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
-const TEXTS: [&str; 4] = ["server.listen", "storage.database", "archive.folder", "render.adapter"];
+const TEXTS: [&str; 6] = [
+    "server.listen",
+    "server.certificate",
+    "server.private_key",
+    "storage.database",
+    "archive.folder",
+    "render.adapter",
+];
 
 /// Lays the variables over the document. Variables without the prefix, or without `__` after it (such as
 /// `VIDEOFIELDS_LOG`), are other people's.

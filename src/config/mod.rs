@@ -115,7 +115,7 @@ impl Config {
     /// The same with another address to listen on.
     ///
     /// # Errors
-    /// When the address is not a loopback address.
+    /// When the address is not a loopback address, and there is no certificate.
     pub fn with_listen(self, listen: std::net::SocketAddr) -> Result<Self, ConfigError> {
         let mut settings = self.settings;
         settings.server.listen = listen;
@@ -208,6 +208,10 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
     // An empty path says that nothing is recorded, and not the file's own folder.
     if settings.archive.is_on() {
         place(&mut settings.archive.folder);
+    }
+    if settings.server.is_encrypted() {
+        place(&mut settings.server.certificate);
+        place(&mut settings.server.private_key);
     }
     settings.media.roots.iter_mut().for_each(place);
     for camera in &mut settings.camera {

@@ -40,17 +40,35 @@ pub struct Settings {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServerSettings {
-    /// Address and port. There is no TLS yet, so only loopback addresses are taken. Default 127.0.0.1:8080.
+    /// Address and port. Others than loopback addresses need a certificate, and users. Default 127.0.0.1:8080.
     #[serde(deserialize_with = "listen_address")]
     pub listen: SocketAddr,
     /// Names, without port, by which browsers may address the daemon beside IP addresses and `localhost`, such as the
     /// one of a proxy before it; a page of any other name gets nothing. At most 64. Default none.
     pub hosts: Vec<String>,
+    /// A certificate with its chain, PEM: connections are encrypted with it (TLS 1.2 and 1.3). Empty encrypts nothing.
+    /// Read again once a minute and on SIGHUP. Default empty.
+    pub certificate: PathBuf,
+    /// The certificate's private key, PEM, not encrypted. Default empty.
+    pub private_key: PathBuf,
 }
 
 impl Default for ServerSettings {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8080)), hosts: Vec::new() }
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 8080)),
+            hosts: Vec::new(),
+            certificate: PathBuf::new(),
+            private_key: PathBuf::new(),
+        }
+    }
+}
+
+impl ServerSettings {
+    /// Whether connections are encrypted.
+    #[must_use]
+    pub fn is_encrypted(&self) -> bool {
+        !self.certificate.as_os_str().is_empty()
     }
 }
 

@@ -1,6 +1,6 @@
 //! What the types of the settings cannot say: ranges, ids, and keys that need one another.
 
-use super::settings::{CameraSettings, Learning, SceneSettings, SegmentSettings, Settings};
+use super::settings::{CameraSettings, Learning, SceneSettings, SegmentSettings, ServerSettings, Settings};
 use crate::error::Gatherer;
 use crate::frame::is_id;
 use std::collections::HashSet;
@@ -25,27 +25,7 @@ pub(super) struct Ids {
 
 /// Checks everything.
 pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
-    if !settings.server.listen.ip().is_loopback() {
-        let message = format!(
-            "{} can be reached from other machines, and passwords and pictures would go there unencrypted: listen on \
-             a loopback address (127.0.0.1 or [::1]) and put a proxy with TLS before it",
-            settings.server.listen.ip()
-        );
-        gatherer.fault("/server/listen", message);
-    }
-    let hosts = &settings.server.hosts;
-    if hosts.len() > MAX_HOSTS {
-        gatherer
-            .fault("/server/hosts", format!("at most {MAX_HOSTS} names are allowed, got {}", hosts.len()));
-    }
-    for (i, host) in hosts.iter().enumerate() {
-        let is_name = (1..=253).contains(&host.len())
-            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_'));
-        if !is_name {
-            let message = "expected a name of letters, digits, `.`, `-` and `_`, without scheme and port";
-            gatherer.fault(format!("/server/hosts/{i}"), message.to_owned());
-        }
-    }
+    check_server(&settings.server, gatherer);
     check_path(&settings.storage.database, "/storage/database", gatherer);
     super::storage::check(&settings.storage, gatherer);
     super::archive::check(&settings.archive, gatherer);
@@ -91,6 +71,42 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     }
     for (i, scene) in settings.scene.iter().enumerate() {
         check_scene(scene, &format!("/scene/{i}"), &mut ids, gatherer);
+    }
+}
+
+fn check_server(server: &ServerSettings, gatherer: &mut Gatherer) {
+    if !server.listen.ip().is_loopback() && !server.is_encrypted() {
+        let message = format!(
+            "{} can be reached from other machines, and passwords and pictures would go there unencrypted: set \
+             `certificate` and `private_key`, or listen on a loopback address (127.0.0.1 or [::1]) and put a proxy with \
+             TLS before it",
+            server.listen.ip()
+        );
+        gatherer.fault("/server/listen", message);
+    }
+    let pair = [("certificate", &server.certificate), ("private_key", &server.private_key)];
+    for (i, (key, path)) in pair.iter().enumerate() {
+        let (other, other_path) = pair[1 - i];
+        match path.as_os_str().is_empty() {
+            true if !other_path.as_os_str().is_empty() => {
+                gatherer.fault(format!("/server/{key}"), format!("`{other}` needs a `{key}` beside it"));
+            }
+            true => {}
+            false => check_path(path, &format!("/server/{key}"), gatherer),
+        }
+    }
+    let hosts = &server.hosts;
+    if hosts.len() > MAX_HOSTS {
+        gatherer
+            .fault("/server/hosts", format!("at most {MAX_HOSTS} names are allowed, got {}", hosts.len()));
+    }
+    for (i, host) in hosts.iter().enumerate() {
+        let is_name = (1..=253).contains(&host.len())
+            && host.bytes().all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'.' | b'-' | b'_'));
+        if !is_name {
+            let message = "expected a name of letters, digits, `.`, `-` and `_`, without scheme and port";
+            gatherer.fault(format!("/server/hosts/{i}"), message.to_owned());
+        }
     }
 }
 

@@ -126,6 +126,7 @@ impl Shared {
             |error: serde_json::Error| EngineError::Internal(format!("writing down {camera}: {error}"));
         let calibrations = self
             .scenes
+            .all()
             .iter()
             .filter_map(|scene| {
                 let member = scene.cameras.iter().find(|member| member.id == entry.id)?;

@@ -266,6 +266,19 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoScene`].
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError>;
 
+    /// Puts a scene in the place of the one of its id, or after the others. The next picture shows it; what was remembered of
+    /// the one before (who is who, gains, kept pictures, maps) begins anew.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`].
+    fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError>;
+
+    /// Takes a scene out.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`], [`EngineError::NoScene`].
+    fn remove_scene(&self, id: &str) -> Result<(), EngineError>;
+
     /// Asks for a picture; the answer comes through `reply`. Requests with equal answers share one picture.
     ///
     /// # Errors

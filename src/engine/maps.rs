@@ -1,5 +1,5 @@
-//! Keeps every scene camera's texture-to-world map: from the store where its digest is still right, built anew
-//! where it is not.
+//! Keeps every scene camera's texture-to-world map, whenever scenes change: from the store where its digest is still
+//! right, built anew where it is not.
 
 use super::EngineError;
 use super::shared::{MapState, Shared};
@@ -16,7 +16,7 @@ use tokio::runtime::Handle as Runtime;
 /// How maps are made: exactly. The grid is the cheap form, measured against this one.
 const BUILDER: Builder = Builder::Ray;
 
-/// Brings every map in, one after the other; ends after the one in hand once `stop` is raised.
+/// Brings every map in, one after the other, and those of scenes that change; ends after the one in hand once `stop` is raised.
 pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &StopFlag) {
     // Cores of their own: in the pool that the cameras share, a map's many pieces would go before every frame.
     let n_threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get).div_ceil(2);
@@ -26,19 +26,40 @@ pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &Stop
         Err(error) => {
             let failure = EngineError::Internal(format!("cannot start the threads that build maps: {error}"));
             tracing::error!(error = %failure, "no texture-to-world maps");
-            for (scene, member) in members(shared) {
-                shared.set_map(&scene.id, &member.id, MapState::Failed(failure.clone()));
+            for scene in &*shared.scenes.all() {
+                for member in &scene.cameras {
+                    shared.set_map(scene, &member.id, MapState::Failed(failure.clone()));
+                }
             }
             return;
         }
     };
-    for (scene, member) in members(shared) {
-        if stop.is_raised() {
+    while !stop.is_raised() {
+        let listed = shared.scenes.now();
+        for scene in &*listed.scenes {
+            bring_in(shared, (store, runtime, &pool), scene, stop);
+        }
+        shared.scenes.wait_for_change(listed.changes);
+    }
+}
+
+/// Brings in what a scene has not yet of maps.
+fn bring_in(
+    shared: &Shared,
+    (store, runtime, pool): (&Store, &Runtime, &rayon::ThreadPool),
+    scene: &Arc<Scene>,
+    stop: &StopFlag,
+) {
+    for member in &scene.cameras {
+        if stop.is_raised() || !shared.scenes.is_current(scene) {
             return;
+        }
+        if !shared.needs_map(scene, &member.id) {
+            continue;
         }
         // One map that meets a fault leaves the others to be built. A panic leaves nothing half-changed: the
         // map in hand is dropped, and the store's own transactions are whole or not there.
-        let build = AssertUnwindSafe(|| map(shared, store, runtime, &pool, scene, member));
+        let build = AssertUnwindSafe(|| map(shared, store, runtime, pool, scene, member));
         let built = catch_unwind(build).unwrap_or_else(|_panic| {
             Err(EngineError::Internal(format!("building the map of camera {} panicked", member.id)))
         });
@@ -49,13 +70,8 @@ pub(super) fn run(shared: &Shared, store: &Store, runtime: &Runtime, stop: &Stop
                 MapState::Failed(error)
             }
         };
-        shared.set_map(&scene.id, &member.id, state);
+        shared.set_map(scene, &member.id, state);
     }
-}
-
-/// Every camera of every scene.
-fn members(shared: &Shared) -> impl Iterator<Item = (&Scene, &SceneCamera)> {
-    shared.scenes.iter().flat_map(|scene| scene.cameras.iter().map(|member| (&**scene, member)))
 }
 
 fn map(

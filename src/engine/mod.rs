@@ -27,6 +27,7 @@ mod queue;
 mod renderer;
 mod resolve;
 mod roster;
+mod scene_list;
 mod scopes;
 mod sessions;
 mod shared;
@@ -223,6 +224,7 @@ impl Engine {
     pub fn request_stop(&self) {
         self.stop_requested.get_or_init(|| self.shared.clock.monotonic());
         self.stop.raise();
+        self.shared.scenes.wake();
         self.shared.playheads.end();
         self.roster.request_stop();
     }

@@ -56,7 +56,7 @@ impl Shared {
 
     /// The cameras that `grants` know of.
     pub(super) fn known_scope(&self, grants: &Grants) -> Scope {
-        grants.scope(self.all_ids.iter(), |id| grants.knows(id.as_str()))
+        grants.scope(self.scenes.now().camera_ids.iter(), |id| grants.knows(id.as_str()))
     }
 
     /// Whether `instant` is as good as now for a camera.
@@ -86,13 +86,16 @@ impl Permitted {
 
     /// The cameras of which the caller has `right`.
     fn having(&self, right: Right) -> Scope {
-        self.grants.scope(self.shared.all_ids.iter(), |id| self.grants.has(id.as_str(), right))
+        self.grants
+            .scope(self.shared.scenes.now().camera_ids.iter(), |id| self.grants.has(id.as_str(), right))
     }
 
     /// The cameras that the caller may see at a time.
     fn seeing(&self, at: At) -> Scope {
         let grants = &self.grants;
-        grants.scope(self.shared.all_ids.iter(), |id| self.shared.may_see(grants, id.as_str(), at))
+        grants.scope(self.shared.scenes.now().camera_ids.iter(), |id| {
+            self.shared.may_see(grants, id.as_str(), at)
+        })
     }
 
     /// A scene with the cameras of `scope`. Of one that the caller knows, but of which these are none, that it may not be seen
@@ -250,13 +253,23 @@ impl Door for Permitted {
 
     fn scenes(&self) -> Vec<SceneSummary> {
         let known = self.known();
-        let seen =
-            self.shared.scenes.iter().filter_map(|scene| self.shared.scene_within(&scene.id, &known).ok());
+        let all = self.shared.scenes.all();
+        let seen = all.iter().filter_map(|scene| self.shared.scene_within(&scene.id, &known).ok());
         seen.map(|scene| SceneSummary::of(&scene)).collect()
     }
 
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
         self.shared.scene_within(id, &self.known())
+    }
+
+    fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "changing scenes")?;
+        self.shared.put_scene(scene)
+    }
+
+    fn remove_scene(&self, id: &str) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "removing scenes")?;
+        self.shared.remove_scene(id)
     }
 
     fn view(

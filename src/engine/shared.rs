@@ -12,6 +12,7 @@ use super::past::Past;
 use super::playheads::Playheads;
 use super::queue::RenderQueue;
 use super::roster::Roster;
+use super::scene_list::SceneList;
 use super::scopes::Scopes;
 use super::sightings::Seen;
 use super::tuning::Tuning;
@@ -25,7 +26,7 @@ use crate::mapping::WorldMap;
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Observation, ReplayError, Timeline, TimelineError};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
@@ -76,15 +77,13 @@ pub(super) struct Shared {
     roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
     pub(super) past: Option<Past>,
-    pub(super) scenes: Vec<Arc<Scene>>,
+    pub(super) scenes: SceneList,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
     pub(super) playheads: Playheads,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
-    /// Every camera that is configured or part of a scene, in the order of ids.
-    pub(super) all_ids: Vec<CameraId>,
     /// Scenes as callers may see them.
     scopes: Scopes,
     /// The adapter's name, or why there is none.
@@ -118,10 +117,7 @@ impl Shared {
             .flat_map(|scene| scene.cameras.iter().map(|camera| (scene.id.clone(), camera.id.clone())))
             .map(|key| (key, MapState::Building))
             .collect();
-        let members = scenes.iter().flat_map(|scene| scene.cameras.iter().map(|member| &member.id));
-        let all_ids: BTreeSet<CameraId> =
-            cameras.iter().map(|camera| &camera.id).chain(members).cloned().collect();
-        let all_ids = all_ids.into_iter().collect();
+        let scenes = SceneList::new(scenes, cameras.iter().map(|camera| &camera.id));
         let accuracy = Arc::new(AccuracyBoard::new(Arc::clone(&clock)));
         let queue = RenderQueue::new(
             &render_settings,
@@ -142,7 +138,6 @@ impl Shared {
             store_health,
             playheads: Playheads::new(),
             maps: Mutex::new(maps),
-            all_ids,
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),
             device_loss: Mutex::new(None),
@@ -180,8 +175,35 @@ impl Shared {
         }
     }
 
-    pub(super) fn set_map(&self, scene: &str, camera: &CameraId, state: MapState) {
-        lock(&self.maps).insert((scene.to_owned(), camera.clone()), state);
+    /// Notes how a camera's map of a scene stands; not of a scene that was exchanged meanwhile.
+    pub(super) fn set_map(&self, scene: &Arc<Scene>, camera: &CameraId, state: MapState) {
+        let mut maps = lock(&self.maps);
+        if self.scenes.is_current(scene) {
+            maps.insert((scene.id.clone(), camera.clone()), state);
+        }
+    }
+
+    /// Whether a camera's map of a scene is still to be brought in.
+    pub(super) fn needs_map(&self, scene: &Scene, camera: &CameraId) -> bool {
+        let key = (scene.id.clone(), camera.clone());
+        matches!(lock(&self.maps).get(&key), None | Some(MapState::Building))
+    }
+
+    /// Puts a scene in the place of the one of its id, or after the others; its maps are brought in anew.
+    fn exchange_scene(&self, scene: Arc<Scene>) {
+        let id = scene.id.clone();
+        let members: Vec<_> = scene.cameras.iter().map(|member| member.id.clone()).collect();
+        self.scenes.put(scene);
+        // After the list: a map of the scene as it was is not noted any more.
+        let mut maps = lock(&self.maps);
+        maps.retain(|(of, _), _| *of != id);
+        maps.extend(members.into_iter().map(|camera| ((id.clone(), camera), MapState::Building)));
+    }
+
+    fn take_scene_out(&self, id: &str) -> bool {
+        let was_there = self.scenes.remove(id);
+        lock(&self.maps).retain(|(of, _), _| of != id);
+        was_there
     }
 
     pub(super) fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
@@ -251,26 +273,23 @@ impl Shared {
         entry.timeline.at_or_before(instant).map_err(|error| entry.failure(&error))
     }
 
-    fn member<'a>(
-        &'a self,
-        camera: &str,
-        scene: Option<&str>,
-    ) -> Result<(&'a Scene, &'a SceneCamera), EngineError> {
+    /// A scene that holds a camera (the first where none is named), and the camera's place in it.
+    fn member(&self, camera: &str, scene: Option<&str>) -> Result<(Arc<Scene>, usize), EngineError> {
         self.camera(camera)?;
-        let of = |scene: &'a Scene| scene.cameras.iter().find(|member| member.id.as_str() == camera);
+        let of = |scene: &Scene| scene.cameras.iter().position(|member| member.id.as_str() == camera);
         match scene {
             Some(id) => {
-                let scene = self.scenes.iter().find(|scene| scene.id == id);
-                let scene = scene.ok_or_else(|| EngineError::NoScene { id: id.to_owned() })?;
-                let member = of(scene).ok_or_else(|| {
+                let scene = self.scenes.find(id).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })?;
+                let member = of(&scene).ok_or_else(|| {
                     EngineError::NoSurface(format!("camera {camera} is not part of scene {id}"))
                 })?;
                 Ok((scene, member))
             }
             None => self
                 .scenes
+                .all()
                 .iter()
-                .find_map(|scene| Some((&**scene, of(scene)?)))
+                .find_map(|scene| Some((Arc::clone(scene), of(scene)?)))
                 .ok_or_else(|| EngineError::NoSurface(format!("camera {camera} is part of no scene"))),
         }
     }

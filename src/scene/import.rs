@@ -64,6 +64,12 @@ impl FolderImports {
     #[must_use]
     pub fn beside(path: &Path, media_roots: &[PathBuf]) -> Self {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        Self::beneath(folder, media_roots)
+    }
+
+    /// For a scene document of no file; relative paths start at `folder`.
+    #[must_use]
+    pub fn beneath(folder: &Path, media_roots: &[PathBuf]) -> Self {
         Self { folder: folder.to_owned(), media_roots: media_roots.to_vec() }
     }
 

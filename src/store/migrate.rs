@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 10] = [
+const STEPS: [Step; 11] = [
     (1, "create_scene", include_str!("../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../migrations/0003_create_texture_map.sql")),
@@ -18,6 +18,7 @@ const STEPS: [Step; 10] = [
     (8, "create_track", include_str!("../../migrations/0008_create_track.sql")),
     (9, "create_user", include_str!("../../migrations/0009_create_user.sql")),
     (10, "create_audit", include_str!("../../migrations/0010_create_audit.sql")),
+    (11, "create_document", include_str!("../../migrations/0011_create_document.sql")),
 ];
 
 /// The newest schema that this release knows.

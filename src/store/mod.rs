@@ -1,5 +1,6 @@
 //! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
-//! recorded segments, how much moved and where it went, users and tokens, what they did, one file a table.
+//! recorded segments, how much moved and where it went, users and tokens, what they did and what they keep, one file a
+//! table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
 //! the one file (write-ahead log): `durable` (`synchronous = full`) has one connection and writes what cannot be
@@ -11,6 +12,7 @@ mod activity;
 mod audit;
 mod background;
 mod background_history;
+mod document;
 mod error;
 mod measured_cost;
 mod migrate;
@@ -25,6 +27,7 @@ pub use activity::ActivityRecord;
 pub use audit::{AuditCheck, AuditEntry, AuditRecord};
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
+pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use scene::{SceneEntry, SceneRecord};

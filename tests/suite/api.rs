@@ -9,6 +9,7 @@ mod refusals;
 mod server;
 mod strip;
 mod timeline;
+mod tls;
 mod tracks;
 mod tune;
 mod users;
@@ -23,7 +24,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tower::ServiceExt;
-use videofields::api::{Limits, Trust, router_within};
+use videofields::api::{Limits, Site, Trust, router_within};
 use videofields::clock::{Clock, Timestamp};
 use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
 use videofields::plan::{Colors, Effort, EntityStyle};
@@ -65,7 +66,8 @@ impl Bench {
         let clock = clock.unwrap_or_else(|| Arc::new(TickingClock::default()));
         let door = Arc::new(FakeDoor(state.into()));
         let handle = Handle::new(Arc::clone(&door) as _);
-        Self { router: router_within(limits, (handle, trust), clock, &["wall.example".to_owned()]), door }
+        let site = Site { hosts: vec!["wall.example".to_owned()], ..Site::default() };
+        Self { router: router_within(limits, (handle, trust), clock, site), door }
     }
 
     async fn send(&self, request: Request<Body>) -> Answer {

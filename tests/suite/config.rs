@@ -341,7 +341,7 @@ fn networks_are_blocks_of_addresses() {
 }
 
 #[test]
-fn only_loopback_is_listened_on() {
+fn only_loopback_is_listened_on_without_a_certificate() {
     for listen in ["127.0.0.1:0", "127.8.8.8:80", "[::1]:8080"] {
         assert!(parse(&format!("server.listen = \"{listen}\"")).is_ok(), "{listen}");
     }
@@ -357,6 +357,18 @@ fn only_loopback_is_listened_on() {
     assert!(config.clone().with_listen("127.0.0.1:1".parse().expect("an address")).is_ok());
     let said = faults(config.with_listen("10.0.0.1:1".parse().expect("an address")));
     assert!(said[0].starts_with("server.listen: 10.0.0.1 can be reached"), "{said:?}");
+
+    let pair = "certificate = \"site.pem\"\nprivate_key = \"keys/site.key\"";
+    let config = parse(&format!("[server]\nlisten = \"0.0.0.0:443\"\n{pair}")).expect("a configuration");
+    let server = &config.settings().server;
+    assert!(server.is_encrypted());
+    assert_eq!(server.certificate, Path::new("/etc/videofields/site.pem"));
+    assert_eq!(server.private_key, Path::new("/etc/videofields/keys/site.key"));
+    let said = faults_of("[server]\ncertificate = \"site.pem\"");
+    assert!(said[0].contains("server.private_key: `certificate` needs a `private_key`"), "{said:?}");
+    let said = faults_of("[server]\nlisten = \"[::]:443\"\nprivate_key = \"site.key\"");
+    assert!(said.iter().any(|fault| fault.contains("server.certificate: `private_key` needs")), "{said:?}");
+    assert!(said.iter().any(|fault| fault.contains("unencrypted")), "{said:?}");
 }
 
 #[test]

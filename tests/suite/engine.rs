@@ -6,6 +6,7 @@ mod costs;
 mod deadlines;
 mod feed;
 mod frozen;
+mod kept_scenes;
 mod mutations;
 mod pictures;
 mod restart;

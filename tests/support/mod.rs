@@ -3,6 +3,7 @@
 pub(crate) mod golden;
 pub(crate) mod rtsp;
 pub(crate) mod small_disk;
+pub(crate) mod tls;
 pub(crate) mod video;
 
 use proptest::prelude::ProptestConfig;

@@ -92,9 +92,9 @@ fn has_entities((observations, _): &Seen) -> bool {
 
 impl RenderThread<'_> {
     /// The scenes that are made ready: no more than stay so.
-    fn warmed(&self) -> &[Arc<Scene>] {
-        let scenes = &self.shared.scenes;
-        if self.shared.render_settings.warm_up { &scenes[..scenes.len().min(MAX_READY_SCENES)] } else { &[] }
+    fn warmed(&self) -> Vec<Arc<Scene>> {
+        let most = if self.shared.render_settings.warm_up { MAX_READY_SCENES } else { 0 };
+        self.shared.scenes.all().iter().take(most).cloned().collect()
     }
 
     /// For how long nothing is to be made ready.
@@ -105,7 +105,7 @@ impl RenderThread<'_> {
 
     /// Makes ready what is not, until somebody asks for a picture.
     pub(super) fn make_scenes_ready(&mut self) {
-        for scene in self.warmed().to_vec() {
+        for scene in self.warmed() {
             if self.warm_up.has_failed(&scene) {
                 continue;
             }

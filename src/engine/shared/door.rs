@@ -42,6 +42,7 @@ impl Door for Shared {
     fn cameras(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
         let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
+        let scenes = self.scenes.all();
         let summary = |camera: &CameraEntry| {
             let status = camera.status.read();
             let range = camera.timeline.range();
@@ -66,7 +67,7 @@ impl Door for Shared {
                 first: range.map(|(first, _)| first.to_string()),
                 last: range.map(|(_, last)| last.to_string()),
                 age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
-                scenes: self.scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
+                scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
             }
         };
         self.cameras.iter().map(summary).collect()
@@ -179,6 +180,7 @@ impl Door for Shared {
             }
         }
         let (scene, member) = self.member(camera, scene)?;
+        let member = &scene.cameras[member];
         let found: Option<Location> = match method {
             LocateMethod::Ray => mapping::locate(&member.camera, &scene.surfaces, texture),
             LocateMethod::Map => {
@@ -214,12 +216,20 @@ impl Door for Shared {
     }
 
     fn scenes(&self) -> Vec<SceneSummary> {
-        self.scenes.iter().map(|scene| SceneSummary::of(scene)).collect()
+        self.scenes.all().iter().map(|scene| SceneSummary::of(scene)).collect()
     }
 
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError> {
-        let found = self.scenes.iter().find(|scene| scene.id == id);
-        found.cloned().ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
+        self.scenes.find(id).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
+    }
+
+    fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError> {
+        self.exchange_scene(scene);
+        Ok(())
+    }
+
+    fn remove_scene(&self, id: &str) -> Result<(), EngineError> {
+        self.take_scene_out(id).then_some(()).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
     }
 
     fn view(
@@ -270,7 +280,7 @@ impl Door for Shared {
 
     fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError> {
         let change = Change::read(change)?;
-        let first = self.scenes.first().map(|scene| scene.id.clone());
+        let first = self.scenes.all().first().map(|scene| scene.id.clone());
         let scene = change.scene.clone().or(first).unwrap_or_default();
         self.change_playhead_of(id, &change, (Some(&scene), &Scope::all()))
     }

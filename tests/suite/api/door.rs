@@ -415,6 +415,14 @@ impl Door for FakeDoor {
         }))
     }
 
+    fn put_scene(&self, _scene: Arc<Scene>) -> Result<(), EngineError> {
+        Ok(())
+    }
+
+    fn remove_scene(&self, id: &str) -> Result<(), EngineError> {
+        Self::has_scene(id)
+    }
+
     fn view(
         &self,
         request: ViewRequest,

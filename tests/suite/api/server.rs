@@ -8,7 +8,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
-use videofields::api::{Limits, router_within, serve};
+use videofields::api::{Limits, Site, router_within, serve};
 use videofields::clock::SystemClock;
 use videofields::engine::Handle;
 
@@ -25,12 +25,12 @@ async fn start(state: State) -> Running {
         Limits::default(),
         (Handle::new(Arc::clone(&door) as _), None),
         Arc::new(SystemClock::new()),
-        &[],
+        Site::default(),
     );
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();
-    let served = tokio::spawn(serve(listener, router, async move { stopped.await.unwrap() }));
+    let served = tokio::spawn(serve(listener, None, router, async move { stopped.await.unwrap() }));
     Running { address, door, stop, served }
 }
 

@@ -11,6 +11,7 @@ use tempfile::TempDir;
 use videofields::access::{Grants, Right};
 use videofields::accounts::{Accounts, Audit};
 use videofields::api::{Limits, Trust};
+use videofields::catalog::Catalog;
 use videofields::clock::{Clock, Timestamp};
 use videofields::store::Store;
 
@@ -64,7 +65,11 @@ impl House {
         let accounts = Accounts::open(store.clone(), Arc::clone(&clock) as _).await.unwrap();
         let accounts = Arc::new(accounts);
         let audit = Arc::new(Audit::new(store.clone()));
-        let trust = Trust { accounts: Arc::clone(&accounts), audit };
+        let folders = (folder.path().to_owned(), Vec::new());
+        let catalog =
+            Catalog::open(store.clone(), Arc::clone(&clock) as _, Vec::new(), folders).await.unwrap();
+        let catalog = Arc::new(catalog);
+        let trust = Trust { accounts: Arc::clone(&accounts), audit, catalog };
         let bench =
             Bench::trusting(Limits::default(), State::default(), Some((trust, Arc::clone(&clock) as _)));
         Self { bench, accounts, clock, store, _folder: folder }

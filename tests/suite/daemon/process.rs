@@ -68,28 +68,12 @@ pub(super) struct Daemon {
 impl Daemon {
     /// Starts it on a free port and waits for its address.
     pub(super) fn start(config: &Path) -> Self {
-        let mut child = videofields()
-            .args(["serve", "--listen", "127.0.0.1:0", "--config"])
-            .arg(config)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let stderr = collect(child.stderr.take());
-        let line = first_line(child.stdout.take().unwrap());
-        let Ok(line) = line.recv_timeout(PATIENCE) else {
-            child.kill().unwrap();
-            panic!("no address: {}", stderr.join().unwrap());
-        };
-        let address = line.trim().strip_prefix("http://").and_then(|rest| rest.strip_suffix('/'));
-        Self { address: address.unwrap().parse().unwrap(), child, stderr: Some(stderr) }
+        start_at(config, &["--listen", "127.0.0.1:0"], "http://")
     }
 
     /// Sends a signal and waits for the end.
-    pub(super) fn stop(mut self, signal: &str) -> Output {
-        let pid = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-s", signal, &pid]).status().unwrap().success());
+    pub(super) fn stop(mut self, name: &str) -> Output {
+        signal(&self, name);
         let stdout = collect(Some(std::io::empty()));
         end(&mut self.child, stdout, self.stderr.take().unwrap())
     }
@@ -125,6 +109,34 @@ impl Daemon {
             (!is_starting && cameras.iter().all(is_live)).then_some(())
         });
     }
+}
+
+/// Starts a daemon with further arguments and waits for its address, whose URL begins with `scheme`.
+pub(super) fn start_at(config: &Path, arguments: &[&str], scheme: &str) -> Daemon {
+    let mut child = videofields()
+        .arg("serve")
+        .args(arguments)
+        .arg("--config")
+        .arg(config)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let stderr = collect(child.stderr.take());
+    let line = first_line(child.stdout.take().unwrap());
+    let Ok(line) = line.recv_timeout(PATIENCE) else {
+        child.kill().unwrap();
+        panic!("no address: {}", stderr.join().unwrap());
+    };
+    let address = line.trim().strip_prefix(scheme).and_then(|rest| rest.strip_suffix('/'));
+    Daemon { address: address.unwrap().parse().unwrap(), child, stderr: Some(stderr) }
+}
+
+/// Sends a daemon a signal.
+pub(super) fn signal(daemon: &Daemon, name: &str) {
+    let pid = daemon.child.id().to_string();
+    assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
 }
 
 impl Drop for Daemon {

@@ -155,7 +155,7 @@ fn a_thousand_mutated_view_requests_are_answered_or_refused() {
         api::Limits::default(),
         (bench.handle.clone(), None),
         Arc::new(SystemClock::new()),
-        &[],
+        api::Site::default(),
     );
     let mut random = Random(2);
     let mut statuses = BTreeMap::new();

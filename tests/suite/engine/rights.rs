@@ -10,6 +10,7 @@ use tempfile::TempDir;
 use videofields::access::{Grants, Right, Rights, Role};
 use videofields::accounts::{Accounts, Audit, UserChange};
 use videofields::api;
+use videofields::catalog::Catalog;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{End, Settings};
 use videofields::engine::{
@@ -363,6 +364,11 @@ fn routes() -> Vec<String> {
     routes
 }
 
+async fn nothing_kept(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
+    let folders = (PathBuf::from("."), Vec::new());
+    Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap()
+}
+
 /// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
 fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
     use axum::body::{Body, to_bytes};
@@ -371,8 +377,9 @@ fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
     bench.runtime.block_on(async {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
         let audit = Arc::new(Audit::new(bench.store.clone()));
-        let trust = api::Trust { accounts: Arc::new(accounts), audit };
-        let router = api::router(bench.handle.clone(), trust, clock, &[]);
+        let catalog = Arc::new(nothing_kept(bench, &clock).await);
+        let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog };
+        let router = api::router(bench.handle.clone(), trust, clock, api::Site::default());
         let mut answers = Vec::new();
         for route in routes() {
             let request = axum::http::Request::get(&route).header("authorization", format!("Bearer {token}"));

@@ -1,0 +1,111 @@
+//! What documents that are kept have in common: their versions, and changing members of them.
+
+use super::Api;
+use super::conditions::etag;
+use super::error::Problem;
+use super::query::Query;
+use crate::error::{ErrorKind, Fault};
+use crate::store::DocumentKind;
+use axum::Json;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value, json};
+
+/// Most versions of one answer.
+const MAX_LIMIT: u32 = 200;
+const LIMIT: u32 = 50;
+
+/// Greatest version that is asked for: what every JSON reader can hold.
+const MAX_NUMBER: i64 = (1 << 53) - 1;
+
+/// What a document was, the newest version first.
+pub(super) async fn versions(
+    api: &Api,
+    (kind, id): (DocumentKind, &str),
+    raw: Option<&str>,
+) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw, &["before", "limit"]);
+    let before = query.whole("before", &(1..=MAX_NUMBER)).unwrap_or(MAX_NUMBER);
+    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    query.finish(Some(()))?;
+    // One more than is told, to know whether there are more.
+    let mut versions = api.catalog()?.versions((kind, id), before, limit + 1).await?;
+    let is_complete = versions.len() <= limit as usize;
+    versions.truncate(limit as usize);
+    let next = versions.last().filter(|_| !is_complete).map(|last| last.version);
+    let body = json!({ "versions": versions, "is_complete": is_complete, "next": next });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+/// One version of a document.
+pub(super) async fn version(
+    api: &Api,
+    (kind, id): (DocumentKind, &str),
+    text: &str,
+    raw: Option<&str>,
+) -> Result<Response, Problem> {
+    Query::parse(raw, &[]).finish(Some(()))?;
+    let number = number(text)?;
+    let document = api.catalog()?.version(kind, id, number).await?;
+    let fields = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::ETAG, etag(number)),
+    ];
+    Ok((fields, document).into_response())
+}
+
+/// A version's number, as a path has it.
+pub(super) fn number(text: &str) -> Result<i64, Problem> {
+    let number = text.parse().ok().filter(|number| (1..=MAX_NUMBER).contains(number));
+    number.ok_or_else(|| {
+        let fault = Fault::new("version", format!("expected a whole number from 1 to {MAX_NUMBER}"));
+        Problem::at(ErrorKind::Invalid, vec![fault])
+    })
+}
+
+/// JSON Merge Patch (RFC 7396, section 2).
+pub(super) fn merge(target: &mut Value, patch: Value) {
+    let Value::Object(patch) = patch else {
+        *target = patch;
+        return;
+    };
+    if !target.is_object() {
+        *target = Value::Object(Map::new());
+    }
+    let Value::Object(target) = target else { return };
+    for (key, value) in patch {
+        match value {
+            Value::Null => drop(target.remove(&key)),
+            value => merge(target.entry(key).or_insert(Value::Null), value),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patches_merge_as_the_rfc_has_it() {
+        // RFC 7396, appendix A.
+        let check = |target: Value, patch: Value, expected: Value| {
+            let mut merged = target;
+            merge(&mut merged, patch);
+            assert_eq!(merged, expected);
+        };
+        check(json!({"a": "b"}), json!({"a": "c"}), json!({"a": "c"}));
+        check(json!({"a": "b"}), json!({"b": "c"}), json!({"a": "b", "b": "c"}));
+        check(json!({"a": "b"}), json!({"a": null}), json!({}));
+        check(json!({"a": ["b"]}), json!({"a": "c"}), json!({"a": "c"}));
+        check(json!({"a": "c"}), json!({"a": ["b"]}), json!({"a": ["b"]}));
+        let nested = json!({"a": {"b": "d", "c": null}});
+        check(json!({"a": {"b": "c"}}), nested, json!({"a": {"b": "d"}}));
+        check(json!({"a": [{"b": "c"}]}), json!({"a": [1]}), json!({"a": [1]}));
+        check(json!(["a", "b"]), json!(["c", "d"]), json!(["c", "d"]));
+        check(json!({"a": "b"}), json!(["c"]), json!(["c"]));
+        check(json!({"e": null}), json!({"a": 1}), json!({"e": null, "a": 1}));
+        check(json!([1, 2]), json!({"a": "b", "c": null}), json!({"a": "b"}));
+        check(json!({}), json!({"a": {"bb": {"ccc": null}}}), json!({"a": {"bb": {}}}));
+    }
+}

@@ -1,0 +1,250 @@
+//! What people keep through the API: scenes, views and walls, each with its versions.
+//!
+//! In: documents and who changes them. Out: the newest of each, what it was before, and scenes for the engine. A change is on
+//! disk before it is acknowledged. Scenes of the configuration are the layer beneath: what is kept here covers them, and
+//! taking it away brings them back; their files are never written.
+
+mod error;
+mod scenes;
+
+pub use error::CatalogError;
+pub use scenes::ConfiguredScene;
+
+use crate::clock::{Clock, Timestamp};
+use crate::store::{DocumentKind, DocumentRecord, Store};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::{Arc, PoisonError, RwLock};
+
+/// Most documents of a kind; of scenes, those of the configuration count too.
+pub const MAX_DOCUMENTS: usize = 256;
+
+/// How a document stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct State {
+    /// Its newest version, even where that removed it; 0 where nothing was ever kept of it.
+    pub version: i64,
+    /// Whether there is one: kept here, or in the configuration.
+    pub is_there: bool,
+}
+
+/// What a change must find.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Condition {
+    /// There is none yet.
+    Absent,
+    /// There is one, whichever.
+    Present,
+    /// There is one of that version.
+    Version(i64),
+}
+
+/// A version of a document, without it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct VersionSummary {
+    /// 1 at first, and one more with every change.
+    pub version: i64,
+    /// When, RFC 3339.
+    pub changed_at: String,
+    /// By whom; none where there are no users.
+    pub changed_by: Option<String>,
+    /// Whether that change took it away.
+    pub removed: bool,
+}
+
+impl From<&DocumentRecord> for VersionSummary {
+    fn from(record: &DocumentRecord) -> Self {
+        Self {
+            version: record.version,
+            changed_at: record.changed_at.to_string(),
+            changed_by: record.changed_by.clone(),
+            removed: record.document.is_none(),
+        }
+    }
+}
+
+/// Everything that people keep.
+pub struct Catalog {
+    store: Store,
+    clock: Arc<dyn Clock>,
+    /// The newest version of every document, those removed too.
+    newest: RwLock<BTreeMap<(DocumentKind, String), DocumentRecord>>,
+    /// One change after the other, so that the engine's scenes are those that were kept last.
+    changes: tokio::sync::Mutex<()>,
+    configured: BTreeMap<String, ConfiguredScene>,
+    /// Where scenes of no file find their models and pictures.
+    folder: PathBuf,
+    media_roots: Vec<PathBuf>,
+}
+
+impl Catalog {
+    /// What `store` keeps, over the scenes of the configuration; scenes of no file find models and pictures beneath `folder`
+    /// and `media_roots`.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn open(
+        store: Store,
+        clock: Arc<dyn Clock>,
+        configured: Vec<ConfiguredScene>,
+        (folder, media_roots): (PathBuf, Vec<PathBuf>),
+    ) -> Result<Self, CatalogError> {
+        let mut newest = BTreeMap::new();
+        for kind in [DocumentKind::Scene, DocumentKind::View, DocumentKind::Wall] {
+            let records = store.newest_documents(kind).await?;
+            newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), record)));
+        }
+        let configured = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
+        Ok(Self {
+            store,
+            clock,
+            newest: RwLock::new(newest),
+            changes: tokio::sync::Mutex::default(),
+            configured,
+            folder,
+            media_roots,
+        })
+    }
+
+    /// How the document of that name stands.
+    #[must_use]
+    pub fn state(&self, kind: DocumentKind, id: &str) -> State {
+        let is_configured = kind == DocumentKind::Scene && self.configured.contains_key(id);
+        let kept = self.newest(kind, id);
+        State {
+            version: kept.as_ref().map_or(0, |record| record.version),
+            is_there: is_configured || kept.is_some_and(|record| record.document.is_some()),
+        }
+    }
+
+    /// The newest version of a document that is kept.
+    ///
+    /// # Errors
+    /// [`CatalogError::None`].
+    pub fn get(&self, kind: DocumentKind, id: &str) -> Result<DocumentRecord, CatalogError> {
+        let kept = self.newest(kind, id).filter(|record| record.document.is_some());
+        kept.ok_or_else(|| CatalogError::None { kind, id: id.to_owned() })
+    }
+
+    /// Every document of a kind that is kept, in the order of ids.
+    #[must_use]
+    pub fn all(&self, kind: DocumentKind) -> Vec<DocumentRecord> {
+        let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
+        let kept = newest.iter().filter(|((of, _), record)| *of == kind && record.document.is_some());
+        kept.map(|(_, record)| record.clone()).collect()
+    }
+
+    fn newest(&self, kind: DocumentKind, id: &str) -> Option<DocumentRecord> {
+        let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
+        newest.get(&(kind, id.to_owned())).cloned()
+    }
+
+    /// The newest `limit` versions of a document before version `before`, the newest first; at most 200 are kept.
+    ///
+    /// # Errors
+    /// [`CatalogError::None`] where nothing was ever kept of it; [`CatalogError::Store`].
+    pub async fn versions(
+        &self,
+        (kind, id): (DocumentKind, &str),
+        before: i64,
+        limit: u32,
+    ) -> Result<Vec<VersionSummary>, CatalogError> {
+        let State { version, is_there } = self.state(kind, id);
+        if version == 0 && !is_there {
+            return Err(CatalogError::None { kind, id: id.to_owned() });
+        }
+        let records = self.store.document_versions(kind, id, before, limit).await?;
+        Ok(records.iter().map(VersionSummary::from).collect())
+    }
+
+    /// One version of a document.
+    ///
+    /// # Errors
+    /// [`CatalogError::NoVersion`] where it is not kept, or took the document away; [`CatalogError::Store`].
+    pub async fn version(&self, kind: DocumentKind, id: &str, version: i64) -> Result<String, CatalogError> {
+        let before = version.saturating_add(1);
+        let found = self.store.document_versions(kind, id, before, 1).await?.pop();
+        let found = found.filter(|record| record.version == version).and_then(|record| record.document);
+        found.ok_or_else(|| CatalogError::NoVersion { kind, id: id.to_owned(), version })
+    }
+
+    /// Keeps a document that was checked, and answers its version.
+    ///
+    /// # Errors
+    /// [`CatalogError::Changed`] where `condition` does not hold, [`CatalogError::TooMany`], [`CatalogError::Store`].
+    pub async fn put(
+        &self,
+        (kind, id): (DocumentKind, &str),
+        document: String,
+        condition: Condition,
+        by: Option<String>,
+    ) -> Result<i64, CatalogError> {
+        let _turn = self.changes.lock().await;
+        self.add((kind, id), Some(document), condition, by).await
+    }
+
+    /// Takes a document away.
+    ///
+    /// # Errors
+    /// [`CatalogError::None`], [`CatalogError::Changed`] where `condition` does not hold, [`CatalogError::Store`].
+    pub async fn remove(
+        &self,
+        (kind, id): (DocumentKind, &str),
+        condition: Condition,
+        by: Option<String>,
+    ) -> Result<(), CatalogError> {
+        let _turn = self.changes.lock().await;
+        self.get(kind, id)?;
+        self.add((kind, id), None, condition, by).await.map(|_version| ())
+    }
+
+    /// Adds a version, in this change's turn.
+    async fn add(
+        &self,
+        (kind, id): (DocumentKind, &str),
+        document: Option<String>,
+        condition: Condition,
+        by: Option<String>,
+    ) -> Result<i64, CatalogError> {
+        let State { version: was, is_there } = self.state(kind, id);
+        let changed = || CatalogError::Changed { now: is_there.then_some(was) };
+        let holds = match condition {
+            Condition::Absent => !is_there,
+            Condition::Present => is_there,
+            Condition::Version(version) => is_there && version == was,
+        };
+        if !holds {
+            return Err(changed());
+        }
+        if document.is_some() && !is_there && self.count(kind) >= MAX_DOCUMENTS {
+            return Err(CatalogError::TooMany { kind, most: MAX_DOCUMENTS });
+        }
+        let record = DocumentRecord {
+            id: id.to_owned(),
+            version: was + 1,
+            document,
+            changed_at: self.now(),
+            changed_by: by,
+        };
+        if !self.store.add_document(kind, &record).await? {
+            // Another process has changed it: what is known here is old.
+            return Err(changed());
+        }
+        let version = record.version;
+        let mut newest = self.newest.write().unwrap_or_else(PoisonError::into_inner);
+        newest.insert((kind, id.to_owned()), record);
+        Ok(version)
+    }
+
+    fn count(&self, kind: DocumentKind) -> usize {
+        let configured = if kind == DocumentKind::Scene { self.configured.len() } else { 0 };
+        let is_covered =
+            |record: &DocumentRecord| kind == DocumentKind::Scene && self.configured.contains_key(&record.id);
+        self.all(kind).iter().filter(|record| !is_covered(record)).count() + configured
+    }
+
+    fn now(&self) -> Timestamp {
+        self.clock.now()
+    }
+}

@@ -1,0 +1,103 @@
+//! What goes on beside answering: users and certificates are read again, the service manager hears that all is well.
+
+use crate::accounts::Accounts;
+use crate::api::Tls;
+use crate::engine::Handle;
+use sd_notify::NotifyState;
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+use tokio::signal::unix::Signal;
+
+/// How often users and tokens are read again: what another process revoked holds after a minute at the latest.
+const ACCOUNTS_PERIOD: Duration = Duration::from_secs(20);
+
+/// How often the certificate is read again.
+const CERTIFICATE_PERIOD: Duration = Duration::from_secs(60);
+
+/// Longest time in which the engine must answer before it counts as hung.
+const ANSWER_TIME: Duration = Duration::from_secs(5);
+
+/// Learns what another process, such as `videofields user`, changed of users and tokens.
+pub(super) async fn follow_accounts(accounts: Weak<Accounts>) {
+    // Until the daemon lets go of them.
+    while let Some(accounts) = accounts.upgrade() {
+        if let Err(error) = accounts.reload().await {
+            tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
+        }
+        drop(accounts);
+        tokio::time::sleep(ACCOUNTS_PERIOD).await;
+    }
+}
+
+/// Reads the certificate again once a minute and, with the users, whenever SIGHUP asks for it.
+pub(super) async fn follow_certificate(tls: Option<Arc<Tls>>, accounts: Weak<Accounts>, mut hangup: Signal) {
+    loop {
+        let is_asked = tokio::select! {
+            received = hangup.recv() => match received {
+                Some(()) => true,
+                None => return,
+            },
+            () = tokio::time::sleep(CERTIFICATE_PERIOD) => false,
+        };
+        let Some(accounts) = accounts.upgrade() else { return };
+        if is_asked {
+            tracing::info!("reading users and certificate again on SIGHUP");
+            if let Err(error) = accounts.reload().await {
+                tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
+            }
+        }
+        if let Some(tls) = tls.clone() {
+            reload(tls).await;
+        }
+    }
+}
+
+async fn reload(tls: Arc<Tls>) {
+    match tokio::task::spawn_blocking(move || tls.reload()).await {
+        Ok(Ok(true)) => tracing::info!("new connections get the new certificate"),
+        Ok(Ok(false)) => {}
+        Ok(Err(error)) => {
+            let error = format!("{:#}", anyhow::Error::from(error));
+            tracing::error!(error, "the certificate cannot be read again; the last good one goes on");
+        }
+        Err(error) => tracing::error!(%error, "reading the certificate broke off"),
+    }
+}
+
+/// Tells the service manager, where there is one, that requests are answered; and from then on, as often as it asks, that
+/// the daemon still answers. A daemon whose engine hangs falls silent, and is started again.
+pub(super) async fn keep_awake(door: Handle) {
+    notify(&[NotifyState::Ready]);
+    if let Some(period) = sd_notify::watchdog_enabled() {
+        beat(door, period / 2).await;
+    }
+}
+
+/// Says every `period` that the engine answers, while it does.
+async fn beat(door: Handle, period: Duration) -> ! {
+    loop {
+        let door = door.clone();
+        let asked = tokio::task::spawn_blocking(move || door.readiness());
+        match tokio::time::timeout(ANSWER_TIME, asked).await {
+            Ok(Ok(readiness)) => {
+                let [with_frames, all] = readiness.cameras_with_frames;
+                let status = format!("{with_frames} of {all} cameras have pictures");
+                notify(&[NotifyState::Watchdog, NotifyState::Status(&status)]);
+            }
+            Ok(Err(error)) => tracing::error!(%error, "asking the engine broke off"),
+            Err(_elapsed) => tracing::error!("the engine did not answer within {ANSWER_TIME:?}"),
+        }
+        tokio::time::sleep(period).await;
+    }
+}
+
+/// Tells the service manager that the daemon ends.
+pub(super) fn tell_stopping() {
+    notify(&[NotifyState::Stopping]);
+}
+
+fn notify(states: &[NotifyState<'_>]) {
+    if let Err(error) = sd_notify::notify(states) {
+        tracing::warn!(%error, "the service manager cannot be told");
+    }
+}

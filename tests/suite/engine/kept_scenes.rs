@@ -1,0 +1,251 @@
+//! Scenes changed through the API while the engine runs: what is shown, kept, refused, restored and there after a restart.
+
+use super::{Bench, SCENE, camera, pictures, request};
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::Request;
+use serde_json::{Value, json};
+use std::path::Path;
+use std::sync::Arc;
+use tempfile::TempDir;
+use tower::ServiceExt;
+use videofields::accounts::{Accounts, Audit};
+use videofields::api::{self, Site, Trust};
+use videofields::catalog::{Catalog, ConfiguredScene};
+use videofields::clock::{Clock, SystemClock};
+use videofields::config::{End, Settings};
+use videofields::engine::{At, LocateMethod};
+use videofields::scene;
+
+/// A daemon's parts over one database, with the yard in its configuration.
+struct House {
+    bench: Bench,
+    router: Router,
+}
+
+struct Answer {
+    status: u16,
+    etag: Option<String>,
+    body: Value,
+}
+
+impl House {
+    fn start(folder: &Path) -> Self {
+        let mut settings = Settings::default();
+        settings.media.roots = vec![folder.to_owned()];
+        settings.camera = vec![
+            camera("north", pictures(folder, "north", 0..30), End::Loop),
+            camera("south", pictures(folder, "south", 0..30), End::Loop),
+        ];
+        let bench = Bench::start(folder, settings, &[]);
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        let router = bench.runtime.block_on(async {
+            let yard = Arc::new(scene::parse("yard", SCENE, scene::no_imports).unwrap().scene);
+            let configured = vec![ConfiguredScene {
+                id: "yard".to_owned(),
+                file: folder.join("yard.json"),
+                scene: Some(yard),
+            }];
+            let folders = (folder.to_owned(), vec![folder.to_owned()]);
+            let catalog =
+                Catalog::open(bench.store.clone(), Arc::clone(&clock), configured, folders).await.unwrap();
+            for scene in catalog.scenes(&["yard".to_owned()]) {
+                bench.handle.put_scene(scene).unwrap();
+            }
+            let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
+            let trust = Trust {
+                accounts: Arc::new(accounts),
+                audit: Arc::new(Audit::new(bench.store.clone())),
+                catalog: Arc::new(catalog),
+            };
+            api::router(bench.handle.clone(), trust, clock, Site::default())
+        });
+        Self { bench, router }
+    }
+
+    fn send(&self, method: &str, path: &str, condition: Option<(&str, &str)>, body: &str) -> Answer {
+        let mut request = Request::builder().method(method).uri(path);
+        if let Some((name, value)) = condition {
+            request = request.header(name, value);
+        }
+        self.bench.runtime.block_on(async {
+            let request = request.body(Body::from(body.to_owned())).unwrap();
+            let response = self.router.clone().oneshot(request).await.unwrap();
+            let etag = response.headers().get("etag").map(|tag| tag.to_str().unwrap().to_owned());
+            let status = response.status().as_u16();
+            let body = to_bytes(response.into_body(), 1 << 24).await.unwrap();
+            Answer { status, etag, body: serde_json::from_slice(&body).unwrap_or(Value::Null) }
+        })
+    }
+
+    fn get(&self, path: &str) -> Answer {
+        self.send("GET", path, None, "")
+    }
+
+    fn ids(&self) -> Vec<String> {
+        let listed = self.get("/api/v1/scenes").body;
+        listed["scenes"].as_array().unwrap().iter().map(|of| of["id"].as_str().unwrap().to_owned()).collect()
+    }
+}
+
+const YARD: &str = "/api/v1/scenes/yard";
+
+/// The yard with grass for ground.
+fn green() -> String {
+    SCENE.replace("#705030", "#20a030").replace("\"Yard\"", "\"Green yard\"")
+}
+
+#[test]
+fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
+    let folder = TempDir::new().unwrap();
+    let house = House::start(folder.path());
+    house.bench.wait_for_state("north", "live");
+    let first = house.get(YARD);
+    assert_eq!((first.status, first.etag.as_deref()), (200, Some("\"0\"")));
+
+    // Without a condition, or with another's, nothing changes.
+    assert_eq!(house.send("PUT", YARD, None, &green()).status, 428);
+    assert_eq!(house.send("PUT", YARD, Some(("if-match", "\"7\"")), &green()).status, 412);
+    assert_eq!(house.send("PUT", YARD, Some(("if-none-match", "*")), &green()).status, 412);
+    assert_eq!(house.get(YARD).body["name"], "Yard");
+
+    let changed = house.send("PUT", YARD, Some(("if-match", "\"0\"")), &green());
+    assert_eq!((changed.status, changed.etag.as_deref()), (200, Some("\"1\"")), "{}", changed.body);
+    assert_eq!(house.get(YARD).body["ground"][0]["color_srgb"], "#20a030");
+    assert_eq!(house.bench.handle.scene("yard").unwrap().name, "Green yard");
+    if super::has_adapter() {
+        let shown = house.bench.view(request("yard", At::Live)).unwrap();
+        assert!(shown.plan.reasons.iter().any(|reason| reason.is_on));
+    }
+    // Its maps are made anew.
+    let located = || house.bench.handle.locate("north", glam::DVec2::splat(0.5), None, LocateMethod::Map);
+    crate::support::wait_for("the map of the new scene", || located().ok());
+
+    // Two who saw the same version: the second is told that there is a newer one.
+    let patch = json!({"name": "Lawn", "view": {"eye_m": [7, -7, 5], "target_m": [0, 0, 0]}}).to_string();
+    let patched = house.send("PATCH", YARD, Some(("if-match", "\"1\"")), &patch);
+    assert_eq!((patched.status, patched.etag.as_deref()), (200, Some("\"2\"")), "{}", patched.body);
+    let late = house.send("PATCH", YARD, Some(("if-match", "\"1\"")), &patch);
+    assert_eq!(late.status, 412, "{}", late.body);
+    assert_eq!(late.body["detail"], "it was changed meanwhile: its version is 2");
+    assert_eq!(house.get(YARD).body["ground"][0]["color_srgb"], "#20a030", "what no patch names stays");
+
+    // Another scene, of no file.
+    let lot = "/api/v1/scenes/lot";
+    let made = house.send("PUT", lot, Some(("if-none-match", "*")), SCENE);
+    assert_eq!((made.status, made.etag.as_deref()), (201, Some("\"1\"")), "{}", made.body);
+    assert_eq!(house.ids(), ["yard", "lot"]);
+
+    // All of it is there after a restart.
+    house.bench.stop();
+    let house = House::start(folder.path());
+    assert_eq!(house.ids(), ["yard", "lot"]);
+    let again = house.get(YARD);
+    assert_eq!((again.body["name"].as_str(), again.etag.as_deref()), (Some("Lawn"), Some("\"2\"")));
+
+    // Versions: what, when and by whom; and back.
+    let versions = house.get("/api/v1/scenes/yard/versions").body;
+    let numbers: Vec<_> = versions["versions"].as_array().unwrap().iter().map(|of| &of["version"]).collect();
+    assert_eq!(numbers, [2, 1], "{versions}");
+    assert!(versions["versions"][0]["changed_at"].as_str().unwrap().ends_with('Z'), "{versions}");
+    let page = house.get("/api/v1/scenes/yard/versions?limit=1").body;
+    assert_eq!((&page["is_complete"], &page["next"]), (&json!(false), &json!(2)));
+    let page = house.get("/api/v1/scenes/yard/versions?limit=1&before=2").body;
+    assert_eq!((&page["versions"][0]["version"], &page["is_complete"]), (&json!(1), &json!(true)));
+    assert_eq!(house.get("/api/v1/scenes/yard/versions/1").body["name"], "Green yard");
+    assert_eq!(house.get("/api/v1/scenes/yard/versions/9").status, 404);
+    assert_eq!(house.get("/api/v1/scenes/yard/versions/x").status, 400);
+    let restore = "/api/v1/scenes/yard/versions/1/restore";
+    assert_eq!(house.send("POST", restore, None, "").status, 428);
+    let restored = house.send("POST", restore, Some(("if-match", "\"2\"")), "");
+    assert_eq!((restored.status, restored.etag.as_deref()), (200, Some("\"3\"")), "{}", restored.body);
+    assert_eq!(house.get(YARD).body["name"], "Green yard");
+
+    // Away with it: the configuration's comes back, and a scene of no file is gone.
+    assert_eq!(house.send("DELETE", YARD, Some(("if-match", "\"3\"")), "").status, 204);
+    let back = house.get(YARD);
+    assert_eq!((back.body["name"].as_str(), back.etag.as_deref()), (Some("Yard"), Some("\"4\"")));
+    let refused = house.send("DELETE", YARD, Some(("if-match", "*")), "");
+    assert_eq!(refused.status, 409, "{}", refused.body);
+    assert_eq!(house.send("DELETE", lot, Some(("if-match", "*")), "").status, 204);
+    assert_eq!(house.get(lot).status, 404);
+    assert_eq!(house.ids(), ["yard"]);
+    assert_eq!(house.send("DELETE", lot, Some(("if-match", "*")), "").status, 404);
+    house.bench.stop();
+}
+
+#[test]
+fn a_bad_document_changes_nothing_and_is_told_with_its_places() {
+    let folder = TempDir::new().unwrap();
+    let house = House::start(folder.path());
+    let check = |body: &str, status: u16, pointer: &str| {
+        let answer = house.send("PUT", YARD, Some(("if-match", "\"0\"")), body);
+        assert_eq!(answer.status, status, "{body}: {}", answer.body);
+        let errors = answer.body["errors"].as_array().cloned().unwrap_or_default();
+        let told = errors.iter().any(|error| error["pointer"] == pointer);
+        assert!(told || status == 413, "{pointer}: {}", answer.body);
+    };
+    check("{", 400, "");
+    check("[]", 400, "");
+    check(&SCENE.replace("\"height_m\": 0", "\"height_m\": \"low\""), 400, "/ground/0/height_m");
+    check(&SCENE.replace("[60, 60]", "[60, 1e999]"), 400, "");
+    check(&SCENE.replace("[60, 60]", "[60, -60]"), 400, "/cameras/0/calibration/focal_px");
+    check(&SCENE.replace("\"version\": 1", "\"version\": 99"), 400, "/version");
+    let deep = format!("{}{}", "[".repeat(100_000), "]".repeat(100_000));
+    check(&deep, 400, "");
+    check(&" ".repeat((4 << 20) + 1), 413, "");
+    let outside = r#"{"version": 1, "models": [{"id": "m", "file": "../../../../etc/passwd", "position_m": [0, 0, 0]}]}"#;
+    check(outside, 400, "/models/0/file");
+
+    // Only tried: what would be kept, or why not; nothing is.
+    let tried = house.send("PUT", "/api/v1/scenes/yard?validate_only=true", None, &green());
+    assert_eq!((tried.status, &tried.body["is_valid"]), (200, &json!(true)), "{}", tried.body);
+    assert_eq!(tried.body["document"]["name"], "Green yard");
+    let tried = house.send("PATCH", "/api/v1/scenes/yard?validate_only=true", None, "{\"version\": 2}");
+    assert_eq!(tried.status, 400);
+    assert_eq!(house.send("PUT", "/api/v1/scenes/No!", Some(("if-none-match", "*")), SCENE).status, 400);
+    assert_eq!(house.send("POST", YARD, None, SCENE).status, 405);
+
+    let stands = house.get(YARD);
+    assert_eq!((stands.body["name"].as_str(), stands.etag.as_deref()), (Some("Yard"), Some("\"0\"")));
+    assert!(
+        house
+            .bench
+            .runtime
+            .block_on(house.bench.store.newest_documents(videofields::store::DocumentKind::Scene))
+            .unwrap()
+            .is_empty()
+    );
+    house.bench.stop();
+}
+
+#[test]
+fn of_many_who_change_one_version_at_once_one_wins() {
+    let folder = TempDir::new().unwrap();
+    let house = House::start(folder.path());
+    for version in 0..8 {
+        let tag = format!("\"{version}\"");
+        let statuses = house.bench.runtime.block_on(async {
+            let tries = (0..8).map(|writer| {
+                let body = json!({"name": format!("Yard of {writer}")}).to_string();
+                let request = Request::builder()
+                    .method("PATCH")
+                    .uri(YARD)
+                    .header("if-match", &tag)
+                    .body(Body::from(body));
+                let router = house.router.clone();
+                tokio::spawn(async move { router.oneshot(request.unwrap()).await.unwrap().status().as_u16() })
+            });
+            let tries: Vec<_> = tries.collect();
+            let mut statuses = Vec::new();
+            for tried in tries {
+                statuses.push(tried.await.unwrap());
+            }
+            statuses
+        });
+        assert_eq!(statuses.iter().filter(|status| **status == 200).count(), 1, "{statuses:?}");
+        assert!(statuses.iter().all(|status| matches!(status, 200 | 412)), "{statuses:?}");
+    }
+    assert_eq!(house.get(YARD).etag.as_deref(), Some("\"8\""));
+    house.bench.stop();
+}
