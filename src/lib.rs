@@ -66,6 +66,8 @@ pub mod plan;
 
 pub mod render;
 
+pub mod wall;
+
 pub mod engine;
 
 pub mod catalog;
