@@ -11,6 +11,7 @@ mod background;
 mod calibrate;
 mod config;
 mod daemon;
+mod deploy;
 mod effects;
 mod engine;
 mod fuse;
