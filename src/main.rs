@@ -30,6 +30,7 @@ enum Command {
     Simulate(commands::simulate::Simulate),
     Accuracy(commands::accuracy::Accuracy),
     Bench(commands::bench::Bench),
+    Manual(commands::manual::Manual),
 }
 
 fn main() -> ExitCode {
@@ -49,6 +50,7 @@ fn main() -> ExitCode {
         Command::Simulate(simulate) => simulate.run(),
         Command::Accuracy(accuracy) => accuracy.run(),
         Command::Bench(bench) => bench.run(),
+        Command::Manual(manual) => manual.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -93,6 +93,11 @@ impl Problem {
         self.errors
     }
 
+    /// What the client reads of it.
+    pub(super) fn into_detail(self) -> String {
+        self.detail
+    }
+
     /// Something that is not there, with the names of what is.
     pub(super) fn missing(what: &str, name: &str, there_are: &[&str]) -> Self {
         let shown = super::query::shown(name);
@@ -149,6 +154,13 @@ impl Problem {
             class(StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The request's body is too large");
         let detail = "a scene document may have 4 MiB, any other body 1 MiB";
         Self::of(class, detail.to_owned())
+    }
+
+    /// Whether the same may go well a little later.
+    pub(super) fn may_pass(&self) -> bool {
+        let statuses =
+            [StatusCode::SERVICE_UNAVAILABLE, StatusCode::UNPROCESSABLE_ENTITY, StatusCode::NOT_FOUND];
+        statuses.contains(&self.class.status)
     }
 
     /// What the log must say, where the client reads nothing of it.

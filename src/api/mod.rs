@@ -30,6 +30,7 @@ mod scenes;
 mod segments;
 mod serve;
 mod session;
+mod streams;
 mod strip;
 mod timeline;
 mod tls;
@@ -38,6 +39,8 @@ mod tracks;
 mod tune;
 mod users;
 mod view;
+mod wall_tiles;
+mod walls;
 
 pub use serve::serve;
 pub use tls::{Tls, TlsError};
@@ -50,6 +53,7 @@ use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
 use crate::scene::MAX_DOCUMENT_BYTES;
+use crate::wall::FrameLock;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::{HeaderValue, Uri, header};
@@ -114,9 +118,11 @@ struct Api {
     encoders: Arc<Semaphore>,
     encoding_pace: Arc<encoding::EncodingPace>,
     strips: Arc<Semaphore>,
+    streams: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
     site: Arc<Site>,
+    frames: Arc<FrameLock>,
 }
 
 impl Api {
@@ -174,6 +180,7 @@ pub fn router_within(
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
     let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
+    let frames = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
     let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
     let api = Api {
         whole: door.clone(),
@@ -188,8 +195,10 @@ pub fn router_within(
         encoders,
         encoding_pace: Arc::default(),
         strips,
+        streams: Arc::new(Semaphore::new(streams::AT_ONCE)),
         answers,
         site: Arc::new(site),
+        frames,
     };
     let private = Router::new()
         .route("/api/v1/cameras", get(cameras::list))
@@ -223,7 +232,23 @@ pub fn router_within(
         .route("/api/v1/scenes/{id}/tracks", get(tracks::list))
         .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
         .route("/api/v1/scenes/{id}/plan", get(plan::show))
+        .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
         .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
+        .route("/api/v1/walls", get(walls::list))
+        .route(
+            "/api/v1/walls/{id}",
+            get(walls::one)
+                .put(walls::put)
+                .patch(walls::change)
+                .delete(walls::remove)
+                .fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")),
+        )
+        .route("/api/v1/walls/{id}/versions", get(walls::versions))
+        .route("/api/v1/walls/{id}/versions/{number}", get(walls::version))
+        .route("/api/v1/walls/{id}/tiles", get(wall_tiles::list))
+        .route("/api/v1/walls/{id}/events", get(wall_tiles::events))
+        .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
+        .route("/api/v1/walls/{id}/tiles/{tile}/{picture}", get(wall_tiles::picture))
         .route("/api/v1/events", get(events::list))
         .route("/api/v1/exports", get(exports::list).post(exports::ask).fallback(exports::no_method))
         .route(

@@ -151,7 +151,7 @@ pub(super) async fn no_method() -> Response {
     response
 }
 
-fn problem_of(api: &Api, error: EngineError) -> Problem {
+pub(super) fn problem_of(api: &Api, error: EngineError) -> Problem {
     match error {
         EngineError::NoPlayhead { id } => {
             let playheads = api.door.playheads();

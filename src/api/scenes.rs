@@ -38,8 +38,9 @@ pub(super) async fn one(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
-    let document = find(&api, &id)?.document.to_string();
+    // The version first: a change between the two gives a newer document with an older tag, which no change takes.
     let version = api.catalog.as_ref().map_or(0, |catalog| catalog.state(DocumentKind::Scene, &id).version);
+    let document = find(&api, &id)?.document.to_string();
     let fields = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
@@ -103,7 +104,6 @@ pub(super) async fn remove(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
     check(&api, &id, &headers)?;
-    find(&api, &id)?;
     let (condition, by) = (required(&headers)?, api.identity.caller.user.clone());
     api.catalog()?.remove_scene(&api.whole, &id, condition, by).await?;
     tracing::info!(scene = id, by = ?api.identity.caller.user, "scene removed");
@@ -164,18 +164,15 @@ fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
 }
 
 async fn validated(api: &Api, id: String, document: String) -> Result<Response, Problem> {
-    let catalog = Arc::clone(api.catalog()?);
-    let read = tokio::task::spawn_blocking(move || catalog.parse(&id, &document)).await;
-    let parsed =
-        read.map_err(|error| Problem::new(ErrorKind::Internal, format!("reading a scene: {error}")))??;
-    let kept: Value = read_body(parsed.scene.document.as_bytes())?;
+    let (scene, _) = api.catalog()?.read_scene(&id, document).await?;
+    let kept: Value = read_body(scene.document.as_bytes())?;
     Ok(([NO_STORE], Json(json!({ "is_valid": true, "document": kept }))).into_response())
 }
 
 async fn keep(api: &Api, id: String, document: String, condition: Condition) -> Result<Response, Problem> {
     let (catalog, by) = (api.catalog()?, api.identity.caller.user.clone());
     let is_new = !catalog.state(DocumentKind::Scene, &id).is_there;
-    let version = catalog.put_scene(&api.whole, (&id, document), condition, by).await?;
+    let (version, scene) = catalog.put_scene(&api.whole, (&id, document), condition, by).await?;
     tracing::info!(scene = id, version, by = ?api.identity.caller.user, "scene changed");
     let fields = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
@@ -183,7 +180,7 @@ async fn keep(api: &Api, id: String, document: String, condition: Condition) -> 
         (header::ETAG, etag(version)),
     ];
     let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, fields, find(api, &id)?.document.to_string()).into_response())
+    Ok((status, fields, scene.document.to_string()).into_response())
 }
 
 /// The scene of that id.

@@ -83,6 +83,7 @@ impl Tls {
     /// When a file cannot be read, has something else in it, or the two do not go together.
     pub fn load(certificate: &Path, private_key: &Path) -> Result<Self, TlsError> {
         let provider = Arc::new(ring::default_provider());
+        warn_of_readers(private_key);
         let current = Arc::new(Current(RwLock::new(read_pair(certificate, private_key, &provider)?)));
         let unusable = |source| TlsError::Unusable {
             certificate: certificate.to_owned(),
@@ -113,6 +114,10 @@ impl Tls {
         let mut current = self.current.0.write().unwrap_or_else(PoisonError::into_inner);
         let is_new = pair.digest != current.digest;
         *current = pair;
+        drop(current);
+        if is_new {
+            warn_of_readers(&self.private_key);
+        }
         Ok(is_new)
     }
 
@@ -125,7 +130,6 @@ impl Tls {
 fn read_pair(certificate: &Path, private_key: &Path, provider: &CryptoProvider) -> Result<Pair, TlsError> {
     let chain_pem = read(certificate)?;
     let key_pem = read(private_key)?;
-    warn_of_readers(private_key);
     let wrong = |path: &Path, message: String| TlsError::Content { path: path.to_owned(), message };
     let chain = CertificateDer::pem_slice_iter(&chain_pem)
         .collect::<Result<Vec<_>, _>>()

@@ -11,12 +11,13 @@ use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
-use crate::frame::CameraId;
+use crate::frame::{CameraId, RgbImage};
 use crate::plan::{Aim, Colors, EntityStyle, Preset};
 use crate::scene::SceneView;
 use axum::extract::RawQuery;
 use glam::DVec3;
 use std::ops::RangeInclusive;
+use std::sync::Arc;
 
 /// Columns and rows of a picture where the request names none.
 const DEFAULT_SIZE_PX: [u32; 2] = [1280, 720];
@@ -79,12 +80,22 @@ pub(super) async fn picture(
 ) -> Result<Picture, Problem> {
     let ((), format) = split(&file, &[("view", ())])?;
     let (request, moment) = asked(&api, (id, format), raw.as_deref())?;
+    drawn(&api, request, (format, moment), |image| image).await
+}
+
+/// Draws what is asked for, writes what `finish` makes of it, and tells how it came about.
+pub(super) async fn drawn(
+    api: &Api,
+    request: ViewRequest,
+    (format, moment): (PictureFormat, Moment),
+    finish: impl FnOnce(Arc<RgbImage>) -> Arc<RgbImage> + Send + 'static,
+) -> Result<Picture, Problem> {
     let size_px = (request.width_px, request.height_px);
     let is_restricted = api.door.leaves_out(&request.scene, request.at);
-    let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(&api, error))?;
+    let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(api, error))?;
     let instant = answer.instant;
-    let image = std::sync::Arc::clone(&answer.image);
-    let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &image)).await?;
+    let image = Arc::clone(&answer.image);
+    let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &finish(image))).await?;
     api.encoding_pace.note(format, size_px, encoding_time);
     let mut stages = answer.timings.clone();
     stages.push(("encode", encoding_time));
@@ -126,10 +137,15 @@ pub(super) fn asked(
     let (mut request, moment) = read(id, raw, |id| api.door.playhead_at(id))?;
     let own_view = scenes::find(api, &request.scene)?.view;
     check_direction(&request, own_view)?;
+    reserve(api, &mut request, format);
+    Ok((request, moment))
+}
+
+/// Keeps of a deadline what writing the picture takes.
+pub(super) fn reserve(api: &Api, request: &mut ViewRequest, format: PictureFormat) {
     if let Aim::Within(deadline) = &mut request.effort.aim {
         deadline.reserve = api.encoding_pace.expected(format, (request.width_px, request.height_px));
     }
-    Ok((request, moment))
 }
 
 /// Reads a view's parameters as this route's query string has them, for callers that speak no HTTP.

@@ -33,6 +33,12 @@ pub enum CatalogError {
         /// Its version now, if it is there.
         now: Option<i64>,
     },
+    /// Another process has changed it, which this one did not know.
+    #[error("another process changed it meanwhile{}", now.map(|now| format!(": its version is {now}")).unwrap_or_default())]
+    Overtaken {
+        /// Its version now.
+        now: Option<i64>,
+    },
     /// A scene that stands in the configuration cannot be taken away here.
     #[error("the scene {id:?} stands in the configuration's file: take it out there")]
     Configured {
@@ -85,7 +91,7 @@ impl CatalogError {
     pub fn kind(&self) -> ErrorKind {
         match self {
             Self::None { .. } | Self::NoVersion { .. } => ErrorKind::NotFound,
-            Self::Changed { .. } => ErrorKind::Changed,
+            Self::Changed { .. } | Self::Overtaken { .. } => ErrorKind::Changed,
             Self::Configured { .. } => ErrorKind::Conflict,
             Self::TooMany { .. } => ErrorKind::TooLarge,
             Self::Faults(_) => ErrorKind::Invalid,

@@ -16,9 +16,13 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, PoisonError, RwLock};
+use tokio::sync::Semaphore;
 
-/// Most documents of a kind; of scenes, those of the configuration count too.
+/// Most documents of a kind; of scenes, those of the configuration count too. As many that were removed are remembered.
 pub const MAX_DOCUMENTS: usize = 256;
+
+/// Scenes that are read at once: each may take seconds and some hundred MiB.
+const READ_AT_ONCE: usize = 2;
 
 /// How a document stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,23 +57,14 @@ pub struct VersionSummary {
     pub removed: bool,
 }
 
-impl From<&DocumentRecord> for VersionSummary {
-    fn from(record: &DocumentRecord) -> Self {
-        Self {
-            version: record.version,
-            changed_at: record.changed_at.to_string(),
-            changed_by: record.changed_by.clone(),
-            removed: record.document.is_none(),
-        }
-    }
-}
-
 /// Everything that people keep.
 pub struct Catalog {
     store: Store,
     clock: Arc<dyn Clock>,
     /// The newest version of every document, those removed too.
-    newest: RwLock<BTreeMap<(DocumentKind, String), DocumentRecord>>,
+    newest: RwLock<BTreeMap<(DocumentKind, String), Arc<DocumentRecord>>>,
+    /// Documents that are read at once: some take seconds.
+    reading: Semaphore,
     /// One change after the other, so that the engine's scenes are those that were kept last.
     changes: tokio::sync::Mutex<()>,
     configured: BTreeMap<String, ConfiguredScene>,
@@ -93,13 +88,14 @@ impl Catalog {
         let mut newest = BTreeMap::new();
         for kind in [DocumentKind::Scene, DocumentKind::View, DocumentKind::Wall] {
             let records = store.newest_documents(kind).await?;
-            newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), record)));
+            newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), Arc::new(record))));
         }
         let configured = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
         Ok(Self {
             store,
             clock,
             newest: RwLock::new(newest),
+            reading: Semaphore::new(READ_AT_ONCE),
             changes: tokio::sync::Mutex::default(),
             configured,
             folder,
@@ -110,7 +106,7 @@ impl Catalog {
     /// How the document of that name stands.
     #[must_use]
     pub fn state(&self, kind: DocumentKind, id: &str) -> State {
-        let is_configured = kind == DocumentKind::Scene && self.configured.contains_key(id);
+        let is_configured = kind == DocumentKind::Scene && self.configured_scene(id).is_some();
         let kept = self.newest(kind, id);
         State {
             version: kept.as_ref().map_or(0, |record| record.version),
@@ -122,20 +118,20 @@ impl Catalog {
     ///
     /// # Errors
     /// [`CatalogError::None`].
-    pub fn get(&self, kind: DocumentKind, id: &str) -> Result<DocumentRecord, CatalogError> {
+    pub fn get(&self, kind: DocumentKind, id: &str) -> Result<Arc<DocumentRecord>, CatalogError> {
         let kept = self.newest(kind, id).filter(|record| record.document.is_some());
         kept.ok_or_else(|| CatalogError::None { kind, id: id.to_owned() })
     }
 
     /// Every document of a kind that is kept, in the order of ids.
     #[must_use]
-    pub fn all(&self, kind: DocumentKind) -> Vec<DocumentRecord> {
+    pub fn all(&self, kind: DocumentKind) -> Vec<Arc<DocumentRecord>> {
         let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
         let kept = newest.iter().filter(|((of, _), record)| *of == kind && record.document.is_some());
-        kept.map(|(_, record)| record.clone()).collect()
+        kept.map(|(_, record)| Arc::clone(record)).collect()
     }
 
-    fn newest(&self, kind: DocumentKind, id: &str) -> Option<DocumentRecord> {
+    fn newest(&self, kind: DocumentKind, id: &str) -> Option<Arc<DocumentRecord>> {
         let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
         newest.get(&(kind, id.to_owned())).cloned()
     }
@@ -154,8 +150,11 @@ impl Catalog {
         if version == 0 && !is_there {
             return Err(CatalogError::None { kind, id: id.to_owned() });
         }
-        let records = self.store.document_versions(kind, id, before, limit).await?;
-        Ok(records.iter().map(VersionSummary::from).collect())
+        let changes = self.store.document_changes(kind, id, before, limit).await?;
+        let summary = |(version, at, changed_by, removed): (i64, Timestamp, Option<String>, bool)| {
+            VersionSummary { version, changed_at: at.to_string(), changed_by, removed }
+        };
+        Ok(changes.into_iter().map(summary).collect())
     }
 
     /// One version of a document.
@@ -181,7 +180,8 @@ impl Catalog {
         by: Option<String>,
     ) -> Result<i64, CatalogError> {
         let _turn = self.changes.lock().await;
-        self.add((kind, id), Some(document), condition, by).await
+        let record = self.add((kind, id), Some(document), condition, by).await?;
+        Ok(self.publish(kind, record))
     }
 
     /// Takes a document away.
@@ -196,29 +196,33 @@ impl Catalog {
     ) -> Result<(), CatalogError> {
         let _turn = self.changes.lock().await;
         self.get(kind, id)?;
-        self.add((kind, id), None, condition, by).await.map(|_version| ())
+        let record = self.add((kind, id), None, condition, by).await?;
+        self.publish(kind, record);
+        Ok(())
     }
 
-    /// Adds a version, in this change's turn.
+    /// Writes a version, in this change's turn. It counts once it is published.
     async fn add(
         &self,
         (kind, id): (DocumentKind, &str),
         document: Option<String>,
         condition: Condition,
         by: Option<String>,
-    ) -> Result<i64, CatalogError> {
+    ) -> Result<DocumentRecord, CatalogError> {
         let State { version: was, is_there } = self.state(kind, id);
-        let changed = || CatalogError::Changed { now: is_there.then_some(was) };
         let holds = match condition {
             Condition::Absent => !is_there,
             Condition::Present => is_there,
             Condition::Version(version) => is_there && version == was,
         };
         if !holds {
-            return Err(changed());
+            return Err(CatalogError::Changed { now: is_there.then_some(was) });
         }
         if document.is_some() && !is_there && self.count(kind) >= MAX_DOCUMENTS {
             return Err(CatalogError::TooMany { kind, most: MAX_DOCUMENTS });
+        }
+        if was == 0 {
+            self.make_room(kind).await?;
         }
         let record = DocumentRecord {
             id: id.to_owned(),
@@ -227,14 +231,35 @@ impl Catalog {
             changed_at: self.now(),
             changed_by: by,
         };
-        if !self.store.add_document(kind, &record).await? {
-            // Another process has changed it: what is known here is old.
-            return Err(changed());
+        if self.store.add_document(kind, &record).await? {
+            return Ok(record);
         }
+        // Another process has changed it: what is known here is old.
+        let newest = self.store.document_versions(kind, id, i64::MAX, 1).await?.pop();
+        Err(CatalogError::Overtaken { now: newest.map(|record| self.publish(kind, record)) })
+    }
+
+    /// Makes a version that was written the newest that is known; answers its number.
+    fn publish(&self, kind: DocumentKind, record: DocumentRecord) -> i64 {
         let version = record.version;
         let mut newest = self.newest.write().unwrap_or_else(PoisonError::into_inner);
-        newest.insert((kind, id.to_owned()), record);
-        Ok(version)
+        newest.insert((kind, record.id.clone()), Arc::new(record));
+        version
+    }
+
+    /// Forgets the document that was removed first, where as many are remembered as may be.
+    async fn make_room(&self, kind: DocumentKind) -> Result<(), CatalogError> {
+        let oldest = {
+            let newest = self.newest.read().unwrap_or_else(PoisonError::into_inner);
+            let removed = newest.iter().filter(|((of, _), record)| *of == kind && record.document.is_none());
+            let is_full = removed.clone().count() >= MAX_DOCUMENTS;
+            let oldest = removed.min_by_key(|(_, record)| record.changed_at).map(|((_, id), _)| id.clone());
+            oldest.filter(|_| is_full)
+        };
+        let Some(oldest) = oldest else { return Ok(()) };
+        self.store.forget_document(kind, &oldest).await?;
+        self.newest.write().unwrap_or_else(PoisonError::into_inner).remove(&(kind, oldest));
+        Ok(())
     }
 
     fn count(&self, kind: DocumentKind) -> usize {

@@ -1,9 +1,9 @@
 //! Scenes that are kept, over those of the configuration.
 
 use super::{Catalog, CatalogError, Condition};
-use crate::engine::Handle;
-use crate::scene::{self, FolderImports, ParsedScene, Scene};
-use crate::store::DocumentKind;
+use crate::engine::{EngineError, Handle};
+use crate::scene::{self, FolderImports, MAX_DOCUMENT_BYTES, ParsedScene, Scene, SceneError};
+use crate::store::{DocumentKind, DocumentRecord};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -29,7 +29,7 @@ impl Catalog {
     }
 
     fn scene_at_start(&self, id: &str) -> Option<Arc<Scene>> {
-        let configured = || self.configured.get(id).and_then(|of| of.scene.clone());
+        let configured = || self.configured_scene(id).cloned();
         let Ok(record) = self.get(DocumentKind::Scene, id) else { return configured() };
         let parsed = self.parse(id, record.document.as_deref().unwrap_or_default());
         match parsed {
@@ -43,12 +43,17 @@ impl Catalog {
         }
     }
 
+    /// The configuration's scene of that name, if it was ever good.
+    pub(super) fn configured_scene(&self, id: &str) -> Option<&Arc<Scene>> {
+        self.configured.get(id)?.scene.as_ref()
+    }
+
     /// What a scene's document says. Models and pictures are read from beside the configuration's file of that scene, or beneath
     /// the media roots. Blocks for these.
     ///
     /// # Errors
     /// [`CatalogError::Faults`] with every fault; [`CatalogError::Scene`] of one that is too large.
-    pub fn parse(&self, id: &str, document: &str) -> Result<ParsedScene, CatalogError> {
+    fn parse(&self, id: &str, document: &str) -> Result<ParsedScene, CatalogError> {
         let imports = match self.configured.get(id) {
             Some(configured) => FolderImports::beside(&configured.file, &self.media_roots),
             None => FolderImports::beneath(&self.folder, &self.media_roots),
@@ -56,26 +61,48 @@ impl Catalog {
         Ok(scene::parse(id, document, imports)?)
     }
 
-    /// Keeps a scene and has `engine` show it from the next picture on; its version.
+    /// What a document says that is to be kept, and as what: in its normal form, without blanks.
     ///
     /// # Errors
-    /// As [`Catalog::parse`] and [`Catalog::put`]. Then the scene that is shown stays.
+    /// As [`Catalog::put_scene`].
+    pub async fn read_scene(
+        self: &Arc<Self>,
+        id: &str,
+        document: String,
+    ) -> Result<(Arc<Scene>, String), CatalogError> {
+        let _turn =
+            self.reading.acquire().await.map_err(|error| CatalogError::Internal(error.to_string()))?;
+        let (own, of) = (Arc::clone(self), id.to_owned());
+        let parsed = tokio::task::spawn_blocking(move || own.parse(&of, &document)).await;
+        let panicked = |error| CatalogError::Internal(format!("reading a scene: {error}"));
+        let ParsedScene { scene, document } = parsed.map_err(panicked)??;
+        let kept = serde_json::to_string(&document)
+            .map_err(|error| CatalogError::Internal(format!("writing a scene: {error}")))?;
+        // What came from other files stands in it now: it must be read again at the next start.
+        if kept.len() > MAX_DOCUMENT_BYTES {
+            return Err(SceneError::TooLarge { bytes: kept.len() as u64 }.into());
+        }
+        Ok((Arc::new(scene), kept))
+    }
+
+    /// Keeps a scene and has `engine` show it from the next picture on; its version, and the scene.
+    ///
+    /// # Errors
+    /// [`CatalogError::Faults`] with every fault of the document, [`CatalogError::Scene`] of one that is too large; as
+    /// [`Catalog::put`]. Then the scene that is shown stays.
     pub async fn put_scene(
         self: &Arc<Self>,
         engine: &Handle,
         (id, document): (&str, String),
         condition: Condition,
         by: Option<String>,
-    ) -> Result<i64, CatalogError> {
+    ) -> Result<(i64, Arc<Scene>), CatalogError> {
         let _turn = self.changes.lock().await;
-        let (own, of) = (Arc::clone(self), id.to_owned());
-        let parsed = tokio::task::spawn_blocking(move || own.parse(&of, &document)).await;
-        let panicked = |error| CatalogError::Internal(format!("reading a scene: {error}"));
-        let scene = parsed.map_err(panicked)??.scene;
-        let document = scene.document.to_string();
-        let version = self.add((DocumentKind::Scene, id), Some(document), condition, by).await?;
-        engine.put_scene(Arc::new(scene))?;
-        Ok(version)
+        let (scene, kept) = self.read_scene(id, document).await?;
+        let record = self.added(engine, id, Some(kept), condition, by).await?;
+        // Shown before its version is told: whoever has the version has seen the scene.
+        engine.put_scene(Arc::clone(&scene))?;
+        Ok((self.publish(DocumentKind::Scene, record), scene))
     }
 
     /// Takes away what is kept of a scene: the configuration's comes back, if it has one.
@@ -91,16 +118,41 @@ impl Catalog {
         by: Option<String>,
     ) -> Result<(), CatalogError> {
         let _turn = self.changes.lock().await;
-        let configured = self.configured.get(id);
         if let Err(error) = self.get(DocumentKind::Scene, id) {
             let of_file = |_| CatalogError::Configured { id: id.to_owned() };
-            return Err(configured.map_or(error, of_file));
+            return Err(self.configured.get(id).map_or(error, of_file));
         }
-        self.add((DocumentKind::Scene, id), None, condition, by).await?;
-        match configured.and_then(|of| of.scene.clone()) {
-            Some(scene) => engine.put_scene(scene)?,
-            None => engine.remove_scene(id)?,
-        }
+        let record = self.added(engine, id, None, condition, by).await?;
+        show(engine, id, self.configured_scene(id).cloned())?;
+        self.publish(DocumentKind::Scene, record);
         Ok(())
+    }
+
+    /// As [`Catalog::add`]; what another process made of a scene is shown from now on.
+    async fn added(
+        &self,
+        engine: &Handle,
+        id: &str,
+        document: Option<String>,
+        condition: Condition,
+        by: Option<String>,
+    ) -> Result<DocumentRecord, CatalogError> {
+        let added = self.add((DocumentKind::Scene, id), document, condition, by).await;
+        if let Err(CatalogError::Overtaken { .. }) = added {
+            show(engine, id, self.scene_at_start(id))?;
+        }
+        added
+    }
+}
+
+/// Has the engine show a scene, or none.
+fn show(engine: &Handle, id: &str, scene: Option<Arc<Scene>>) -> Result<(), EngineError> {
+    match scene {
+        Some(scene) => engine.put_scene(scene),
+        // One that could not be read was never shown.
+        None => engine.remove_scene(id).or_else(|error| match error {
+            EngineError::NoScene { .. } => Ok(()),
+            error => Err(error),
+        }),
     }
 }

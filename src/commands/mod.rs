@@ -10,6 +10,7 @@ pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
 mod given;
+pub(crate) mod manual;
 pub(crate) mod progress;
 pub(crate) mod segment;
 pub(crate) mod serve;

@@ -65,7 +65,8 @@ async fn reload(tls: Arc<Tls>) {
 }
 
 /// Tells the service manager, where there is one, that requests are answered; and from then on, as often as it asks, that
-/// the daemon still answers. A daemon whose engine hangs falls silent, and is started again.
+/// the daemon still answers questions. One that is stuck falls silent, and is started again; of a renderer that hangs in its
+/// driver callers are told, and it is opened anew.
 pub(super) async fn keep_awake(door: Handle) {
     notify(&[NotifyState::Ready]);
     if let Some(period) = sd_notify::watchdog_enabled() {

@@ -266,6 +266,12 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoScene`].
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError>;
 
+    /// The instant that a time of a scene means now, and the cameras that may be seen then.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
+    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError>;
+
     /// Puts a scene in the place of the one of its id, or after the others. The next picture shows it; what was remembered of
     /// the one before (who is who, gains, kept pictures, maps) begins anew.
     ///

@@ -262,6 +262,11 @@ impl Door for Permitted {
         self.shared.scene_within(id, &self.known())
     }
 
+    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+        let scene = self.scene_with(scene, &self.seeing(at), "that time")?;
+        self.shared.moment_of(&scene, at)
+    }
+
     fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError> {
         self.check_role(Role::Admin, "changing scenes")?;
         self.shared.put_scene(scene)

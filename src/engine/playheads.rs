@@ -258,6 +258,12 @@ impl Playheads {
         Ok(())
     }
 
+    /// Removes those of a scene that is gone.
+    pub(super) fn remove_of(&self, scene: &str) {
+        self.lock().retain(|entry| entry.scene != scene);
+        self.tell();
+    }
+
     /// Tells every follower that nothing more will come.
     pub(super) fn end(&self) {
         self.version.send_replace(ENDED);

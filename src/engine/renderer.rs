@@ -78,6 +78,8 @@ struct RenderThread<'a> {
     /// Who is who in each scene, and how its cameras' colours agree.
     associations: Associations,
     warm_up: WarmUp,
+    /// How often scenes had been exchanged when that was last looked at.
+    scene_changes: u64,
 }
 
 /// A picture, and what it is of.
@@ -113,6 +115,7 @@ impl<'a> RenderThread<'a> {
             sessions: Sessions::default(),
             associations: Associations::default(),
             warm_up: WarmUp::default(),
+            scene_changes: 0,
         }
     }
 
@@ -142,6 +145,7 @@ impl<'a> RenderThread<'a> {
 
     /// Answers the picture in hand, and all that turn out to be the same.
     fn serve(&mut self, request: &ViewRequest, asked_at: Duration) {
+        self.forget_changed_scenes();
         let queue = &self.shared.queue;
         let (subject, answer) = match self.contained(|thread| thread.answer(request, asked_at)) {
             Ok(Some(drawn)) => drawn,
@@ -282,6 +286,11 @@ impl<'a> RenderThread<'a> {
             seen[kind(request.at)] = Some(Some(known.clone()));
         }
         let mut is_same = |other: &ViewRequest| {
+            // Another caller's scene may have other cameras, or the scene was changed since: equal words mean another picture.
+            let own = shared.scene_within(&other.scene, &other.scope);
+            if !own.is_ok_and(|own| Arc::ptr_eq(&own, scene)) {
+                return false;
+            }
             let instant = match other.at {
                 At::Live => *live.get_or_insert_with(|| shared.live_instant(scene).ok()),
                 At::Time(instant) => Some(instant),
@@ -354,6 +363,15 @@ impl<'a> RenderThread<'a> {
                 no_renderer(self.shared, error.to_string())
             }
             Failure::Render(error) => failure_of(&error),
+        }
+    }
+
+    /// Lets go of pictures of scenes that were exchanged: each holds its scene with all that it is made of.
+    fn forget_changed_scenes(&mut self) {
+        let changes = self.shared.scenes.now().changes;
+        if self.scene_changes != changes {
+            self.scene_changes = changes;
+            self.drop_kept();
         }
     }
 

@@ -49,6 +49,12 @@ impl Scopes {
         kept.push(own);
         part
     }
+
+    /// Lets go of parts of scenes that are not `kept`.
+    pub(super) fn retain(&self, is_kept: impl Fn(&Arc<Scene>) -> bool) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.retain(|of| is_kept(&of.whole));
+    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! View sessions by name: what is smoothed over scene time for each who looks.
 
+use crate::frame::CameraId;
 use crate::plan::ViewSession;
 use crate::scene::Scene;
-use std::sync::Arc;
 
 /// Most sessions that are kept; the one used longest ago goes first, and begins anew when it is named again.
 const MAX_SESSIONS: usize = 64;
@@ -15,8 +15,9 @@ pub(super) struct Sessions {
 
 #[derive(Debug)]
 struct Kept {
-    /// A changed scene goes on with its sessions; one with other cameras has its own.
-    scene: Arc<Scene>,
+    /// A changed scene goes on with its sessions; one with other cameras has its own. No scene is held for them.
+    scene: String,
+    cameras: Vec<CameraId>,
     name: String,
     session: ViewSession,
 }
@@ -24,13 +25,17 @@ struct Kept {
 impl Sessions {
     /// Takes the session of that name out, to be put back when it has gone on; a new one where there is none.
     pub(super) fn take(&mut self, scene: &Scene, name: &str) -> ViewSession {
-        let place = self.kept.iter().position(|kept| scene.replaces(&kept.scene) && kept.name == name);
+        let place = self.kept.iter().position(|kept| {
+            let cameras = scene.cameras.iter().map(|member| &member.id);
+            kept.scene == scene.id && kept.name == name && cameras.eq(&kept.cameras)
+        });
         place.map_or_else(ViewSession::default, |idx| self.kept.remove(idx).session)
     }
 
-    pub(super) fn put(&mut self, scene: &Arc<Scene>, name: &str, session: ViewSession) {
+    pub(super) fn put(&mut self, scene: &Scene, name: &str, session: ViewSession) {
         self.kept.truncate(MAX_SESSIONS - 1);
-        self.kept.insert(0, Kept { scene: Arc::clone(scene), name: name.to_owned(), session });
+        let cameras = scene.cameras.iter().map(|member| member.id.clone()).collect();
+        self.kept.insert(0, Kept { scene: scene.id.clone(), cameras, name: name.to_owned(), session });
     }
 }
 
@@ -42,7 +47,7 @@ mod tests {
     fn the_sessions_used_last_are_kept() {
         let mut sessions = Sessions::default();
         let plaza = crate::scene::parse("plaza", r#"{"version": 1}"#, crate::scene::no_imports).unwrap();
-        let plaza = &Arc::new(plaza.scene);
+        let plaza = &plaza.scene;
         for idx in 0..MAX_SESSIONS + 5 {
             let session = sessions.take(plaza, &format!("wall{idx}"));
             sessions.put(plaza, &format!("wall{idx}"), session);

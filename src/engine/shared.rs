@@ -193,16 +193,20 @@ impl Shared {
     fn exchange_scene(&self, scene: Arc<Scene>) {
         let id = scene.id.clone();
         let members: Vec<_> = scene.cameras.iter().map(|member| member.id.clone()).collect();
-        self.scenes.put(scene);
-        // After the list: a map of the scene as it was is not noted any more.
+        // Held over both: who builds maps must not find the new scene with the old one's.
         let mut maps = lock(&self.maps);
+        self.scenes.put(scene);
         maps.retain(|(of, _), _| *of != id);
         maps.extend(members.into_iter().map(|camera| ((id.clone(), camera), MapState::Building)));
+        drop(maps);
+        self.scopes.retain(|whole| self.scenes.is_current(whole));
     }
 
     fn take_scene_out(&self, id: &str) -> bool {
         let was_there = self.scenes.remove(id);
         lock(&self.maps).retain(|(of, _), _| of != id);
+        self.scopes.retain(|whole| self.scenes.is_current(whole));
+        self.playheads.remove_of(id);
         was_there
     }
 
@@ -259,6 +263,15 @@ impl Shared {
             // A scene without cameras is always as it is.
             (None, None) => Ok(self.clock.now()),
         }
+    }
+
+    /// The instant that a time of a scene means now, and the scene's cameras.
+    pub(super) fn moment_of(&self, scene: &Scene, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+        let instant = match at {
+            At::Live => self.live_instant(scene)?,
+            At::Time(instant) => instant,
+        };
+        Ok((instant, scene.cameras.iter().map(|member| member.id.clone()).collect()))
     }
 
     /// The scene's cameras; those that are not configured are left out.

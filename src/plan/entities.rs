@@ -1,7 +1,7 @@
 //! Which entities are drawn, how, and from which camera.
 
 use super::sources;
-use super::work::rectangle_px;
+use super::work::drawn_px;
 use super::{
     EntityStyle, MAX_ENTITY_CAMERAS, Picture, Plan, PlannedBillboard, PlannedSource, Reason, Settings,
 };
@@ -130,12 +130,14 @@ fn largest(mut seen: Vec<(f64, PlannedBillboard)>, most: usize) -> Vec<(f64, Pla
 
 /// What is in view, with about how many pixels it covers.
 fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(f64, PlannedBillboard)> {
-    let is_in_view = |billboard: &Billboard| {
+    let is_in_view = |entity: &Entity, billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
-        let middle = billboard.foot_in_world + DVec3::Z * (billboard.height_m * 0.5);
+        // Points stand where their own camera saw them, billboards where the entity does.
+        let middles = [entity.place_of(billboard), billboard.foot_in_world]
+            .map(|foot| foot + DVec3::Z * (billboard.height_m * 0.5));
         // Also of one that leans back by up to 45 degrees: sqrt(5/4 - sqrt(1/2)) of its height from there to its top.
         let radius = left.abs().max(right.abs()).hypot(billboard.height_m * 0.737);
-        picture.may_show(middle, radius)
+        middles.into_iter().any(|middle| picture.may_show(middle, radius))
     };
     let planned = |(entity, candidate): (usize, &Entity)| {
         let (source, beside) = sources::choose(candidate, state, picture.viewer)?;
@@ -144,7 +146,10 @@ fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(
         let weight = 1.0 - beside.map_or(0.0, |beside| beside.weight);
         let billboard = &candidate.sources[source];
         let planned = PlannedBillboard { entity, source, weight, beside };
-        is_in_view(billboard).then(|| (rectangle_px(picture, billboard), planned))
+        // Both are drawn within one rectangle that holds both.
+        let mut drawn = [Some(source), beside.map(|beside| beside.source)].into_iter().flatten();
+        let is_shown = drawn.any(|source| is_in_view(candidate, &candidate.sources[source]));
+        is_shown.then(|| (drawn_px(picture, candidate, billboard), planned))
     };
     state.entities.iter().enumerate().filter_map(planned).collect()
 }

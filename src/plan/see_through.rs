@@ -5,7 +5,7 @@
 
 use super::{EntityStyle, Picture, Plan, Reason, Viewer};
 use crate::clock::Timestamp;
-use crate::fuse::{Billboard, SceneState};
+use crate::fuse::{Billboard, Entity, SceneState};
 use crate::geometry::{Ray, SurfaceId, Surfaces};
 use crate::scene::Scene;
 use glam::DVec3;
@@ -204,9 +204,10 @@ fn occluders(state: &SceneState, picture: &Picture, entities: &[(usize, usize)])
         state.entities.iter().filter_map(|entity| stood_upon(surfaces, entity.foot_in_world)).collect();
     let mut found: Vec<Occluder> = Vec::new();
     for (entity, source) in entities {
-        let Some(billboard) = state.entities[*entity].sources.get(*source) else { continue };
+        let of = &state.entities[*entity];
+        let Some(billboard) = of.sources.get(*source) else { continue };
         let mut crossed: Vec<(SurfaceId, usize, f64)> = Vec::new();
-        for point in looked_at(billboard) {
+        for point in looked_at(of, billboard) {
             let Some((ray, reach_m)) = to_viewer(picture, point) else { continue };
             let crossings = crossings(surfaces, &ray, reach_m);
             for (surface, distance_m) in
@@ -241,11 +242,13 @@ fn stood_upon(surfaces: &Surfaces, foot: DVec3) -> Option<SurfaceId> {
     (below.distance_m <= 2.0 * STEP_M).then_some(below.surface)
 }
 
-fn looked_at(billboard: &Billboard) -> impl Iterator<Item = DVec3> + '_ {
-    let [left, right] = billboard.left_right_m;
+/// Points of a source of an entity, where it is drawn.
+fn looked_at(entity: &Entity, billboard: &Billboard) -> impl Iterator<Item = DVec3> {
+    let ([left, right], foot) = (billboard.left_right_m, entity.place_of(billboard));
+    let Billboard { right_in_world, height_m, .. } = *billboard;
     LOOKED_AT.iter().map(move |(across, up)| {
         let across_m = if *across < 0.0 { -across * left } else { across * right };
-        billboard.foot_in_world + billboard.right_in_world * across_m + DVec3::Z * (up * billboard.height_m)
+        foot + right_in_world * across_m + DVec3::Z * (up * height_m)
     })
 }
 
@@ -314,7 +317,7 @@ mod tests {
             view: None,
             document: Arc::from("{}"),
         };
-        let entity = |foot: &DVec3| crate::fuse::Entity {
+        let entity = |foot: &DVec3| Entity {
             id: 1,
             foot_covariance_m2: glam::DMat2::IDENTITY,
             height_m: 1.8,
@@ -373,6 +376,22 @@ mod tests {
         for place in [behind, behind + DVec3::Z * (0.55 * 1.8)] {
             assert!(found(&[behind], &from_eye(place)).is_empty());
         }
+    }
+
+    /// What one camera takes for somebody's foot, another sees metres beside it.
+    #[test]
+    fn an_entity_of_several_cameras_is_looked_for_where_it_is_drawn() {
+        let eye = from_eye(DVec3::new(0.0, -30.0, 1.7));
+        let (before, behind) = (DVec3::new(1.0, -5.0, 0.0), DVec3::new(1.0, 6.0, 0.0));
+        let two_sources = |drawn: DVec3, seen: DVec3| {
+            let mut state = state(&[drawn]);
+            let mut source = state.entities[0].sources[0].clone();
+            source.foot_in_world = seen;
+            state.entities[0].sources = vec![source.clone(), source];
+            state
+        };
+        assert_eq!(occluders(&two_sources(behind, before), &eye, &[(0, 0)]).len(), 1);
+        assert!(occluders(&two_sources(before, behind), &eye, &[(0, 0)]).is_empty());
     }
 
     #[test]

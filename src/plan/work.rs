@@ -7,7 +7,7 @@ use super::coverage;
 use super::{
     EntityStyle, Filtering, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling, Settings,
 };
-use crate::fuse::{Billboard, MAX_RUN, SceneState};
+use crate::fuse::{Billboard, Entity, MAX_RUN, SceneState};
 use glam::DVec3;
 
 /// Bytes of a megabyte, pixels of a megapixel, runs of a thousand: features are of the order of one.
@@ -238,7 +238,8 @@ impl Survey {
         let seen_by = seen.iter().fold(0, |bits, cameras| bits | 1 << cameras.len().min(MAX_BLENDED_CAMERAS));
         let cameras = (0..=MAX_BLENDED_CAMERAS.min(plan.surface_cameras.len())).map(blended).collect();
         let area = |of: &PlannedBillboard, source: usize| {
-            rectangle_px(picture, &state.entities[of.entity].sources[source])
+            let entity = &state.entities[of.entity];
+            drawn_px(picture, entity, &entity.sources[source])
         };
         let mut rectangles_px = [0.0; 2];
         for planned in &plan.billboards {
@@ -363,9 +364,9 @@ impl Survey {
 }
 
 /// About how many pixels of a picture a rectangle covers: of the part that shows it largest, never more than the part has.
-pub(super) fn rectangle_px(picture: &Picture, billboard: &Billboard) -> f64 {
+pub(super) fn drawn_px(picture: &Picture, entity: &Entity, billboard: &Billboard) -> f64 {
     let [left, right] = billboard.left_right_m;
-    let foot = billboard.foot_in_world;
+    let foot = entity.place_of(billboard);
     let middle = foot + DVec3::Z * (0.5 * billboard.height_m);
     let radius_m = 0.5 * (right - left).hypot(billboard.height_m);
     let of_part = |part: &super::Part| {
@@ -393,5 +394,44 @@ impl Survey {
             n_observations: n_cameras,
             ..Self::default()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plan::{View, ViewLimits};
+    use crate::segment::PixelRect;
+    use glam::DMat2;
+
+    #[test]
+    fn an_entity_of_several_cameras_is_in_view_where_it_is_drawn() {
+        let source = |x: f64| Billboard {
+            camera_idx: 0,
+            rect: PixelRect { x: 0, y: 0, width: 9, height: 9 },
+            foot_in_world: DVec3::new(x, 0.0, 0.0),
+            right_in_world: DVec3::X,
+            left_right_m: [-0.3, 0.3],
+            height_m: 1.8,
+            is_truncated: false,
+        };
+        let entity = |sources: Vec<Billboard>| Entity {
+            id: 1,
+            foot_in_world: DVec3::ZERO,
+            foot_covariance_m2: DMat2::IDENTITY,
+            height_m: 1.8,
+            sources,
+        };
+        let limits = ViewLimits { max_side_px: 1000, max_pixels: 1_000_000 };
+        let looking = |x: f64| -> Picture {
+            let (eye, target) = (DVec3::new(x, -10.0, 1.0), DVec3::new(x, 0.0, 1.0));
+            View::new(eye, target, 0.3, 64, 64, &limits).expect("a view").into()
+        };
+        let covered = |entity: &Entity, x: f64| drawn_px(&looking(x), entity, &entity.sources[0]);
+        let two = entity(vec![source(6.0), source(-6.0)]);
+        assert!(covered(&two, 0.0) > 0.0 && covered(&two, 6.0) == 0.0);
+        // Of one camera alone its view is all there is.
+        let one = entity(vec![source(6.0)]);
+        assert!(covered(&one, 0.0) == 0.0 && covered(&one, 6.0) > 0.0);
     }
 }

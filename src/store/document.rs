@@ -4,8 +4,11 @@
 use super::{Store, StoreError, check_size};
 use crate::clock::Timestamp;
 
-/// Versions that are kept of one document; the oldest go first.
+/// Versions that are kept of one document; the oldest go first, but never the newest.
 pub const MAX_VERSIONS: i64 = 200;
+
+/// Bytes of one document's versions together, as of [`MAX_VERSIONS`].
+pub const MAX_VERSIONS_BYTES: i64 = 32 << 20;
 
 /// What kind of thing a document describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -55,7 +58,7 @@ impl From<Row> for DocumentRecord {
 
 impl Store {
     /// Adds a version after version `record.version - 1`, which must be the newest (0: there must be none), and answers whether
-    /// it was. The oldest beyond [`MAX_VERSIONS`] go.
+    /// it was. The oldest beyond [`MAX_VERSIONS`] and [`MAX_VERSIONS_BYTES`] go.
     ///
     /// # Errors
     /// When the document is no JSON or too large, or the database fails.
@@ -86,10 +89,18 @@ impl Store {
         if done.rows_affected() == 0 {
             return Ok(false);
         }
-        sqlx::query("delete from document where kind = ? and id = ? and version <= ?")
+        let prune = "delete from document where kind = ?1 and id = ?2 and version < ?3 and version in (
+                 select version from (
+                     select version, sum(coalesce(length(document), 0)) over (order by version desc) as bytes
+                     from document where kind = ?1 and id = ?2
+                 ) where version <= ?3 - ?4 or bytes > ?5
+             )";
+        sqlx::query(prune)
             .bind(kind.as_str())
             .bind(&record.id)
-            .bind(record.version - MAX_VERSIONS)
+            .bind(record.version)
+            .bind(MAX_VERSIONS)
+            .bind(MAX_VERSIONS_BYTES)
             .execute(&mut *transaction)
             .await
             .map_err(|error| self.classify(error))?;
@@ -113,6 +124,48 @@ impl Store {
         .await
         .map_err(|error| self.classify(error))?;
         Ok(rows.into_iter().map(DocumentRecord::from).collect())
+    }
+
+    /// Forgets a document with all of its versions.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn forget_document(&self, kind: DocumentKind, id: &str) -> Result<(), StoreError> {
+        sqlx::query("delete from document where kind = ? and id = ?")
+            .bind(kind.as_str())
+            .bind(id)
+            .execute(&self.durable)
+            .await
+            .map_err(|error| self.classify(error))?;
+        Ok(())
+    }
+
+    /// Numbers of the newest `limit` versions of a document before version `before`, the newest first, with when and by whom
+    /// each was made, and whether it removed the document.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn document_changes(
+        &self,
+        kind: DocumentKind,
+        id: &str,
+        before: i64,
+        limit: u32,
+    ) -> Result<Vec<(i64, Timestamp, Option<String>, bool)>, StoreError> {
+        type Row = (i64, i64, Option<String>, bool);
+        let rows: Vec<Row> = sqlx::query_as(
+            "select version, changed_at, changed_by, document is null from document
+             where kind = ? and id = ? and version < ? order by version desc limit ?",
+        )
+        .bind(kind.as_str())
+        .bind(id)
+        .bind(before)
+        .bind(limit)
+        .fetch_all(&self.cache)
+        .await
+        .map_err(|error| self.classify(error))?;
+        let change = |(version, at, by, removed)| (version, Timestamp::from_nanos(at), by, removed);
+        Ok(rows.into_iter().map(change).collect())
     }
 
     /// The newest `limit` versions of a document before version `before`, the newest first.

@@ -27,7 +27,7 @@ pub use activity::ActivityRecord;
 pub use audit::{AuditCheck, AuditEntry, AuditRecord};
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
-pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS};
+pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTES};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use scene::{SceneEntry, SceneRecord};

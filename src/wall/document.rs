@@ -148,7 +148,7 @@ fn checked(document: &WallDocument, gatherer: &mut Gatherer) -> Wall {
 
 /// Where the viewer of a wall is that does not say.
 fn viewer_of(surface: &SurfaceDocument, tiles: &[super::Tile]) -> DVec3 {
-    if matches!(surface, SurfaceDocument::Cylinder(_)) {
+    if surface.cylinder.is_some() {
         return DVec3::ZERO;
     }
     let corners = || {
@@ -170,9 +170,9 @@ fn check_windows(wall: &Wall, surface: &SurfaceDocument, gatherer: &mut Gatherer
         return;
     }
     for (idx, tile) in wall.tiles.iter().enumerate() {
-        let place = match surface {
-            SurfaceDocument::Tiles(_) => format!("/surface/tiles/{idx}"),
-            SurfaceDocument::Grid(_) | SurfaceDocument::Cylinder(_) => "/viewer_m".to_owned(),
+        let place = match surface.tiles {
+            Some(_) => format!("/surface/tiles/{idx}"),
+            None => "/viewer_m".to_owned(),
         };
         let [lower_left, lower_right, upper_left] =
             tile.corners_m.map(|corner| zoomed(corner - wall.viewer_m, wall.zoom));

@@ -18,7 +18,7 @@ const MAX_KEPT: usize = 256;
 /// A moment of a wall.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WallFrame {
-    /// Its name: greater than those of all frames before.
+    /// Its name: greater than those of all frames before of the same version of the wall.
     pub id: u64,
     /// What all tiles show.
     pub instant: Timestamp,
@@ -27,8 +27,8 @@ pub struct WallFrame {
 /// The frames of all walls.
 #[derive(Debug)]
 pub struct FrameLock {
-    /// Seconds since 1970 when the monotonic clock was at its beginning: frames of one run are numbered beyond those of the
-    /// run before, whatever is done to the machine's clock between.
+    /// Seconds since 1970 when the monotonic clock was at its beginning: what is done to the machine's clock during a run
+    /// changes nothing, and frames of a run are numbered beyond those of the run before, unless it is set back between.
     origin_secs: f64,
     walls: Mutex<Vec<Kept>>,
 }
@@ -54,6 +54,13 @@ impl FrameLock {
     pub fn new(now: Timestamp, monotonic: Duration) -> Self {
         let origin_secs = now.as_nanos() as f64 * 1e-9 - monotonic.as_secs_f64();
         Self { origin_secs: origin_secs.max(0.0), walls: Mutex::default() }
+    }
+
+    /// How long it is from `monotonic` until the frame of that number is due; nothing once it is.
+    #[must_use]
+    pub fn due_in(&self, id: u64, rate_hz: f64, monotonic: Duration) -> Duration {
+        let secs = id as f64 / rate_hz - (self.origin_secs + monotonic.as_secs_f64());
+        Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX)
     }
 
     /// The frame of a wall that is due at `monotonic`, of which `instant` is what would be shown if nobody has asked yet.
@@ -132,6 +139,10 @@ mod tests {
         // One that is late asks by name, or gets the next; one that lags in its clock gets no frame of before.
         assert_eq!(lock.frame(("control", 1, &wall(1).2), 1010), Some(first));
         assert_eq!(lock.due(wall(1), 10.0, ms(41_090), at(7_120)), second);
+        let wait = lock.due_in(1012, 10.0, ms(41_110));
+        assert!(wait.abs_diff(ms(90)) < Duration::from_micros(1), "{wait:?}");
+        assert_eq!(lock.due_in(1011, 10.0, ms(41_110)), Duration::ZERO);
+        assert_eq!(lock.due_in(u64::MAX, 0.1, ms(41_110)), Duration::MAX);
         // Another version, or other cameras, are others.
         assert_eq!(lock.due(wall(2), 10.0, ms(41_110), at(9_000)).instant, at(9_000));
         assert_eq!(lock.frame(("control", 2, &wall(2).2), 1010), None);

@@ -2,18 +2,20 @@
 //! all of them show at once.
 //!
 //! In: a wall's document (JSON). Out: for every tile the viewer's eye and the corners of its window in the world, so that the
-//! picture goes on behind bezels and around corners; frames that name an instant. Draws nothing itself.
+//! picture goes on behind bezels and around corners; frames that name an instant; pictures by which a wall is put up.
 //!
 //! Wall space: x to the right, y up, z towards the viewer; metres. The viewer looks along -z.
 
 mod blend;
 mod document;
 mod frames;
+mod pattern;
 mod surface;
 
 pub use blend::blend;
 pub use document::{WallDocument, WallViewDocument};
 pub use frames::{FrameLock, WallFrame};
+pub use pattern::{Pattern, pattern};
 pub use surface::{CylinderDocument, GridDocument, MAX_TILES, SurfaceDocument, TileDocument};
 
 use crate::geometry::Pose;
@@ -67,7 +69,7 @@ impl Wall {
     /// Where the corners of a rectangle in wall space are in the world, metres: the wall stands before the eye as it stands
     /// before the viewer.
     ///
-    /// Source: Kooima, Generalized Perspective Projection, 2009; `zoom` widens x and y about the viewer's axis.
+    /// Source: Kooima, Generalized Perspective Projection, 2009; `zoom` divides x and y about the viewer's axis: what a window shows less of is larger.
     #[must_use]
     pub fn window(&self, corners_m: [DVec3; 3]) -> [DVec3; 3] {
         // Validated: there is a direction to look in.
@@ -82,5 +84,5 @@ impl Wall {
 
 /// A direction from the viewer, wall space, as it is shown.
 fn zoomed(from_viewer: DVec3, zoom: f64) -> DVec3 {
-    from_viewer * DVec3::new(zoom, zoom, 1.0)
+    from_viewer / DVec3::new(zoom, zoom, 1.0)
 }

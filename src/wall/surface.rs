@@ -6,6 +6,7 @@ use crate::frame::is_id;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::HashSet;
+use std::f64::consts::TAU;
 
 /// Most tiles of a wall.
 pub const MAX_TILES: usize = 64;
@@ -19,16 +20,19 @@ const SIDE_M: [f64; 2] = [0.01, 100.0];
 /// Most metres that anything of a wall is away from its middle.
 const MAX_COORDINATE_M: f64 = 1000.0;
 
-/// What the tiles make up.
+/// What the tiles make up: one of the three.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum SurfaceDocument {
+#[serde(deny_unknown_fields)]
+pub struct SurfaceDocument {
     /// Equal tiles in columns and rows on the plane z = 0, its middle at the origin.
-    Grid(GridDocument),
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<GridDocument>,
     /// Equal tiles around the viewer: columns are chords of a cylinder whose axis is x = z = 0, the middle at -z.
-    Cylinder(CylinderDocument),
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cylinder: Option<CylinderDocument>,
     /// Any rectangles.
-    Tiles(Vec<TileDocument>),
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tiles: Option<Vec<TileDocument>>,
 }
 
 /// Equal tiles on a plane; called `r1c1`, `r1c2`, ... from the upper left.
@@ -97,19 +101,25 @@ impl CylinderDocument {
 impl SurfaceDocument {
     /// The tiles, and what is wrong with them; `place` is the document's pointer.
     pub(super) fn tiles(&self, place: &str, gatherer: &mut Gatherer) -> Vec<Tile> {
-        match self {
-            Self::Grid(grid) => {
+        match (&self.grid, &self.cylinder, &self.tiles) {
+            (Some(grid), None, None) => {
                 let place = format!("{place}/grid");
                 check_grid(grid, &place, gatherer);
-                grid_tiles(grid, &place, gatherer, |column, row| flat(grid, column, row))
+                let ring = false;
+                grid_tiles((grid, ring), &place, gatherer, |column, row| flat(grid, column, row))
             }
-            Self::Cylinder(cylinder) => {
+            (None, Some(cylinder), None) => {
                 let (place, grid) = (format!("{place}/cylinder"), cylinder.grid());
                 check_grid(&grid, &place, gatherer);
                 check_cylinder(cylinder, &place, gatherer);
-                grid_tiles(&grid, &place, gatherer, |column, row| bent(cylinder, column, row))
+                let ring = step_rad(cylinder) * f64::from(cylinder.columns) > TAU - 1e-6;
+                grid_tiles((&grid, ring), &place, gatherer, |column, row| bent(cylinder, column, row))
             }
-            Self::Tiles(tiles) => listed(tiles, &format!("{place}/tiles"), gatherer),
+            (None, None, Some(tiles)) => listed(tiles, &format!("{place}/tiles"), gatherer),
+            _ => {
+                gatherer.fault(place, "expected one of `grid`, `cylinder` and `tiles`");
+                Vec::new()
+            }
         }
     }
 }
@@ -142,7 +152,7 @@ fn check_cylinder(cylinder: &CylinderDocument, place: &str, gatherer: &mut Gathe
         let message =
             format!("expected {least} (a tile must fit in) to {MAX_COORDINATE_M} metres, got {radius_m}");
         gatherer.fault(format!("{place}/radius_m"), message);
-    } else if step_rad(cylinder) * f64::from(*columns) > std::f64::consts::TAU {
+    } else if step_rad(cylinder) * f64::from(*columns) > TAU + 1e-6 {
         let message = format!("{columns} columns do not fit around the cylinder");
         gatherer.fault(format!("{place}/columns"), message);
     }
@@ -157,9 +167,10 @@ fn check_size_px(size_px: [u32; 2], place: &str, gatherer: &mut Gatherer) {
     }
 }
 
-/// The tiles of a grid, from the upper left, where it is sound; `corners` has the corners of a column's and row's.
+/// The tiles of a grid, from the upper left, where it is sound; `corners` has the corners of a column's and row's. In a ring
+/// the last column's neighbour is the first.
 fn grid_tiles(
-    grid: &GridDocument,
+    (grid, is_ring): (&GridDocument, bool),
     place: &str,
     gatherer: &Gatherer,
     corners: impl Fn(u32, u32) -> [DVec3; 3],
@@ -178,8 +189,8 @@ fn grid_tiles(
         size_px: grid.tile_px,
         corners_m: corners(column, row),
         blend_px: [
-            if column > 0 { across } else { 0 },
-            if column + 1 < grid.columns { across } else { 0 },
+            if column > 0 || is_ring { across } else { 0 },
+            if column + 1 < grid.columns || is_ring { across } else { 0 },
             if row > 0 { down } else { 0 },
             if row + 1 < grid.rows { down } else { 0 },
         ],

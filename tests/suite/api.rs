@@ -7,6 +7,7 @@ mod exports;
 mod playheads;
 mod refusals;
 mod server;
+mod streams;
 mod strip;
 mod timeline;
 mod tls;

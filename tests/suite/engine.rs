@@ -6,12 +6,14 @@ mod costs;
 mod deadlines;
 mod feed;
 mod frozen;
+mod house;
 mod kept_scenes;
 mod mutations;
 mod pictures;
 mod restart;
 mod rights;
 mod tracks;
+mod walls;
 
 use crate::support::wait_for;
 use glam::{DVec2, DVec3};

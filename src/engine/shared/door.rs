@@ -223,6 +223,10 @@ impl Door for Shared {
         self.scenes.find(id).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
     }
 
+    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+        self.moment_of(&*self.scene(scene)?, at)
+    }
+
     fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError> {
         self.exchange_scene(scene);
         Ok(())

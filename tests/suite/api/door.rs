@@ -415,6 +415,11 @@ impl Door for FakeDoor {
         }))
     }
 
+    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+        Self::has_scene(scene)?;
+        Ok((if let At::Time(instant) = at { instant } else { LAST }, vec![id("north"), id("south")]))
+    }
+
     fn put_scene(&self, _scene: Arc<Scene>) -> Result<(), EngineError> {
         Ok(())
     }

@@ -1,91 +1,29 @@
 //! Scenes changed through the API while the engine runs: what is shown, kept, refused, restored and there after a restart.
 
+use super::house::House;
 use super::{Bench, SCENE, camera, pictures, request};
-use axum::Router;
-use axum::body::{Body, to_bytes};
+use axum::body::Body;
 use axum::http::Request;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::Path;
-use std::sync::Arc;
 use tempfile::TempDir;
 use tower::ServiceExt;
-use videofields::accounts::{Accounts, Audit};
-use videofields::api::{self, Site, Trust};
-use videofields::catalog::{Catalog, ConfiguredScene};
-use videofields::clock::{Clock, SystemClock};
 use videofields::config::{End, Settings};
 use videofields::engine::{At, LocateMethod};
-use videofields::scene;
 
-/// A daemon's parts over one database, with the yard in its configuration.
-struct House {
-    bench: Bench,
-    router: Router,
+fn start(folder: &Path) -> House {
+    let mut settings = Settings::default();
+    settings.media.roots = vec![folder.to_owned()];
+    settings.camera = vec![
+        camera("north", pictures(folder, "north", 0..30), End::Loop),
+        camera("south", pictures(folder, "south", 0..30), End::Loop),
+    ];
+    House::over(folder, Bench::start(folder, settings, &[]), ("yard", SCENE))
 }
 
-struct Answer {
-    status: u16,
-    etag: Option<String>,
-    body: Value,
-}
-
-impl House {
-    fn start(folder: &Path) -> Self {
-        let mut settings = Settings::default();
-        settings.media.roots = vec![folder.to_owned()];
-        settings.camera = vec![
-            camera("north", pictures(folder, "north", 0..30), End::Loop),
-            camera("south", pictures(folder, "south", 0..30), End::Loop),
-        ];
-        let bench = Bench::start(folder, settings, &[]);
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-        let router = bench.runtime.block_on(async {
-            let yard = Arc::new(scene::parse("yard", SCENE, scene::no_imports).unwrap().scene);
-            let configured = vec![ConfiguredScene {
-                id: "yard".to_owned(),
-                file: folder.join("yard.json"),
-                scene: Some(yard),
-            }];
-            let folders = (folder.to_owned(), vec![folder.to_owned()]);
-            let catalog =
-                Catalog::open(bench.store.clone(), Arc::clone(&clock), configured, folders).await.unwrap();
-            for scene in catalog.scenes(&["yard".to_owned()]) {
-                bench.handle.put_scene(scene).unwrap();
-            }
-            let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
-            let trust = Trust {
-                accounts: Arc::new(accounts),
-                audit: Arc::new(Audit::new(bench.store.clone())),
-                catalog: Arc::new(catalog),
-            };
-            api::router(bench.handle.clone(), trust, clock, Site::default())
-        });
-        Self { bench, router }
-    }
-
-    fn send(&self, method: &str, path: &str, condition: Option<(&str, &str)>, body: &str) -> Answer {
-        let mut request = Request::builder().method(method).uri(path);
-        if let Some((name, value)) = condition {
-            request = request.header(name, value);
-        }
-        self.bench.runtime.block_on(async {
-            let request = request.body(Body::from(body.to_owned())).unwrap();
-            let response = self.router.clone().oneshot(request).await.unwrap();
-            let etag = response.headers().get("etag").map(|tag| tag.to_str().unwrap().to_owned());
-            let status = response.status().as_u16();
-            let body = to_bytes(response.into_body(), 1 << 24).await.unwrap();
-            Answer { status, etag, body: serde_json::from_slice(&body).unwrap_or(Value::Null) }
-        })
-    }
-
-    fn get(&self, path: &str) -> Answer {
-        self.send("GET", path, None, "")
-    }
-
-    fn ids(&self) -> Vec<String> {
-        let listed = self.get("/api/v1/scenes").body;
-        listed["scenes"].as_array().unwrap().iter().map(|of| of["id"].as_str().unwrap().to_owned()).collect()
-    }
+fn ids(house: &House) -> Vec<String> {
+    let listed = house.get("/api/v1/scenes").body;
+    listed["scenes"].as_array().unwrap().iter().map(|of| of["id"].as_str().unwrap().to_owned()).collect()
 }
 
 const YARD: &str = "/api/v1/scenes/yard";
@@ -98,7 +36,7 @@ fn green() -> String {
 #[test]
 fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     let folder = TempDir::new().unwrap();
-    let house = House::start(folder.path());
+    let house = start(folder.path());
     house.bench.wait_for_state("north", "live");
     let first = house.get(YARD);
     assert_eq!((first.status, first.etag.as_deref()), (200, Some("\"0\"")));
@@ -134,12 +72,12 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     let lot = "/api/v1/scenes/lot";
     let made = house.send("PUT", lot, Some(("if-none-match", "*")), SCENE);
     assert_eq!((made.status, made.etag.as_deref()), (201, Some("\"1\"")), "{}", made.body);
-    assert_eq!(house.ids(), ["yard", "lot"]);
+    assert_eq!(ids(&house), ["yard", "lot"]);
 
     // All of it is there after a restart.
     house.bench.stop();
-    let house = House::start(folder.path());
-    assert_eq!(house.ids(), ["yard", "lot"]);
+    let house = start(folder.path());
+    assert_eq!(ids(&house), ["yard", "lot"]);
     let again = house.get(YARD);
     assert_eq!((again.body["name"].as_str(), again.etag.as_deref()), (Some("Lawn"), Some("\"2\"")));
 
@@ -169,7 +107,7 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     assert_eq!(refused.status, 409, "{}", refused.body);
     assert_eq!(house.send("DELETE", lot, Some(("if-match", "*")), "").status, 204);
     assert_eq!(house.get(lot).status, 404);
-    assert_eq!(house.ids(), ["yard"]);
+    assert_eq!(ids(&house), ["yard"]);
     assert_eq!(house.send("DELETE", lot, Some(("if-match", "*")), "").status, 404);
     house.bench.stop();
 }
@@ -177,7 +115,7 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
 #[test]
 fn a_bad_document_changes_nothing_and_is_told_with_its_places() {
     let folder = TempDir::new().unwrap();
-    let house = House::start(folder.path());
+    let house = start(folder.path());
     let check = |body: &str, status: u16, pointer: &str| {
         let answer = house.send("PUT", YARD, Some(("if-match", "\"0\"")), body);
         assert_eq!(answer.status, status, "{body}: {}", answer.body);
@@ -222,7 +160,7 @@ fn a_bad_document_changes_nothing_and_is_told_with_its_places() {
 #[test]
 fn of_many_who_change_one_version_at_once_one_wins() {
     let folder = TempDir::new().unwrap();
-    let house = House::start(folder.path());
+    let house = start(folder.path());
     for version in 0..8 {
         let tag = format!("\"{version}\"");
         let statuses = house.bench.runtime.block_on(async {

@@ -37,12 +37,12 @@ impl Random {
     }
 }
 
-fn demo(file: &str) -> PathBuf {
+pub(super) fn demo(file: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("config/demo").join(file)
 }
 
 /// The demo's cameras over clips that end, so that nothing competes with the renderer for long.
-fn settings() -> Settings {
+pub(super) fn settings() -> Settings {
     let mut settings = Settings::default();
     settings.media.roots = vec![demo("clips")];
     settings.render.max_pixels = 4096;

@@ -10,15 +10,16 @@ use tempfile::TempDir;
 use videofields::access::{Grants, Right, Rights, Role};
 use videofields::accounts::{Accounts, Audit, UserChange};
 use videofields::api;
-use videofields::catalog::Catalog;
+use videofields::catalog::{Catalog, Condition};
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{End, Settings};
 use videofields::engine::{
-    At, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
+    At, Door, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
 };
 use videofields::error::ErrorKind;
 use videofields::frame::CameraId;
 use videofields::plan::{Colors, EntityStyle};
+use videofields::store::DocumentKind;
 
 /// The same floor without anybody.
 fn empty(folder: &Path, name: &str, numbers: std::ops::Range<u32>) -> PathBuf {
@@ -70,8 +71,16 @@ fn timeless(text: &str) -> String {
         match value {
             serde_json::Value::Object(members) => {
                 members.retain(|name, _| {
-                    !["since", "age_secs", "expected_ms", "expected_upper_ms", "created_at", "updated_at"]
-                        .contains(&name.as_str())
+                    ![
+                        "since",
+                        "age_secs",
+                        "expected_ms",
+                        "expected_upper_ms",
+                        "created_at",
+                        "updated_at",
+                        "changed_at",
+                    ]
+                    .contains(&name.as_str())
                 });
                 members.values_mut().for_each(strip);
             }
@@ -218,6 +227,43 @@ fn nothing_that_a_forbidden_camera_sees_reaches_a_caller() {
     }
 }
 
+/// A busy renderer answers those who wait for equal pictures with one: never with one of another caller's cameras.
+#[test]
+fn who_waits_beside_another_caller_gets_no_picture_of_theirs() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let bench = seen(folder.path(), pictures(folder.path(), "south", 0..20));
+    let rights: [(&str, &[Right]); 1] = [("north", &Right::ALL)];
+    let part = bench.handle.within(grants(Role::Viewer, &[], &rights));
+    let asked = || request("yard", at(FRAME_NANOS * 10));
+    for round in 0..20 {
+        // Something else keeps the renderer busy while both wait, in either order.
+        let other = ViewRequest { width_px: 300 + round, height_px: 200, ..asked() };
+        let wait = |handle: &Handle, request: ViewRequest| {
+            let (reply, answer) = tokio::sync::oneshot::channel();
+            Door::view(&**handle, request, reply).unwrap();
+            answer
+        };
+        let asked = ViewRequest { width_px: 40 + round, ..asked() };
+        let first = wait(&bench.handle, other);
+        let mut waiting = Vec::new();
+        for is_part in if round % 2 == 0 { [false, true] } else { [true, false] } {
+            let handle = if is_part { &part } else { &bench.handle };
+            waiting.push((is_part, wait(handle, asked.clone())));
+        }
+        first.blocking_recv().unwrap().unwrap();
+        for (is_part, answer) in waiting {
+            let shown = answer.blocking_recv().unwrap().unwrap();
+            let sources: Vec<_> = shown.sources.iter().map(|of| of.camera.to_string()).collect();
+            let expected: &[&str] = if is_part { &["north"] } else { &["north", "south"] };
+            assert_eq!(sources, expected, "round {round}");
+        }
+    }
+    bench.stop();
+}
+
 #[test]
 fn rights_are_of_a_time_and_of_a_camera() {
     let folder = TempDir::new().unwrap();
@@ -317,6 +363,17 @@ fn routes() -> Vec<String> {
         "/api/v1/users/root",
         "/api/v1/tokens",
         "/api/v1/nothing",
+        "/api/v1/scenes/yard/versions",
+        "/api/v1/walls",
+        "/api/v1/walls/control",
+        "/api/v1/walls/control/versions",
+        "/api/v1/walls/control/tiles",
+        "/api/v1/walls/control/tiles/r1c1/frame.png",
+        "/api/v1/walls/control/tiles/r1c2/frame.jpg",
+        "/api/v1/walls/control/tiles/r1c2/frame.png?pattern=identify",
+        "/api/v1/walls/control/tiles/r9c9/frame.png",
+        "/api/v1/walls/past/tiles/r1c1/frame.png",
+        "/api/v1/walls/none",
     ]
     .map(str::to_owned)
     .into();
@@ -364,9 +421,23 @@ fn routes() -> Vec<String> {
     routes
 }
 
-async fn nothing_kept(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
+/// Two walls: one that is live, and one that shows what a playhead does.
+async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
     let folders = (PathBuf::from("."), Vec::new());
-    Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap()
+    let catalog = Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap();
+    for (id, playhead) in [("control", None), ("past", Some("wall"))] {
+        let wall = json!({
+            "scene": "yard",
+            "playhead": playhead,
+            "view": {"eye_m": [7, -7, 5], "target_m": [0, 0, 0]},
+            "surface": {"grid": {"columns": 2, "rows": 1, "tile_px": [32, 24], "tile_m": [0.4, 0.3]}},
+        });
+        if !catalog.state(DocumentKind::Wall, id).is_there {
+            let kept = catalog.put((DocumentKind::Wall, id), wall.to_string(), Condition::Absent, None);
+            kept.await.unwrap();
+        }
+    }
+    catalog
 }
 
 /// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
@@ -377,7 +448,7 @@ fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
     bench.runtime.block_on(async {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
         let audit = Arc::new(Audit::new(bench.store.clone()));
-        let catalog = Arc::new(nothing_kept(bench, &clock).await);
+        let catalog = Arc::new(walls(bench, &clock).await);
         let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog };
         let router = api::router(bench.handle.clone(), trust, clock, api::Site::default());
         let mut answers = Vec::new();
@@ -386,7 +457,8 @@ fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
             let response = router.clone().oneshot(request.body(Body::empty()).unwrap()).await.unwrap();
             let (parts, body) = response.into_parts();
             // What a stage took, was expected to take, or how old something is: times.
-            let times = ["server-timing", "videofields-age", "videofields-expected"];
+            let times =
+                ["server-timing", "videofields-age", "videofields-expected", "videofields-wall-frame"];
             let is_json = parts.headers.get("content-type").is_some_and(|kind| kind == "application/json");
             // A time is as long as its digits.
             let is_time = |name: &str| times.contains(&name) || (is_json && name == "content-length");

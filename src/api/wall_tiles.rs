@@ -1,0 +1,287 @@
+//! `/api/v1/walls/{id}/tiles`: what every screen of a wall shows, all of them at one instant.
+//!
+//! A frame of a wall is an instant with a number. Whoever asks for a tile without `at` gets the frame that is due; who names
+//! one that is to come waits for it, who names one that is long over gets the one that is due. So a tile of another frame than
+//! its neighbours' never passes for one of theirs: every answer names its frame.
+
+use super::error::Problem;
+use super::identity::Asked;
+use super::picture::{Picture, split};
+use super::query::{Moment, Query};
+use super::segments::Segments;
+use super::view::{self, drawn};
+use super::walls::{self, Kept};
+use super::{Api, playheads, scenes};
+use crate::clock::Timestamp;
+use crate::encode::PictureFormat;
+use crate::engine::{At, ViewKind, ViewRequest};
+use crate::error::{ErrorKind, Fault};
+use crate::frame::{CameraId, RgbImage};
+use crate::wall::{Pattern, Tile, WallFrame, blend, pattern};
+use axum::Json;
+use axum::extract::RawQuery;
+use axum::http::header;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use glam::DVec3;
+use serde_json::{Value, json};
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Longest that a frame is waited for.
+const MAX_AHEAD: Duration = Duration::from_secs(1);
+
+/// Greatest number of a frame.
+const MAX_FRAME: u64 = (1 << 53) - 1;
+
+/// How often a listener hears of a wall on which nothing changes, and how soon of one that changes.
+const BEAT: Duration = Duration::from_secs(1);
+const LOOK: Duration = Duration::from_millis(200);
+
+/// What a request says beside which tile.
+struct Wishes {
+    frame: Option<u64>,
+    pattern: Option<Pattern>,
+    edges: Edges,
+}
+
+/// How a tile is shown where another overlaps it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Edges {
+    #[default]
+    Faded,
+    Whole,
+}
+
+/// The values of `blend`.
+pub(super) const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
+
+fn read(raw: Option<&str>) -> Result<Wishes, Problem> {
+    let mut query = Query::parse(raw, &["at", "pattern", "blend"]);
+    let patterns = [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+    let wishes = Wishes {
+        frame: query.whole("at", &(0..=MAX_FRAME)),
+        pattern: query.choice("pattern", &patterns).unwrap_or_default(),
+        edges: query.choice("blend", &EDGES).unwrap_or_default(),
+    };
+    query.finish(Some(wishes))
+}
+
+/// Every tile of a wall, with the window in the world that it shows.
+pub(super) async fn list(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let Kept { id, version, wall } = walls::find(&api, &id)?;
+    let tile = |tile: &Tile| {
+        json!({
+            "id": tile.id,
+            "size_px": tile.size_px,
+            "blend_px": tile.blend_px,
+            "window_m": wall.window(tile.corners_m).map(|corner| corner.to_array()),
+        })
+    };
+    let body = json!({
+        "wall": id,
+        "version": version,
+        "rate_hz": wall.rate_hz,
+        "eye_m": wall.eye_m.to_array(),
+        "tiles": wall.tiles.iter().map(tile).collect::<Vec<Value>>(),
+    });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+/// A tile's picture.
+pub(super) async fn picture(
+    Asked(api): Asked,
+    Segments((id, name, file)): Segments<(String, String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Picture, Problem> {
+    let ((), format) = split(&file, &[("frame", ())])?;
+    let wishes = read(raw.as_deref())?;
+    let kept = walls::find(&api, &id)?;
+    let tile = tile_of(&kept, &name)?;
+    let frame = frame_of(&api, &kept, wishes.frame).await?;
+    shown(&api, &kept, (tile, frame), (format, wishes)).await
+}
+
+/// A tile's picture of the first frame after `last`, with its number; of the one that is due where there was none.
+pub(super) async fn after(
+    api: &Api,
+    (id, name): (&str, &str),
+    edges: Edges,
+    last: Option<u64>,
+) -> Result<(u64, Picture), Problem> {
+    let kept = walls::find(api, id)?;
+    let tile = tile_of(&kept, name)?;
+    if let Some(last) = last {
+        let wait = api.frames.due_in(last + 1, kept.wall.rate_hz, api.clock.monotonic());
+        // Another rate numbers frames otherwise: then what is due is shown.
+        if wait.as_secs_f64() <= 1.0 / kept.wall.rate_hz {
+            tokio::time::sleep(wait).await;
+        }
+    }
+    let frame = frame_of(api, &kept, None).await?;
+    let wishes = Wishes { frame: None, pattern: None, edges };
+    let picture = shown(api, &kept, (tile, frame), (PictureFormat::Jpeg, wishes)).await?;
+    Ok((frame.id, picture))
+}
+
+fn tile_of(kept: &Kept, name: &str) -> Result<Tile, Problem> {
+    kept.wall.tile(name).cloned().ok_or_else(|| {
+        let names: Vec<&str> = kept.wall.tiles.iter().map(|tile| tile.id.as_str()).collect();
+        Problem::missing("tile", name, &names)
+    })
+}
+
+async fn shown(
+    api: &Api,
+    kept: &Kept,
+    (tile, frame): (Tile, WallFrame),
+    (format, wishes): (PictureFormat, Wishes),
+) -> Result<Picture, Problem> {
+    let moment = Moment { at: At::Time(frame.instant), is_fixed: false };
+    let mut picture = match wishes.pattern {
+        Some(which) => patterned(api, kept, (tile, which), (format, moment, frame.instant)).await?,
+        None => {
+            let request = request_of(api, kept, &tile, (format, moment))?;
+            drawn(api, request, (format, moment), move |image| finished(image, &tile, wishes.edges)).await?
+        }
+    };
+    picture.fields.push(("videofields-wall-frame", frame.id.to_string()));
+    picture.fields.push(("videofields-wall-version", kept.version.to_string()));
+    Ok(picture)
+}
+
+/// What a tile shows, as any view is asked for.
+fn request_of(
+    api: &Api,
+    Kept { wall, .. }: &Kept,
+    tile: &Tile,
+    (format, moment): (PictureFormat, Moment),
+) -> Result<ViewRequest, Problem> {
+    let asked = view::read_view_request(&wall.scene, &wall.parameters);
+    let asked = asked.map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
+    let corners: [DVec3; 3] = wall.window(tile.corners_m);
+    let mut request = ViewRequest {
+        kind: ViewKind::Window { corners },
+        eye: Some(wall.eye_m),
+        width_px: tile.size_px[0],
+        height_px: tile.size_px[1],
+        at: moment.at,
+        ..asked
+    };
+    view::reserve(api, &mut request, format);
+    Ok(request)
+}
+
+fn finished(image: Arc<RgbImage>, tile: &Tile, edges: Edges) -> Arc<RgbImage> {
+    if edges == Edges::Whole || tile.blend_px == [0; 4] {
+        return image;
+    }
+    let mut faded = RgbImage::clone(&image);
+    blend(tile, &mut faded);
+    Arc::new(faded)
+}
+
+async fn patterned(
+    api: &Api,
+    kept: &Kept,
+    (tile, which): (Tile, Pattern),
+    (format, moment, instant): (PictureFormat, Moment, Timestamp),
+) -> Result<Picture, Problem> {
+    let wall = kept.wall.clone();
+    let write = move || super::picture::write_rgb(format, &pattern(&wall, &tile, which));
+    let (bytes, _took) = api.encoded(write).await?;
+    Ok(Picture { format, bytes, moment, instant, fields: Vec::new() })
+}
+
+/// The frame that is asked for, or the one that is due.
+async fn frame_of(api: &Api, kept: &Kept, asked: Option<u64>) -> Result<WallFrame, Problem> {
+    let rate_hz = kept.wall.rate_hz;
+    if let Some(id) = asked {
+        let wait = api.frames.due_in(id, rate_hz, api.clock.monotonic());
+        if wait > MAX_AHEAD {
+            let message = format!("frame {id} is due in {wait:.1?}; at most {MAX_AHEAD:?} are waited for");
+            return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("at", message)]));
+        }
+        tokio::time::sleep(wait).await;
+    }
+    let (instant, cameras) = now_shown(api, kept)?;
+    if let Some(frame) = asked.and_then(|asked| api.frames.frame((&kept.id, kept.version, &cameras), asked)) {
+        return Ok(frame);
+    }
+    let now = api.clock.monotonic();
+    Ok(api.frames.due((&kept.id, kept.version, cameras), rate_hz, now, instant))
+}
+
+/// What the wall would show if it were asked now, and by which cameras.
+fn now_shown(api: &Api, kept: &Kept) -> Result<(Timestamp, Vec<CameraId>), Problem> {
+    let at = match &kept.wall.playhead {
+        Some(playhead) => {
+            let at = api.door.playhead_at(playhead).map_err(|error| playheads::problem_of(api, error))?;
+            At::Time(at)
+        }
+        None => At::Live,
+    };
+    api.door.moment(&kept.wall.scene, at).map_err(|error| scenes::problem_of(api, error))
+}
+
+/// What a wall shows: whenever it is changed, and once a second, as server-sent events; ends when it is removed.
+pub(super) async fn events(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    walls::find(&api, &id)?;
+    let states = futures_util::stream::unfold(Following { api, id, told: None }, Following::next);
+    let stream = Sse::new(states).keep_alive(KeepAlive::default());
+    Ok(([(header::CACHE_CONTROL, "no-store")], stream).into_response())
+}
+
+/// One listener of one wall. It holds nothing of what was: a slow one is told the newest state when it reads on.
+struct Following {
+    api: Api,
+    id: String,
+    /// The version that was told last, and when.
+    told: Option<(i64, Duration)>,
+}
+
+impl Following {
+    async fn next(mut self) -> Option<(Result<Event, Infallible>, Self)> {
+        loop {
+            // Who may no longer see it hears no more of it.
+            self.api = self.api.renewed()?;
+            let kept = walls::find(&self.api, &self.id).ok()?;
+            let now = self.api.clock.monotonic();
+            let is_old =
+                |(version, at): (i64, Duration)| version != kept.version || now.saturating_sub(at) >= BEAT;
+            if self.told.is_none_or(is_old) {
+                self.told = Some((kept.version, now));
+                let event = Event::default().event("wall").json_data(self.state(&kept)).ok()?;
+                return Some((Ok(event), self));
+            }
+            tokio::time::sleep(LOOK).await;
+        }
+    }
+
+    fn state(&self, kept: &Kept) -> Value {
+        let due = now_shown(&self.api, kept).map(|(instant, cameras)| {
+            let now = self.api.clock.monotonic();
+            self.api.frames.due((&kept.id, kept.version, cameras), kept.wall.rate_hz, now, instant)
+        });
+        // A scene of which nothing is to be seen yet has no frames.
+        let due = due.ok();
+        json!({
+            "wall": kept.id,
+            "version": kept.version,
+            "rate_hz": kept.wall.rate_hz,
+            "frame": due.map(|frame| frame.id),
+            "time": due.map(|frame| frame.instant.to_string()),
+        })
+    }
+}

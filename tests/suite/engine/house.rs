@@ -1,0 +1,107 @@
+//! A whole daemon's interface over a running engine, with one scene in its configuration, asked over HTTP in this process.
+
+use super::Bench;
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::http::{HeaderMap, Request};
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Arc;
+use tower::ServiceExt;
+use videofields::accounts::{Accounts, Audit};
+use videofields::api::{self, Site, Trust};
+use videofields::catalog::{Catalog, ConfiguredScene};
+use videofields::clock::{Clock, SystemClock};
+use videofields::scene;
+
+/// An engine and the interface over it.
+pub(super) struct House {
+    pub(super) bench: Bench,
+    pub(super) router: Router,
+}
+
+/// What came back.
+pub(super) struct Answer {
+    pub(super) status: u16,
+    pub(super) headers: HeaderMap,
+    pub(super) etag: Option<String>,
+    /// The body, where it is JSON.
+    pub(super) body: Value,
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Answer {
+    pub(super) fn field(&self, name: &str) -> &str {
+        self.headers.get(name).map_or("", |value| value.to_str().unwrap())
+    }
+}
+
+impl House {
+    /// Over an engine that has no scenes yet; `scene` is an id and the document of its file.
+    pub(super) fn over(folder: &Path, bench: Bench, (id, document): (&str, &str)) -> Self {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+        let router = bench.runtime.block_on(async {
+            let scene = Arc::new(scene::parse(id, document, scene::no_imports).unwrap().scene);
+            let file = folder.join(format!("{id}.json"));
+            let configured = vec![ConfiguredScene { id: id.to_owned(), file, scene: Some(scene) }];
+            let folders = (folder.to_owned(), vec![folder.to_owned()]);
+            let catalog =
+                Catalog::open(bench.store.clone(), Arc::clone(&clock), configured, folders).await.unwrap();
+            for scene in catalog.scenes(&[id.to_owned()]) {
+                bench.handle.put_scene(scene).unwrap();
+            }
+            let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
+            let trust = Trust {
+                accounts: Arc::new(accounts),
+                audit: Arc::new(Audit::new(bench.store.clone())),
+                catalog: Arc::new(catalog),
+            };
+            api::router(bench.handle.clone(), trust, clock, Site::default())
+        });
+        Self { bench, router }
+    }
+
+    pub(super) fn send(
+        &self,
+        method: &str,
+        path: &str,
+        condition: Option<(&str, &str)>,
+        body: &str,
+    ) -> Answer {
+        let mut request = Request::builder().method(method).uri(path);
+        if let Some((name, value)) = condition {
+            request = request.header(name, value);
+        }
+        let request = request.body(Body::from(body.to_owned())).unwrap();
+        self.bench.runtime.block_on(answered(self.router.clone(), request))
+    }
+
+    pub(super) fn get(&self, path: &str) -> Answer {
+        self.send("GET", path, None, "")
+    }
+
+    /// All of them at once, in that order.
+    pub(super) fn get_all(&self, paths: &[String]) -> Vec<Answer> {
+        self.bench.runtime.block_on(async {
+            let asked: Vec<_> = paths
+                .iter()
+                .map(|path| Request::get(path).body(Body::empty()).unwrap())
+                .map(|request| tokio::spawn(answered(self.router.clone(), request)))
+                .collect();
+            let mut answers = Vec::new();
+            for answer in asked {
+                answers.push(answer.await.unwrap());
+            }
+            answers
+        })
+    }
+}
+
+async fn answered(router: Router, request: Request<Body>) -> Answer {
+    let response = router.oneshot(request).await.unwrap();
+    let (parts, body) = response.into_parts();
+    let etag = parts.headers.get("etag").map(|tag| tag.to_str().unwrap().to_owned());
+    let bytes = to_bytes(body, 1 << 24).await.unwrap().to_vec();
+    let body = serde_json::from_slice(&bytes).unwrap_or(Value::Null);
+    Answer { status: parts.status.as_u16(), headers: parts.headers, etag, body, bytes }
+}
