@@ -17,7 +17,6 @@ use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use tracing::Instrument;
 
 /// Routes at which somebody looks at what cameras saw.
 const LOOKS: [&str; 8] = [
@@ -45,17 +44,6 @@ pub(super) async fn note(
     request: Request,
     next: Next,
 ) -> Response {
-    // Who asks for a change and leaves must not break it off half-way, nor keep it out of the log.
-    if matches!(*request.method(), Method::GET | Method::HEAD) {
-        return noted(api, matched, request, next).await;
-    }
-    let noting = tokio::spawn(noted(api, matched, request, next).in_current_span());
-    noting.await.unwrap_or_else(|error| {
-        Problem::new(ErrorKind::Internal, format!("a change broke off: {error}")).into_response()
-    })
-}
-
-async fn noted(api: Api, matched: Option<MatchedPath>, request: Request, next: Next) -> Response {
     let Some(audit) = api.audit.clone() else { return next.run(request).await };
     let method = request.method().clone();
     let uri = request.uri().clone();

@@ -1,5 +1,6 @@
 //! Request bodies whose refusal is a problem document like any other.
 
+use super::Api;
 use super::error::Problem;
 use crate::error::ErrorKind;
 use axum::body::Bytes;
@@ -9,14 +10,19 @@ use axum::http::StatusCode;
 /// Most bytes of a body where a route says nothing else.
 pub(super) const MAX_BODY_BYTES: usize = 1 << 20;
 
-/// A request's whole body.
+/// A request's whole body, within the time that a request has.
 pub(super) struct Content(pub(super) Bytes);
 
-impl<S: Send + Sync> FromRequest<S> for Content {
+impl FromRequest<Api> for Content {
     type Rejection = Problem;
 
-    async fn from_request(request: Request, state: &S) -> Result<Self, Problem> {
-        match Bytes::from_request(request, state).await {
+    async fn from_request(request: Request, api: &Api) -> Result<Self, Problem> {
+        // What changes something goes on when its time is over: a body that never comes must not.
+        let time = api.limits.request_time;
+        let Ok(read) = tokio::time::timeout(time, Bytes::from_request(request, api)).await else {
+            return Err(Problem::content_too_late(time));
+        };
+        match read {
             Ok(bytes) => Ok(Self(bytes)),
             Err(rejection) if rejection.status() == StatusCode::PAYLOAD_TOO_LARGE => {
                 Err(Problem::content_too_large())

@@ -156,6 +156,12 @@ impl Problem {
         Self::of(class, detail.to_owned())
     }
 
+    /// A body that did not come within `time`.
+    pub(super) fn content_too_late(time: std::time::Duration) -> Self {
+        let class = class(StatusCode::REQUEST_TIMEOUT, "timeout", "The request took too long");
+        Self::of(class, format!("the body did not come within {:.1} s", time.as_secs_f64()))
+    }
+
     /// Whether the same may go well a little later.
     pub(super) fn may_pass(&self) -> bool {
         let statuses =

@@ -287,6 +287,8 @@ pub fn router_within(
         .merge(page::routes())
         .route("/api/v1/session", session.fallback(|| error::only("GET, HEAD, POST, DELETE")))
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
+        // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
+        .layer(from_fn_with_state(api.clone(), audit::note))
         .layer(from_fn_with_state(api.clone(), guard::limit));
     Router::new()
         .route("/healthz", get(health::live))
@@ -295,7 +297,6 @@ pub fn router_within(
         .merge(limited)
         .fallback(no_route)
         .method_not_allowed_fallback(no_method)
-        .layer(from_fn_with_state(api.clone(), audit::note))
         .layer(from_fn_with_state(api.clone(), identity::identify))
         .layer(from_fn_with_state(api.clone(), guard::observe))
         .with_state(api)

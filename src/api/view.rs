@@ -83,7 +83,8 @@ pub(super) async fn picture(
     drawn(&api, request, (format, moment), |image| image).await
 }
 
-/// Draws what is asked for, writes what `finish` makes of it, and tells how it came about.
+/// Draws what is asked for, writes what `finish` makes of it, and tells how it came about. Whether cameras are left out
+/// is told of the time that `moment` has: a wall that is live asks for instants, and is live all the same.
 pub(super) async fn drawn(
     api: &Api,
     request: ViewRequest,
@@ -91,7 +92,7 @@ pub(super) async fn drawn(
     finish: impl FnOnce(Arc<RgbImage>) -> Arc<RgbImage> + Send + 'static,
 ) -> Result<Picture, Problem> {
     let size_px = (request.width_px, request.height_px);
-    let is_restricted = api.door.leaves_out(&request.scene, request.at);
+    let is_restricted = api.door.leaves_out(&request.scene, moment.at);
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(api, error))?;
     let instant = answer.instant;
     let image = Arc::clone(&answer.image);

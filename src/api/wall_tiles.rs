@@ -29,7 +29,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Longest that a frame is waited for.
+/// Longest that a frame is waited for, or two frames of a slow wall.
 const MAX_AHEAD: Duration = Duration::from_secs(1);
 
 /// Greatest number of a frame.
@@ -75,7 +75,7 @@ pub(super) async fn list(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
-    let Kept { id, version, wall } = walls::find(&api, &id)?;
+    let Kept { id, version, wall, .. } = walls::find(&api, &id)?;
     let tile = |tile: &Tile| {
         json!({
             "id": tile.id,
@@ -143,11 +143,12 @@ async fn shown(
     (tile, frame): (Tile, WallFrame),
     (format, wishes): (PictureFormat, Wishes),
 ) -> Result<Picture, Problem> {
-    let moment = Moment { at: At::Time(frame.instant), is_fixed: false };
+    let at = if kept.wall.playhead.is_some() { At::Time(frame.instant) } else { At::Live };
+    let moment = Moment { at, is_fixed: false };
     let mut picture = match wishes.pattern {
         Some(which) => patterned(api, kept, (tile, which), (format, moment, frame.instant)).await?,
         None => {
-            let request = request_of(api, kept, &tile, (format, moment))?;
+            let request = request_of(api, kept, &tile, (format, frame.instant))?;
             drawn(api, request, (format, moment), move |image| finished(image, &tile, wishes.edges)).await?
         }
     };
@@ -161,7 +162,7 @@ fn request_of(
     api: &Api,
     Kept { wall, .. }: &Kept,
     tile: &Tile,
-    (format, moment): (PictureFormat, Moment),
+    (format, instant): (PictureFormat, Timestamp),
 ) -> Result<ViewRequest, Problem> {
     let asked = view::read_view_request(&wall.scene, &wall.parameters);
     let asked = asked.map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
@@ -171,7 +172,7 @@ fn request_of(
         eye: Some(wall.eye_m),
         width_px: tile.size_px[0],
         height_px: tile.size_px[1],
-        at: moment.at,
+        at: At::Time(instant),
         ..asked
     };
     view::reserve(api, &mut request, format);
@@ -204,30 +205,39 @@ async fn frame_of(api: &Api, kept: &Kept, asked: Option<u64>) -> Result<WallFram
     let rate_hz = kept.wall.rate_hz;
     if let Some(id) = asked {
         let wait = api.frames.due_in(id, rate_hz, api.clock.monotonic());
-        if wait > MAX_AHEAD {
-            let message = format!("frame {id} is due in {wait:.1?}; at most {MAX_AHEAD:?} are waited for");
+        let most = Duration::try_from_secs_f64(2.0 / rate_hz).unwrap_or(MAX_AHEAD).max(MAX_AHEAD);
+        if wait > most {
+            let message = format!("frame {id} is due in {wait:.1?}; at most {most:?} are waited for");
             return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("at", message)]));
         }
         tokio::time::sleep(wait).await;
     }
     let (instant, cameras) = now_shown(api, kept)?;
-    if let Some(frame) = asked.and_then(|asked| api.frames.frame((&kept.id, kept.version, &cameras), asked)) {
+    let now = api.clock.monotonic();
+    let kept_frame = |asked| api.frames.frame((&kept.id, kept.version, &cameras), asked, rate_hz, now);
+    if let Some(frame) = asked.and_then(kept_frame) {
         return Ok(frame);
     }
-    let now = api.clock.monotonic();
     Ok(api.frames.due((&kept.id, kept.version, cameras), rate_hz, now, instant))
 }
 
-/// What the wall would show if it were asked now, and by which cameras.
+/// What the wall would show if it were asked now, and the cameras that this hangs on: those that are shown, and those that a
+/// playhead's place follows from.
 fn now_shown(api: &Api, kept: &Kept) -> Result<(Timestamp, Vec<CameraId>), Problem> {
-    let at = match &kept.wall.playhead {
+    let of_playhead = |error| playheads::problem_of(api, error);
+    let (at, followed) = match &kept.wall.playhead {
         Some(playhead) => {
-            let at = api.door.playhead_at(playhead).map_err(|error| playheads::problem_of(api, error))?;
-            At::Time(at)
+            let at = At::Time(api.door.playhead_at(playhead).map_err(of_playhead)?);
+            let scene = api.door.playhead(playhead).map_err(of_playhead)?.scene;
+            (at, Some(scenes::find(api, &scene)?))
         }
-        None => At::Live,
+        None => (At::Live, None),
     };
-    api.door.moment(&kept.wall.scene, at).map_err(|error| scenes::problem_of(api, error))
+    let moment = api.door.moment(&kept.wall.scene, at);
+    let (instant, mut cameras) = moment.map_err(|error| scenes::problem_of(api, error))?;
+    let followed = followed.iter().flat_map(|scene| scene.cameras.iter().map(|member| member.id.clone()));
+    cameras.extend(followed);
+    Ok((instant, cameras))
 }
 
 /// What a wall shows: whenever it is changed, and once a second, as server-sent events; ends when it is removed.

@@ -132,7 +132,7 @@ fn largest(mut seen: Vec<(f64, PlannedBillboard)>, most: usize) -> Vec<(f64, Pla
 fn billboards(state: &SceneState, picture: &Picture, most_sources: u32) -> Vec<(f64, PlannedBillboard)> {
     let is_in_view = |entity: &Entity, billboard: &Billboard| {
         let [left, right] = billboard.left_right_m;
-        // Points stand where their own camera saw them, billboards where the entity does.
+        // Where it is drawn, and where its camera saw it: never no to what may be in view.
         let middles = [entity.place_of(billboard), billboard.foot_in_world]
             .map(|foot| foot + DVec3::Z * (billboard.height_m * 0.5));
         // Also of one that leans back by up to 45 degrees: sqrt(5/4 - sqrt(1/2)) of its height from there to its top.

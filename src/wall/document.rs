@@ -34,7 +34,7 @@ pub struct WallDocument {
     /// The playhead whose time it shows; live without one.
     #[serde(default)]
     pub playhead: Option<String>,
-    /// Frames a second, 0.1 to 60. Default 10.
+    /// Frames a second, 0.5 to 60. Default 10.
     #[serde(default = "default_rate_hz")]
     pub rate_hz: f64,
     /// Where the viewer stands in the world.
@@ -107,7 +107,7 @@ fn checked(document: &WallDocument, gatherer: &mut Gatherer) -> Wall {
         gatherer.fault("/parameters", format!("expected at most {MAX_PARAMETER_BYTES} bytes"));
     }
     for (key, value, [least, most], unit) in [
-        ("/rate_hz", document.rate_hz, [0.1, 60.0], " frames a second"),
+        ("/rate_hz", document.rate_hz, [0.5, 60.0], " frames a second"),
         ("/zoom", document.zoom, [0.01, 100.0], ""),
     ] {
         if !(least..=most).contains(&value) {

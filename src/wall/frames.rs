@@ -39,8 +39,8 @@ struct Kept {
     frames: VecDeque<WallFrame>,
 }
 
-/// A wall in one of its versions, as one set of cameras shows it: what some callers may not see must not tell in the
-/// instants of theirs.
+/// A wall in one of its versions, and the cameras that its instants hang on: what some callers may not see must not tell in
+/// the instants of theirs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Key {
     wall: String,
@@ -99,9 +99,19 @@ impl FrameLock {
         frame
     }
 
-    /// The frame of that name, if it is kept still: some seconds long.
+    /// The frame of that name, if it is kept still at `monotonic`: some seconds long.
     #[must_use]
-    pub fn frame(&self, (wall, version, cameras): (&str, i64, &[CameraId]), id: u64) -> Option<WallFrame> {
+    pub fn frame(
+        &self,
+        (wall, version, cameras): (&str, i64, &[CameraId]),
+        id: u64,
+        rate_hz: f64,
+        monotonic: Duration,
+    ) -> Option<WallFrame> {
+        let ago = (self.origin_secs + monotonic.as_secs_f64()) * rate_hz - id as f64;
+        if ago > KEPT_SECS * rate_hz + 1.0 {
+            return None;
+        }
         let walls = self.lock();
         let is_it = |kept: &&Kept| {
             kept.key.wall == wall && kept.key.version == version && kept.key.cameras == cameras
@@ -137,7 +147,7 @@ mod tests {
         let second = lock.due(wall(1), 10.0, ms(41_110), at(7_100));
         assert_eq!((second.id, second.instant), (1011, at(7_100)));
         // One that is late asks by name, or gets the next; one that lags in its clock gets no frame of before.
-        assert_eq!(lock.frame(("control", 1, &wall(1).2), 1010), Some(first));
+        assert_eq!(lock.frame(("control", 1, &wall(1).2), 1010, 10.0, ms(41_110)), Some(first));
         assert_eq!(lock.due(wall(1), 10.0, ms(41_090), at(7_120)), second);
         let wait = lock.due_in(1012, 10.0, ms(41_110));
         assert!(wait.abs_diff(ms(90)) < Duration::from_micros(1), "{wait:?}");
@@ -145,8 +155,8 @@ mod tests {
         assert_eq!(lock.due_in(u64::MAX, 0.1, ms(41_110)), Duration::MAX);
         // Another version, or other cameras, are others.
         assert_eq!(lock.due(wall(2), 10.0, ms(41_110), at(9_000)).instant, at(9_000));
-        assert_eq!(lock.frame(("control", 2, &wall(2).2), 1010), None);
-        assert_eq!(lock.frame(("control", 1, &[]), 1010), None);
+        assert_eq!(lock.frame(("control", 2, &wall(2).2), 1010, 10.0, ms(41_110)), None);
+        assert_eq!(lock.frame(("control", 1, &[]), 1010, 10.0, ms(41_110)), None);
     }
 
     #[test]
@@ -155,8 +165,12 @@ mod tests {
         for tenth in 0..100 {
             lock.due(wall(1), 10.0, Duration::from_millis(tenth * 100 + 50), at(0));
         }
-        let kept = (0..100).filter(|id| lock.frame(("control", 1, &wall(1).2), *id).is_some());
+        let end = Duration::from_millis(9_950);
+        let kept = (0..100).filter(|id| lock.frame(("control", 1, &wall(1).2), *id, 10.0, end).is_some());
         assert_eq!(kept.collect::<Vec<_>>(), (50..100).collect::<Vec<_>>());
+        // Also where nobody asked for anything since.
+        let later = lock.frame(("control", 1, &wall(1).2), 99, 10.0, Duration::from_secs(3600));
+        assert_eq!(later, None);
         for version in 0..2 * MAX_KEPT as i64 {
             lock.due(wall(version), 10.0, Duration::from_secs(20), at(0));
         }

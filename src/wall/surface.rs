@@ -14,6 +14,9 @@ pub const MAX_TILES: usize = 64;
 /// Columns or rows of a tile.
 const SIDE_PX: [u32; 2] = [16, 16_384];
 
+/// Most pixels of a tile: 7680 x 4320.
+const MAX_TILE_PIXELS: u64 = 33_177_600;
+
 /// Width or height of a tile, metres.
 const SIDE_M: [f64; 2] = [0.01, 100.0];
 
@@ -159,6 +162,10 @@ fn check_cylinder(cylinder: &CylinderDocument, place: &str, gatherer: &mut Gathe
 }
 
 fn check_size_px(size_px: [u32; 2], place: &str, gatherer: &mut Gatherer) {
+    let pixels = u64::from(size_px[0]) * u64::from(size_px[1]);
+    if pixels > MAX_TILE_PIXELS {
+        gatherer.fault(place, format!("at most {MAX_TILE_PIXELS} pixels are allowed, got {pixels}"));
+    }
     for (axis, side) in size_px.into_iter().enumerate() {
         if !(SIDE_PX[0]..=SIDE_PX[1]).contains(&side) {
             let message = format!("expected {} to {} pixels, got {side}", SIDE_PX[0], SIDE_PX[1]);

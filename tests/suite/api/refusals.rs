@@ -1,7 +1,7 @@
 //! What is wrong is refused with a problem document that names the place and what is allowed; nothing panics.
 
 use super::door::State;
-use super::{Answer, Bench};
+use super::{Answer, Bench, StatusCode};
 use axum::body::Body;
 use axum::http::Request;
 use proptest::prelude::*;
@@ -400,4 +400,17 @@ async fn pictures_that_clients_have_not_taken_are_bounded() {
     assert!(!held.is_empty() && refused == Some(503), "{} held, {refused:?}", held.len());
     drop(held);
     assert_eq!(ask().await.status(), 200, "what was taken or given up makes room");
+}
+
+#[tokio::test]
+async fn a_body_that_never_comes_gives_its_place_back() {
+    let limits =
+        Limits { requests_at_once: 1, request_time: Duration::from_millis(200), ..Limits::default() };
+    let bench = Bench::within(limits, State::default());
+    let never = futures_util::stream::pending::<Result<Vec<u8>, std::convert::Infallible>>();
+    let request = Request::patch("/api/v1/cameras/north/segment").body(Body::from_stream(never)).unwrap();
+    let status = bench.send(request).await.status.as_u16();
+    assert!(matches!(status, 408 | 503), "{status}");
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    assert_eq!(bench.get("/api/v1/cameras").await.status, StatusCode::OK);
 }
