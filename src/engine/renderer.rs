@@ -3,15 +3,15 @@
 //!
 //! A device that is lost is made anew, and the picture in hand drawn once more; a panic costs its own picture alone.
 
+mod sharing;
 mod warm_up;
 
 use super::EngineError;
 use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
-use super::handle::At;
 use super::pace::Backoff;
 use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
-use super::queue::{Next, PlaceId};
+use super::queue::Next;
 use super::resolve::{Resolved, Seen};
 use super::sessions::Sessions;
 use super::shared::Shared;
@@ -22,6 +22,7 @@ use crate::gpu::{Gpu, GpuError};
 use crate::plan::{Plan, ViewSession};
 use crate::render::{RenderError, Renderer};
 use crate::telemetry::ViewRefusal;
+use sharing::same_as;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::Duration;
@@ -155,7 +156,7 @@ impl<'a> RenderThread<'a> {
         // What came meanwhile may be the same too: it need not wait for what is before it.
         let meanwhile = queue.waiting();
         queue.finish(&Ok(answer.clone()));
-        let same = self.contained(|thread| Ok(thread.same_as((request, &subject), None, meanwhile)));
+        let same = self.contained(|thread| Ok(same_as(thread.shared, (request, &subject), None, meanwhile)));
         let same = same.unwrap_or_default();
         if !same.is_empty() {
             queue.take_along(&same);
@@ -171,7 +172,8 @@ impl<'a> RenderThread<'a> {
         let Resolved { subject, seen } = shared.resolve(request)?;
         let resolved = clock.monotonic();
         let resolving = ("resolve", resolved.saturating_sub(started));
-        shared.queue.take_along(&self.same_as((request, &subject), Some(&seen), shared.queue.waiting()));
+        let same = same_as(shared, (request, &subject), Some(&seen), shared.queue.waiting());
+        shared.queue.take_along(&same);
         if let Some(kept) = self.cache.get(&subject) {
             return Ok(Some((
                 subject,
@@ -266,45 +268,6 @@ impl<'a> RenderThread<'a> {
         for (pass, time) in answer.timings.iter().filter(|(stage, _)| !HOST_STAGES.contains(stage)) {
             metrics.render_pass.with_label_values(&[pass]).observe(time.as_secs_f64());
         }
-    }
-
-    /// What of `waiting` means `subject` too, which `request` does. `known` is what was seen for `request` just now;
-    /// without it everything is looked at anew.
-    fn same_as(
-        &self,
-        (request, subject): (&ViewRequest, &Subject),
-        known: Option<&Seen>,
-        mut waiting: Vec<(PlaceId, ViewRequest)>,
-    ) -> Vec<PlaceId> {
-        let shared = self.shared;
-        let scene = &subject.scene;
-        let mut live = known.filter(|_| request.at == At::Live).map(|_| Some(subject.instant));
-        // Of an instant asked for as live another may be seen than of one asked for by its time: what lags is shown.
-        let mut seen: [Option<Option<Seen>>; 2] = [None, None];
-        let kind = |at: At| usize::from(at == At::Live);
-        if let Some(known) = known {
-            seen[kind(request.at)] = Some(Some(known.clone()));
-        }
-        let mut is_same = |other: &ViewRequest| {
-            // Another caller's scene may have other cameras, or the scene was changed since: equal words mean another picture.
-            let own = shared.scene_within(&other.scene, &other.scope);
-            if !own.is_ok_and(|own| Arc::ptr_eq(&own, scene)) {
-                return false;
-            }
-            let instant = match other.at {
-                At::Live => *live.get_or_insert_with(|| shared.live_instant(scene).ok()),
-                At::Time(instant) => Some(instant),
-            };
-            if instant != Some(subject.instant) {
-                return false;
-            }
-            let seen = seen[kind(other.at)]
-                .get_or_insert_with(|| shared.seen_at(scene, other.at, subject.instant).ok());
-            let Some(seen) = seen else { return false };
-            shared.subject(other, scene, subject.instant, seen).is_ok_and(|other| other == *subject)
-        };
-        waiting.retain(|(_, other)| may_be_same(request, other) && is_same(other));
-        waiting.into_iter().map(|(place, _)| place).collect()
     }
 
     /// Draws, and draws once more where what failed may go well now: on a new device after a loss, with all caches
@@ -428,12 +391,6 @@ fn no_renderer(shared: &Shared, reason: String) -> EngineError {
     EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after() }
 }
 
-/// Whether two requests may mean one picture, by what can be told without a look at any camera.
-fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
-    let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.see_through, of.colors);
-    a.scene == b.scene && a.session == b.session && drawn(a) == drawn(b)
-}
-
 /// The GPU that the settings name and a renderer on it, with the adapter's name.
 pub(super) fn open_renderer(
     settings: &crate::config::RenderSettings,
@@ -449,6 +406,7 @@ mod tests {
     use super::*;
     use crate::clock::{SimulatedClock, Timestamp};
     use crate::config::RenderSettings;
+    use crate::engine::At;
     use crate::engine::Door;
     use crate::telemetry::Metrics;
     use crate::timeline::EventLog;
