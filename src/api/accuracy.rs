@@ -3,16 +3,38 @@
 use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
 use super::query::Query;
+use super::schema;
+use super::system;
 use super::tune::refuse_foreign;
+use crate::access::Role;
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+
+/// Routes about what accuracy costs.
+pub(super) fn routes() -> Routes {
+    let show = Operation::new("show_accuracy", "What each step of accuracy costs on this machine")
+        .about("The table that was measured last, and where measuring stands.")
+        .answers(Answer::json(200, "The table", schema::named("Accuracy")));
+    let refresh = Operation::new("measure_accuracy", "Has the costs of accuracy measured anew")
+        .about("While they are being measured it asks for nothing more.")
+        .role(Role::Admin)
+        .answers(Answer::json(202, "The table so far", schema::named("Accuracy")));
+    Routes::of(system::TAG, NONE).get("/api/v1/accuracy", self::show, show).post(
+        "/api/v1/accuracy",
+        self::refresh,
+        refresh,
+    )
+}
 
 /// The table, and where measuring stands.
 pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     Ok(answer(&api, StatusCode::OK))
 }
 
@@ -22,17 +44,10 @@ pub(super) async fn refresh(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     api.door.refresh_accuracy()?;
     Ok(answer(&api, StatusCode::ACCEPTED))
-}
-
-/// A method that this route does not take.
-pub(super) async fn no_method() -> Response {
-    let mut response = Problem::method("only GET, HEAD and POST are answered here").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, POST"));
-    response
 }
 
 fn answer(api: &Api, status: StatusCode) -> Response {

@@ -2,9 +2,15 @@
 
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
 use super::query::Query;
+use super::scenes;
 use super::scenes::problem_of;
+use super::schema;
 use super::segments::Segments;
+use crate::access::Right;
 use crate::engine::{CameraAlignment, PairAlignment};
 use axum::Json;
 use axum::extract::RawQuery;
@@ -12,13 +18,22 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
+/// Routes about scenes' clocks.
+pub(super) fn routes() -> Routes {
+    let show = Operation::new("show_alignment", "How far the clocks of a scene's cameras are apart")
+        .about("From what the cameras saw in common; nothing is changed by asking.")
+        .right(Right::History)
+        .answers(Answer::json(200, "What follows for each camera's clock", schema::past::alignment()));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/alignment", self::show, show)
+}
+
 /// What the cameras saw in common, and what follows for their clocks.
 pub(super) async fn show(
     Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let found = api.ask("comparing clocks", move |door| door.alignment(&id)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({

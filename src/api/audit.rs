@@ -7,7 +7,13 @@
 use super::Api;
 use super::error::Problem;
 use super::identity::{Asked, Identity};
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
+use super::users;
+use crate::access::Role;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
 use crate::store::{AuditEntry, AuditRecord};
@@ -36,6 +42,22 @@ const LIMIT: u32 = 100;
 
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::whole("after", &(0..=MAX_NUMBER as u64), "Only entries with a greater number").default_is("0"),
+    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most entries of the answer").default_is("100"),
+];
+
+/// Routes about what was done.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_audit", "Who did what")
+        .about("The oldest first: whatever changed something or tried to, and who looked at pictures, tracks and exports.")
+        .role(Role::Admin)
+        .parameters(PARAMETERS)
+        .may_fail(&[501])
+        .answers(Answer::json(200, "Entries of the audit log", schema::users::audit()));
+    Routes::of(users::TAG, NONE).get("/api/v1/audit", self::list, list)
+}
 
 /// Notes what a request did.
 pub(super) async fn note(
@@ -80,7 +102,7 @@ pub(super) async fn note(
 
 /// Entries after a number, the oldest first.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["after", "limit"]);
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     let after = query.whole("after", &(0..=MAX_NUMBER)).unwrap_or(0);
     let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
     query.finish(Some(()))?;

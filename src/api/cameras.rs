@@ -3,9 +3,14 @@
 use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
-use super::picture::{Picture, server_timing, split, write_rgb, write_yuv};
+use super::openapi::{Routes, Tag};
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
+use super::picture::{Picture, files, pictured, server_timing, split, write_rgb, write_yuv};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
+use crate::access::Right;
 use crate::encode::{self, EncodeError, PictureFormat};
 use crate::engine::{At, CameraSummary, EngineError};
 use crate::frame::{Mask, RgbImage};
@@ -26,9 +31,44 @@ enum Kind {
 const KINDS: [(&str, Kind); 3] =
     [("frame", Kind::Frame), ("background", Kind::Background), ("mask", Kind::Mask)];
 
+/// What these routes, and others of a camera, are about.
+pub(super) const TAG: Tag = ("Cameras", "Cameras, what they see, and how they are set");
+
+/// What their paths name.
+pub(super) const SEGMENTS: &[Parameter] = &[
+    Parameter::id("id", "A camera"),
+    Parameter::files("picture", || files(&KINDS), "Which picture, and how it is written"),
+];
+
+const PICTURE_PARAMETERS: &[Parameter] = &[Parameter::moment("t", "Which time is shown")];
+
+/// Routes about cameras and their pictures.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_cameras", "Every camera, with its state")
+        .about("In the configuration's order; those alone of which the caller has a right.")
+        .answers(Answer::json(200, "The cameras", schema::cameras::all()));
+    let one = Operation::new("show_camera", "A camera with its state").answers(Answer::json(
+        200,
+        "The camera",
+        schema::named("Camera"),
+    ));
+    let picture = Operation::new("show_camera_picture", "What a camera sees")
+        .about(
+            "`frame` is the camera's frame, `background` the place without what moves, `mask` what moves: 255 moving, 50 \
+             shadow, 0 background.",
+        )
+        .right(Right::Live)
+        .parameters(PICTURE_PARAMETERS)
+        .answers(pictured("The picture").field("Videofields-Frame", "The frame's number in its input, from 0"));
+    Routes::of(TAG, SEGMENTS)
+        .get("/api/v1/cameras", self::list, list)
+        .get("/api/v1/cameras/{id}", self::one, one)
+        .get("/api/v1/cameras/{id}/{picture}", self::picture, picture)
+}
+
 /// Every camera.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let body = Json(serde_json::json!({ "cameras": api.door.cameras() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
 }
@@ -39,7 +79,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let camera = find(&api, &id)?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(camera)).into_response())
 }
@@ -51,7 +91,7 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
     let (kind, format) = split(&file, &KINDS)?;
-    let mut query = Query::parse(raw.as_deref(), &["t"]);
+    let mut query = Query::parse(raw.as_deref(), PICTURE_PARAMETERS);
     let moment = query.moment(|id| api.door.playhead_at(id));
     let at = moment.at;
     query.finish(Some(()))?;

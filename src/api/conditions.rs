@@ -27,6 +27,14 @@ pub(super) fn required(headers: &HeaderMap) -> Result<Condition, Problem> {
     }
 }
 
+/// Whether the caller has what that entity tag stands for already (`If-None-Match`; RFC 9110, section 13.1.2).
+pub(super) fn is_fresh(headers: &HeaderMap, etag: &str) -> bool {
+    let named = headers.get_all(header::IF_NONE_MATCH).iter().filter_map(|value| value.to_str().ok());
+    let mut tags = named.flat_map(|value| value.split(',')).map(str::trim);
+    // A weak comparison: what is only looked at need not be the same to the byte.
+    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -47,5 +55,20 @@ mod tests {
         check(&[(header::IF_NONE_MATCH, "\"17\"")], None);
         check(&[(header::IF_MATCH, "\"1\""), (header::IF_NONE_MATCH, "*")], None);
         assert_eq!(etag(17), "\"17\"");
+    }
+
+    #[test]
+    fn who_has_the_newest_is_spared_it() {
+        let check = |value: &'static str, expected: bool| {
+            let fields = [(header::IF_NONE_MATCH, HeaderValue::from_static(value))];
+            assert_eq!(is_fresh(&fields.into_iter().collect(), "\"17\""), expected, "{value}");
+        };
+        check("\"17\"", true);
+        check("W/\"17\"", true);
+        check("\"3\", \"17\"", true);
+        check("*", true);
+        check("17", false);
+        check("\"18\"", false);
+        assert!(!is_fresh(&HeaderMap::new(), "\"17\""));
     }
 }

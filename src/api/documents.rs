@@ -3,7 +3,11 @@
 use super::Api;
 use super::conditions::etag;
 use super::error::Problem;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
+use crate::access::Role;
 use crate::error::{ErrorKind, Fault};
 use crate::store::DocumentKind;
 use axum::Json;
@@ -18,13 +22,36 @@ const LIMIT: u32 = 50;
 /// Greatest version that is asked for: what every JSON reader can hold.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
 
+/// A segment that names a version.
+pub(super) const NUMBER: Parameter = Parameter::whole("number", &(1..=MAX_NUMBER as u64), "A version of it");
+
+const VERSION_PARAMETERS: &[Parameter] = &[
+    Parameter::whole("before", &(1..=MAX_NUMBER as u64), "Only versions before this one"),
+    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most versions of the answer").default_is("50"),
+];
+
+/// Describes a list of a document's versions.
+pub(super) fn list_versions(id: &'static str) -> Operation {
+    Operation::new(id, "What it was, the newest version first")
+        .role(Role::Admin)
+        .parameters(VERSION_PARAMETERS)
+        .answers(Answer::json(200, "The versions", schema::named("Versions")))
+}
+
+/// Describes a version of a document.
+pub(super) fn show_version(id: &'static str, document: Value) -> Operation {
+    Operation::new(id, "One version of its document")
+        .role(Role::Admin)
+        .answers(Answer::json(200, "The document as it was then", document).tagged())
+}
+
 /// What a document was, the newest version first.
 pub(super) async fn versions(
     api: &Api,
     (kind, id): (DocumentKind, &str),
     raw: Option<&str>,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw, &["before", "limit"]);
+    let mut query = Query::parse(raw, VERSION_PARAMETERS);
     let before = query.whole("before", &(1..=MAX_NUMBER)).unwrap_or(MAX_NUMBER);
     let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
     query.finish(Some(()))?;
@@ -44,7 +71,7 @@ pub(super) async fn version(
     text: &str,
     raw: Option<&str>,
 ) -> Result<Response, Problem> {
-    Query::parse(raw, &[]).finish(Some(()))?;
+    Query::parse(raw, NONE).finish(Some(()))?;
     let number = number(text)?;
     let document = api.catalog()?.version(kind, id, number).await?;
     let fields = [

@@ -1,5 +1,6 @@
 //! How exactly a picture is asked for: a preset, a deadline, and every knob by itself.
 
+use super::parameters::{Parameter, words};
 use super::query::Query;
 use crate::plan::{
     Aim, Deadline, Detail, Effort, EntityStyle, Filtering, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Named,
@@ -9,17 +10,42 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// The parameters that are read here.
-pub(super) const PARAMETERS: [&str; 10] = [
-    "quality",
-    "deadline_ms",
-    "resolution",
-    "samples",
-    "supersampling",
-    "filtering",
-    "cameras",
-    "depth_maps",
-    "sources",
-    "stride",
+pub(super) const PARAMETERS: [Parameter; 10] = [
+    Parameter::word("quality", || words(&Preset::ALL), "How exactly it is drawn: sets every knob")
+        .default_is("balanced"),
+    Parameter::number(
+        "deadline_ms",
+        &DEADLINE_MS,
+        "Draws as exactly as is possible in this time, milliseconds; not beside `quality`",
+    ),
+    Parameter::word("resolution", || words(&Detail::ALL), "How many of the pixels are drawn each way"),
+    Parameter::word("samples", || vec!["1", "4"], "Samples a pixel"),
+    Parameter::whole(
+        "supersampling",
+        &(1..=MAX_SUPERSAMPLING as u64),
+        "Pixels each way that are drawn for one",
+    ),
+    Parameter::word("filtering", || words(&Filtering::ALL), "How cameras' backgrounds are looked up"),
+    Parameter::whole(
+        "cameras",
+        &(1..=MAX_BLENDED_CAMERAS as u64),
+        "Most cameras whose backgrounds are blended",
+    ),
+    Parameter::word(
+        "depth_maps",
+        || vec!["on", "off"],
+        "Whether what stands before a surface keeps a camera's picture off it",
+    ),
+    Parameter::word(
+        "sources",
+        || vec!["1", "2"],
+        "By how many cameras one entity is shown; of `entities=billboards`",
+    ),
+    Parameter::word(
+        "stride",
+        || vec!["1", "2", "4"],
+        "Every how manieth row of texels becomes points; of `entities=points`",
+    ),
 ];
 
 /// Time to a picture, milliseconds; none is waited for longer than ten seconds.

@@ -293,11 +293,40 @@ impl From<EncodeError> for Problem {
 }
 
 /// The answer to a method that a route does not take; `allowed` are those it does.
-pub(super) async fn only(allowed: &'static str) -> Response {
-    let mut response = Problem::method(&format!("only {allowed} are answered here")).into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static(allowed));
+pub(super) fn only(allowed: &[&str]) -> Response {
+    let listed = match allowed {
+        [one] => format!("only {one} is answered here"),
+        [first @ .., last] => format!("only {} and {last} are answered here", first.join(", ")),
+        [] => "nothing is answered here".to_owned(),
+    };
+    let mut response = Problem::method(&listed).into_response();
+    if let Ok(allowed) = HeaderValue::try_from(allowed.join(", ")) {
+        response.headers_mut().insert(header::ALLOW, allowed);
+    }
     response
 }
+
+/// Every status with which a described method may fail, with what the contract calls it.
+pub(super) const PROBLEMS: [(u16, &str, &str); 18] = [
+    (400, "Invalid", "The request is wrong: a parameter, a segment of the path or the body"),
+    (401, "Unauthenticated", "It is not known who asks"),
+    (403, "Forbidden", "The caller may not do that"),
+    (404, "NotFound", "There is no such thing, or none that the caller may know of"),
+    (408, "TooLate", "The body did not come in time"),
+    (409, "Conflict", "It does not go with what there is"),
+    (412, "Changed", "It was changed meanwhile, or is there already"),
+    (413, "ContentTooLarge", "The body is too large"),
+    (414, "TargetTooLong", "Path and query together are too long"),
+    (416, "RangeNotSatisfiable", "No byte of the file lies in the range"),
+    (421, "ForeignHost", "The daemon is not known by the name that the request is addressed to"),
+    (422, "TooLarge", "More is asked for than a limit allows"),
+    (428, "PreconditionRequired", "A change needs If-Match or If-None-Match"),
+    (429, "Throttled", "Too many tries"),
+    (431, "FieldsTooLarge", "The header fields are too large"),
+    (500, "Internal", "The daemon met a fault of its own; its log says which"),
+    (501, "Unsupported", "This daemon cannot do that"),
+    (503, "Unavailable", "Not now"),
+];
 
 #[cfg(test)]
 mod tests {

@@ -4,9 +4,14 @@ use super::Api;
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use crate::access::{Right, Role};
 use crate::archive::ExportStatus;
 use crate::engine::EngineError;
 use crate::error::ErrorKind;
@@ -21,9 +26,54 @@ use tower_http::services::ServeFile;
 
 const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
 
+const SEGMENTS: &[Parameter] = &[
+    Parameter::text("id", ("^[0-9a-z-]{1,40}$", "20260302t080000z"), "An export"),
+    Parameter::text("file", ("^[A-Za-z0-9._-]{1,200}$", "manifest.json"), "A file of the export"),
+];
+
+/// Routes about clips for people to keep.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_exports", "Every export").answers(Answer::json(
+        200,
+        "The exports",
+        schema::system::exports(),
+    ));
+    let ask = Operation::new("ask_export", "Asks for clips of what was recorded")
+        .about("One is made after the other; 16 may wait.")
+        .role(Role::Operator)
+        .right(Right::Export)
+        .takes(schema::system::export_asked())
+        .may_fail(&[404])
+        .answers(
+            Answer::json(202, "It waits, and is made", schema::named("Export"))
+                .field("Location", "Where it can be watched"),
+        );
+    let one = Operation::new("show_export", "How far an export is, and its files").answers(Answer::json(
+        200,
+        "The export",
+        schema::named("Export"),
+    ));
+    let remove = Operation::new("remove_export", "Takes an export back, or removes it")
+        .role(Role::Operator)
+        .right(Right::Export)
+        .answers(Answer::nothing(204, "It is gone"));
+    let file = Operation::new("load_export_file", "A file of an export, whole or in ranges")
+        .right(Right::Export)
+        .may_fail(&[416])
+        .answers(Answer::bytes(200, "The file", &["video/mp4", "video/x-matroska", "application/json"]))
+        .answers(Answer::bytes(206, "Bytes of it", &["video/mp4", "video/x-matroska", "application/json"]))
+        .answers(Answer::nothing(304, "It is as old as the caller's"));
+    Routes::of(("Exports", "Clips of what was recorded, for people to keep"), SEGMENTS)
+        .get("/api/v1/exports", self::list, list)
+        .post("/api/v1/exports", self::ask, ask)
+        .get("/api/v1/exports/{id}", self::one, one)
+        .delete("/api/v1/exports/{id}", self::remove, remove)
+        .get("/api/v1/exports/{id}/{file}", self::file, file)
+}
+
 /// All exports.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     Ok((NO_STORE, Json(json!({ "exports": api.door.exports() }))).into_response())
 }
 
@@ -34,7 +84,7 @@ pub(super) async fn ask(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let body = read_body(&body)?;
     let status: ExportStatus = api
@@ -51,7 +101,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let found = api.door.exports().into_iter().find(|status| status.id == id);
     let status = found.ok_or_else(|| problem_of(&api, EngineError::NoExport { id }))?;
     Ok((NO_STORE, Json(status)).into_response())
@@ -64,7 +114,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let removed = api.ask("removing an export", move |door| door.remove_export(&id)).await;
     removed.map_err(|error| problem_of(&api, error))?;
@@ -78,7 +128,7 @@ pub(super) async fn file(
     RawQuery(raw): RawQuery,
     request: Request,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let asked = (id.clone(), name);
     let opened = api.ask("opening an export", move |door| door.export_file(&asked.0, &asked.1)).await;
     let (opened, file) = opened.map_err(|error| problem_of(&api, error))?;
@@ -102,22 +152,6 @@ pub(super) async fn file(
     }
     headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     Ok(response)
-}
-
-/// A method that `/exports` does not take.
-pub(super) async fn no_method() -> Response {
-    refused("only GET, HEAD and POST are answered here", "GET, HEAD, POST")
-}
-
-/// A method that `/exports/{id}` does not take.
-pub(super) async fn no_method_of_one() -> Response {
-    refused("only GET, HEAD and DELETE are answered here", "GET, HEAD, DELETE")
-}
-
-fn refused(detail: &str, allowed: &'static str) -> Response {
-    let mut response = Problem::method(detail).into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static(allowed));
-    response
 }
 
 fn problem_of(api: &Api, error: EngineError) -> Problem {

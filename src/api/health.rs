@@ -1,9 +1,28 @@
 //! `/healthz`: the process answers. `/readyz`: it can do its work.
 
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
+use super::schema;
+use super::system;
 use axum::Json;
 use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
+
+/// Routes for who watches the process.
+pub(super) fn routes() -> Routes {
+    let live = Operation::new("show_health", "The process answers").open().answers(Answer::json(
+        200,
+        "It does",
+        schema::system::health(),
+    ));
+    let ready = Operation::new("show_readiness", "Whether the daemon can do its work")
+        .open()
+        .answers(Answer::json(200, "Every part is ready", schema::named("Readiness")))
+        .answers(Answer::json(503, "A part is not ready", schema::named("Readiness")));
+    Routes::of(system::TAG, NONE).get("/healthz", self::live, live).get("/readyz", self::ready, ready)
+}
 
 /// Always 200: who reads it knows that the process answers.
 pub(super) async fn live() -> Response {

@@ -10,6 +10,7 @@ mod audit;
 mod cameras;
 mod conditions;
 mod content;
+mod contract;
 mod documents;
 mod effort;
 mod encoding;
@@ -21,17 +22,22 @@ mod health;
 mod identity;
 mod locate;
 mod metrics;
+mod openapi;
+mod operation;
 mod page;
+mod parameters;
 mod picture;
 mod plan;
 mod playheads;
 mod query;
 mod scenes;
+mod schema;
 mod segments;
 mod serve;
 mod session;
 mod streams;
 mod strip;
+mod system;
 mod timeline;
 mod tls;
 mod tokens;
@@ -52,16 +58,15 @@ use crate::catalog::Catalog;
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
-use crate::scene::MAX_DOCUMENT_BYTES;
 use crate::wall::FrameLock;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{HeaderValue, Uri, header};
-use axum::middleware::{from_fn, from_fn_with_state};
-use axum::response::{IntoResponse, Response};
-use axum::routing::{delete, get, post};
+use axum::http::Uri;
+use axum::middleware::from_fn_with_state;
+use axum::response::Response;
 use error::Problem;
 use identity::Identity;
+use openapi::Routes;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::Semaphore;
@@ -200,106 +205,60 @@ pub fn router_within(
         site: Arc::new(site),
         frames,
     };
-    let private = Router::new()
-        .route("/api/v1/cameras", get(cameras::list))
-        .route("/api/v1/cameras/{id}", get(cameras::one))
-        .route("/api/v1/cameras/{id}/locate", get(locate::locate))
-        .route("/api/v1/cameras/{id}/segment", get(tune::show).patch(tune::change).fallback(tune::no_method))
-        .route(
-            "/api/v1/cameras/{id}/source",
-            get(tune::show_source).patch(tune::change_source).fallback(tune::no_method),
-        )
-        .route("/api/v1/cameras/{id}/accept-place", post(tune::accept_place).fallback(tune::post_only))
-        .route("/api/v1/cameras/{id}/strip.jpg", get(strip::show))
-        .route("/api/v1/cameras/{id}/{picture}", get(cameras::picture))
-        .route("/api/v1/scenes", get(scenes::list))
-        .route(
-            "/api/v1/scenes/{id}",
-            get(scenes::one)
-                .put(scenes::put)
-                .patch(scenes::change)
-                .delete(scenes::remove)
-                .layer(DefaultBodyLimit::max(MAX_DOCUMENT_BYTES))
-                .fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")),
-        )
-        .route("/api/v1/scenes/{id}/versions", get(scenes::versions))
-        .route("/api/v1/scenes/{id}/versions/{number}", get(scenes::version))
-        .route(
-            "/api/v1/scenes/{id}/versions/{number}/restore",
-            post(scenes::restore).fallback(|| error::only("POST")),
-        )
-        .route("/api/v1/scenes/{id}/timeline", get(timeline::show))
-        .route("/api/v1/scenes/{id}/tracks", get(tracks::list))
-        .route("/api/v1/scenes/{id}/alignment", get(alignment::show))
-        .route("/api/v1/scenes/{id}/plan", get(plan::show))
-        .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
-        .route("/api/v1/scenes/{id}/{picture}", get(view::picture))
-        .route("/api/v1/walls", get(walls::list))
-        .route(
-            "/api/v1/walls/{id}",
-            get(walls::one)
-                .put(walls::put)
-                .patch(walls::change)
-                .delete(walls::remove)
-                .fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")),
-        )
-        .route("/api/v1/walls/{id}/versions", get(walls::versions))
-        .route("/api/v1/walls/{id}/versions/{number}", get(walls::version))
-        .route("/api/v1/walls/{id}/tiles", get(wall_tiles::list))
-        .route("/api/v1/walls/{id}/events", get(wall_tiles::events))
-        .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
-        .route("/api/v1/walls/{id}/tiles/{tile}/{picture}", get(wall_tiles::picture))
-        .route("/api/v1/events", get(events::list))
-        .route("/api/v1/exports", get(exports::list).post(exports::ask).fallback(exports::no_method))
-        .route(
-            "/api/v1/exports/{id}",
-            get(exports::one).delete(exports::remove).fallback(exports::no_method_of_one),
-        )
-        .route("/api/v1/exports/{id}/{file}", get(exports::file))
-        .route("/api/v1/playheads", get(playheads::list))
-        .route(
-            "/api/v1/playheads/{id}",
-            get(playheads::one)
-                .put(playheads::put)
-                .patch(playheads::change)
-                .delete(playheads::remove)
-                .fallback(playheads::no_method),
-        )
-        .route("/api/v1/playheads/{id}/events", get(playheads::events))
-        .route("/api/v1/accuracy", get(accuracy::show).post(accuracy::refresh).fallback(accuracy::no_method))
-        .route("/api/v1/audit", get(audit::list))
-        .route("/api/v1/users", get(users::list))
-        .route(
-            "/api/v1/users/{id}",
-            get(users::one)
-                .put(users::put)
-                .delete(users::remove)
-                .fallback(|| error::only("GET, HEAD, PUT, DELETE")),
-        )
-        .route(
-            "/api/v1/tokens",
-            get(tokens::list).post(tokens::add).fallback(|| error::only("GET, HEAD, POST")),
-        )
-        .route("/api/v1/tokens/{id}", delete(tokens::remove).fallback(|| error::only("DELETE")))
-        .layer(from_fn(identity::require));
-    let session = get(session::show).post(session::log_in).delete(session::log_out);
-    let limited = private
+    let limited = resources()
+        .router()
         .merge(page::routes())
-        .route("/api/v1/session", session.fallback(|| error::only("GET, HEAD, POST, DELETE")))
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
         .layer(from_fn_with_state(api.clone(), audit::note))
         .layer(from_fn_with_state(api.clone(), guard::limit));
-    Router::new()
-        .route("/healthz", get(health::live))
-        .route("/readyz", get(health::ready))
-        .route("/metrics", get(metrics::scrape).layer(from_fn(identity::require)))
+    probes()
+        .router()
         .merge(limited)
         .fallback(no_route)
         .method_not_allowed_fallback(no_method)
         .layer(from_fn_with_state(api.clone(), identity::identify))
         .layer(from_fn_with_state(api.clone(), guard::observe))
         .with_state(api)
+}
+
+/// Routes about everything there is.
+fn resources() -> Routes {
+    let all = [
+        contract::routes(),
+        cameras::routes(),
+        locate::routes(),
+        tune::routes(),
+        strip::routes(),
+        events::routes(),
+        scenes::routes(),
+        view::routes(),
+        plan::routes(),
+        timeline::routes(),
+        tracks::routes(),
+        alignment::routes(),
+        walls::routes(),
+        wall_tiles::routes(),
+        streams::routes(),
+        playheads::routes(),
+        exports::routes(),
+        accuracy::routes(),
+        session::routes(),
+        users::routes(),
+        tokens::routes(),
+        audit::routes(),
+    ];
+    all.into_iter().fold(Routes::of(system::TAG, parameters::NONE), Routes::merge)
+}
+
+/// Routes for who watches the daemon: answered also while it has too much to do.
+fn probes() -> Routes {
+    health::routes().merge(metrics::routes())
+}
+
+/// All that the contract describes.
+fn described() -> Routes {
+    resources().merge(probes())
 }
 
 async fn no_route(uri: Uri) -> Problem {
@@ -309,8 +268,7 @@ async fn no_route(uri: Uri) -> Problem {
     Problem::new(ErrorKind::NotFound, detail)
 }
 
+/// Of the page's files; every other route says itself what it takes.
 async fn no_method() -> Response {
-    let mut response = Problem::method("only GET and HEAD are answered").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD"));
-    response
+    error::only(&["GET", "HEAD"])
 }

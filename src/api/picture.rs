@@ -3,6 +3,7 @@
 
 use super::Api;
 use super::error::Problem;
+use super::operation::Answer;
 use super::query::Moment;
 use crate::clock::Timestamp;
 use crate::encode::{self, EncodeError, PictureFormat};
@@ -51,13 +52,24 @@ pub(super) fn split<T: Copy>(file: &str, names: &[(&str, T)]) -> Result<(T, Pict
         Some((*picture, format))
     });
     found.ok_or_else(|| {
-        let files: Vec<String> = names
-            .iter()
-            .flat_map(|(name, _)| FORMATS.map(|format| format!("{name}.{}", format.extension())))
-            .collect();
-        let files: Vec<&str> = files.iter().map(String::as_str).collect();
-        Problem::missing("picture", file, &files)
+        let files = files(names);
+        Problem::missing("picture", file, &files.iter().map(String::as_str).collect::<Vec<_>>())
     })
+}
+
+/// Every file that [`split`] takes apart.
+pub(super) fn files<T>(names: &[(&str, T)]) -> Vec<String> {
+    names
+        .iter()
+        .flat_map(|(name, _)| FORMATS.map(|format| format!("{name}.{}", format.extension())))
+        .collect()
+}
+
+/// How a picture is answered, as the contract says it.
+pub(super) fn pictured(meaning: &'static str) -> Answer {
+    Answer::bytes(200, meaning, &["image/jpeg", "image/png"])
+        .field("Videofields-Time", "The instant shown, RFC 3339")
+        .field("Cache-Control", "`no-store` of the newest there is, ten seconds of a fixed time")
 }
 
 /// Bytes that a permit of `Api::answers` stands for.

@@ -2,9 +2,14 @@
 
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
 use super::scenes::problem_of;
+use super::schema;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
+use super::{effort, scenes};
+use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
 use crate::frame::CameraId;
@@ -15,6 +20,17 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
+
+/// Routes about what would be drawn.
+pub(super) fn routes() -> Routes {
+    let show = Operation::new("plan_view", "What a view would draw, and why, without drawing it")
+        .about("It waits for no picture, and is answered without a GPU too.")
+        .right(Right::Live)
+        .parameters(view::PARAMETERS)
+        .parameters(&effort::PARAMETERS)
+        .answers(Answer::json(200, "The plan", schema::named("Plan")));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/plan", self::show, show)
+}
 
 /// The plan of the view that the same parameters would show.
 pub(super) async fn show(

@@ -4,9 +4,14 @@ use super::Api;
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use crate::access::Role;
 use crate::engine::{ENDED, EngineError, Handle, PlayheadState};
 use crate::error::Fault;
 use crate::frame::is_id;
@@ -23,9 +28,46 @@ use tokio::sync::watch;
 /// Longest time between two states that are streamed while nothing changes: clocks run apart otherwise.
 const BEAT: Duration = Duration::from_secs(1);
 
+const SEGMENTS: &[Parameter] = &[Parameter::id("id", "A playhead")];
+
+/// Routes about places in scene time.
+pub(super) fn routes() -> Routes {
+    let shown = |status, meaning| Answer::json(status, meaning, schema::named("Playhead"));
+    let list = Operation::new("list_playheads", "Every playhead").answers(Answer::json(
+        200,
+        "The playheads",
+        schema::system::playheads(),
+    ));
+    let one = Operation::new("show_playhead", "Where a playhead stands").answers(shown(200, "The playhead"));
+    let put = Operation::new("put_playhead", "Makes a playhead, or changes it where it is there")
+        .role(Role::Operator)
+        .takes(schema::named("PlayheadChange"))
+        .may_fail(&[409])
+        .answers(shown(200, "It is changed"))
+        .answers(shown(201, "It is made"));
+    let change = Operation::new("change_playhead", "Changes a playhead by the members that come")
+        .role(Role::Operator)
+        .takes_patch(schema::named("PlayheadChange"))
+        .may_fail(&[409])
+        .answers(shown(200, "It is changed"));
+    let remove = Operation::new("remove_playhead", "Removes a playhead")
+        .role(Role::Operator)
+        .answers(Answer::nothing(204, "It is gone"));
+    let events = Operation::new("follow_playhead", "A playhead's state as it changes, and once a second")
+        .about("Server-sent events `playhead`, each with the object that `show_playhead` answers.")
+        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
+    Routes::of(("Playheads", "Places in scene time that operators and walls share"), SEGMENTS)
+        .get("/api/v1/playheads", self::list, list)
+        .get("/api/v1/playheads/{id}", self::one, one)
+        .put("/api/v1/playheads/{id}", self::put, put)
+        .patch("/api/v1/playheads/{id}", self::change, change)
+        .delete("/api/v1/playheads/{id}", self::remove, remove)
+        .get("/api/v1/playheads/{id}/events", self::events, events)
+}
+
 /// All playheads.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let body = Json(json!({ "playheads": api.door.playheads() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
 }
@@ -36,7 +78,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let state = api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
 }
@@ -49,7 +91,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     if !is_id(&id) {
         let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
@@ -70,7 +112,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let change = read_body(&body)?;
     let state = changed(&api, move |door| door.change_playhead(&id, change)).await?;
@@ -92,7 +134,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     api.door.remove_playhead(&id).map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
@@ -104,7 +146,7 @@ pub(super) async fn events(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
     let changes = api.door.watch_playheads();
     let states =
@@ -140,15 +182,6 @@ impl Following {
             Event::default().id(state.version.to_string()).event("playhead").json_data(&state).ok()?;
         Some((Ok(event), self))
     }
-}
-
-/// A method that `/playheads/{id}` does not take.
-pub(super) async fn no_method() -> Response {
-    let mut response =
-        Problem::method("only GET, HEAD, PUT, PATCH and DELETE are answered here").into_response();
-    let allowed = HeaderValue::from_static("GET, HEAD, PUT, PATCH, DELETE");
-    response.headers_mut().insert(header::ALLOW, allowed);
-    response
 }
 
 pub(super) fn problem_of(api: &Api, error: EngineError) -> Problem {

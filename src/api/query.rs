@@ -4,6 +4,7 @@
 //! read as itself (an RFC 3339 offset such as `+02:00` needs no escape), `%XX` as a byte of UTF-8.
 
 use super::error::Problem;
+use super::parameters::Parameter;
 use crate::clock::{ParseTimestampError, Timestamp};
 use crate::engine::{At, EngineError};
 use crate::error::{ErrorKind, Fault};
@@ -34,11 +35,12 @@ pub(super) struct Query {
 
 impl Query {
     /// Takes the query string apart; every parameter must be one of `known` and come once.
-    pub(super) fn parse(raw: Option<&str>, known: &[&str]) -> Self {
+    pub(super) fn parse(raw: Option<&str>, known: &[Parameter]) -> Self {
+        let known: Vec<&str> = known.iter().map(|parameter| parameter.name).collect();
         let mut query = Self { pairs: Vec::new(), faults: Vec::new() };
         for part in raw.unwrap_or_default().split('&').filter(|part| !part.is_empty()) {
             let (name, value) = part.split_once('=').unwrap_or((part, ""));
-            query.take(name, value, known);
+            query.take(name, value, &known);
         }
         query
     }
@@ -239,17 +241,21 @@ mod tests {
         Err(EngineError::NoPlayhead { id: id.to_owned() })
     }
 
+    fn known<const N: usize>(names: [&'static str; N]) -> [Parameter; N] {
+        names.map(|name| Parameter::id(name, ""))
+    }
+
     fn fault_of(raw: &str, read: impl FnOnce(&mut Query)) -> Vec<(String, String)> {
-        let mut query = Query::parse(Some(raw), &["t", "fov", "width", "eye", "method"]);
+        let mut query = Query::parse(Some(raw), &known(["t", "fov", "width", "eye", "method"]));
         read(&mut query);
         query.faults.into_iter().map(|fault| (fault.place, fault.message)).collect()
     }
 
     #[test]
     fn plus_is_itself_and_escapes_are_utf8() {
-        let mut query = Query::parse(Some("t=1970-01-01T02:00:01+02:00"), &["t"]);
+        let mut query = Query::parse(Some("t=1970-01-01T02:00:01+02:00"), &known(["t"]));
         assert_eq!(query.moment(no_playhead).at, At::Time(Timestamp::from_nanos(1_000_000_000)));
-        let mut query = Query::parse(Some("t=%6Cive"), &["t"]);
+        let mut query = Query::parse(Some("t=%6Cive"), &known(["t"]));
         assert_eq!(query.moment(no_playhead).at, At::Live);
         assert!(query.finish(Some(())).is_ok());
         assert_eq!(fault_of("t=%ff", |_| ()), [("t".into(), "its escapes are not UTF-8".into())]);
@@ -282,7 +288,7 @@ mod tests {
     #[test]
     fn points_have_three_finite_numbers() {
         let check = |text: &str, expected: Option<DVec3>| {
-            let mut query = Query::parse(Some(&format!("eye={text}")), &["eye"]);
+            let mut query = Query::parse(Some(&format!("eye={text}")), &known(["eye"]));
             assert_eq!(query.point("eye"), expected, "{text}");
             assert_eq!(query.faults.is_empty(), expected.is_some(), "{text}");
         };

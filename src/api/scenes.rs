@@ -6,13 +6,20 @@ use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::{Routes, Tag};
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
+use super::picture::files;
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use crate::access::Role;
 use crate::catalog::{CatalogError, Condition};
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault};
 use crate::frame::is_id;
+use crate::scene::MAX_DOCUMENT_BYTES;
 use crate::scene::Scene;
 use crate::store::DocumentKind;
 use axum::Json;
@@ -24,9 +31,91 @@ use std::sync::Arc;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
+/// What these routes, and others of a scene, are about.
+pub(super) const TAG: Tag = ("Scenes", "Places in the world that cameras share, and what is seen of them");
+
+/// What their paths name.
+pub(super) const SEGMENTS: &[Parameter] = &[
+    Parameter::id("id", "A scene"),
+    documents::NUMBER,
+    Parameter::files("picture", || files(&[("view", ())]), "The view, and how it is written"),
+];
+
+const CHANGE_PARAMETERS: &[Parameter] = &[Parameter::word(
+    "validate_only",
+    || vec!["false", "true"],
+    "Keeps nothing, needs no condition, and says what would be kept",
+)
+.default_is("false")];
+
+/// Routes about scenes and their documents.
+pub(super) fn routes() -> Routes {
+    let kept = |status, meaning| Answer::json(status, meaning, schema::named("Scene"));
+    let list = Operation::new("list_scenes", "Every scene, the default one first").answers(Answer::json(
+        200,
+        "The scenes",
+        schema::scenes::all(),
+    ));
+    let one = Operation::new("show_scene", "A scene's document in its normal form")
+        .about("Without the cameras of which the caller has no right.")
+        .answers(kept(200, "The document").tagged());
+    let put = Operation::new("put_scene", "Makes a scene or replaces one")
+        .role(Role::Admin)
+        .conditional()
+        .parameters(CHANGE_PARAMETERS)
+        .takes(schema::named("Scene"))
+        .takes_bytes(MAX_DOCUMENT_BYTES)
+        .may_fail(&[409, 422])
+        .answers(Answer::json(
+            200,
+            "It is replaced, or would be kept like that",
+            schema::scenes::kept_or_valid(),
+        ))
+        .answers(kept(201, "It is made").tagged());
+    let change = Operation::new("change_scene", "Changes the members of a scene's document that come")
+        .about("Lists are replaced whole, null takes a member away (JSON Merge Patch, RFC 7396).")
+        .role(Role::Admin)
+        .conditional()
+        .parameters(CHANGE_PARAMETERS)
+        .takes_patch(schema::scenes::patch())
+        .takes_bytes(MAX_DOCUMENT_BYTES)
+        .may_fail(&[409, 422])
+        .answers(Answer::json(
+            200,
+            "It is changed, or would be kept like that",
+            schema::scenes::kept_or_valid(),
+        ))
+        .answers(kept(201, "It is kept for the first time").tagged());
+    let remove = Operation::new("remove_scene", "Takes away what is kept of a scene")
+        .about("The configuration's scene of that name comes back, if it has one.")
+        .role(Role::Admin)
+        .conditional()
+        .may_fail(&[409])
+        .answers(Answer::nothing(204, "It is gone"));
+    let restore = Operation::new("restore_scene", "Makes a version of before the newest")
+        .role(Role::Admin)
+        .conditional()
+        .may_fail(&[409, 422])
+        .answers(kept(200, "It is the newest").tagged())
+        .answers(kept(201, "It is there again").tagged());
+    Routes::of(TAG, SEGMENTS)
+        .get("/api/v1/scenes", self::list, list)
+        .get("/api/v1/scenes/{id}", self::one, one)
+        .put("/api/v1/scenes/{id}", self::put, put)
+        .patch("/api/v1/scenes/{id}", self::change, change)
+        .delete("/api/v1/scenes/{id}", self::remove, remove)
+        .get("/api/v1/scenes/{id}/versions", versions, documents::list_versions("list_scene_versions"))
+        .get(
+            "/api/v1/scenes/{id}/versions/{number}",
+            version,
+            documents::show_version("show_scene_version", schema::named("Scene")),
+        )
+        .post("/api/v1/scenes/{id}/versions/{number}/restore", self::restore, restore)
+}
+
 /// Every scene, the default one first.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let body = Json(json!({ "scenes": api.door.scenes() }));
     Ok(([NO_STORE], body).into_response())
 }
@@ -37,7 +126,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     // The version first: a change between the two gives a newer document with an older tag, which no change takes.
     let version = api.catalog.as_ref().map_or(0, |catalog| catalog.state(DocumentKind::Scene, &id).version);
     let document = find(&api, &id)?.document.to_string();
@@ -102,7 +191,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let (condition, by) = (required(&headers)?, api.identity.caller.user.clone());
     api.catalog()?.remove_scene(&api.whole, &id, condition, by).await?;
@@ -138,7 +227,7 @@ pub(super) async fn restore(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let number = documents::number(&number)?;
     let document = api.catalog()?.version(DocumentKind::Scene, &id, number).await?;
@@ -147,7 +236,7 @@ pub(super) async fn restore(
 
 /// Whether a change is only tried.
 fn read_change(raw: Option<&str>) -> Result<bool, Problem> {
-    let mut query = Query::parse(raw, &["validate_only"]);
+    let mut query = Query::parse(raw, CHANGE_PARAMETERS);
     let only = query.choice("validate_only", &[("false", false), ("true", true)]).unwrap_or_default();
     query.finish(Some(only))
 }

@@ -4,8 +4,13 @@ use super::Site;
 use super::content::Content;
 use super::error::Problem;
 use super::identity::{Asked, COOKIE, Credential, Identity};
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
 use super::query::Query;
+use super::schema;
 use super::tune::{read_members, refuse_foreign};
+use super::users;
 use crate::accounts::{Caller, SESSION_TIME};
 use axum::Json;
 use axum::extract::RawQuery;
@@ -24,9 +29,29 @@ struct Credentials {
     password: String,
 }
 
+/// Routes about who asks.
+pub(super) fn routes() -> Routes {
+    let who = |status, meaning| Answer::json(status, meaning, schema::users::caller());
+    let show = Operation::new("show_session", "Who the caller is").open().answers(who(200, "The caller"));
+    let log_in = Operation::new("log_in", "Logs a page in for 12 hours")
+        .about("Its key is in a cookie that no script reads. After four wrong passwords it is throttled.")
+        .open()
+        .takes(schema::users::credentials())
+        .may_fail(&[401, 429, 501])
+        .answers(who(200, "Who is logged in").field("Set-Cookie", "The session's key"));
+    let log_out = Operation::new("log_out", "Logs a page out")
+        .open()
+        .may_fail(&[501])
+        .answers(Answer::nothing(204, "Nobody is logged in").field("Set-Cookie", "None any more"));
+    Routes::of(users::TAG, NONE)
+        .get("/api/v1/session", self::show, show)
+        .post("/api/v1/session", self::log_in, log_in)
+        .delete("/api/v1/session", self::log_out, log_out)
+}
+
 /// Who asks.
 pub(super) async fn show(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     Ok(([NO_STORE], Json(document(&api.identity))).into_response())
 }
 
@@ -43,7 +68,7 @@ pub(super) async fn log_in(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let Credentials { user, password } = read_members(&body)?;
     let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
@@ -64,7 +89,7 @@ pub(super) async fn log_out(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     if let Some(Credential::Session(key)) = &api.identity.credential {
         api.accounts()?.log_out(key);

@@ -7,11 +7,16 @@
 use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::picture::Picture;
 use super::query::Query;
 use super::segments::Segments;
 use super::view;
 use super::wall_tiles::{self, EDGES, Edges};
+use super::{effort, scenes, walls};
+use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::error::ErrorKind;
 use axum::body::{Body, Bytes};
@@ -41,6 +46,35 @@ const BOUNDARY: &str = "videofields-picture";
 const CONTENT_TYPE: HeaderValue =
     HeaderValue::from_static("multipart/x-mixed-replace; boundary=videofields-picture");
 
+const RATE: &[Parameter] =
+    &[Parameter::number("rate", &RATE_HZ, "Pictures a second, where the client takes as many")
+        .default_is("10")];
+
+/// Routes that answer pictures without end.
+pub(super) fn routes() -> Routes {
+    let streamed = || Answer::bytes(200, "JPEG pictures without end", &["multipart/x-mixed-replace"]);
+    let of_view = Operation::new("stream_view", "A view again and again")
+        .about("A picture is drawn when the client has taken the one before; a slow client gets fewer, always the newest.")
+        .right(Right::Live)
+        .parameters(view::PARAMETERS)
+        .parameters(&effort::PARAMETERS)
+        .parameters(RATE)
+        .may_fail(&[422])
+        .answers(streamed());
+    let of_tile = Operation::new("stream_tile", "A tile of a wall, frame after frame")
+        .right(Right::Live)
+        .parameters(wall_tiles::BLEND)
+        .may_fail(&[422])
+        .answers(streamed());
+    Routes::of(scenes::TAG, scenes::SEGMENTS)
+        .get("/api/v1/scenes/{id}/view.mjpeg", self::of_view, of_view)
+        .merge(Routes::of(walls::TAG, walls::SEGMENTS).get(
+            "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
+            self::of_tile,
+            of_tile,
+        ))
+}
+
 /// A view, again and again; its parameters and `rate`, pictures a second.
 pub(super) async fn of_view(
     Asked(api): Asked,
@@ -50,7 +84,7 @@ pub(super) async fn of_view(
     let is_rate = |part: &&str| part.split('=').next() == Some("rate");
     let (rate, rest): (Vec<&str>, Vec<&str>) =
         raw.as_deref().unwrap_or_default().split('&').partition(is_rate);
-    let mut query = Query::parse(Some(&rate.join("&")), &["rate"]);
+    let mut query = Query::parse(Some(&rate.join("&")), RATE);
     let rate_hz = query.number("rate", &RATE_HZ, " pictures a second").unwrap_or(DEFAULT_RATE_HZ);
     let rate_hz = query.finish(Some(rate_hz))?;
     begin(api, Source::View { id, raw: rest.join("&") }, rate_hz).await
@@ -62,10 +96,10 @@ pub(super) async fn of_tile(
     Segments((wall, tile)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["blend"]);
+    let mut query = Query::parse(raw.as_deref(), wall_tiles::BLEND);
     let edges = query.choice("blend", &EDGES).unwrap_or_default();
     let edges = query.finish(Some(edges))?;
-    let rate_hz = super::walls::find(&api, &wall)?.wall.rate_hz;
+    let rate_hz = walls::find(&api, &wall)?.wall.rate_hz;
     begin(api, Source::Tile { wall, tile, edges, last: None }, rate_hz).await
 }
 

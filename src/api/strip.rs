@@ -3,12 +3,17 @@
 //! A tile stands for an equal part of the stretch and shows a picture from within it: the key frame before its middle where
 //! one is near enough, which costs one frame's decoding. Header fields tell each picture's own time.
 
+use super::cameras;
 use super::cameras::problem_of;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::picture::{server_timing, write_rgb};
 use super::query::Query;
 use super::segments::Segments;
+use crate::access::Right;
 use crate::clock::{Clock, Timestamp};
 use crate::encode::PictureFormat;
 use crate::engine::{EngineError, Handle, Preview};
@@ -61,13 +66,32 @@ enum Tile {
 /// 8-bit sRGB.
 type Rgb8 = ImageBuffer<Rgb<u8>, Vec<u8>>;
 
+const PARAMETERS: &[Parameter] = &[
+    Parameter::instant("from", "Where the stretch begins").required(),
+    Parameter::instant("to", "Where it ends").required(),
+    Parameter::whole("count", &(1..=48), "Pictures, each of an equal part of the stretch").default_is("12"),
+    Parameter::whole("height", &(32..=360), "Rows, pixels").default_is("90"),
+];
+
+/// Routes to previews.
+pub(super) fn routes() -> Routes {
+    let show = Operation::new("show_strip", "A stretch of a camera's time as one row of small pictures")
+        .right(Right::History)
+        .parameters(PARAMETERS)
+        .answers(
+            Answer::bytes(200, "The pictures beside one another", &["image/jpeg"])
+                .field("Videofields-Times", "Each picture's own time, or `gap`, `unreadable` or `late`"),
+        );
+    Routes::of(cameras::TAG, cameras::SEGMENTS).get("/api/v1/cameras/{id}/strip.jpg", self::show, show)
+}
+
 /// The strip.
 pub(super) async fn show(
     Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["from", "to", "count", "height"]);
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     query.require("from");
     query.require("to");
     let (from, to) = (query.instant("from"), query.instant("to"));

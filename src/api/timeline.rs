@@ -2,9 +2,15 @@
 
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::query::Query;
+use super::scenes;
 use super::scenes::problem_of;
+use super::schema;
 use super::segments::Segments;
+use crate::access::Right;
 use crate::clock::Timestamp;
 use crate::engine::CameraTimeline;
 use crate::error::{ErrorKind, Fault};
@@ -20,7 +26,31 @@ const MAX_STRETCHES: i64 = 5000;
 /// Seconds of a stretch of activity, unless others are asked for, and at least.
 const RESOLUTION_SECS: u32 = 60;
 
+/// Seconds of a stretch at most: a leap year.
+const MAX_RESOLUTION_SECS: u32 = 31_622_400;
+
 const NANOS_PER_SEC: i64 = 1_000_000_000;
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::instant("from", "Where the time begins").required(),
+    Parameter::instant("to", "Where it ends").required(),
+    Parameter::whole(
+        "resolution",
+        &(RESOLUTION_SECS as u64..=MAX_RESOLUTION_SECS as u64),
+        "Length of the stretches in which activity is told, seconds",
+    )
+    .default_is("60"),
+];
+
+/// Routes about scenes' time.
+pub(super) fn routes() -> Routes {
+    let show = Operation::new("show_timeline", "What there is of a scene's time")
+        .about("Recorded stretches, activity and events between two instants.")
+        .right(Right::History)
+        .parameters(PARAMETERS)
+        .answers(Answer::json(200, "The timeline", schema::past::timeline()));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/timeline", self::show, show)
+}
 
 /// Recorded stretches, activity and events of a scene between two instants.
 pub(super) async fn show(
@@ -28,12 +58,12 @@ pub(super) async fn show(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["from", "to", "resolution"]);
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     query.require("from");
     query.require("to");
     let (from, to) = (query.instant("from"), query.instant("to"));
     let resolution_secs =
-        query.whole("resolution", &(RESOLUTION_SECS..=31_622_400)).unwrap_or(RESOLUTION_SECS);
+        query.whole("resolution", &(RESOLUTION_SECS..=MAX_RESOLUTION_SECS)).unwrap_or(RESOLUTION_SECS);
     let (from, to) = query.finish(from.zip(to))?;
     check(from, to, resolution_secs)?;
     let minutes_each = resolution_secs.div_ceil(RESOLUTION_SECS);

@@ -3,9 +3,14 @@
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_members, refuse_foreign};
+use super::users;
 use crate::access::Role;
 use crate::accounts::AccountError;
 use crate::clock::Timestamp;
@@ -35,9 +40,32 @@ struct TokenAsked {
     expires_at: Option<String>,
 }
 
+const SEGMENTS: &[Parameter] =
+    &[Parameter::text("id", ("^[0-9a-z]{1,64}$", "7f3a"), "A token, not its secret")];
+
+/// Routes about tokens.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_tokens", "The caller's tokens; all of an admin")
+        .may_fail(&[501])
+        .answers(Answer::json(200, "The tokens", schema::users::tokens()));
+    let add = Operation::new("add_token", "Makes a token")
+        .about("Everybody makes their own, admins anybody's. Its secret is told this once.")
+        .takes(schema::users::token_asked())
+        .may_fail(&[404, 409, 501])
+        .answers(Answer::json(201, "The token with its secret", schema::users::token_made()));
+    let remove = Operation::new("remove_token", "Revokes a token")
+        .about("It is nobody's from the next request on.")
+        .may_fail(&[501])
+        .answers(Answer::nothing(204, "It is nobody's"));
+    Routes::of(users::TAG, SEGMENTS)
+        .get("/api/v1/tokens", self::list, list)
+        .post("/api/v1/tokens", self::add, add)
+        .delete("/api/v1/tokens/{id}", self::remove, remove)
+}
+
 /// The caller's tokens; all of an admin.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let caller = &api.identity.caller;
     let whose = if caller.grants.role() == Role::Admin { None } else { caller.user.as_deref() };
     let body = Json(json!({ "tokens": api.accounts()?.tokens(whose) }));
@@ -51,7 +79,7 @@ pub(super) async fn add(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let (asked, expires_at) = read(&body, api.clock.now())?;
     let own = api.identity.caller.user.as_deref();
@@ -93,7 +121,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let caller = &api.identity.caller;
     let whose = if caller.grants.role() == Role::Admin { None } else { caller.user.as_deref() };

@@ -2,9 +2,15 @@
 
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::query::{MAX_COORDINATE_M, Query};
+use super::scenes;
 use super::scenes::problem_of;
+use super::schema;
 use super::segments::Segments;
+use crate::access::Right;
 use crate::engine::{FoundPoint, FoundTrack, TrackQuery};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
@@ -24,6 +30,37 @@ const LIMIT: u32 = 100;
 
 /// Most corners of a region.
 const MAX_CORNERS: usize = 64;
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::instant("from", "Where the time begins; tracks count that were seen between").required(),
+    Parameter::instant("to", "Where it ends").required(),
+    Parameter::text(
+        "cameras",
+        ("^[a-z0-9_-]+(,[a-z0-9_-]+)*$", "north,east"),
+        "Cameras of the scene, with commas between them; all without it",
+    ),
+    Parameter::text(
+        "region",
+        ("^[-+0-9.eE]+,[-+0-9.eE]+(;[-+0-9.eE]+,[-+0-9.eE]+){2,63}$", "0,0;6,0;6,4;0,4"),
+        "Corners x,y of a part of the ground, metres in the world; everywhere without it",
+    ),
+    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most tracks of the answer").default_is("100"),
+    Parameter::text(
+        "before",
+        ("^-?[0-9]+:[a-z0-9_-]+:[0-9]+$", "1772369883200000000:north:412"),
+        "`next` of an answer",
+    ),
+];
+
+/// Routes about what moved.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_tracks", "What moved before a scene's cameras, and where it went")
+        .about("The track that began last first.")
+        .right(Right::History)
+        .parameters(PARAMETERS)
+        .answers(Answer::json(200, "The tracks", schema::past::tracks()));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/tracks", self::list, list)
+}
 
 /// The newest tracks of a span of time, the one that began last first.
 pub(super) async fn list(
@@ -46,8 +83,7 @@ pub(super) async fn list(
 }
 
 fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
-    let known = ["from", "to", "cameras", "region", "limit", "before"];
-    let mut query = Query::parse(raw, &known);
+    let mut query = Query::parse(raw, PARAMETERS);
     query.require("from");
     query.require("to");
     let (from, to) = (query.instant("from"), query.instant("to"));

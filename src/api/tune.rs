@@ -1,20 +1,60 @@
 //! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
+use super::cameras;
 use super::cameras::problem_of;
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
+use crate::access::{Right, Role};
 use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
 
 /// Where a browser says what kind of page a request comes from.
 const FETCH_SITE: &str = "sec-fetch-site";
+
+/// Routes about how cameras are set.
+pub(super) fn routes() -> Routes {
+    let segment = |meaning| Answer::json(200, meaning, schema::named("SegmentSettings"));
+    let source = |meaning| Answer::json(200, meaning, schema::named("SourceSettings"));
+    let show =
+        Operation::new("show_segment", "How a camera's foreground is found").answers(segment("The settings"));
+    let change = Operation::new("change_segment", "Changes how a camera's foreground is found")
+        .about("From the camera's next frame until the daemon ends.")
+        .role(Role::Operator)
+        .right(Right::Manage)
+        .takes_patch(schema::named("SegmentSettings"))
+        .answers(segment("What then holds"));
+    let show_source =
+        Operation::new("show_source", "What feeds a camera, and its clock").answers(source("What feeds it"));
+    let change_source = Operation::new("change_source", "Changes what feeds a camera, or its clock")
+        .about("Until the daemon ends. Other cameras do not notice.")
+        .role(Role::Operator)
+        .right(Right::Manage)
+        .takes_patch(schema::named("SourceSettings"))
+        .may_fail(&[409])
+        .answers(source("What then holds"));
+    let accept = Operation::new("accept_place", "Takes a moved camera's new place for its place")
+        .role(Role::Operator)
+        .right(Right::Manage)
+        .may_fail(&[409])
+        .answers(Answer::nothing(204, "Its calibration is not suspect any more"));
+    Routes::of(cameras::TAG, cameras::SEGMENTS)
+        .get("/api/v1/cameras/{id}/segment", self::show, show)
+        .patch("/api/v1/cameras/{id}/segment", self::change, change)
+        .get("/api/v1/cameras/{id}/source", self::show_source, show_source)
+        .patch("/api/v1/cameras/{id}/source", self::change_source, change_source)
+        .post("/api/v1/cameras/{id}/accept-place", accept_place, accept)
+}
 
 /// How a camera's foreground is found.
 pub(super) async fn show(
@@ -22,7 +62,7 @@ pub(super) async fn show(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let settings = api.door.segment_settings(&id).map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
 }
@@ -35,7 +75,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let settings =
         api.door.change_segment(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
@@ -48,7 +88,7 @@ pub(super) async fn show_source(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let feed = api.door.feed(&id).map_err(|error| problem_of(&api, error))?;
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(feed.shown())).into_response())
 }
@@ -61,7 +101,7 @@ pub(super) async fn change_source(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let change = read_body(&body)?;
     // What fed the camera before must end first.
@@ -77,24 +117,10 @@ pub(super) async fn accept_place(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     api.door.accept_place(&id).map_err(|error| problem_of(&api, error))?;
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
-}
-
-/// A method that `/segment` and `/source` do not take.
-pub(super) async fn no_method() -> Response {
-    let mut response = Problem::method("only GET, HEAD and PATCH are answered here").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, PATCH"));
-    response
-}
-
-/// A method that `/accept-place` does not take.
-pub(super) async fn post_only() -> Response {
-    let mut response = Problem::method("only POST is answered here").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("POST"));
-    response
 }
 
 /// The JSON that a request brings.

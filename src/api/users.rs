@@ -4,9 +4,14 @@ use super::conditions::{etag, required};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::{Routes, Tag};
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use crate::access::Role;
 use crate::accounts::{AccountError, UserChange, UserSummary};
 use crate::catalog::Condition;
 use crate::error::Fault;
@@ -17,9 +22,44 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 
+/// What these routes, and those of tokens and sessions, are about.
+pub(super) const TAG: Tag = ("Users", "Who may ask for what, and what they did");
+
+const SEGMENTS: &[Parameter] = &[Parameter::id("id", "A user")];
+
+/// Routes about users.
+pub(super) fn routes() -> Routes {
+    let user = |status, meaning| Answer::json(status, meaning, schema::named("User")).tagged();
+    let list = Operation::new("list_users", "Every user")
+        .role(Role::Admin)
+        .may_fail(&[501])
+        .answers(Answer::json(200, "The users", schema::users::users()));
+    let one = Operation::new("show_user", "A user: admins see any, everybody themselves")
+        .may_fail(&[403, 501])
+        .answers(user(200, "The user"));
+    let put = Operation::new("put_user", "Makes a user or changes one")
+        .about("The first user must be an admin with a password, and the last of these stays.")
+        .role(Role::Admin)
+        .conditional()
+        .takes(schema::users::user_asked())
+        .may_fail(&[409, 501])
+        .answers(user(200, "It is changed"))
+        .answers(user(201, "It is made"));
+    let remove = Operation::new("remove_user", "Removes a user, with tokens and sessions")
+        .role(Role::Admin)
+        .conditional()
+        .may_fail(&[409, 501])
+        .answers(Answer::nothing(204, "It is gone"));
+    Routes::of(TAG, SEGMENTS)
+        .get("/api/v1/users", self::list, list)
+        .get("/api/v1/users/{id}", self::one, one)
+        .put("/api/v1/users/{id}", self::put, put)
+        .delete("/api/v1/users/{id}", self::remove, remove)
+}
+
 /// Every user.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     api.check_admin("the list of users")?;
     let body = Json(json!({ "users": api.accounts()?.users() }));
     Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
@@ -31,7 +71,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     if api.identity.caller.user.as_deref() != Some(&id) {
         api.check_admin("another user")?;
     }
@@ -46,7 +86,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     api.check_admin("changing users")?;
     if !is_id(&id) {
@@ -71,7 +111,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     api.check_admin("removing users")?;
     let now = api.accounts()?.user(&id)?.version;

@@ -2,11 +2,14 @@
 
 use super::error::Problem;
 use super::identity::Asked;
-use super::picture::{Picture, server_timing, split, write_rgb};
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{Parameter, words};
+use super::picture::{Picture, pictured, server_timing, split, write_rgb};
 use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::{Api, effort, scenes};
-use crate::access::Scope;
+use crate::access::{Right, Scope};
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
@@ -45,24 +48,32 @@ const KINDS: [(&str, &[&str]); 6] = [
 ];
 
 /// Those of [`effort`] come after them.
-const PARAMETERS: [&str; 17] = [
-    "projection",
-    "eye",
-    "target",
-    "fov",
-    "across",
-    "heading",
-    "span",
-    "eye_distance",
-    "convergence",
-    "window",
-    "width",
-    "height",
-    "t",
-    "entities",
-    "see_through",
-    "colors",
-    "session",
+pub(super) const PARAMETERS: &[Parameter] = &[
+    Parameter::word("projection", || words(&KINDS), "How the world comes onto the picture")
+        .default_is("perspective"),
+    Parameter::point("eye", "Where the viewer stands"),
+    Parameter::point("target", "What the viewer looks at"),
+    Parameter::number("fov", &FOV_DEGREES, "Vertical field of view, degrees"),
+    Parameter::number("across", &ACROSS_M, "Width shown, metres; of `orthographic` and `map`"),
+    Parameter::number("heading", &HEADING_DEGREES, "Direction at the top, degrees from north; of `map`"),
+    Parameter::number("span", &SPAN_DEGREES, "Degrees from left to right; of `panorama`"),
+    Parameter::number("eye_distance", &EYE_DISTANCE_RANGE_M, "Between both eyes, metres; of `stereo`"),
+    Parameter::number("convergence", &CONVERGENCE_M, "Where both pictures agree, metres; of `stereo`"),
+    Parameter::points("window", "Lower left, lower right and upper left corner; of `window`, which needs it"),
+    Parameter::whole("width", &(1..=65_535), "Columns").default_is("1280"),
+    Parameter::whole("height", &(1..=65_535), "Rows").default_is("720"),
+    Parameter::moment("t", "Which instant is shown"),
+    Parameter::word("entities", || words(&STYLES), "How people and things that move are drawn")
+        .default_is("billboards"),
+    Parameter::word(
+        "see_through",
+        || vec!["on", "off"],
+        "Whether buildings that hide somebody are translucent",
+    )
+    .default_is("on"),
+    Parameter::word("colors", || vec!["even", "raw"], "Whether cameras' exposures are evened out")
+        .default_is("even"),
+    Parameter::id("session", "Who looks: what changes from picture to picture does so smoothly for them"),
 ];
 
 /// Ranges of what only some kinds take.
@@ -71,6 +82,28 @@ const HEADING_DEGREES: RangeInclusive<f64> = -360.0..=360.0;
 const SPAN_DEGREES: RangeInclusive<f64> = 1.0..=360.0;
 const EYE_DISTANCE_RANGE_M: RangeInclusive<f64> = 0.0..=1e3;
 const CONVERGENCE_M: RangeInclusive<f64> = 1e-3..=1e8;
+
+/// How a view is answered.
+fn answered() -> Answer {
+    pictured("The picture")
+        .field("Videofields-View", "`eye`, `target` and the like as shown, with semicolons between")
+        .field("Videofields-Sources", "`camera=time` of each frame that went in")
+        .field("Videofields-Plan", "The effects that ran")
+        .field("Videofields-Settings", "Every knob of the picture")
+        .field("Videofields-Cache", "`miss`, `shared` or `hit`")
+}
+
+/// Routes to views of scenes.
+pub(super) fn routes() -> Routes {
+    let picture = Operation::new("show_view", "The fused picture of a scene from anywhere")
+        .about("Of the cameras that the caller may see at that time, as if the scene had no others.")
+        .right(Right::Live)
+        .parameters(PARAMETERS)
+        .parameters(&effort::PARAMETERS)
+        .may_fail(&[422])
+        .answers(answered());
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/{picture}", self::picture, picture)
+}
 
 /// The scene as seen from where the request says.
 pub(super) async fn picture(
@@ -165,7 +198,7 @@ fn read(
     raw: Option<&str>,
     playhead: impl FnOnce(&str) -> Result<Timestamp, EngineError>,
 ) -> Result<(ViewRequest, Moment), Problem> {
-    let known = [PARAMETERS.as_slice(), &effort::PARAMETERS].concat();
+    let known = [PARAMETERS, &effort::PARAMETERS].concat();
     let mut query = Query::parse(raw, &known);
     let moment = query.moment(playhead);
     let kind = read_kind(&mut query);

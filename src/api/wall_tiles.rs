@@ -6,12 +6,17 @@
 
 use super::error::Problem;
 use super::identity::Asked;
-use super::picture::{Picture, split};
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter, words};
+use super::picture::{Picture, pictured, split};
 use super::query::{Moment, Query};
+use super::schema;
 use super::segments::Segments;
 use super::view::{self, drawn};
 use super::walls::{self, Kept};
 use super::{Api, playheads, scenes};
+use crate::access::Right;
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{At, ViewKind, ViewRequest};
@@ -57,12 +62,52 @@ pub(super) enum Edges {
 /// The values of `blend`.
 pub(super) const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
 
+const PATTERNS: [(&str, Option<Pattern>); 3] =
+    [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+
+/// How overlapping edges are shown.
+pub(super) const BLEND: &[Parameter] =
+    &[Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
+        .default_is("on")];
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::whole("at", &(0..=MAX_FRAME), "The number of a frame; the one that is due without it"),
+    Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
+        .default_is("none"),
+];
+
+/// Routes about what screens show.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_tiles", "Every tile of a wall, with its window into the world")
+        .answers(Answer::json(200, "The tiles", schema::walls::tiles()));
+    let picture = Operation::new("show_tile", "What a tile of a wall shows")
+        .about(
+            "Two tiles with the same `Videofields-Wall-Frame` and `Videofields-Wall-Version` show the same instant. A frame \
+             that is due within a second is waited for.",
+        )
+        .right(Right::Live)
+        .parameters(PARAMETERS)
+        .parameters(BLEND)
+        .may_fail(&[422])
+        .answers(
+            pictured("The picture")
+                .field("Videofields-Wall-Frame", "The number of the frame")
+                .field("Videofields-Wall-Version", "The wall's version"),
+        );
+    let events = Operation::new("follow_wall", "What a wall shows as it changes, and once a second")
+        .about("Server-sent events `wall`.")
+        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
+    Routes::of(walls::TAG, walls::SEGMENTS)
+        .get("/api/v1/walls/{id}/tiles", self::list, list)
+        .get("/api/v1/walls/{id}/tiles/{tile}/{picture}", self::picture, picture)
+        .get("/api/v1/walls/{id}/events", self::events, events)
+}
+
 fn read(raw: Option<&str>) -> Result<Wishes, Problem> {
-    let mut query = Query::parse(raw, &["at", "pattern", "blend"]);
-    let patterns = [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+    let mut query = Query::parse(raw, &[PARAMETERS, BLEND].concat());
     let wishes = Wishes {
         frame: query.whole("at", &(0..=MAX_FRAME)),
-        pattern: query.choice("pattern", &patterns).unwrap_or_default(),
+        pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
         edges: query.choice("blend", &EDGES).unwrap_or_default(),
     };
     query.finish(Some(wishes))
@@ -74,7 +119,7 @@ pub(super) async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let Kept { id, version, wall, .. } = walls::find(&api, &id)?;
     let tile = |tile: &Tile| {
         json!({
@@ -246,7 +291,7 @@ pub(super) async fn events(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     walls::find(&api, &id)?;
     let states = futures_util::stream::unfold(Following { api, id, told: None }, Following::next);
     let stream = Sse::new(states).keep_alive(KeepAlive::default());

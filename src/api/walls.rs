@@ -5,7 +5,12 @@ use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::{Routes, Tag};
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
+use super::picture::files;
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, scenes, view};
@@ -61,9 +66,62 @@ fn all(api: &Api) -> Vec<Kept> {
     records.iter().filter_map(|record| read(api, record)).collect()
 }
 
+/// What these routes, and those of tiles, are about.
+pub(super) const TAG: Tag = ("Walls", "Walls of screens that show one view at one instant");
+
+/// What their paths name.
+pub(super) const SEGMENTS: &[Parameter] = &[
+    Parameter::id("id", "A wall"),
+    Parameter::id("tile", "A tile of the wall"),
+    documents::NUMBER,
+    Parameter::files("picture", || files(&[("frame", ())]), "The tile's picture, and how it is written"),
+];
+
+/// Routes about walls and their documents.
+pub(super) fn routes() -> Routes {
+    let kept = |status, meaning| Answer::json(status, meaning, schema::named("Wall")).tagged();
+    let list = Operation::new("list_walls", "Every wall, in the order of names").answers(Answer::json(
+        200,
+        "The walls",
+        schema::walls::all(),
+    ));
+    let one = Operation::new("show_wall", "A wall's document").answers(kept(200, "The document"));
+    let put = Operation::new("put_wall", "Makes a wall or replaces one")
+        .role(Role::Operator)
+        .conditional()
+        .takes(schema::named("Wall"))
+        .may_fail(&[409])
+        .answers(kept(200, "It is replaced"))
+        .answers(kept(201, "It is made"));
+    let change = Operation::new("change_wall", "Changes the members of a wall's document that come")
+        .about("Lists are replaced whole, null takes a member away (JSON Merge Patch, RFC 7396).")
+        .role(Role::Operator)
+        .conditional()
+        .takes_patch(schema::walls::patch())
+        .may_fail(&[409])
+        .answers(kept(200, "It is changed"));
+    let remove = Operation::new("remove_wall", "Takes a wall away")
+        .role(Role::Operator)
+        .conditional()
+        .may_fail(&[409])
+        .answers(Answer::nothing(204, "It is gone"));
+    Routes::of(TAG, SEGMENTS)
+        .get("/api/v1/walls", self::list, list)
+        .get("/api/v1/walls/{id}", self::one, one)
+        .put("/api/v1/walls/{id}", self::put, put)
+        .patch("/api/v1/walls/{id}", self::change, change)
+        .delete("/api/v1/walls/{id}", self::remove, remove)
+        .get("/api/v1/walls/{id}/versions", versions, documents::list_versions("list_wall_versions"))
+        .get(
+            "/api/v1/walls/{id}/versions/{number}",
+            version,
+            documents::show_version("show_wall_version", schema::named("Wall")),
+        )
+}
+
 /// Every wall, in the order of names.
 pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let summary = |Kept { id, version, wall, .. }: Kept| {
         json!({
             "id": id, "name": wall.name, "scene": wall.scene, "version": version, "tiles": wall.tiles.len(),
@@ -79,7 +137,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let Kept { version, document, .. } = find(&api, &id)?;
     Ok(answer(StatusCode::OK, version, document))
 }
@@ -92,7 +150,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let condition = seen(&api, &id, required(&headers)?);
     keep(&api, &id, read_body(&body)?, condition).await
@@ -114,7 +172,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let Kept { version, document, .. } = find(&api, &id)?;
     let mut document = read_body(document.as_bytes())?;
@@ -134,7 +192,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     if api.check_admin("walls of other scenes").is_err() {
         find(&api, &id)?;

@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
+mod contract;
 mod door;
 mod exports;
 mod playheads;

@@ -1,0 +1,139 @@
+//! What is told of cameras, and how they are set.
+
+use super::{
+    Named, anything, boolean, count, exactly, id, list, named, nullable, number, number_within, object,
+    taken, text, time, whole_within, word,
+};
+use serde_json::{Value, json};
+
+/// Schemas by name.
+pub(in crate::api) const NAMED: [Named; 4] =
+    [("Camera", camera), ("SegmentSettings", segment), ("SourceSettings", source), ("ClockSettings", clock)];
+
+/// Every camera.
+pub(in crate::api) fn all() -> Value {
+    object([("cameras", list(named("Camera")), "In the configuration's order")])
+}
+
+fn size() -> Value {
+    exactly(2, count())
+}
+
+fn camera() -> Value {
+    let states = ["connecting", "live", "frozen", "stalled", "failed", "ended"];
+    let recording = object([
+        ("state", word(&["recording", "waiting", "paused", "off"]), "What it does"),
+        ("reason", nullable(text()), "Why it is paused"),
+        ("frames", count(), "Frames written since the daemon started"),
+        ("bytes", count(), "Bytes written since the daemon started"),
+        ("dropped", count(), "Frames left out since the daemon started"),
+    ]);
+    object([
+        ("id", id(), "Its id"),
+        ("name", text(), "For people"),
+        ("state", word(&states), "What its source does"),
+        ("reason", nullable(text()), "Why it is in that state, or why it failed last"),
+        ("since", time(), "When the state began, by the daemon's clock"),
+        ("retries", count(), "How often its source was opened again since the daemon started"),
+        ("next_try", nullable(time()), "When a failed source is opened again"),
+        ("size_px", nullable(size()), "Columns and rows, once a frame has come"),
+        (
+            "vision_size_px",
+            nullable(size()),
+            "Columns and rows at which its background is learned and what moves is found",
+        ),
+        ("recording", nullable(recording), "How its recording goes; null where it is not recorded"),
+        ("frames", count(), "Frames taken since the daemon started"),
+        ("dropped", count(), "Frames dropped since the daemon started"),
+        ("first", nullable(time()), "Scene time of the earliest frame kept"),
+        ("last", nullable(time()), "Scene time of the latest frame kept"),
+        ("age_secs", nullable(number()), "Seconds since the latest frame came"),
+        ("scenes", list(id()), "Scenes that hold it"),
+    ])
+}
+
+/// Where a place in a picture lies.
+pub(in crate::api) fn located() -> Value {
+    let kinds = ["ground", "box", "cylinder", "footprint", "height_field", "model"];
+    object([
+        ("point_m", exactly(3, number()), "The world point, metres"),
+        ("theta_rad", number(), "Angle between ray and surface: 0 grazing, pi/2 head-on"),
+        ("reliable", boolean(), "False where the ray grazes the surface by less than half a degree"),
+        ("footprint_m", number(), "Extent of the texel on the surface along the viewing direction, metres"),
+        ("surface", word(&kinds), "What it lies on"),
+        ("surface_idx", count(), "Which one of the scene's of that kind"),
+    ])
+}
+
+fn segment() -> Value {
+    taken(
+        &[],
+        [
+            (
+                "resolution",
+                text(),
+                "At which size foreground is computed; it cannot be changed while the camera runs",
+            ),
+            (
+                "delta",
+                number_within(0.001, 1.0),
+                "Blurred difference that is foreground, share of full scale",
+            ),
+            ("delta_high", number_within(0.0, 1.0), "Hysteresis; not above `delta` it asks for nothing"),
+            ("blur_sigma_px", nullable(number_within(0.0, 16.0)), "Standard deviation of the blur, pixels"),
+            ("mixture", text(), "How the mixture's own match test counts"),
+            (
+                "shadow_darkest",
+                number_within(0.05, 1.0),
+                "Least share of its background's luma that a shadow keeps",
+            ),
+            (
+                "shadow_chroma",
+                number_within(0.0, 0.5),
+                "Chroma that a shadow may change, share of full scale",
+            ),
+            (
+                "highlight_brightest",
+                number_within(1.0, 4.0),
+                "Most times its background's luma that a highlight has",
+            ),
+            ("suppress_blinking", boolean(), "Whether what mostly flutters is background"),
+            ("close_radius_px", whole_within(0, 16), "Half the width of gaps that are closed"),
+            (
+                "max_hole_px",
+                whole_within(0, 1_000_000_000),
+                "Greatest hole that is filled whatever is seen in it",
+            ),
+            (
+                "min_area_px",
+                whole_within(0, 1_000_000_000),
+                "Least area of a blob; 0 follows from the picture's size",
+            ),
+            ("split_valley", number_within(0.0, 0.9), "When people who touch are parted"),
+        ],
+    )
+}
+
+fn clock() -> Value {
+    taken(
+        &[],
+        [
+            ("offset_secs", number(), "Seconds that are added to the camera's time, at most a century"),
+            ("drift_ppm", number(), "Millionths that scene time runs faster than the camera's own"),
+            ("since", nullable(text()), "When the offset alone was right, by the camera's own time"),
+        ],
+    )
+}
+
+fn source() -> Value {
+    let mut source = anything();
+    source["description"] = json!("The keys of `[camera.source]` in a configuration that belong to its kind");
+    taken(
+        &[],
+        [
+            ("enabled", boolean(), "Whether frames are taken at all"),
+            ("source", source, "Where they come from; of a URL nothing is shown behind the host"),
+            ("clock", named("ClockSettings"), "What is wrong with the camera's clock"),
+        ],
+    )
+}

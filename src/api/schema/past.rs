@@ -1,0 +1,83 @@
+//! What is told of a scene's past: its time, its tracks, its cameras' clocks.
+
+use super::{boolean, count, exactly, id, list, named, nullable, number, number_within, object, time};
+use serde_json::Value;
+
+/// What there is of a scene's time.
+pub(in crate::api) fn timeline() -> Value {
+    let activity = object([
+        ("at", time(), "Where the stretch begins"),
+        ("moving_share", number_within(0.0, 1.0), "Share of the picture that moved, mean over the frames"),
+        ("max_tracks", count(), "Most things followed at once"),
+        ("new_tracks", count(), "Things that came"),
+    ]);
+    let camera = object([
+        ("camera", id(), ""),
+        ("ranges", list(exactly(2, time())), "From when to when it can be shown"),
+        ("activity", list(activity), "Stretches in which a frame was looked at"),
+    ]);
+    object([
+        ("from", time(), ""),
+        ("to", time(), ""),
+        ("resolution_secs", count(), "Length of the stretches"),
+        ("cameras", list(camera), ""),
+        ("events", list(named("Event")), "The newest 1000"),
+    ])
+}
+
+/// What moved.
+pub(in crate::api) fn tracks() -> Value {
+    let point = object([
+        ("at", time(), "Within 0.05 s"),
+        ("u", number(), "Texture coordinate"),
+        ("v", number(), "Texture coordinate"),
+        (
+            "point_m",
+            nullable(exactly(3, number())),
+            "World point, metres; null where the ray meets no surface well",
+        ),
+    ]);
+    let track = object([
+        ("camera", id(), "Who followed it"),
+        ("track", count(), "Its number; numbers begin anew with each start of the camera"),
+        ("began", time(), "First sighting"),
+        ("ended", time(), "Last sighting"),
+        ("height", number(), "Largest height in the picture, share of the picture's"),
+        ("first_in_region", nullable(time()), "Null where no region is named"),
+        ("last_in_region", nullable(time()), "Null where no region is named"),
+        ("path", list(point), "Where its feet were, at most 512 points"),
+    ]);
+    object([
+        ("from", time(), ""),
+        ("to", time(), ""),
+        ("tracks", list(track), "The one that began last first"),
+        ("is_complete", boolean(), "Whether no further track fits the question"),
+        ("next", nullable(super::text()), "Where to go on; null at the end"),
+    ])
+}
+
+/// How far clocks are apart.
+pub(in crate::api) fn alignment() -> Value {
+    let camera = object([
+        ("camera", id(), ""),
+        ("confidence", nullable(number_within(0.0, 1.0)), "1 of the reference; null where nothing is known"),
+        ("ahead_secs", nullable(number()), "How far its clock is ahead"),
+        ("clock", nullable(named("ClockSettings")), "What brings it into step, for its source's `clock`"),
+    ]);
+    let pair = object([
+        ("first", id(), ""),
+        ("second", id(), ""),
+        ("offset_secs", number(), "How far the second's clock is ahead"),
+        ("offset_error_secs", number(), "Standard error"),
+        ("drift_ppm", number(), "How much faster it runs"),
+        ("drift_error_ppm", number(), "Standard error"),
+        ("since", time(), "When the offset was that"),
+        ("confidence", number_within(0.0, 1.0), "Low where another offset fits nearly as well"),
+        ("meetings", count(), "Who was seen by both"),
+    ]);
+    object([
+        ("cameras", list(camera), ""),
+        ("pairs", list(pair), ""),
+        ("pairs_left_out", count(), "Pairs beyond the first 200"),
+    ])
+}

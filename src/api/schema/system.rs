@@ -1,0 +1,170 @@
+//! What is told of the daemon itself, of playheads, events and exports.
+
+use super::{
+    Named, boolean, count, exactly, id, list, named, nullable, number, number_within, object, taken, text,
+    time, word,
+};
+use serde_json::{Value, json};
+
+/// Schemas by name.
+pub(in crate::api) const NAMED: [Named; 6] = [
+    ("Readiness", readiness),
+    ("Accuracy", accuracy),
+    ("Playhead", playhead),
+    ("PlayheadChange", playhead_change),
+    ("Event", event),
+    ("Export", export),
+];
+
+/// That the process answers.
+pub(in crate::api) fn health() -> Value {
+    object([("status", word(&["ok"]), ""), ("version", text(), "The program's version")])
+}
+
+fn readiness() -> Value {
+    object([
+        ("ready", boolean(), "Whether every part is"),
+        ("store", boolean(), "Whether the database takes what is written to it"),
+        ("renderer", text(), "The adapter's name, or why there is none"),
+        ("cameras_with_frames", exactly(2, count()), "How many, and of how many"),
+    ])
+}
+
+fn accuracy() -> Value {
+    let spread = object([
+        ("median", number(), ""),
+        ("lower_quartile", number(), ""),
+        ("upper_quartile", number(), ""),
+        ("count", count(), "How many were measured"),
+    ]);
+    let row = object([
+        ("stage", text(), "Which stage"),
+        ("knob", text(), "What of it was set"),
+        ("value", text(), "What it was set to"),
+        ("is_default", boolean(), "Whether this is what is used where nothing else is said"),
+        ("time_ms", spread, "Milliseconds for one unit of the stage's work"),
+        ("memory_bytes", count(), "What the stage's result or state takes"),
+        ("error", nullable(number()), "The stage's own error, where there is truth to judge by"),
+        ("measures", super::map(number()), "Everything measured; units stand in the names"),
+    ]);
+    let machine = object([
+        ("processor", text(), ""),
+        ("n_processors", count(), "Those that the daemon may use"),
+        ("adapter", text(), "The GPU adapter's name"),
+        ("version", text(), "The program's version"),
+        ("build", text(), "`release`, or `debug`"),
+    ]);
+    let table = object([
+        ("version", count(), "Of the table's form"),
+        ("machine", machine, "Where it was measured"),
+        ("subject", text(), "On which world or scene"),
+        ("measured_at", time(), "When the measuring ended"),
+        ("took_secs", number(), ""),
+        ("is_complete", boolean(), "False where the time was spent before all settings were measured"),
+        ("rows", list(row), "One a setting"),
+    ]);
+    object([
+        ("state", word(&["none", "pending", "measuring", "measured", "failed"]), "Where measuring stands"),
+        ("reason", nullable(text()), "Why it failed"),
+        ("table", nullable(table), "What was measured last on this machine"),
+    ])
+}
+
+fn playhead() -> Value {
+    object([
+        ("id", id(), "Its name"),
+        ("scene", id(), "In whose time it is a place"),
+        ("mode", word(&["live", "playing", "paused"]), "What it does"),
+        ("position", time(), "Where it stands now"),
+        ("rate", number(), "Seconds of scene time a second while it plays"),
+        ("loop", nullable(exactly(2, time())), "The stretch that it repeats"),
+        ("version", count(), "How often it was changed"),
+    ])
+}
+
+/// Every playhead.
+pub(in crate::api) fn playheads() -> Value {
+    object([("playheads", list(named("Playhead")), "")])
+}
+
+fn playhead_change() -> Value {
+    taken(
+        &[],
+        [
+            ("scene", nullable(text()), "The scene; at first the first one"),
+            (
+                "loop",
+                nullable(exactly(2, text())),
+                "Two instants: the stretch that is repeated; null repeats none",
+            ),
+            ("at", nullable(text()), "`live`, RFC 3339 or nanoseconds: where it goes"),
+            ("rate", nullable(number_within(-8.0, 8.0)), "Seconds of scene time a second, not 0"),
+            (
+                "step",
+                nullable(json!({"type": "integer", "enum": [-1, 1]})),
+                "One frame on or back; it stands there",
+            ),
+            ("paused", nullable(boolean()), "Whether it stands"),
+        ],
+    )
+}
+
+fn event() -> Value {
+    let kinds = ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
+    object([
+        ("id", count(), "When it was told: microseconds since 1970, or one more than the one before"),
+        ("camera", id(), "Before which camera"),
+        ("kind", word(&kinds), "What happened"),
+        ("is_end", boolean(), "Whether that is over"),
+        ("time", time(), "When"),
+        ("since", time(), "Since when"),
+        ("rect_px", nullable(exactly(4, count())), "Left, top, width and height in the camera's picture"),
+        ("track", nullable(count()), "The track that it happened to"),
+    ])
+}
+
+/// Events.
+pub(in crate::api) fn events() -> Value {
+    object([("events", list(named("Event")), "The oldest first")])
+}
+
+fn export() -> Value {
+    let file = object([
+        ("file", text(), "Its name"),
+        ("bytes", count(), ""),
+        ("sha256", text(), "Of its bytes, hexadecimal"),
+        ("media_type", text(), ""),
+    ]);
+    object([
+        ("id", text(), ""),
+        ("state", word(&["waiting", "running", "done", "failed"]), "How far it is"),
+        ("reason", nullable(text()), "Why it came to nothing"),
+        ("progress", number_within(0.0, 1.0), "Share that was read"),
+        ("made_at", time(), "When it was asked for, by the daemon's clock"),
+        ("from", time(), "Scene time from which"),
+        ("to", time(), "Scene time until which"),
+        ("cameras", list(id()), ""),
+        ("note", text(), "What is to be known of it"),
+        ("bytes", count(), "Of its files"),
+        ("files", list(file), "The manifest first, once it is done"),
+    ])
+}
+
+/// Every export.
+pub(in crate::api) fn exports() -> Value {
+    object([("exports", list(named("Export")), "")])
+}
+
+/// What an export is asked for with.
+pub(in crate::api) fn export_asked() -> Value {
+    taken(
+        &["from", "to"],
+        [
+            ("from", named("Instant"), "Scene time from which"),
+            ("to", named("Instant"), "Scene time until which; frames of then and later are left out"),
+            ("cameras", list(id()), "Which cameras"),
+            ("scene", nullable(id()), "For all of its cameras, where none are named"),
+            ("note", json!({"type": "string", "maxLength": 1000}), "What is to be known of it"),
+        ],
+    )
+}

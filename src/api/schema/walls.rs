@@ -1,0 +1,110 @@
+//! Walls: their documents, and what is told of their tiles.
+
+use super::{
+    Named, anything, count, exactly, id, list, nullable, number, number_within, object, taken, text,
+    whole_within,
+};
+use serde_json::{Value, json};
+
+/// Schemas by name.
+pub(in crate::api) const NAMED: [Named; 1] = [("Wall", wall)];
+
+/// Every wall.
+pub(in crate::api) fn all() -> Value {
+    let wall = object([
+        ("id", id(), ""),
+        ("name", text(), "For people"),
+        ("scene", id(), "What it shows"),
+        ("version", count(), ""),
+        ("tiles", count(), "How many"),
+    ]);
+    object([("walls", list(wall), "In the order of names")])
+}
+
+/// Members of a document that are to be others.
+pub(in crate::api) fn patch() -> Value {
+    let mut patch = anything();
+    patch["description"] = json!("Members of a wall's document that are to be others; null takes one away");
+    patch
+}
+
+fn side_px() -> Value {
+    exactly(2, whole_within(16, 16_384))
+}
+
+fn metres(n: usize) -> Value {
+    exactly(n, number())
+}
+
+fn wall() -> Value {
+    let view = taken(
+        &["eye_m", "target_m"],
+        [("eye_m", metres(3), "Where the viewer is"), ("target_m", metres(3), "What is straight ahead")],
+    );
+    let name = json!({"type": "string", "maxLength": 200});
+    taken(
+        &["scene", "view", "surface"],
+        [
+            ("name", name, "For people"),
+            ("scene", text(), "What is shown"),
+            ("playhead", nullable(text()), "Whose time is shown; live without one"),
+            ("rate_hz", number_within(0.5, 60.0), "Frames a second; default 10"),
+            ("view", view, "Where the viewer stands in the world"),
+            ("viewer_m", nullable(metres(3)), "The viewer's place in wall space"),
+            ("zoom", number_within(0.01, 100.0), "How much larger everything is shown; default 1"),
+            ("parameters", text(), "Further parameters of views, as a query string"),
+            ("surface", surface(), "One of its three members"),
+        ],
+    )
+}
+
+fn surface() -> Value {
+    let grid = || {
+        [
+            ("columns", whole_within(1, 64), "Tiles side by side"),
+            ("rows", whole_within(1, 64), "Tiles one above the other"),
+            ("tile_px", side_px(), "Columns and rows of each tile's picture"),
+            ("tile_m", metres(2), "Width and height of each tile's picture"),
+            ("gap_m", metres(2), "Between neighbours' pictures; below 0 they overlap"),
+        ]
+    };
+    let plane = taken(&["columns", "rows", "tile_px", "tile_m"], grid());
+    let mut round = taken(&["columns", "rows", "tile_px", "tile_m", "radius_m"], grid());
+    round["properties"]["radius_m"] = number();
+    let tile = taken(
+        &["id", "size_px", "lower_left_m", "lower_right_m", "upper_left_m"],
+        [
+            ("id", id(), ""),
+            ("size_px", side_px(), "Columns and rows"),
+            ("lower_left_m", metres(3), "As the viewer sees it"),
+            ("lower_right_m", metres(3), ""),
+            ("upper_left_m", metres(3), ""),
+            ("blend_px", exactly(4, count()), "Pixels at each edge over which it fades out"),
+        ],
+    );
+    taken(
+        &[],
+        [
+            ("grid", nullable(plane), "Equal tiles on a plane"),
+            ("cylinder", nullable(round), "Equal tiles on a cylinder"),
+            ("tiles", nullable(list(tile)), "Any rectangles"),
+        ],
+    )
+}
+
+/// The tiles of a wall.
+pub(in crate::api) fn tiles() -> Value {
+    let tile = object([
+        ("id", id(), ""),
+        ("size_px", exactly(2, count()), "Columns and rows"),
+        ("blend_px", exactly(4, count()), "Pixels at each edge over which it fades out"),
+        ("window_m", exactly(3, metres(3)), "Lower left, lower right and upper left corner in the world"),
+    ]);
+    object([
+        ("wall", id(), ""),
+        ("version", count(), ""),
+        ("rate_hz", number(), "Frames a second"),
+        ("eye_m", metres(3), "Where the viewer stands in the world"),
+        ("tiles", list(tile), ""),
+    ])
+}
