@@ -1,5 +1,6 @@
 //! `user` and `token`: who may ask a daemon for what, changed in its database.
 
+use super::operator;
 use anyhow::{Context, Result, bail};
 use std::collections::BTreeMap;
 use std::io::BufRead as _;
@@ -101,7 +102,7 @@ fn rights(text: &str) -> Result<(String, Rights), String> {
 impl User {
     pub(crate) fn run(&self) -> Result<()> {
         with_accounts(&self.file, async |accounts, _clock| match &self.action {
-            UserAction::List => list_users(accounts),
+            UserAction::List => list_users(accounts).map(|()| None),
             UserAction::Set { name, role, cameras, password } => {
                 if !is_id(name) {
                     bail!("{name:?} is no name: 1 to 64 of a-z, 0-9, - and _, the first a letter or digit");
@@ -112,11 +113,12 @@ impl User {
                 change.check()?;
                 let was = accounts.user(name).ok().map(|user| user.version);
                 accounts.put_user(name, change, was).await?;
-                Ok(())
+                Ok(Some(("user set", name.clone())))
             }
             UserAction::Remove { name } => {
                 let version = accounts.user(name)?.version;
-                Ok(accounts.remove_user(name, version).await?)
+                accounts.remove_user(name, version).await?;
+                Ok(Some(("user remove", name.clone())))
             }
         })
     }
@@ -125,15 +127,19 @@ impl User {
 impl Token {
     pub(crate) fn run(&self) -> Result<()> {
         with_accounts(&self.file, async |accounts, clock| match &self.action {
-            TokenAction::List => list_tokens(accounts),
+            TokenAction::List => list_tokens(accounts).map(|()| None),
             TokenAction::Add { user, note, expires_at } => {
                 if expires_at.is_some_and(|at| at <= clock.now()) {
                     bail!("--expires-at lies in the past");
                 }
-                let (_, token) = accounts.add_token(user, note.clone(), *expires_at).await?;
-                super::say(&token)
+                let (made, token) = accounts.add_token(user, note.clone(), *expires_at).await?;
+                super::say(&token)?;
+                Ok(Some(("token add", format!("{user} {}", made.id))))
             }
-            TokenAction::Revoke { id } => Ok(accounts.remove_token(id, None).await?),
+            TokenAction::Revoke { id } => {
+                accounts.remove_token(id, None).await?;
+                Ok(Some(("token revoke", id.clone())))
+            }
         })
     }
 }
@@ -171,10 +177,13 @@ fn first_line() -> Result<String> {
     Ok(line.trim_end_matches(['\r', '\n']).to_owned())
 }
 
-/// Opens the daemon's database and closes it after `work`.
+/// What was done and to what, for the audit log; nothing where it was only looked.
+type Done = Option<(&'static str, String)>;
+
+/// Opens the daemon's database and closes it after `work`; what that has done is noted in the audit log.
 fn with_accounts(
     file: &std::path::Path,
-    work: impl AsyncFnOnce(&Accounts, &dyn Clock) -> Result<()>,
+    work: impl AsyncFnOnce(&Accounts, &dyn Clock) -> Result<Done>,
 ) -> Result<()> {
     telemetry::init(LogFormat::Text, Some("warn"))?;
     let config = config::load(file)?;
@@ -186,7 +195,14 @@ fn with_accounts(
             Ok(accounts) => work(&accounts, &*clock).await,
             Err(error) => Err(error.into()),
         };
+        let noted = match &done {
+            Ok(Some((action, target))) => {
+                store.append_audit(&operator::entry(action, target.clone())).await.map(|_number| ())
+            }
+            Ok(None) | Err(_) => Ok(()),
+        };
         store.close().await?;
-        done
+        done?;
+        noted.context("it is done, but not noted in the audit log")
     })
 }

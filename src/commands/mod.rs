@@ -5,13 +5,17 @@ use std::io::Write as _;
 
 pub(crate) mod account;
 pub(crate) mod accuracy;
+pub(crate) mod audit;
+pub(crate) mod backup;
 pub(crate) mod bench;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
 mod given;
 pub(crate) mod manual;
+mod operator;
 pub(crate) mod progress;
+pub(crate) mod restore;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;

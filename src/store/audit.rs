@@ -1,8 +1,15 @@
 //! Table `audit`: who did what. Only ever added to, on disk when it is acknowledged, and chained by digests.
 
-use super::{Store, StoreError};
+use super::migrate::SCHEMA_VERSION;
+use super::open::open_to_add;
+use super::{ReadOnly, Store, StoreError};
 use crate::clock::Timestamp;
 use sha2::Digest;
+use sqlx::{Connection, SqliteConnection};
+use std::path::{Path, PathBuf};
+
+/// The first schema that has the table.
+const FIRST_SCHEMA: i64 = 10;
 
 /// Rows that are read at once when all are checked.
 const PAGE: u32 = 1000;
@@ -12,9 +19,9 @@ const PAGE: u32 = 1000;
 pub struct AuditEntry {
     /// When, by the machine's clock.
     pub at: Timestamp,
-    /// By whom; none where there are no users, or by a stranger.
+    /// By whom: a user, or `cli:` and the name of who ran a command; none where there are no users, or by a stranger.
     pub user: Option<String>,
-    /// What: a method and a route's template.
+    /// What: a method and a route's template, or a command of the command line.
     pub action: String,
     /// To what: path and query.
     pub target: String,
@@ -70,39 +77,60 @@ fn digest(before: &[u8; 32], number: i64, entry: &AuditEntry) -> [u8; 32] {
     hash.finalize().into()
 }
 
+/// Adds an entry to what `connection` has open; its number. It is on disk when it is acknowledged.
+pub(super) async fn append(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    entry: &AuditEntry,
+) -> Result<i64, StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    // The write lock is taken before the last row is read: another process may write too.
+    let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+    let last: Option<(i64, Vec<u8>)> =
+        sqlx::query_as("select number, digest from audit order by number desc limit 1")
+            .fetch_optional(&mut *transaction)
+            .await
+            .map_err(classify)?;
+    let (number, before) = last.map_or((0, vec![0; 32]), |(number, digest)| (number, digest));
+    let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
+    let before: [u8; 32] = before.try_into().map_err(|_wrong_length| unreadable())?;
+    let number = number + 1;
+    sqlx::query(
+        "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(number)
+    .bind(entry.at.as_nanos())
+    .bind(&entry.user)
+    .bind(&entry.action)
+    .bind(&entry.target)
+    .bind(i64::from(entry.status))
+    .bind(&digest(&before, number, entry)[..])
+    .execute(&mut *transaction)
+    .await
+    .map_err(classify)?;
+    transaction.commit().await.map_err(classify)?;
+    Ok(number)
+}
+
+/// Adds an entry to the database at `path`, whoever has it open; its number. A database of another schema is left alone.
+///
+/// # Errors
+/// When there is no database, its schema is another, or it fails: then it was not noted.
+pub async fn note_audit(path: &Path, entry: &AuditEntry) -> Result<i64, StoreError> {
+    let mut connection = open_to_add(path).await?;
+    let number = append(&mut connection, path, entry).await?;
+    connection.close().await.map_err(|error| StoreError::classify(error, path))?;
+    Ok(number)
+}
+
 impl Store {
     /// Adds an entry; its number.
     ///
     /// # Errors
     /// When the database fails: then it was not noted.
     pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
-        let classify = |error| self.classify(error);
-        // The write lock is taken before the last row is read: another process may write too.
-        let mut transaction = self.durable.begin_with("begin immediate").await.map_err(classify)?;
-        let last: Option<(i64, Vec<u8>)> =
-            sqlx::query_as("select number, digest from audit order by number desc limit 1")
-                .fetch_optional(&mut *transaction)
-                .await
-                .map_err(classify)?;
-        let (number, before) = last.map_or((0, vec![0; 32]), |(number, digest)| (number, digest));
-        let unreadable = || StoreError::UnreadableRow { path: self.path.clone(), what: "audit.digest" };
-        let before: [u8; 32] = before.try_into().map_err(|_wrong_length| unreadable())?;
-        let number = number + 1;
-        sqlx::query(
-            "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
-        )
-        .bind(number)
-        .bind(entry.at.as_nanos())
-        .bind(&entry.user)
-        .bind(&entry.action)
-        .bind(&entry.target)
-        .bind(i64::from(entry.status))
-        .bind(&digest(&before, number, entry)[..])
-        .execute(&mut *transaction)
-        .await
-        .map_err(classify)?;
-        transaction.commit().await.map_err(classify)?;
-        Ok(number)
+        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        append(&mut connection, &self.path, entry).await
     }
 
     /// The first `limit` entries after number `after`.
@@ -110,23 +138,8 @@ impl Store {
     /// # Errors
     /// When the database fails, or holds what this program did not write.
     pub async fn audit(&self, after: i64, limit: u32) -> Result<Vec<AuditRecord>, StoreError> {
-        let rows: Vec<Row> = sqlx::query_as(
-            "select number, at, user, action, target, status, digest from audit
-             where number > ? order by number limit ?",
-        )
-        .bind(after)
-        .bind(limit)
-        .fetch_all(&self.cache)
-        .await
-        .map_err(|error| self.classify(error))?;
-        let record = |(number, at, user, action, target, status, digest): Row| {
-            let odd = |what| StoreError::UnreadableRow { path: self.path.clone(), what };
-            let status = u16::try_from(status).map_err(|_too_large| odd("audit.status"))?;
-            let digest = digest.try_into().map_err(|_wrong_length| odd("audit.digest"))?;
-            let entry = AuditEntry { at: Timestamp::from_nanos(at), user, action, target, status };
-            Ok(AuditRecord { number, entry, digest })
-        };
-        rows.into_iter().map(record).collect()
+        let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
+        page(&mut connection, &self.path, after, limit).await
     }
 
     /// Looks at every entry, from the first to the last.
@@ -134,27 +147,90 @@ impl Store {
     /// # Errors
     /// When the database fails.
     pub async fn check_audit(&self) -> Result<AuditCheck, StoreError> {
-        let (mut n_whole, mut before) = (0, [0; 32]);
-        let mut fault = None;
-        'all: loop {
-            let page = self.audit(n_whole, PAGE).await?;
-            if page.is_empty() {
-                break;
-            }
-            for record in page {
-                if record.number != n_whole + 1 {
-                    fault = Some(format!("entry {} is missing", n_whole + 1));
-                    break 'all;
-                }
-                if record.digest != digest(&before, record.number, &record.entry) {
-                    let number = record.number;
-                    fault = Some(format!("entry {number} or one before it is not as it was written"));
-                    break 'all;
-                }
-                (n_whole, before) = (record.number, record.digest);
-            }
-        }
-        let hex = |digest: [u8; 32]| digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        Ok(AuditCheck { n_whole, head: (n_whole > 0).then(|| hex(before)), fault })
+        let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
+        check(&mut connection, &self.path).await
     }
+}
+
+impl ReadOnly {
+    /// As [`Store::audit`].
+    ///
+    /// # Errors
+    /// As [`Store::audit`]; when the schema is newer, or so old that it has no audit log.
+    pub async fn audit(&mut self, after: i64, limit: u32) -> Result<Vec<AuditRecord>, StoreError> {
+        let (connection, path) = self.audited().await?;
+        page(connection, path, after, limit).await
+    }
+
+    /// As [`Store::check_audit`].
+    ///
+    /// # Errors
+    /// As [`Store::check_audit`]; when the schema is newer, or so old that it has no audit log.
+    pub async fn check_audit(&mut self) -> Result<AuditCheck, StoreError> {
+        let (connection, path) = self.audited().await?;
+        check(connection, path).await
+    }
+
+    async fn audited(&mut self) -> Result<(&mut SqliteConnection, &PathBuf), StoreError> {
+        let found = self.schema().await?;
+        let known = SCHEMA_VERSION;
+        let (connection, path) = self.connection();
+        match found {
+            found if found > known => Err(StoreError::NewerSchema { path: path.clone(), found, known }),
+            found if found < FIRST_SCHEMA => {
+                Err(StoreError::OtherSchema { path: path.clone(), found, known })
+            }
+            _ => Ok((connection, path)),
+        }
+    }
+}
+
+async fn page(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    after: i64,
+    limit: u32,
+) -> Result<Vec<AuditRecord>, StoreError> {
+    let rows: Vec<Row> = sqlx::query_as(
+        "select number, at, user, action, target, status, digest from audit
+         where number > ? order by number limit ?",
+    )
+    .bind(after)
+    .bind(limit)
+    .fetch_all(connection)
+    .await
+    .map_err(|error| StoreError::classify(error, path))?;
+    let record = |(number, at, user, action, target, status, digest): Row| {
+        let odd = |what| StoreError::UnreadableRow { path: path.to_owned(), what };
+        let status = u16::try_from(status).map_err(|_too_large| odd("audit.status"))?;
+        let digest = digest.try_into().map_err(|_wrong_length| odd("audit.digest"))?;
+        let entry = AuditEntry { at: Timestamp::from_nanos(at), user, action, target, status };
+        Ok(AuditRecord { number, entry, digest })
+    };
+    rows.into_iter().map(record).collect()
+}
+
+async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCheck, StoreError> {
+    let (mut n_whole, mut before) = (0, [0; 32]);
+    let mut fault = None;
+    'all: loop {
+        let page = page(&mut *connection, path, n_whole, PAGE).await?;
+        if page.is_empty() {
+            break;
+        }
+        for record in page {
+            if record.number != n_whole + 1 {
+                fault = Some(format!("entry {} is missing", n_whole + 1));
+                break 'all;
+            }
+            if record.digest != digest(&before, record.number, &record.entry) {
+                let number = record.number;
+                fault = Some(format!("entry {number} or one before it is not as it was written"));
+                break 'all;
+            }
+            (n_whole, before) = (record.number, record.digest);
+        }
+    }
+    let hex = |digest: [u8; 32]| digest.iter().map(|byte| format!("{byte:02x}")).collect();
+    Ok(AuditCheck { n_whole, head: (n_whole > 0).then(|| hex(before)), fault })
 }

@@ -14,6 +14,72 @@ pub enum StoreError {
         /// What the system says.
         reason: String,
     },
+    /// The file cannot be read.
+    #[error("cannot read the database: {reason}: {}", path.display())]
+    Unreadable {
+        /// The database's file.
+        path: PathBuf,
+        /// What the system says.
+        reason: String,
+    },
+    /// There is no such file.
+    #[error("there is no database: {}", path.display())]
+    NoDatabase {
+        /// Where it would be.
+        path: PathBuf,
+    },
+    /// The database's file is missing or empty, but its log is not: opened, SQLite would throw that away.
+    #[error(
+        "the database is gone, but its log with {bytes} bytes is there and may hold what the database does not: bring the \
+         database's file back, or put a copy in its place with `videofields restore`, which keeps the log aside: {}",
+        path.display()
+    )]
+    LogAlone {
+        /// The database's file.
+        path: PathBuf,
+        /// The log's bytes.
+        bytes: u64,
+    },
+    /// A copy was being put in the database's place when that broke off.
+    #[error(
+        "putting a copy in the database's place broke off: `videofields restore --finish` goes on with it, `videofields \
+         restore --undo` brings the database back as it was: {}",
+        path.display()
+    )]
+    RestoreBrokenOff {
+        /// The database's file.
+        path: PathBuf,
+    },
+    /// There is nothing to be gone on with or taken back.
+    #[error("no copy was being put in the database's place: {}", path.display())]
+    NothingBrokenOff {
+        /// The database's file.
+        path: PathBuf,
+    },
+    /// Another process has it open.
+    #[error("process {process} has the database open: stop it first: {}", path.display())]
+    InUse {
+        /// The database's file.
+        path: PathBuf,
+        /// The process's number; 0 where it is not known here.
+        process: i32,
+    },
+    /// There is a good database where a copy was to be put.
+    #[error("there is a good database already; `--force` puts it aside: {}", path.display())]
+    InTheWay {
+        /// The database's file.
+        path: PathBuf,
+    },
+    /// What was asked for needs this program's own schema.
+    #[error("the database has schema {found} and not {known}; the daemon's start brings it there: {}", path.display())]
+    OtherSchema {
+        /// The database's file.
+        path: PathBuf,
+        /// The file's schema.
+        found: i64,
+        /// This program's.
+        known: i64,
+    },
     /// The file lies where SQLite's locks and shared memory cannot be relied on.
     #[error(
         "the database lies on a network file system ({file_system}), where two writers can damage it: put it on a \
@@ -114,8 +180,16 @@ impl StoreError {
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
-            Self::NotWritable { .. } | Self::NotADatabase { .. } | Self::Foreign { .. } => ErrorKind::Invalid,
-            Self::NetworkFileSystem { .. } | Self::NewerSchema { .. } => ErrorKind::Unsupported,
+            Self::NotWritable { .. }
+            | Self::Unreadable { .. }
+            | Self::NotADatabase { .. }
+            | Self::Foreign { .. }
+            | Self::LogAlone { .. } => ErrorKind::Invalid,
+            Self::NoDatabase { .. } | Self::NothingBrokenOff { .. } => ErrorKind::NotFound,
+            Self::RestoreBrokenOff { .. } | Self::InUse { .. } | Self::InTheWay { .. } => ErrorKind::Conflict,
+            Self::NetworkFileSystem { .. } | Self::NewerSchema { .. } | Self::OtherSchema { .. } => {
+                ErrorKind::Unsupported
+            }
             Self::TooLarge { .. } => ErrorKind::TooLarge,
             Self::Busy { .. } | Self::DiskFull { .. } => ErrorKind::Unavailable,
             Self::Damaged { .. }

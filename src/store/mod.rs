@@ -12,11 +12,14 @@ mod activity;
 mod audit;
 mod background;
 mod background_history;
+mod copy;
 mod document;
 mod error;
 mod measured_cost;
 mod migrate;
 mod open;
+pub mod probe;
+pub mod restore;
 mod scene;
 mod segment;
 mod texture_map;
@@ -24,9 +27,10 @@ mod track;
 mod user;
 
 pub use activity::ActivityRecord;
-pub use audit::{AuditCheck, AuditEntry, AuditRecord};
+pub use audit::{AuditCheck, AuditEntry, AuditRecord, note_audit};
 pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
+pub use copy::{Contents, Depth, ReadOnly, copy, verify};
 pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTES};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
@@ -36,6 +40,7 @@ pub use texture_map::TextureMapRecord;
 pub use track::TrackRecord;
 pub use user::{TokenRecord, UserRecord};
 
+use crate::clock::Timestamp;
 use sqlx::SqlitePool;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -129,6 +134,13 @@ fn check_size(what: &'static str, bytes: &[u8]) -> Result<(), StoreError> {
         return Err(StoreError::TooLarge { what, bytes: bytes.len() as u64, most: MAX_BLOB_BYTES as u64 });
     }
     Ok(())
+}
+
+/// An instant as names of files have it: `20260301T120000Z`.
+#[must_use]
+pub fn compact_time(at: Timestamp) -> String {
+    let whole = at.as_nanos() / 1_000_000_000 * 1_000_000_000;
+    Timestamp::from_nanos(whole).to_string().chars().filter(|letter| !matches!(letter, '-' | ':')).collect()
 }
 
 /// SHA-256 of `bytes` in lower-case hexadecimal.

@@ -1,10 +1,11 @@
 //! Opens the database, or says exactly why it must not be opened. Nothing is changed before all is checked.
 
 use super::migrate::{SCHEMA_VERSION, migrator};
+use super::probe::probe;
+use super::restore::{refuse_interrupted, tell_leftovers};
 use super::{Store, StoreError};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, SqliteConnection};
-use std::io::Read;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::time::Duration;
@@ -12,8 +13,8 @@ use std::time::Duration;
 /// "vfld" in ASCII, as the first migration writes it.
 const APPLICATION_ID: i64 = 0x7666_6c64;
 
-/// What every SQLite file begins with: <https://www.sqlite.org/fileformat.html>, section 1.3.
-const MAGIC: &[u8] = b"SQLite format 3\0";
+/// The table in which the migrations note themselves.
+const MIGRATIONS: &str = "_sqlx_migrations";
 
 /// How long another process's or connection's write is waited for.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -54,7 +55,9 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
     // Held until the file is open: SQLite lets neither the change to a write-ahead log nor migrations wait for
     // another process that does the same.
     let _turn = take_turn(folder, &path).await?;
-    refuse_other_files(&path)?;
+    refuse_interrupted(&path)?;
+    tell_leftovers(&path);
+    probe(&path)?.check_openable(&path)?;
     // Made here for the system's own words where it cannot be, and for its owner's eyes alone: what cameras saw
     // is in it. SQLite gives its log the same rights.
     std::fs::OpenOptions::new().append(true).create(true).mode(0o600).open(&path).map_err(not_writable)?;
@@ -89,7 +92,7 @@ pub(super) async fn open(path: &Path, texture_maps_bytes: u64) -> Result<Store, 
 
 /// Waits for other processes that open a database in `folder`. The lock is the folder's: one on the database itself
 /// would be in the way of SQLite's own.
-async fn take_turn(folder: &Path, path: &Path) -> Result<std::fs::File, StoreError> {
+pub(super) async fn take_turn(folder: &Path, path: &Path) -> Result<std::fs::File, StoreError> {
     let not_writable =
         |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
     let lock = std::fs::File::open(folder).map_err(not_writable)?;
@@ -107,58 +110,90 @@ async fn migrate(durable: &sqlx::SqlitePool, path: &Path) -> Result<(), StoreErr
     migrator(SCHEMA_VERSION).run(durable).await.map_err(|error| StoreError::classify_migration(error, path))
 }
 
+/// Brings the database at `path`, which nobody else knows of, to the newest schema, and hands out its one connection. It has
+/// no log: once the connection is closed the file is all there is.
+pub(super) async fn open_alone(path: &Path) -> Result<SqliteConnection, StoreError> {
+    let mut connection = SqliteConnectOptions::new()
+        .filename(path)
+        .foreign_keys(true)
+        .journal_mode(SqliteJournalMode::Delete)
+        .synchronous(SqliteSynchronous::Full)
+        .disable_statement_logging()
+        .connect()
+        .await
+        .map_err(|error| StoreError::classify(error, path))?;
+    let migrated = migrator(SCHEMA_VERSION).run(&mut connection).await;
+    migrated.map_err(|error| StoreError::classify_migration(error, path))?;
+    Ok(connection)
+}
+
+/// Opens the database at `path`, which must be there, for one more line of what was done; its schema must be this program's.
+pub(super) async fn open_to_add(path: &Path) -> Result<SqliteConnection, StoreError> {
+    probe(path)?.check_there(path)?;
+    let classify = |error| StoreError::classify(error, path);
+    let mut connection = SqliteConnectOptions::new()
+        .filename(path)
+        .create_if_missing(false)
+        .busy_timeout(BUSY_TIMEOUT)
+        .synchronous(SqliteSynchronous::Full)
+        .disable_statement_logging()
+        .connect()
+        .await
+        .map_err(classify)?;
+    let found = schema(&mut connection, path).await?;
+    if found == SCHEMA_VERSION {
+        return Ok(connection);
+    }
+    connection.close().await.map_err(classify)?;
+    Err(StoreError::OtherSchema { path: path.to_owned(), found, known: SCHEMA_VERSION })
+}
+
 /// Reads what the file says of itself, and all of its pages.
 async fn inspect(connection: &mut SqliteConnection, path: &Path) -> Result<(), StoreError> {
     let classify = |error| StoreError::classify(error, path);
-    let application_id: i64 =
-        sqlx::query_scalar("pragma application_id").fetch_one(&mut *connection).await.map_err(classify)?;
-    let tables: Vec<String> = sqlx::query_scalar("select name from sqlite_schema where type = 'table'")
-        .fetch_all(&mut *connection)
-        .await
-        .map_err(classify)?;
-    // The table of migrations stands alone in a file whose first migration was interrupted.
-    let is_fresh = tables.iter().all(|name| name == "_sqlx_migrations");
-    if application_id != APPLICATION_ID && !(is_fresh && application_id == 0) {
-        return Err(StoreError::Foreign { path: path.to_owned(), application_id });
-    }
+    refuse_foreign(connection, path).await?;
     let check: Vec<String> =
         sqlx::query_scalar("pragma quick_check(1)").fetch_all(&mut *connection).await.map_err(classify)?;
     if check != ["ok"] {
         return Err(StoreError::Damaged { path: path.to_owned(), detail: check.join(", ") });
     }
-    if tables.is_empty() {
-        return Ok(());
-    }
-    let found: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
-        .fetch_one(connection)
-        .await
-        .map_err(classify)?;
-    match found {
-        Some(found) if found > SCHEMA_VERSION => {
+    match schema(connection, path).await? {
+        found if found > SCHEMA_VERSION => {
             Err(StoreError::NewerSchema { path: path.to_owned(), found, known: SCHEMA_VERSION })
         }
         _ => Ok(()),
     }
 }
 
-/// Looks at the first bytes before SQLite does: it would take a file without any for a fresh database and tells
-/// of others only that they are none.
-fn refuse_other_files(path: &Path) -> Result<(), StoreError> {
-    let other = |what| StoreError::NotADatabase { path: path.to_owned(), what };
-    let unreadable =
-        |error: std::io::Error| StoreError::NotWritable { path: path.to_owned(), reason: error.to_string() };
-    match std::fs::metadata(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-        Err(error) => return Err(unreadable(error)),
-        Ok(metadata) if metadata.is_dir() => return Err(other("a directory")),
-        Ok(metadata) if !metadata.is_file() => return Err(other("a device, pipe or socket")),
-        Ok(metadata) if metadata.len() == 0 => return Ok(()),
-        Ok(_) => {}
+/// Refuses another program's database.
+pub(super) async fn refuse_foreign(connection: &mut SqliteConnection, path: &Path) -> Result<(), StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let application_id: i64 =
+        sqlx::query_scalar("pragma application_id").fetch_one(&mut *connection).await.map_err(classify)?;
+    let tables = tables(connection).await.map_err(classify)?;
+    // The table of migrations stands alone in a file whose first migration was interrupted.
+    let is_fresh = tables.iter().all(|name| name == MIGRATIONS);
+    if application_id != APPLICATION_ID && !(is_fresh && application_id == 0) {
+        return Err(StoreError::Foreign { path: path.to_owned(), application_id });
     }
-    let mut start = Vec::new();
-    let file = std::fs::File::open(path).map_err(unreadable)?;
-    file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(unreadable)?;
-    if start == MAGIC { Ok(()) } else { Err(other("another kind of file")) }
+    Ok(())
+}
+
+/// The schema of a database; 0 where the first migration was interrupted.
+pub(super) async fn schema(connection: &mut SqliteConnection, path: &Path) -> Result<i64, StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    if !tables(connection).await.map_err(classify)?.iter().any(|name| name == MIGRATIONS) {
+        return Ok(0);
+    }
+    let found: Option<i64> = sqlx::query_scalar("select max(version) from _sqlx_migrations")
+        .fetch_one(connection)
+        .await
+        .map_err(classify)?;
+    Ok(found.unwrap_or(0))
+}
+
+async fn tables(connection: &mut SqliteConnection) -> Result<Vec<String>, sqlx::Error> {
+    sqlx::query_scalar("select name from sqlite_schema where type = 'table'").fetch_all(connection).await
 }
 
 fn refuse_network(path: &Path, folder: &Path) -> Result<(), StoreError> {

@@ -1,5 +1,6 @@
 //! The database as the daemon meets it: opened, reopened, damaged, fought over, and cut off.
 
+mod copies;
 mod history;
 
 use crate::support::small_disk::SmallDisk;

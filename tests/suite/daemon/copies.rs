@@ -1,0 +1,150 @@
+//! `backup`, `restore` and `audit` beside a running daemon, on databases of every kind, and what the audit log says of them.
+
+use super::demo;
+use super::process::{Daemon, Output, run, videofields};
+use serde_json::Value;
+use sqlx::{Connection, SqliteConnection};
+use std::io::Write;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+fn command(name: &str, config: &Path, arguments: &[&str]) -> Command {
+    let mut command = videofields();
+    command.arg(name).arg("--config").arg(config).args(arguments);
+    command
+}
+
+fn succeed(command: &mut Command) -> Output {
+    let output = run(command);
+    assert_eq!(output.status, Some(0), "{command:?}: {}", output.stderr);
+    output
+}
+
+fn check_refused(command: &mut Command, expected: &str) {
+    let output = run(command);
+    assert_eq!(output.status, Some(1), "{command:?}: {}", output.stderr);
+    assert!(output.stderr.contains(expected), "{expected:?} is not in {}", output.stderr);
+}
+
+#[test]
+fn a_running_daemon_is_copied_and_a_stopped_one_restored() {
+    let folder = TempDir::new().unwrap();
+    let config = demo(folder.path());
+    let copy = folder.path().join("copy.sqlite");
+    let copied = copy.to_str().unwrap();
+    check_refused(&mut command("backup", &config, &["--out", copied]), "there is no database");
+
+    let daemon = Daemon::start(&config);
+    daemon.wait_until_live(&super::CAMERAS);
+    succeed(&mut command("backup", &config, &["--out", copied]));
+    let manifest: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("copy.sqlite.json")).unwrap()).unwrap();
+    assert_eq!(manifest["database"]["rows"]["scene"], 1, "{manifest}");
+    assert_eq!(manifest["database"]["sha256"].as_str().unwrap().len(), 64);
+    assert_eq!(manifest["scenes"].as_array().unwrap().len(), 1);
+    assert!(manifest["configuration"]["path"].as_str().unwrap().ends_with("plaza.toml"));
+    // Again over itself, but over nothing else.
+    succeed(&mut command("backup", &config, &["--out", copied]));
+    let database = folder.path().join("kept.sqlite");
+    check_refused(
+        &mut command("backup", &config, &["--out", database.to_str().unwrap()]),
+        "the database itself",
+    );
+    check_refused(&mut command("backup", &config, &["--out", config.to_str().unwrap()]), "is no copy");
+    check_refused(
+        &mut command("restore", &config, &["--force", copied]),
+        "has the database open: stop it first",
+    );
+
+    let listed = succeed(&mut command("audit", &config, &["list"])).stdout;
+    let backups: Vec<&str> = listed.lines().filter(|line| line.contains("\tbackup\t")).collect();
+    assert_eq!(backups.len(), 2, "{listed}");
+    assert!(backups[0].contains("\tcli:") && backups[0].ends_with("copy.sqlite"), "{listed}");
+    assert_eq!(daemon.stop("TERM").status, Some(0));
+
+    check_refused(&mut command("restore", &config, &[copied]), "--force");
+    succeed(&mut command("restore", &config, &["--force", copied]));
+    let listed = succeed(&mut command("audit", &config, &["list", "--json"])).stdout;
+    let last: Value = serde_json::from_str(listed.lines().last().unwrap()).unwrap();
+    assert_eq!((&last["action"], &last["number"]), (&"restore".into(), &2.into()), "{listed}");
+    assert!(last["target"].as_str().unwrap().ends_with("copy.sqlite"), "{last}");
+    let noted = format!("2:{}", last["digest"].as_str().unwrap());
+    succeed(&mut command("audit", &config, &["verify", "--noted", &noted]));
+    let other = format!("1:{}", last["digest"].as_str().unwrap());
+    check_refused(
+        &mut command("audit", &config, &["verify", "--noted", &other]),
+        "not the one that was noted",
+    );
+    check_refused(&mut command("restore", &config, &["--finish"]), "no copy was being put");
+
+    // A copy that is another than what stands beside it says.
+    std::fs::write(
+        folder.path().join("copy.sqlite.json"),
+        manifest.to_string().replace("sha256\":\"", "sha256\":\"0"),
+    )
+    .unwrap();
+    check_refused(&mut command("restore", &config, &[copied]), "another digest");
+    let again = Daemon::start(&config);
+    again.wait_until_live(&super::CAMERAS);
+    assert_eq!(again.stop("TERM").status, Some(0));
+}
+
+#[test]
+fn a_folder_keeps_its_newest_copies_and_everything_else_in_it() {
+    let folder = TempDir::new().unwrap();
+    let config = demo(folder.path());
+    let mut user = videofields();
+    user.arg("user").arg(&config).args(["set", "root", "--role", "admin", "--password"]);
+    let mut made = user.stdin(Stdio::piped()).spawn().unwrap();
+    made.stdin.take().unwrap().write_all(b"correct horse battery\n").unwrap();
+    assert!(made.wait().unwrap().success());
+    let copies = folder.path().join("copies");
+    let to = copies.to_str().unwrap().to_owned();
+    for name in ["videofields-20200101T000000Z.sqlite", "videofields-mine.sqlite", "notes"] {
+        std::fs::create_dir_all(&copies).unwrap();
+        std::fs::write(copies.join(name), "old").unwrap();
+    }
+    // A copy that was killed leaves its first name.
+    for _ in 0..3 {
+        succeed(&mut command("backup", &config, &["--out", &to, "--keep", "2"]));
+    }
+    let mut names: Vec<String> = std::fs::read_dir(&copies)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| !name.starts_with('.'))
+        .collect();
+    names.sort();
+    assert_eq!(names.len(), 6, "two copies, what stands beside them, and what is none: {names:?}");
+    assert!(names.contains(&"notes".to_owned()) && names.contains(&"videofields-mine.sqlite".to_owned()));
+    assert!(!names.contains(&"videofields-20200101T000000Z.sqlite".to_owned()));
+    let listed = succeed(&mut command("audit", &config, &["list"])).stdout;
+    assert!(listed.lines().next().unwrap().contains("\tuser set\troot"), "{listed}");
+}
+
+#[test]
+fn another_s_lock_and_a_place_that_cannot_be_written_are_told() {
+    let folder = TempDir::new().unwrap();
+    let config = demo(folder.path());
+    succeed(videofields().arg("user").arg(&config).args(["list"]));
+    let copy = folder.path().join("copy.sqlite");
+    let copied = copy.to_str().unwrap().to_owned();
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let url = format!("sqlite://{}", folder.path().join("kept.sqlite").display());
+    let mut alone = runtime.block_on(async {
+        let mut connection = SqliteConnection::connect(&url).await.unwrap();
+        for text in ["pragma locking_mode = exclusive", "begin exclusive", "commit"] {
+            sqlx::query(text).execute(&mut connection).await.unwrap();
+        }
+        connection
+    });
+    check_refused(&mut command("backup", &config, &["--out", &copied]), "busy");
+    check_refused(&mut command("restore", &config, &[&copied]), "has the database open");
+    runtime
+        .block_on(async { sqlx::query("pragma locking_mode = normal").execute(&mut alone).await.unwrap() });
+    runtime.block_on(alone.close()).unwrap();
+    succeed(&mut command("backup", &config, &["--out", &copied]));
+    let nowhere = folder.path().join("nowhere/copy.sqlite");
+    check_refused(&mut command("backup", &config, &["--out", nowhere.to_str().unwrap()]), "nowhere");
+    assert_eq!(std::fs::metadata(&copy).unwrap().len() % 512, 0);
+}
