@@ -1,5 +1,7 @@
 //! Copies while others write, what they refuse to read, and what is put back by whoever may be killed at any moment.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
+
 use super::{at, folder, open, tamper};
 use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
