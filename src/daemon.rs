@@ -81,10 +81,13 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     let order: Vec<_> = settings.scene.iter().map(|scene| scene.id.clone()).collect();
     let scenes = catalog.scenes(&order);
     warn_of_unknown_cameras(config, &scenes);
+    // As they were changed while the daemon ran before.
+    let config = &config.clone().with_cameras(catalog.cameras());
     let archive = start_archive(config, &store, &metrics, &clock).await?;
     let engine =
         Engine::start_recording(config, scenes, store.clone(), metrics, Arc::clone(&clock), archive.clone())?;
     let keeper = start_keeper(config, &engine, &store, &clock)?;
+    catalog.restore_playheads(&engine.handle());
     let address = listener.local_addr().context("the listener has no address")?;
     let url = format!("{}://{address}/", if tls.is_some() { "https" } else { "http" });
     tracing::info!(url, "listening");
@@ -173,7 +176,9 @@ async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog
     let configured = configured_scenes(config, &store, &**clock).await;
     let folders = (config.folder().to_owned(), settings.media.roots.clone());
     let catalog = Catalog::open(store.clone(), Arc::clone(clock), configured, folders).await;
-    Ok((store, catalog.context("cannot read what was kept of scenes, views and walls")?))
+    let catalog =
+        catalog.context("cannot read what was kept of scenes, views, walls, cameras and playheads")?;
+    Ok((store, catalog.with_cameras(&settings.camera)))
 }
 
 /// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and

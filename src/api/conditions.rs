@@ -35,6 +35,12 @@ pub(super) fn is_fresh(headers: &HeaderMap, etag: &str) -> bool {
     tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
 }
 
+/// The condition of a change that may have one.
+pub(super) fn optional(headers: &HeaderMap) -> Result<Option<Condition>, Problem> {
+    let has = |name| headers.contains_key(name);
+    if has(header::IF_MATCH) || has(header::IF_NONE_MATCH) { required(headers).map(Some) } else { Ok(None) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

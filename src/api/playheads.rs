@@ -1,6 +1,7 @@
 //! `/api/v1/playheads`: places in scene time that operators and walls share.
 
 use super::Api;
+use super::conditions::{etag, optional};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
@@ -12,6 +13,7 @@ use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use crate::access::Role;
+use crate::catalog::{CatalogError, Condition, PlayheadAsked};
 use crate::engine::{ENDED, EngineError, Handle, PlayheadState};
 use crate::error::Fault;
 use crate::frame::is_id;
@@ -42,16 +44,17 @@ pub(super) fn routes() -> Routes {
     let put = Operation::new("put_playhead", "Makes a playhead, or changes it where it is there")
         .role(Role::Operator)
         .takes(schema::named("PlayheadChange"))
-        .may_fail(&[409])
+        .may_fail(&[409, 412])
         .answers(shown(200, "It is changed"))
         .answers(shown(201, "It is made"));
     let change = Operation::new("change_playhead", "Changes a playhead by the members that come")
         .role(Role::Operator)
         .takes_patch(schema::named("PlayheadChange"))
-        .may_fail(&[409])
+        .may_fail(&[409, 412])
         .answers(shown(200, "It is changed"));
     let remove = Operation::new("remove_playhead", "Removes a playhead")
         .role(Role::Operator)
+        .may_fail(&[412])
         .answers(Answer::nothing(204, "It is gone"));
     let events = Operation::new("follow_playhead", "A playhead's state as it changes, and once a second")
         .about("Server-sent events `playhead`, each with the object that `show_playhead` answers.")
@@ -79,8 +82,10 @@ pub(super) async fn one(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    // The version first: a change between the two gives a newer state with an older tag, which no change takes.
+    let version = api.catalog.as_ref().map(|catalog| catalog.playhead_version(&id));
     let state = api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+    Ok(answer(StatusCode::OK, version, &state))
 }
 
 /// Makes a playhead, or changes it if it is there.
@@ -97,11 +102,8 @@ pub(super) async fn put(
         let message = "a playhead's name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit";
         return Err(EngineError::Request(Fault::new("id", message)).into());
     }
-    let change = read_body(&body)?;
-    let state = changed(&api, move |door| door.put_playhead(&id, change)).await?;
-    // The first change is the one that makes it.
-    let status = if state.version == 1 { StatusCode::CREATED } else { StatusCode::OK };
-    Ok((status, [(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+    let (body, condition) = (read_body(&body)?, optional(&headers)?);
+    changed(&api, (id, condition), move |door, id| door.put_playhead(id, body)).await
 }
 
 /// Changes a playhead by the members of a JSON object.
@@ -114,17 +116,34 @@ pub(super) async fn change(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let change = read_body(&body)?;
-    let state = changed(&api, move |door| door.change_playhead(&id, change)).await?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(state)).into_response())
+    let (body, condition) = (read_body(&body)?, optional(&headers)?);
+    changed(&api, (id, condition), move |door, id| door.change_playhead(id, body)).await
 }
 
-/// What a change comes to. A step may lead to what must be decoded first.
+/// What a change comes to, on disk where there is something that keeps it.
 async fn changed(
     api: &Api,
-    change: impl FnOnce(Handle) -> Result<PlayheadState, EngineError> + Send + 'static,
-) -> Result<PlayheadState, Problem> {
-    api.ask("moving a playhead", change).await.map_err(|error| problem_of(api, error))
+    (id, condition): (String, Option<Condition>),
+    change: impl FnOnce(Handle, &str) -> Result<PlayheadState, EngineError> + Send + 'static,
+) -> Result<Response, Problem> {
+    let (version, is_new, state) = match &api.catalog {
+        Some(catalog) => {
+            let by = api.identity.caller.user.clone();
+            let asked = PlayheadAsked { id, condition, by };
+            let moved = catalog.move_playhead((&api.door, &api.whole), asked, change).await;
+            let (version, is_new, state) = moved.map_err(|error| catalog_problem_of(api, error))?;
+            (Some(version), is_new, state)
+        }
+        None => {
+            // A step may lead to what must be decoded first.
+            let moved = api.ask("moving a playhead", move |door| change(door, &id)).await;
+            let state = moved.map_err(|error| problem_of(api, error))?;
+            // The first change is the one that makes it.
+            (None, state.version == 1, state)
+        }
+    };
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    Ok(answer(status, version, &state))
 }
 
 /// Removes a playhead.
@@ -136,8 +155,32 @@ pub(super) async fn remove(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    api.door.remove_playhead(&id).map_err(|error| problem_of(&api, error))?;
+    let condition = optional(&headers)?;
+    match &api.catalog {
+        Some(catalog) => {
+            let asked = PlayheadAsked { id, condition, by: api.identity.caller.user.clone() };
+            let removed = catalog.remove_playhead((&api.door, &api.whole), asked).await;
+            removed.map_err(|error| catalog_problem_of(&api, error))?;
+        }
+        None => api.door.remove_playhead(&id).map_err(|error| problem_of(&api, error))?,
+    }
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}
+
+/// A playhead with the version that a change of it may name.
+fn answer(status: StatusCode, version: Option<i64>, state: &PlayheadState) -> Response {
+    let mut response = (status, [(header::CACHE_CONTROL, "no-store")], Json(state)).into_response();
+    if let Some(tag) = version.and_then(|version| HeaderValue::try_from(etag(version)).ok()) {
+        response.headers_mut().insert(header::ETAG, tag);
+    }
+    response
+}
+
+fn catalog_problem_of(api: &Api, error: CatalogError) -> Problem {
+    match error {
+        CatalogError::Engine(error) => problem_of(api, error),
+        other => other.into(),
+    }
 }
 
 /// A playhead's state now, whenever it is changed, and once a second, as server-sent events; ends when it is removed.

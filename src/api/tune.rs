@@ -1,7 +1,9 @@
 //! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
 use super::cameras;
+use super::Api;
 use super::cameras::problem_of;
+use super::conditions::{etag, required};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
@@ -12,34 +14,46 @@ use super::query::Query;
 use super::schema;
 use super::segments::Segments;
 use crate::access::{Right, Role};
+use crate::catalog::{CameraAsked, CatalogError};
 use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
+use serde_json::Value;
 
 /// Where a browser says what kind of page a request comes from.
 const FETCH_SITE: &str = "sec-fetch-site";
 
 /// Routes about how cameras are set.
 pub(super) fn routes() -> Routes {
-    let segment = |meaning| Answer::json(200, meaning, schema::named("SegmentSettings"));
-    let source = |meaning| Answer::json(200, meaning, schema::named("SourceSettings"));
+    let segment = |meaning| Answer::json(200, meaning, schema::named("SegmentSettings")).tagged();
+    let source = |meaning| Answer::json(200, meaning, schema::named("SourceSettings")).tagged();
+    let forgets = |id, summary| {
+        Operation::new(id, summary)
+            .role(Role::Operator)
+            .right(Right::Manage)
+            .conditional()
+            .may_fail(&[409])
+            .answers(Answer::nothing(204, "What the configuration says holds again"))
+    };
     let show =
         Operation::new("show_segment", "How a camera's foreground is found").answers(segment("The settings"));
     let change = Operation::new("change_segment", "Changes how a camera's foreground is found")
-        .about("From the camera's next frame until the daemon ends.")
+        .about("From the camera's next frame on, and after a restart.")
         .role(Role::Operator)
         .right(Right::Manage)
+        .conditional()
         .takes_patch(schema::named("SegmentSettings"))
         .answers(segment("What then holds"));
     let show_source =
         Operation::new("show_source", "What feeds a camera, and its clock").answers(source("What feeds it"));
     let change_source = Operation::new("change_source", "Changes what feeds a camera, or its clock")
-        .about("Until the daemon ends. Other cameras do not notice.")
+        .about("After a restart too. Other cameras do not notice.")
         .role(Role::Operator)
         .right(Right::Manage)
+        .conditional()
         .takes_patch(schema::named("SourceSettings"))
         .may_fail(&[409])
         .answers(source("What then holds"));
@@ -51,8 +65,18 @@ pub(super) fn routes() -> Routes {
     Routes::of(cameras::TAG, cameras::SEGMENTS)
         .get("/api/v1/cameras/{id}/segment", self::show, show)
         .patch("/api/v1/cameras/{id}/segment", self::change, change)
+        .delete(
+            "/api/v1/cameras/{id}/segment",
+            forget,
+            forgets("forget_segment", "Takes back what was changed of how foreground is found"),
+        )
         .get("/api/v1/cameras/{id}/source", self::show_source, show_source)
         .patch("/api/v1/cameras/{id}/source", self::change_source, change_source)
+        .delete(
+            "/api/v1/cameras/{id}/source",
+            forget_source,
+            forgets("forget_source", "Takes back what was changed of what feeds a camera"),
+        )
         .post("/api/v1/cameras/{id}/accept-place", accept_place, accept)
 }
 
@@ -63,11 +87,13 @@ pub(super) async fn show(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    // The version first: a change between the two gives newer settings with an older tag, which no change takes.
+    let version = version(&api, &id);
     let settings = api.door.segment_settings(&id).map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
+    Ok(answer(version, Json(settings)))
 }
 
-/// Changes that by the members of a JSON object (RFC 7396); in force from the camera's next frame until the daemon ends.
+/// Changes that by the members of a JSON object (RFC 7396), with `If-Match`; in force from the camera's next frame, and kept.
 pub(super) async fn change(
     Asked(api): Asked,
     Segments(id): Segments<String>,
@@ -77,9 +103,31 @@ pub(super) async fn change(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let settings =
-        api.door.change_segment(&id, read_body(&body)?).map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(settings)).into_response())
+    let Some(catalog) = &api.catalog else {
+        let changed = api.door.change_segment(&id, read_body(&body)?);
+        return Ok(answer(None, Json(changed.map_err(|error| problem_of(&api, error))?)));
+    };
+    check(&api, &id)?;
+    let (asked, body) = (asked(&api, id, &headers)?, read_body(&body)?);
+    let changed = catalog.change_segment(&api.door, asked, body).await;
+    let (version, settings) = changed.map_err(|error| catalog_problem_of(&api, error))?;
+    Ok(answer(Some(version), Json(settings)))
+}
+
+/// Takes that change back (`If-Match`): the configuration's settings are in force.
+pub(super) async fn forget(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    check(&api, &id)?;
+    let asked = asked(&api, id, &headers)?;
+    let forgotten = api.catalog()?.forget_segment(&api.door, asked).await;
+    forgotten.map_err(|error| catalog_problem_of(&api, error))?;
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
 /// What feeds a camera: whether frames are taken, from where, and what is wrong with its clock.
@@ -89,11 +137,12 @@ pub(super) async fn show_source(
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    let version = version(&api, &id);
     let feed = api.door.feed(&id).map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(feed.shown())).into_response())
+    Ok(answer(version, Json(feed.shown())))
 }
 
-/// Changes that by the members of a JSON object (RFC 7396), until the daemon ends; other cameras do not notice.
+/// Changes that by the members of a JSON object (RFC 7396), with `If-Match`, and keeps it; other cameras do not notice.
 pub(super) async fn change_source(
     Asked(api): Asked,
     Segments(id): Segments<String>,
@@ -104,10 +153,62 @@ pub(super) async fn change_source(
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let change = read_body(&body)?;
-    // What fed the camera before must end first.
-    let changed = api.ask("changing a camera", move |door| door.change_feed(&id, &change)).await;
-    let changed = changed.map_err(|error| problem_of(&api, error))?;
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(changed.shown())).into_response())
+    let Some(catalog) = &api.catalog else {
+        // What fed the camera before must end first.
+        let changed = api.ask("changing a camera", move |door| door.change_feed(&id, &change)).await;
+        return Ok(answer(None, Json(changed.map_err(|error| problem_of(&api, error))?.shown())));
+    };
+    check(&api, &id)?;
+    let changed = catalog.change_feed(&api.door, asked(&api, id, &headers)?, change).await;
+    let (version, feed) = changed.map_err(|error| catalog_problem_of(&api, error))?;
+    Ok(answer(Some(version), Json(feed.shown())))
+}
+
+/// Takes that change back (`If-Match`): the configuration's source is in force.
+pub(super) async fn forget_source(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    refuse_foreign(&headers)?;
+    check(&api, &id)?;
+    let asked = asked(&api, id, &headers)?;
+    let forgotten = api.catalog()?.forget_feed(&api.door, asked).await;
+    forgotten.map_err(|error| catalog_problem_of(&api, error))?;
+    Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
+}
+
+/// Refuses who may not change a camera before anything else is said of it.
+fn check(api: &Api, id: &str) -> Result<(), Problem> {
+    let nothing = Value::Object(serde_json::Map::new());
+    api.door.preview_feed(id, &nothing).map(|_| ()).map_err(|error| problem_of(api, error))
+}
+
+/// The version of what was changed of a camera, where that is kept.
+fn version(api: &Api, id: &str) -> Option<i64> {
+    api.catalog.as_ref().map(|catalog| catalog.camera_version(id))
+}
+
+fn asked(api: &Api, id: String, headers: &HeaderMap) -> Result<CameraAsked, Problem> {
+    Ok(CameraAsked { id, condition: required(headers)?, by: api.identity.caller.user.clone() })
+}
+
+/// An answer with the version that a change of it names.
+fn answer(version: Option<i64>, body: impl IntoResponse) -> Response {
+    let mut response = ([(header::CACHE_CONTROL, "no-store")], body).into_response();
+    if let Some(tag) = version.and_then(|version| HeaderValue::try_from(etag(version)).ok()) {
+        response.headers_mut().insert(header::ETAG, tag);
+    }
+    response
+}
+
+fn catalog_problem_of(api: &Api, error: CatalogError) -> Problem {
+    match error {
+        CatalogError::Engine(error) => problem_of(api, error),
+        other => other.into(),
+    }
 }
 
 /// Takes the place that a moved camera now shows for its place.
@@ -123,8 +224,22 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
+/// A method that `/segment` and `/source` do not take.
+pub(super) async fn no_method() -> Response {
+    let mut response = Problem::method("only GET, HEAD, PATCH and DELETE are answered here").into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, PATCH, DELETE"));
+    response
+}
+
+/// A method that `/accept-place` does not take.
+pub(super) async fn post_only() -> Response {
+    let mut response = Problem::method("only POST is answered here").into_response();
+    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("POST"));
+    response
+}
+
 /// The JSON that a request brings.
-pub(super) fn read_body(body: &[u8]) -> Result<serde_json::Value, Problem> {
+pub(super) fn read_body(body: &[u8]) -> Result<Value, Problem> {
     serde_json::from_slice(body).map_err(|error| {
         let place = format!("line {}, column {}", error.line(), error.column());
         let message = format!("the body is no JSON ({place}): {error}");

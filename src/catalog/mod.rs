@@ -1,16 +1,21 @@
-//! What people keep through the API: scenes, views and walls, each with its versions.
+//! What people keep through the API: scenes, views and walls, each with its versions; what they changed of cameras; playheads.
 //!
-//! In: documents and who changes them. Out: the newest of each, what it was before, and scenes for the engine. A change is on
+//! In: documents and who changes them. Out: the newest of each, what it was before, and scenes and cameras for the engine. A change is on
 //! disk before it is acknowledged. Scenes of the configuration are the layer beneath: what is kept here covers them, and
 //! taking it away brings them back; their files are never written.
 
+mod cameras;
 mod error;
+mod playheads;
 mod scenes;
 
+pub use cameras::CameraAsked;
 pub use error::CatalogError;
+pub use playheads::PlayheadAsked;
 pub use scenes::ConfiguredScene;
 
 use crate::clock::{Clock, Timestamp};
+use crate::config::CameraSettings;
 use crate::store::{DocumentKind, DocumentRecord, Store};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -67,6 +72,12 @@ pub struct Catalog {
     reading: Semaphore,
     /// One change after the other, so that the engine's scenes are those that were kept last.
     changes: tokio::sync::Mutex<()>,
+    /// One change of a camera after the other, so that what is in force is what was kept last.
+    camera_changes: tokio::sync::Mutex<()>,
+    /// As well, of playheads: they are moved often, and wait for neither scenes nor cameras.
+    playhead_changes: tokio::sync::Mutex<()>,
+    /// The cameras as the configuration has them.
+    cameras: RwLock<Vec<CameraSettings>>,
     configured: BTreeMap<String, ConfiguredScene>,
     /// Where scenes of no file find their models and pictures.
     folder: PathBuf,
@@ -86,7 +97,7 @@ impl Catalog {
         (folder, media_roots): (PathBuf, Vec<PathBuf>),
     ) -> Result<Self, CatalogError> {
         let mut newest = BTreeMap::new();
-        for kind in [DocumentKind::Scene, DocumentKind::View, DocumentKind::Wall] {
+        for kind in DocumentKind::ALL {
             let records = store.newest_documents(kind).await?;
             newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), Arc::new(record))));
         }
@@ -97,6 +108,9 @@ impl Catalog {
             newest: RwLock::new(newest),
             reading: Semaphore::new(READ_AT_ONCE),
             changes: tokio::sync::Mutex::default(),
+            camera_changes: tokio::sync::Mutex::default(),
+            playhead_changes: tokio::sync::Mutex::default(),
+            cameras: RwLock::default(),
             configured,
             folder,
             media_roots,
@@ -106,7 +120,12 @@ impl Catalog {
     /// How the document of that name stands.
     #[must_use]
     pub fn state(&self, kind: DocumentKind, id: &str) -> State {
-        let is_configured = kind == DocumentKind::Scene && self.configured_scene(id).is_some();
+        let is_configured = match kind {
+            DocumentKind::Scene => self.configured_scene(id).is_some(),
+            // Whether there is one the engine says; all of them can be changed.
+            DocumentKind::Camera => true,
+            DocumentKind::View | DocumentKind::Wall | DocumentKind::Playhead => false,
+        };
         let kept = self.newest(kind, id);
         State {
             version: kept.as_ref().map_or(0, |record| record.version),
@@ -218,7 +237,8 @@ impl Catalog {
         if !holds {
             return Err(CatalogError::Changed { now: is_there.then_some(was) });
         }
-        if document.is_some() && !is_there && self.count(kind) >= MAX_DOCUMENTS {
+        let is_new = !is_there || (kind == DocumentKind::Camera && was == 0);
+        if document.is_some() && is_new && self.count(kind) >= MAX_DOCUMENTS {
             return Err(CatalogError::TooMany { kind, most: MAX_DOCUMENTS });
         }
         if was == 0 {

@@ -122,9 +122,14 @@ impl Catalog {
             let of_file = |_| CatalogError::Configured { id: id.to_owned() };
             return Err(self.configured.get(id).map_or(error, of_file));
         }
-        let record = self.added(engine, id, None, condition, by).await?;
-        show(engine, id, self.configured_scene(id).cloned())?;
+        let record = self.added(engine, id, None, condition, by.clone()).await?;
+        let configured = self.configured_scene(id).cloned();
+        let is_gone = configured.is_none();
+        show(engine, id, configured)?;
         self.publish(DocumentKind::Scene, record);
+        if is_gone {
+            self.remove_playheads_of(id, by.as_ref()).await?;
+        }
         Ok(())
     }
 

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use toml::Value;
 use videofields::config::{
-    BackgroundSettings, CameraSettings, ClockSettings, ConditionSettings, Config, ConfigFault,
-    SegmentSettings, Settings, SourceSettings, TrackSettings,
+    BackgroundSettings, CameraSettings, ConditionSettings, Config, ConfigFault, SegmentSettings, Settings,
+    SourceSettings, TrackSettings,
 };
 use videofields::frame::CameraId;
 use videofields::ingest::Pipeline;
@@ -69,16 +69,12 @@ pub(crate) fn camera(tables: Tables, source: SourceSettings) -> Result<CameraSet
     let Given { background, segment, track, condition } = Given::from(tables)?;
     let id = CameraId::new("input")?;
     let camera = CameraSettings {
-        id,
-        name: String::new(),
-        source,
-        clock: ClockSettings::default(),
         record: false,
-        vision: true,
         background,
         segment,
         track,
         condition,
+        ..CameraSettings::new(id, source)
     };
     let all = Settings { camera: vec![camera.clone()], ..Settings::default() };
     match Config::from_settings(all, Path::new(".")) {

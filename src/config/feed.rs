@@ -1,6 +1,7 @@
 //! What of a camera's feed can be changed while it runs: whether it is fed at all, from where, and its clock.
 
 use super::clock::{self, ClockSettings};
+use super::settings::CameraSettings;
 use super::source::{self, Place, SourceSettings};
 use super::url::CameraUrl;
 use crate::error::{Fault, Gatherer};
@@ -20,6 +21,12 @@ pub struct FeedSettings {
 }
 
 impl FeedSettings {
+    /// What feeds a camera by its settings.
+    #[must_use]
+    pub fn of(camera: &CameraSettings) -> Self {
+        Self { enabled: camera.enabled, source: camera.source.clone(), clock: camera.clock }
+    }
+
     /// As it is shown: of the source those keys that belong to its kind and say something, without the user, and of a URL
     /// nothing behind the host, since cameras want passwords there.
     #[must_use]
@@ -34,7 +41,8 @@ impl FeedSettings {
         shown
     }
 
-    fn whole(&self) -> Value {
+    /// As it is written, with everything that it says.
+    pub(super) fn whole(&self) -> Value {
         let mut shown = serde_json::to_value(self).unwrap_or_default();
         if let Some(Value::Object(keys)) = shown.get_mut("source") {
             keys.retain(|key, value| !value.is_null() && source::is_of_kind(key, &self.source));

@@ -5,6 +5,7 @@
 //! there is found out when the camera starts, so that one missing file leaves the others working.
 
 mod archive;
+mod change;
 mod clock;
 mod document;
 mod environment;
@@ -19,6 +20,7 @@ mod url;
 mod validate;
 
 pub use archive::ArchiveSettings;
+pub use change::{CameraChange, Unfit};
 pub use clock::ClockSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use feed::FeedSettings;
@@ -110,6 +112,12 @@ impl Config {
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
+    }
+
+    /// The same with other settings of its cameras, which were validated.
+    #[must_use]
+    pub fn with_cameras(self, camera: Vec<CameraSettings>) -> Self {
+        Self { settings: Settings { camera, ..self.settings }, folder: self.folder }
     }
 
     /// The same with another address to listen on.

@@ -173,6 +173,9 @@ pub struct CameraSettings {
     /// Name for people, at most 200 characters, none of them a control character. Default: the id.
     #[serde(default)]
     pub name: String,
+    /// Whether frames are taken from its source at all. Default true.
+    #[serde(default = "default_enabled")]
+    pub enabled: bool,
     /// Where its frames come from.
     pub source: SourceSettings,
     /// What is wrong with its clock.
@@ -197,6 +200,30 @@ pub struct CameraSettings {
     /// How its picture is watched for what makes it useless.
     #[serde(default)]
     pub condition: ConditionSettings,
+}
+
+impl CameraSettings {
+    /// A camera with the default of everything but its id and source.
+    #[must_use]
+    pub fn new(id: CameraId, source: SourceSettings) -> Self {
+        Self {
+            id,
+            name: String::new(),
+            enabled: default_enabled(),
+            source,
+            clock: ClockSettings::default(),
+            record: default_record(),
+            vision: default_vision(),
+            background: BackgroundSettings::default(),
+            segment: SegmentSettings::default(),
+            track: TrackSettings::default(),
+            condition: ConditionSettings::default(),
+        }
+    }
+}
+
+const fn default_enabled() -> bool {
+    true
 }
 
 const fn default_vision() -> bool {

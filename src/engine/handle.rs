@@ -216,6 +216,16 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoCamera`].
     fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError>;
 
+    /// What that would be once the members of a JSON object are changed; nothing is changed by asking.
+    ///
+    /// # Errors
+    /// As [`Door::change_segment`].
+    fn preview_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError>;
+
     /// Changes that by the members of a JSON object, until the daemon ends; the settings then.
     ///
     /// # Errors
@@ -229,12 +239,24 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoCamera`].
     fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError>;
 
+    /// What that would be once it is changed; nothing is changed by asking.
+    ///
+    /// # Errors
+    /// As [`Door::change_feed`].
+    fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
+
     /// Changes that as [`FeedSettings::changed`] has it, until the daemon ends; the settings then. Blocks for up to some
     /// seconds, until what fed the camera before has ended.
     ///
     /// # Errors
     /// [`EngineError::NoCamera`], [`EngineError::Faults`]; [`EngineError::Unavailable`] while the daemon stops.
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
+
+    /// Has a camera fed by what the configuration's author wrote, whatever feeds it now. Blocks as [`Door::change_feed`] does.
+    ///
+    /// # Errors
+    /// As [`Door::change_feed`].
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError>;
 
     /// Takes the place that a camera now shows for its place, though it has moved: its calibration was made anew, or is
     /// still good.
@@ -362,6 +384,12 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoPlayhead`].
     fn remove_playhead(&self, id: &str) -> Result<(), EngineError>;
+
+    /// Puts a playhead where it once stood, and lets it go on from there.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::Faults`], [`EngineError::TooLarge`] where there are as many as there may be.
+    fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError>;
 
     /// Changes with every change of any playhead; [`ENDED`](super::ENDED) once the engine stops.
     fn watch_playheads(&self) -> watch::Receiver<u64>;

@@ -211,6 +211,15 @@ impl Door for Permitted {
         self.shared.segment_settings(camera)
     }
 
+    fn preview_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        self.check_change(camera)?;
+        self.shared.preview_segment(camera, change)
+    }
+
     fn change_segment(
         &self,
         camera: &str,
@@ -225,9 +234,19 @@ impl Door for Permitted {
         self.shared.feed(camera)
     }
 
+    fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.check_change(camera)?;
+        self.shared.preview_feed(camera, change)
+    }
+
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
         self.check_change(camera)?;
         self.shared.change_feed(camera, change)
+    }
+
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+        self.check_change(camera)?;
+        self.shared.set_feed(camera, feed)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
@@ -349,6 +368,11 @@ impl Door for Permitted {
         self.own_playhead(id)?;
         self.check_role(Role::Operator, "removing a playhead")?;
         self.shared.remove_playhead(id)
+    }
+
+    fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "putting a playhead back")?;
+        self.shared.restore_playhead(state)
     }
 
     fn watch_playheads(&self) -> watch::Receiver<u64> {

@@ -1,4 +1,4 @@
-//! The playheads that callers share, by name: bounded in number, kept as long as the daemon runs.
+//! The playheads that callers share, by name: bounded in number. What outlives the daemon is kept by others.
 
 use super::EngineError;
 use crate::clock::Timestamp;
@@ -16,7 +16,7 @@ pub const ENDED: u64 = u64::MAX;
 const MAX_PLAYHEADS: usize = 64;
 
 /// A playhead as callers see it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlayheadState {
     /// Its name.
     pub id: String,
@@ -152,6 +152,33 @@ impl Entry {
         Self { id: id.to_owned(), scene: scene.to_owned(), playhead: Playhead::default(), version: 0 }
     }
 
+    /// What `state` tells of, at monotonic time `now`.
+    ///
+    /// # Errors
+    /// When an instant is none, the rate is no rate, or the stretch none.
+    pub(super) fn again(state: &PlayheadState, now: Duration) -> Result<Self, EngineError> {
+        let instant = |text: &str, place: &str| {
+            text.parse::<Timestamp>().map_err(|error| Fault::new(place, error.to_string()))
+        };
+        let range = match &state.range {
+            Some([from, to]) => {
+                instant(from, "/loop/0").and_then(|from| Ok(Some((from, instant(to, "/loop/1")?))))
+            }
+            None => Ok(None),
+        };
+        let read = instant(&state.position, "/position").and_then(|position| Ok((position, range?)));
+        let (position, range) = read.map_err(|fault| EngineError::Faults(vec![fault]))?;
+        let rate = state.rate;
+        let is_rate = rate.is_finite() && rate != 0.0 && rate.abs() <= MAX_RATE;
+        if !is_rate || range.is_some_and(|(from, to)| from >= to) {
+            let place = if is_rate { "/loop" } else { "/rate" };
+            return Err(EngineError::Faults(vec![Fault::new(place, "is not what a playhead has")]));
+        }
+        let playhead = Playhead::again(state.mode, (position, now), rate, range);
+        let (id, scene) = (state.id.clone(), state.scene.clone());
+        Ok(Self { id, scene, playhead, version: state.version })
+    }
+
     /// Does what was asked; `stepped` is where a step leads, if one was asked for.
     pub(super) fn apply(
         &mut self,
@@ -245,6 +272,15 @@ impl Playheads {
         drop(entries);
         self.tell();
         Ok(true)
+    }
+
+    /// Puts `entry` in the place of the one of its name, whatever that is.
+    pub(super) fn put(&self, entry: Entry) -> Result<(), EngineError> {
+        let was = self.find(&entry.id).ok().map(|entry| entry.version);
+        match self.replace(entry, was)? {
+            true => Ok(()),
+            false => Err(EngineError::Unavailable("a playhead was changed meanwhile".to_owned())),
+        }
     }
 
     /// Removes the one of that name.

@@ -74,7 +74,6 @@ struct Anew<'a> {
 
 struct Held {
     settings: CameraSettings,
-    is_enabled: bool,
     /// Scene time of its zero, if it names no start.
     origin: Timestamp,
     worker: Option<CameraWorker>,
@@ -97,20 +96,20 @@ impl Roster {
             let sightings = Arc::<Sightings>::default();
             // One after the other over the interval, not all at once: they share one database.
             let sooner = interval * place / n_cameras;
-            let worker = surroundings.spawn(camera, (&timeline, &tuning, &sightings), sooner, None)?;
+            let worker = if camera.enabled {
+                Some(surroundings.spawn(camera, (&timeline, &tuning, &sightings), sooner, None)?)
+            } else {
+                None
+            };
+            let switched_off = || StatusReader::switched_off(surroundings.clock.now());
             posts.push(Post {
                 id: camera.id.clone(),
                 timeline,
                 tuning,
                 sightings,
-                status: worker.status_reader(),
+                status: worker.as_ref().map_or_else(switched_off, CameraWorker::status_reader),
                 sooner,
-                held: Mutex::new(Held {
-                    settings: camera.clone(),
-                    is_enabled: true,
-                    origin: surroundings.origin.0,
-                    worker: Some(worker),
-                }),
+                held: Mutex::new(Held { settings: camera.clone(), origin: surroundings.origin.0, worker }),
             });
         }
         Ok(Self { surroundings, posts })
@@ -136,8 +135,23 @@ impl Roster {
     ) -> Result<FeedSettings, EngineError> {
         let post = self.post(camera)?;
         let mut held = post.lock();
-        let before = held.feed();
-        let changed = before.changed(change).map_err(EngineError::Faults)?;
+        let changed = held.feed().changed(change).map_err(EngineError::Faults)?;
+        self.feed_anew(post, &mut held, changed)
+    }
+
+    /// Has a camera fed so. Blocks as [`Self::change_feed`] does.
+    pub(super) fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+        let post = self.post(camera)?;
+        self.feed_anew(post, &mut post.lock(), feed)
+    }
+
+    fn feed_anew(
+        &self,
+        post: &Post,
+        held: &mut Held,
+        changed: FeedSettings,
+    ) -> Result<FeedSettings, EngineError> {
+        let (camera, before) = (post.id.as_str(), held.feed());
         if changed == before {
             return Ok(before);
         }
@@ -160,7 +174,7 @@ impl Roster {
         let is_elsewhere = held.settings.source.place() != changed.source.place();
         held.settings.source = changed.source.clone();
         held.settings.segment = post.tuning.segment();
-        held.is_enabled = changed.enabled;
+        held.settings.enabled = changed.enabled;
         if changed.enabled {
             // What begins now begins at its beginning.
             let now = (self.surroundings.clock.now(), self.surroundings.clock.monotonic());
@@ -239,8 +253,7 @@ impl Post {
 
 impl Held {
     fn feed(&self) -> FeedSettings {
-        let CameraSettings { source, clock, .. } = &self.settings;
-        FeedSettings { enabled: self.is_enabled, source: source.clone(), clock: *clock }
+        FeedSettings::of(&self.settings)
     }
 }
 

@@ -110,6 +110,14 @@ impl StatusReader {
         self.0.read()
     }
 
+    /// Of a camera that has no thread yet, since it is switched off.
+    #[must_use]
+    pub fn switched_off(now: Timestamp) -> Self {
+        let status = Self(SharedStatus::new(now));
+        status.switch_off(now);
+        status
+    }
+
     /// Tells that the camera was switched off: the thread that told its status has ended.
     pub fn switch_off(&self, now: Timestamp) {
         let mut status = self.0.lock();

@@ -19,9 +19,16 @@ pub enum DocumentKind {
     View,
     /// A wall of screens.
     Wall,
+    /// What was changed of a camera.
+    Camera,
+    /// A playhead.
+    Playhead,
 }
 
 impl DocumentKind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Scene, Self::View, Self::Wall, Self::Camera, Self::Playhead];
+
     /// As answers and the table have it.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
@@ -29,6 +36,8 @@ impl DocumentKind {
             Self::Scene => "scene",
             Self::View => "view",
             Self::Wall => "wall",
+            Self::Camera => "camera",
+            Self::Playhead => "playhead",
         }
     }
 }

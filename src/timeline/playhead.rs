@@ -26,7 +26,7 @@ enum Anchor {
 }
 
 /// What a playhead does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PlayheadMode {
     /// It is the present.
@@ -53,6 +53,27 @@ impl Default for Playhead {
 }
 
 impl Playhead {
+    /// One that does what another did, which stood at `position` at monotonic time `now`.
+    ///
+    /// # Panics
+    /// As [`Self::set_rate`] and [`Self::set_range`].
+    #[must_use]
+    pub fn again(
+        mode: PlayheadMode,
+        (position, now): (Timestamp, Duration),
+        rate: f64,
+        range: Option<(Timestamp, Timestamp)>,
+    ) -> Self {
+        assert!(rate.abs() <= MAX_RATE && rate != 0.0, "a rate from -8 to 8 and not 0");
+        assert!(range.is_none_or(|(from, to)| from < to), "a stretch has a length");
+        let anchor = match mode {
+            PlayheadMode::Live => Anchor::Live,
+            PlayheadMode::Paused => Anchor::Paused(position),
+            PlayheadMode::Playing => Anchor::Playing(position, now),
+        };
+        Self { anchor, rate, range }
+    }
+
     /// What it does.
     #[must_use]
     pub const fn mode(&self) -> PlayheadMode {

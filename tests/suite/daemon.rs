@@ -5,6 +5,7 @@
 mod commands;
 mod copies;
 mod encrypted;
+mod kept;
 mod process;
 
 use process::{Daemon, Output, run, videofields};

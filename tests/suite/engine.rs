@@ -87,6 +87,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
     CameraSettings {
         id: CameraId::new(id).unwrap(),
         name: String::new(),
+        enabled: true,
         source: SourceSettings {
             rate_hz: RATE_HZ,
             end,
@@ -109,6 +110,7 @@ struct Bench {
     store: Store,
     engine: Engine,
     handle: Handle,
+    cameras: Vec<CameraSettings>,
 }
 
 impl Bench {
@@ -133,7 +135,8 @@ impl Bench {
             Engine::start(&config, scenes, store.clone(), Arc::new(Metrics::new()), clock).unwrap()
         };
         let handle = engine.handle();
-        Self { runtime, store, engine, handle }
+        let cameras = config.settings().camera.clone();
+        Self { runtime, store, engine, handle, cameras }
     }
 
     /// Stops it as the daemon does; the handle lives on.

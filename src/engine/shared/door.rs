@@ -11,7 +11,7 @@ use super::super::handle::{
 use super::super::past::Past;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
-use super::super::playheads::{Change, PlayheadState};
+use super::super::playheads::{Change, Entry, PlayheadState};
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
@@ -135,20 +135,28 @@ impl Door for Shared {
         Ok(self.camera(camera)?.tuning.segment())
     }
 
-    fn change_segment(
+    fn preview_segment(
         &self,
         camera: &str,
         change: serde_json::Value,
     ) -> Result<SegmentSettings, EngineError> {
-        let tuning = &self.camera(camera)?.tuning;
-        let current = tuning.segment();
+        let current = self.camera(camera)?.tuning.segment();
         let changed = config::changed_segment(&current, change).map_err(EngineError::Faults)?;
         if changed.resolution != current.resolution {
             let message = "cannot be changed while the camera runs: the background is learned at this size";
             return Err(EngineError::Faults(vec![Fault::new("/resolution", message)]));
         }
+        Ok(changed)
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        let changed = self.preview_segment(camera, change)?;
         tracing::info!(camera, segment = ?changed, "segmentation settings changed");
-        tuning.set_segment(changed.clone());
+        self.camera(camera)?.tuning.set_segment(changed.clone());
         Ok(changed)
     }
 
@@ -156,8 +164,16 @@ impl Door for Shared {
         self.running(camera)?.feed(camera)
     }
 
+    fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.feed(camera)?.changed(change).map_err(EngineError::Faults)
+    }
+
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
         self.running(camera)?.change_feed(camera, change)
+    }
+
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+        self.running(camera)?.set_feed(camera, feed)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {
@@ -295,6 +311,11 @@ impl Door for Shared {
 
     fn remove_playhead(&self, id: &str) -> Result<(), EngineError> {
         self.playheads.remove(id)
+    }
+
+    fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError> {
+        self.scene(&state.scene)?;
+        self.playheads.put(Entry::again(state, self.clock.monotonic())?)
     }
 
     fn watch_playheads(&self) -> watch::Receiver<u64> {

@@ -348,13 +348,37 @@ impl Door for FakeDoor {
         Ok(SegmentSettings::default())
     }
 
-    fn change_segment(
+    fn preview_segment(
         &self,
         camera: &str,
         change: serde_json::Value,
     ) -> Result<SegmentSettings, EngineError> {
         Self::has_camera(camera)?;
         changed_segment(&SegmentSettings::default(), change).map_err(EngineError::Faults)
+    }
+
+    fn change_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError> {
+        self.preview_segment(camera, change)
+    }
+
+    fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
+        self.feed(camera)?.changed(change).map_err(EngineError::Faults)
+    }
+
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
+        Self::has_camera(camera)?;
+        Ok(feed)
+    }
+
+    fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError> {
+        let mut door = self.0.lock().unwrap();
+        door.playheads.retain(|playhead| playhead.id != state.id);
+        door.playheads.push(state.clone());
+        Ok(())
     }
 
     fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError> {

@@ -65,7 +65,7 @@ async fn thresholds_are_shown_and_changed() {
     bench.get("/api/v1/cameras/east/segment").await.problem(404, "/api/v1/cameras/east/segment");
     let other = bench.send(request(Method::PUT, path, "{}")).await;
     other.problem(405, path);
-    assert_eq!(other.field("allow"), "GET, HEAD, PATCH");
+    assert_eq!(other.field("allow"), "GET, HEAD, PATCH, DELETE");
     let foreign = Request::patch(path).header("sec-fetch-site", "cross-site").body(Body::from("{}")).unwrap();
     bench.send(foreign).await.problem(400, path);
 }

@@ -78,19 +78,33 @@ impl Daemon {
         end(&mut self.child, stdout, self.stderr.take().unwrap())
     }
 
+    /// Sends a change with a condition, such as `if-match: "1"`, where one is given.
+    pub(super) fn send(&self, method: &str, target: &str, condition: &str, body: &str) -> Answer {
+        let condition = if condition.is_empty() { String::new() } else { format!("{condition}\r\n") };
+        self.ask(&format!(
+            "{method} {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n{condition}content-length: {}\r\n\r\n{body}",
+            self.address,
+            body.len()
+        ))
+    }
+
     pub(super) fn get(&self, target: &str) -> Answer {
+        self.ask(&format!("GET {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address))
+    }
+
+    fn ask(&self, request: &str) -> Answer {
         let mut stream = TcpStream::connect_timeout(&self.address, PATIENCE).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream.set_write_timeout(Some(PATIENCE)).unwrap();
-        write!(stream, "GET {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address)
-            .unwrap();
+        stream.write_all(request.as_bytes()).unwrap();
         let mut bytes = Vec::new();
         stream.read_to_end(&mut bytes).unwrap();
         let head_len = bytes.windows(4).position(|four| four == b"\r\n\r\n").unwrap();
         let head = String::from_utf8(bytes[..head_len].to_vec()).unwrap();
         assert!(!head.to_lowercase().contains("transfer-encoding"), "{head}");
         let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-        Answer { status, body: bytes.split_off(head_len + 4) }
+        let etag = head.lines().find_map(|line| line.strip_prefix("etag: ")).map(str::to_owned);
+        Answer { status, etag, body: bytes.split_off(head_len + 4) }
     }
 
     /// What stands there, which must be there (or not yet ready, which `/readyz` says with 503).
@@ -164,6 +178,7 @@ fn first_line(stdout: impl Read + Send + 'static) -> Receiver<String> {
 /// An HTTP answer.
 pub(super) struct Answer {
     pub(super) status: u16,
+    pub(super) etag: Option<String>,
     pub(super) body: Vec<u8>,
 }
 

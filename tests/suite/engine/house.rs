@@ -47,6 +47,8 @@ impl House {
             let folders = (folder.to_owned(), vec![folder.to_owned()]);
             let catalog =
                 Catalog::open(bench.store.clone(), Arc::clone(&clock), configured, folders).await.unwrap();
+            let catalog = catalog.with_cameras(&bench.cameras);
+            catalog.restore_playheads(&bench.handle);
             for scene in catalog.scenes(&[id.to_owned()]) {
                 bench.handle.put_scene(scene).unwrap();
             }
