@@ -25,13 +25,18 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
 /// Routes at which somebody looks at what cameras saw.
-const LOOKS: [&str; 8] = [
+const LOOKS: [&str; 13] = [
     "/api/v1/cameras/{id}/{picture}",
     "/api/v1/cameras/{id}/strip.jpg",
     "/api/v1/scenes/{id}/{picture}",
     "/api/v1/scenes/{id}/tracks",
     "/api/v1/exports/{id}/{file}",
     "/api/v1/scenes/{id}/view.mjpeg",
+    "/api/v1/scenes/{id}/frames",
+    "/api/v1/views/{id}/frames",
+    "/api/v1/walls/{id}/tiles/{tile}/frames",
+    "/api/v1/views/{id}/picture.mjpeg",
+    "/api/v1/views/{id}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
 ];
@@ -76,7 +81,8 @@ pub(super) async fn note(
     let status = response.status();
     let is_noted = if is_look {
         // What was refused showed nothing; of a flood of wrong requests the metrics tell.
-        let is_seen = LOOKS.contains(&route) && status.is_success();
+        let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
+        let is_seen = LOOKS.contains(&route) && is_shown;
         is_seen && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic())
     } else if status == StatusCode::UNAUTHORIZED {
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.

@@ -4,6 +4,7 @@
 //! may ask. A route takes [`Asked`], whose door shows what the caller may see and nothing else.
 
 use super::Api;
+use super::connection::Connection;
 use super::error::Problem;
 use crate::access::{Grants, Role};
 use crate::accounts::{Accounts, Caller};
@@ -119,7 +120,8 @@ impl FromRequestParts<Api> for Asked {
         let identity = parts.extensions.get::<Identity>();
         let identity =
             identity.ok_or_else(|| Problem::new(ErrorKind::Internal, "nobody looked up who asks"))?;
-        Ok(Self(api.of(identity.clone())))
+        let connection = parts.extensions.get::<Connection>().cloned().unwrap_or_default();
+        Ok(Self(Api { connection, ..api.of(identity.clone()) }))
     }
 }
 

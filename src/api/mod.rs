@@ -9,6 +9,7 @@ mod alignment;
 mod audit;
 mod cameras;
 mod conditions;
+mod connection;
 mod content;
 mod contract;
 mod documents;
@@ -17,9 +18,11 @@ mod encoding;
 mod error;
 mod events;
 mod exports;
+mod frames;
 mod guard;
 mod health;
 mod identity;
+mod kept;
 mod locate;
 mod metrics;
 mod openapi;
@@ -35,6 +38,7 @@ mod schema;
 mod segments;
 mod serve;
 mod session;
+mod sockets;
 mod streams;
 mod strip;
 mod system;
@@ -45,25 +49,28 @@ mod tracks;
 mod tune;
 mod users;
 mod view;
+mod views;
+mod wall_rounds;
 mod wall_tiles;
 mod walls;
 
-pub use serve::serve;
+pub use serve::{ConnectionTimes, serve, serve_within};
 pub use tls::{Tls, TlsError};
 pub use view::read_view_request;
 
 use crate::access::Grants;
 use crate::accounts::{Accounts, Audit};
-use crate::catalog::Catalog;
+use crate::catalog::{Catalog, NamedView};
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
-use crate::wall::FrameLock;
+use crate::wall::{FrameLock, Wall};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
+use axum::routing::{get, post};
 use error::Problem;
 use identity::Identity;
 use openapi::Routes;
@@ -128,6 +135,9 @@ struct Api {
     answers: Arc<Semaphore>,
     site: Arc<Site>,
     frames: Arc<FrameLock>,
+    rounds: Arc<wall_rounds::Rounds>,
+    /// What the request came by.
+    connection: connection::Connection,
 }
 
 impl Api {
@@ -185,7 +195,7 @@ pub fn router_within(
     let requests = Arc::new(Semaphore::new(limits.requests_at_once));
     let encoders = Arc::new(Semaphore::new(limits.encoders.max(1)));
     let strips = Arc::new(Semaphore::new(strip::AT_ONCE));
-    let frames = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
+    let frame_lock = Arc::new(FrameLock::new(clock.now(), clock.monotonic()));
     let answers = Arc::new(Semaphore::new(limits.answer_bytes / picture::ANSWER_UNIT_BYTES));
     let api = Api {
         whole: door.clone(),
@@ -200,13 +210,16 @@ pub fn router_within(
         encoders,
         encoding_pace: Arc::default(),
         strips,
-        streams: Arc::new(Semaphore::new(streams::AT_ONCE)),
+        streams: frames::places(),
         answers,
         site: Arc::new(site),
-        frames,
+        frames: frame_lock,
+        rounds: Arc::default(),
+        connection: connection::Connection::default(),
     };
     let limited = resources()
         .router()
+        .merge(undescribed().layer(from_fn(identity::require)))
         .merge(page::routes())
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
@@ -237,9 +250,6 @@ fn resources() -> Routes {
         timeline::routes(),
         tracks::routes(),
         alignment::routes(),
-        walls::routes(),
-        wall_tiles::routes(),
-        streams::routes(),
         playheads::routes(),
         exports::routes(),
         accuracy::routes(),
@@ -251,6 +261,23 @@ fn resources() -> Routes {
     all.into_iter().fold(Routes::of(system::TAG, parameters::NONE), Routes::merge)
 }
 
+/// Routes that the contract does not describe yet.
+fn undescribed() -> Router<Api> {
+    Router::new()
+        .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
+        .route("/api/v1/scenes/{id}/frames", get(sockets::of_view))
+        .merge(kept_routes::<Wall>("/api/v1/walls"))
+        .route("/api/v1/walls/{id}/tiles", get(wall_tiles::list))
+        .route("/api/v1/walls/{id}/events", get(wall_tiles::events))
+        .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
+        .route("/api/v1/walls/{id}/tiles/{tile}/frames", get(sockets::of_tile))
+        .route("/api/v1/walls/{id}/tiles/{tile}/{picture}", get(wall_tiles::picture))
+        .merge(kept_routes::<NamedView>("/api/v1/views"))
+        .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
+        .route("/api/v1/views/{id}/frames", get(sockets::of_named))
+        .route("/api/v1/views/{id}/{picture}", get(views::picture))
+}
+
 /// Routes for who watches the daemon: answered also while it has too much to do.
 fn probes() -> Routes {
     health::routes().merge(metrics::routes())
@@ -259,6 +286,20 @@ fn probes() -> Routes {
 /// All that the contract describes.
 fn described() -> Routes {
     resources().merge(probes())
+}
+
+/// The routes of documents of a kind beneath `path`.
+fn kept_routes<K: kept::Kind>(path: &str) -> Router<Api> {
+    let one = get(kept::one::<K>).put(kept::put::<K>).patch(kept::change::<K>).delete(kept::remove::<K>);
+    Router::new()
+        .route(path, get(kept::list::<K>))
+        .route(&format!("{path}/{{id}}"), one.fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")))
+        .route(&format!("{path}/{{id}}/versions"), get(kept::versions::<K>))
+        .route(&format!("{path}/{{id}}/versions/{{number}}"), get(kept::version::<K>))
+        .route(
+            &format!("{path}/{{id}}/versions/{{number}}/restore"),
+            post(kept::restore::<K>).fallback(|| error::only("POST")),
+        )
 }
 
 async fn no_route(uri: Uri) -> Problem {

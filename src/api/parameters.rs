@@ -35,6 +35,24 @@ enum Shape {
     Text(&'static str, &'static str),
 }
 
+/// What a query may have, by its name.
+pub(super) trait Named {
+    fn name(&self) -> &str;
+}
+
+impl Named for Parameter {
+    fn name(&self) -> &str {
+        self.name
+    }
+}
+
+/// Of routes that are not described yet.
+impl Named for &str {
+    fn name(&self) -> &str {
+        self
+    }
+}
+
 impl Parameter {
     const fn new(name: &'static str, shape: Shape, meaning: &'static str) -> Self {
         Self { name, meaning, shape, is_required: false, default: None }

@@ -191,10 +191,11 @@ pub(super) async fn events(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     api.door.playhead(&id).map_err(|error| problem_of(&api, error))?;
+    let connection = api.connection.clone();
     let changes = api.door.watch_playheads();
     let states =
         futures_util::stream::unfold(Following { api, id, changes, is_first: true }, Following::next);
-    let stream = Sse::new(states).keep_alive(KeepAlive::default());
+    let stream = Sse::new(connection.carry(states)).keep_alive(KeepAlive::default());
     Ok(([(header::CACHE_CONTROL, HeaderValue::from_static("no-store"))], stream).into_response())
 }
 

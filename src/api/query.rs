@@ -4,7 +4,7 @@
 //! read as itself (an RFC 3339 offset such as `+02:00` needs no escape), `%XX` as a byte of UTF-8.
 
 use super::error::Problem;
-use super::parameters::Parameter;
+use super::parameters::Named;
 use crate::clock::{ParseTimestampError, Timestamp};
 use crate::engine::{At, EngineError};
 use crate::error::{ErrorKind, Fault};
@@ -35,8 +35,8 @@ pub(super) struct Query {
 
 impl Query {
     /// Takes the query string apart; every parameter must be one of `known` and come once.
-    pub(super) fn parse(raw: Option<&str>, known: &[Parameter]) -> Self {
-        let known: Vec<&str> = known.iter().map(|parameter| parameter.name).collect();
+    pub(super) fn parse<P: Named>(raw: Option<&str>, known: &[P]) -> Self {
+        let known: Vec<&str> = known.iter().map(Named::name).collect();
         let mut query = Self { pairs: Vec::new(), faults: Vec::new() };
         for part in raw.unwrap_or_default().split('&').filter(|part| !part.is_empty()) {
             let (name, value) = part.split_once('=').unwrap_or((part, ""));

@@ -1,9 +1,15 @@
 //! The server under the routes: takes connections, bounds them in number, header and time, and lets them finish
 //! when the daemon stops.
+//!
+//! A connection's age counts for requests and answers. One that carries a stream goes on for as long as its client reads.
 
+use super::connection::Connection;
 use super::tls::Tls;
 use axum::Router;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::pin::pin;
@@ -26,8 +32,20 @@ const HEAD_BYTES: usize = 65_536;
 /// Header fields in a request's head.
 const HEAD_FIELDS: usize = 64;
 
-/// Time after which a connection takes no further request, so that a slow reader gives its place back.
-const CONNECTION_TIME: Duration = Duration::from_secs(300);
+/// How long connections last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ConnectionTimes {
+    /// After which a connection takes no further request, so that a slow reader gives its place back. Default 300 s.
+    pub age: Duration,
+    /// After which a stream ends whose client takes nothing, on a connection older than that. Default 30 s.
+    pub stuck: Duration,
+}
+
+impl Default for ConnectionTimes {
+    fn default() -> Self {
+        Self { age: Duration::from_secs(300), stuck: Duration::from_secs(30) }
+    }
+}
 
 /// Time for requests in flight to finish when the daemon stops, or when a connection's time is over.
 const FINISH_TIME: Duration = Duration::from_secs(2);
@@ -43,6 +61,16 @@ pub async fn serve(
     router: Router,
     shutdown: impl Future<Output = ()> + Send,
 ) {
+    serve_within(ConnectionTimes::default(), (listener, tls), router, shutdown).await;
+}
+
+/// As [`serve`], with times of the caller's.
+pub async fn serve_within(
+    times: ConnectionTimes,
+    (listener, tls): (TcpListener, Option<Arc<Tls>>),
+    router: Router,
+    shutdown: impl Future<Output = ()> + Send,
+) {
     let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let (stopping, _) = watch::channel(false);
     let mut connections = JoinSet::new();
@@ -51,17 +79,21 @@ pub async fn serve(
         tokio::select! {
             () = &mut shutdown => break,
             (stream, slot) = next_connection(&listener, &slots) => {
-                connections.spawn(welcome(stream, slot, tls.clone(), (router.clone(), stopping.subscribe())));
+                let conversation = (router.clone(), stopping.subscribe(), times);
+                connections.spawn(welcome(stream, slot, tls.clone(), conversation));
             }
             Some(ended) = connections.join_next() => note_end(ended),
         }
     }
     drop(listener);
+    drop(router);
     stopping.send_replace(true);
     let drained = async {
         while let Some(ended) = connections.join_next().await {
             note_end(ended);
         }
+        // WebSockets go on without their connections, and hold a receiver until they have said goodbye.
+        stopping.closed().await;
     };
     if tokio::time::timeout(FINISH_TIME, drained).await.is_err() {
         tracing::warn!(connections = connections.len(), "connections cut: their requests took too long");
@@ -96,49 +128,81 @@ async fn welcome(
     stream: TcpStream,
     _slot: OwnedSemaphorePermit,
     tls: Option<Arc<Tls>>,
-    (router, mut stopping): (Router, watch::Receiver<bool>),
+    (router, mut stopping, times): (Router, watch::Receiver<bool>, ConnectionTimes),
 ) {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "small answers may be delayed");
     }
-    let Some(tls) = tls else { return converse(stream, router, stopping).await };
+    let Some(tls) = tls else { return converse(stream, router, stopping, times).await };
     let agreed = tokio::select! {
         agreed = tokio::time::timeout(HEAD_TIME, tls.accept(stream)) => agreed,
         _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => return,
     };
     match agreed {
-        Ok(Ok(stream)) => converse(stream, router, stopping).await,
+        Ok(Ok(stream)) => converse(stream, router, stopping, times).await,
         Ok(Err(error)) => tracing::debug!(%error, "no agreement on a connection's encryption"),
         Err(_elapsed) => tracing::debug!("a connection took too long to agree on its encryption"),
     }
 }
 
-async fn converse<S>(stream: S, router: Router, mut stopping: watch::Receiver<bool>)
+async fn converse<S>(stream: S, router: Router, mut stopping: watch::Receiver<bool>, times: ConnectionTimes)
 where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
+    let own = Connection::new(stopping.clone());
+    let routes = TowerToHyperService::new(router);
+    let service = {
+        let own = own.clone();
+        service_fn(move |mut request: Request<Incoming>| {
+            request.extensions_mut().insert(own.clone());
+            routes.call(request)
+        })
+    };
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
         .max_buf_size(HEAD_BYTES)
         .max_headers(HEAD_FIELDS)
-        .serve_connection(TokioIo::new(stream), TowerToHyperService::new(router));
+        .serve_connection(TokioIo::new(stream), service)
+        .with_upgrades();
     let mut connection = pin!(connection);
+    let is_stopping = tokio::select! {
+        outcome = connection.as_mut() => return note_outcome(Some(outcome)),
+        // Or the daemon is gone altogether.
+        _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => true,
+        () = tokio::time::sleep(times.age) => false,
+    };
+    connection.as_mut().graceful_shutdown();
     let over = async {
-        // Either the daemon stops (or is gone altogether), or the connection's time is over.
-        tokio::select! {
-            _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => {}
-            () = tokio::time::sleep(CONNECTION_TIME) => {}
+        if !is_stopping {
+            tokio::select! {
+                _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => {}
+                () = carried(&own, times.stuck) => {}
+            }
         }
+        tokio::time::sleep(FINISH_TIME).await;
     };
     let outcome = tokio::select! {
-        outcome = connection.as_mut() => Some(outcome),
-        () = over => {
-            connection.as_mut().graceful_shutdown();
-            tokio::time::timeout(FINISH_TIME, connection).await.ok()
-        }
+        outcome = connection => Some(outcome),
+        () = over => None,
     };
+    note_outcome(outcome);
+}
+
+fn note_outcome(outcome: Option<hyper::Result<()>>) {
     if let Some(Err(error)) = outcome {
         tracing::debug!(%error, "a connection ended early");
+    }
+}
+
+/// Completes when a connection carries no stream, or one of which nothing was taken for so long.
+async fn carried(connection: &Connection, stuck: Duration) {
+    let mut before = None;
+    while let Some(now) = connection.lasting() {
+        if now.is_stuck_since(before) {
+            return tracing::debug!("a stream's client reads no more");
+        }
+        before = Some(now);
+        tokio::time::sleep(stuck).await;
     }
 }

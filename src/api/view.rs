@@ -14,7 +14,7 @@ use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
-use crate::frame::{CameraId, RgbImage};
+use crate::frame::{CameraId, RgbImage, is_id};
 use crate::plan::{Aim, Colors, EntityStyle, Preset};
 use crate::scene::SceneView;
 use axum::extract::RawQuery;
@@ -193,6 +193,17 @@ pub fn read_view_request(scene: &str, query: &str) -> Result<ViewRequest, Vec<Fa
         .map_err(Problem::into_faults)
 }
 
+/// As [`read_view_request`], of a view that is kept: its playhead may be made later.
+pub(super) fn read_kept(scene: &str, query: &str) -> Result<ViewRequest, Vec<Fault>> {
+    let playhead = |id: &str| match is_id(id) {
+        true => Ok(Timestamp::default()),
+        false => Err(EngineError::NoPlayhead { id: id.to_owned() }),
+    };
+    read(scene.to_owned(), Some(query), playhead)
+        .map(|(request, _moment)| request)
+        .map_err(Problem::into_faults)
+}
+
 fn read(
     scene: String,
     raw: Option<&str>,
@@ -217,6 +228,7 @@ fn read(
         colors: query.choice("colors", &[("even", Colors::Even), ("raw", Colors::Raw)]).unwrap_or_default(),
         session: query.id("session"),
         effort: effort::read(&mut query, style),
+        horizon: None,
         scope: Scope::all(),
     };
     query.finish(Some((request, moment)))

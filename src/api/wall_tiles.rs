@@ -6,23 +6,18 @@
 
 use super::error::Problem;
 use super::identity::Asked;
-use super::openapi::Routes;
-use super::operation::{Answer, Operation};
-use super::parameters::{NONE, Parameter, words};
-use super::picture::{Picture, pictured, split};
+use super::picture::{Picture, split};
 use super::query::{Moment, Query};
-use super::schema;
 use super::segments::Segments;
 use super::view::{self, drawn};
-use super::walls::{self, Kept};
-use super::{Api, playheads, scenes};
-use crate::access::Right;
-use crate::clock::Timestamp;
+use super::wall_rounds::Turn;
+use super::walls::Kept;
+use super::{Api, kept, playheads, scenes};
 use crate::encode::PictureFormat;
-use crate::engine::{At, ViewKind, ViewRequest};
+use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::{CameraId, RgbImage};
-use crate::wall::{Pattern, Tile, WallFrame, blend, pattern};
+use crate::wall::{Pattern, Tile, Wall, WallFrame, blend, pattern};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
@@ -44,73 +39,39 @@ const MAX_FRAME: u64 = (1 << 53) - 1;
 const BEAT: Duration = Duration::from_secs(1);
 const LOOK: Duration = Duration::from_millis(200);
 
-/// What a request says beside which tile.
-struct Wishes {
-    frame: Option<u64>,
-    pattern: Option<Pattern>,
+/// Least pause between two looks at whether a frame is due: clocks differ by rounding.
+const LEAST_LOOK: Duration = Duration::from_millis(1);
+
+/// What a request says beside which tile and which frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wishes {
+    pub(super) pattern: Option<Pattern>,
     edges: Edges,
 }
 
 /// How a tile is shown where another overlaps it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Edges {
+enum Edges {
     #[default]
     Faded,
     Whole,
 }
 
 /// The values of `blend`.
-pub(super) const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
+const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
 
-const PATTERNS: [(&str, Option<Pattern>); 3] =
-    [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+impl Wishes {
+    /// The parameters that say them.
+    pub(super) const PARAMETERS: [&str; 2] = ["pattern", "blend"];
 
-/// How overlapping edges are shown.
-pub(super) const BLEND: &[Parameter] =
-    &[Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
-        .default_is("on")];
-
-const PARAMETERS: &[Parameter] = &[
-    Parameter::whole("at", &(0..=MAX_FRAME), "The number of a frame; the one that is due without it"),
-    Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
-        .default_is("none"),
-];
-
-/// Routes about what screens show.
-pub(super) fn routes() -> Routes {
-    let list = Operation::new("list_tiles", "Every tile of a wall, with its window into the world")
-        .answers(Answer::json(200, "The tiles", schema::walls::tiles()));
-    let picture = Operation::new("show_tile", "What a tile of a wall shows")
-        .about(
-            "Two tiles with the same `Videofields-Wall-Frame` and `Videofields-Wall-Version` show the same instant. A frame \
-             that is due within a second is waited for.",
-        )
-        .right(Right::Live)
-        .parameters(PARAMETERS)
-        .parameters(BLEND)
-        .may_fail(&[422])
-        .answers(
-            pictured("The picture")
-                .field("Videofields-Wall-Frame", "The number of the frame")
-                .field("Videofields-Wall-Version", "The wall's version"),
-        );
-    let events = Operation::new("follow_wall", "What a wall shows as it changes, and once a second")
-        .about("Server-sent events `wall`.")
-        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
-    Routes::of(walls::TAG, walls::SEGMENTS)
-        .get("/api/v1/walls/{id}/tiles", self::list, list)
-        .get("/api/v1/walls/{id}/tiles/{tile}/{picture}", self::picture, picture)
-        .get("/api/v1/walls/{id}/events", self::events, events)
-}
-
-fn read(raw: Option<&str>) -> Result<Wishes, Problem> {
-    let mut query = Query::parse(raw, &[PARAMETERS, BLEND].concat());
-    let wishes = Wishes {
-        frame: query.whole("at", &(0..=MAX_FRAME)),
-        pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
-        edges: query.choice("blend", &EDGES).unwrap_or_default(),
-    };
-    query.finish(Some(wishes))
+    /// What `query` says.
+    pub(super) fn read(query: &mut Query) -> Self {
+        let patterns = [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+        Self {
+            pattern: query.choice("pattern", &patterns).unwrap_or_default(),
+            edges: query.choice("blend", &EDGES).unwrap_or_default(),
+        }
+    }
 }
 
 /// Every tile of a wall, with the window in the world that it shows.
@@ -119,8 +80,8 @@ pub(super) async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    let Kept { id, version, wall, .. } = walls::find(&api, &id)?;
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let Kept { id, version, content: wall, .. } = kept::find(&api, &id)?;
     let tile = |tile: &Tile| {
         json!({
             "id": tile.id,
@@ -146,38 +107,77 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
 ) -> Result<Picture, Problem> {
     let ((), format) = split(&file, &[("frame", ())])?;
-    let wishes = read(raw.as_deref())?;
-    let kept = walls::find(&api, &id)?;
+    let mut query = Query::parse(raw.as_deref(), &[["at"].as_slice(), &Wishes::PARAMETERS].concat());
+    let wishes = Wishes::read(&mut query);
+    let asked = query.whole("at", &(0..=MAX_FRAME));
+    query.finish(Some(()))?;
+    let kept = kept::find(&api, &id)?;
     let tile = tile_of(&kept, &name)?;
-    let frame = frame_of(&api, &kept, wishes.frame).await?;
-    shown(&api, &kept, (tile, frame), (format, wishes)).await
+    let frame = frame_of(&api, &kept, asked).await?;
+    shown(&api, &kept, (tile, &frame), (format, wishes)).await
 }
 
-/// A tile's picture of the first frame after `last`, with its number; of the one that is due where there was none.
+/// A tile's picture in a stream of them.
+pub(super) struct Streamed {
+    /// The number of its frame.
+    pub(super) frame: u64,
+    /// The wall's version.
+    pub(super) version: i64,
+    pub(super) rate_hz: f64,
+    /// Whether the wall shows what is now.
+    pub(super) is_live: bool,
+    pub(super) picture: Picture,
+}
+
+/// A tile's picture of the first frame after `last`, which streams of the wall's other tiles show too; of the one that is due
+/// where there was none.
 pub(super) async fn after(
     api: &Api,
     (id, name): (&str, &str),
-    edges: Edges,
+    (format, wishes): (PictureFormat, Wishes),
     last: Option<u64>,
-) -> Result<(u64, Picture), Problem> {
-    let kept = walls::find(api, id)?;
+) -> Result<Streamed, Problem> {
+    let kept = kept::find(api, id)?;
     let tile = tile_of(&kept, name)?;
-    if let Some(last) = last {
-        let wait = api.frames.due_in(last + 1, kept.wall.rate_hz, api.clock.monotonic());
-        // Another rate numbers frames otherwise: then what is due is shown.
-        if wait.as_secs_f64() <= 1.0 / kept.wall.rate_hz {
-            tokio::time::sleep(wait).await;
-        }
-    }
-    let frame = frame_of(api, &kept, None).await?;
-    let wishes = Wishes { frame: None, pattern: None, edges };
-    let picture = shown(api, &kept, (tile, frame), (PictureFormat::Jpeg, wishes)).await?;
-    Ok((frame.id, picture))
+    let rate_hz = kept.content.rate_hz;
+    let mut wait =
+        last.map_or(Duration::ZERO, |last| api.frames.due_in(last + 1, rate_hz, api.clock.monotonic()));
+    // Another rate numbers frames otherwise: then what is due is shown.
+    let last = last.filter(|_| wait.as_secs_f64() <= 1.0 / rate_hz);
+    wait = if last.is_some() { wait } else { Duration::ZERO };
+    tokio::time::sleep(wait).await;
+    let turn = turn(api, &kept, last).await?;
+    let picture = shown(api, &kept, (tile, &turn.frame), (format, wishes)).await?;
+    let (frame, version, is_live) = (turn.frame.id, kept.version, kept.content.playhead.is_none());
+    Ok(Streamed { frame, version, rate_hz, is_live, picture })
 }
 
-fn tile_of(kept: &Kept, name: &str) -> Result<Tile, Problem> {
-    kept.wall.tile(name).cloned().ok_or_else(|| {
-        let names: Vec<&str> = kept.wall.tiles.iter().map(|tile| tile.id.as_str()).collect();
+/// A turn in a frame of the wall that is newer than `last`.
+async fn turn(api: &Api, kept: &Kept, last: Option<u64>) -> Result<Turn, Problem> {
+    loop {
+        let ended = api.rounds.ended();
+        let (due, cameras) = due(api, kept)?;
+        let key = (kept.id.clone(), kept.version, cameras);
+        if let Some(turn) = api.rounds.enter(&key, last, &due) {
+            return Ok(turn);
+        }
+        let wait = match last {
+            // It is the one before that is still drawn.
+            Some(last) if due.id <= last => {
+                api.frames.due_in(last + 1, kept.content.rate_hz, api.clock.monotonic()).max(LEAST_LOOK)
+            }
+            _ => LOOK,
+        };
+        tokio::select! {
+            () = ended => {}
+            () = tokio::time::sleep(wait) => {}
+        }
+    }
+}
+
+pub(super) fn tile_of(kept: &Kept, name: &str) -> Result<Tile, Problem> {
+    kept.content.tile(name).cloned().ok_or_else(|| {
+        let names: Vec<&str> = kept.content.tiles.iter().map(|tile| tile.id.as_str()).collect();
         Problem::missing("tile", name, &names)
     })
 }
@@ -185,15 +185,15 @@ fn tile_of(kept: &Kept, name: &str) -> Result<Tile, Problem> {
 async fn shown(
     api: &Api,
     kept: &Kept,
-    (tile, frame): (Tile, WallFrame),
+    (tile, frame): (Tile, &WallFrame),
     (format, wishes): (PictureFormat, Wishes),
 ) -> Result<Picture, Problem> {
-    let at = if kept.wall.playhead.is_some() { At::Time(frame.instant) } else { At::Live };
+    let at = if kept.content.playhead.is_some() { At::Time(frame.instant) } else { At::Live };
     let moment = Moment { at, is_fixed: false };
     let mut picture = match wishes.pattern {
         Some(which) => patterned(api, kept, (tile, which), (format, moment, frame.instant)).await?,
         None => {
-            let request = request_of(api, kept, &tile, (format, frame.instant))?;
+            let request = request_of(api, &kept.content, (&tile, frame), format)?;
             drawn(api, request, (format, moment), move |image| finished(image, &tile, wishes.edges)).await?
         }
     };
@@ -205,9 +205,9 @@ async fn shown(
 /// What a tile shows, as any view is asked for.
 fn request_of(
     api: &Api,
-    Kept { wall, .. }: &Kept,
-    tile: &Tile,
-    (format, instant): (PictureFormat, Timestamp),
+    wall: &Wall,
+    (tile, frame): (&Tile, &WallFrame),
+    format: PictureFormat,
 ) -> Result<ViewRequest, Problem> {
     let asked = view::read_view_request(&wall.scene, &wall.parameters);
     let asked = asked.map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
@@ -217,7 +217,8 @@ fn request_of(
         eye: Some(wall.eye_m),
         width_px: tile.size_px[0],
         height_px: tile.size_px[1],
-        at: At::Time(instant),
+        at: At::Time(frame.instant),
+        horizon: Some(frame.horizon.clone()),
         ..asked
     };
     view::reserve(api, &mut request, format);
@@ -237,9 +238,9 @@ async fn patterned(
     api: &Api,
     kept: &Kept,
     (tile, which): (Tile, Pattern),
-    (format, moment, instant): (PictureFormat, Moment, Timestamp),
+    (format, moment, instant): (PictureFormat, Moment, crate::clock::Timestamp),
 ) -> Result<Picture, Problem> {
-    let wall = kept.wall.clone();
+    let wall = kept.content.clone();
     let write = move || super::picture::write_rgb(format, &pattern(&wall, &tile, which));
     let (bytes, _took) = api.encoded(write).await?;
     Ok(Picture { format, bytes, moment, instant, fields: Vec::new() })
@@ -247,7 +248,7 @@ async fn patterned(
 
 /// The frame that is asked for, or the one that is due.
 async fn frame_of(api: &Api, kept: &Kept, asked: Option<u64>) -> Result<WallFrame, Problem> {
-    let rate_hz = kept.wall.rate_hz;
+    let rate_hz = kept.content.rate_hz;
     if let Some(id) = asked {
         let wait = api.frames.due_in(id, rate_hz, api.clock.monotonic());
         let most = Duration::try_from_secs_f64(2.0 / rate_hz).unwrap_or(MAX_AHEAD).max(MAX_AHEAD);
@@ -257,20 +258,18 @@ async fn frame_of(api: &Api, kept: &Kept, asked: Option<u64>) -> Result<WallFram
         }
         tokio::time::sleep(wait).await;
     }
-    let (instant, cameras) = now_shown(api, kept)?;
+    let (due, cameras) = due(api, kept)?;
     let now = api.clock.monotonic();
     let kept_frame = |asked| api.frames.frame((&kept.id, kept.version, &cameras), asked, rate_hz, now);
-    if let Some(frame) = asked.and_then(kept_frame) {
-        return Ok(frame);
-    }
-    Ok(api.frames.due((&kept.id, kept.version, cameras), rate_hz, now, instant))
+    Ok(asked.and_then(kept_frame).unwrap_or(due))
 }
 
-/// What the wall would show if it were asked now, and the cameras that this hangs on: those that are shown, and those that a
-/// playhead's place follows from.
-fn now_shown(api: &Api, kept: &Kept) -> Result<(Timestamp, Vec<CameraId>), Problem> {
+/// The frame of a wall that is due, and the cameras that it hangs on: those that are shown, and those that a playhead's place
+/// follows from.
+fn due(api: &Api, kept: &Kept) -> Result<(WallFrame, Vec<CameraId>), Problem> {
+    let wall = &kept.content;
     let of_playhead = |error| playheads::problem_of(api, error);
-    let (at, followed) = match &kept.wall.playhead {
+    let (at, followed) = match &wall.playhead {
         Some(playhead) => {
             let at = At::Time(api.door.playhead_at(playhead).map_err(of_playhead)?);
             let scene = api.door.playhead(playhead).map_err(of_playhead)?.scene;
@@ -278,11 +277,13 @@ fn now_shown(api: &Api, kept: &Kept) -> Result<(Timestamp, Vec<CameraId>), Probl
         }
         None => (At::Live, None),
     };
-    let moment = api.door.moment(&kept.wall.scene, at);
-    let (instant, mut cameras) = moment.map_err(|error| scenes::problem_of(api, error))?;
+    let moment = api.door.moment(&wall.scene, at).map_err(|error| scenes::problem_of(api, error))?;
+    let SceneMoment { instant, mut cameras, horizon } = moment;
     let followed = followed.iter().flat_map(|scene| scene.cameras.iter().map(|member| member.id.clone()));
     cameras.extend(followed);
-    Ok((instant, cameras))
+    let (now, shown) = (api.clock.monotonic(), (instant, horizon));
+    let frame = api.frames.due((&kept.id, kept.version, cameras.clone()), wall.rate_hz, now, shown);
+    Ok((frame, cameras))
 }
 
 /// What a wall shows: whenever it is changed, and once a second, as server-sent events; ends when it is removed.
@@ -291,10 +292,11 @@ pub(super) async fn events(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    walls::find(&api, &id)?;
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    kept::find::<Wall>(&api, &id)?;
+    let connection = api.connection.clone();
     let states = futures_util::stream::unfold(Following { api, id, told: None }, Following::next);
-    let stream = Sse::new(states).keep_alive(KeepAlive::default());
+    let stream = Sse::new(connection.carry(states)).keep_alive(KeepAlive::default());
     Ok(([(header::CACHE_CONTROL, "no-store")], stream).into_response())
 }
 
@@ -311,7 +313,7 @@ impl Following {
         loop {
             // Who may no longer see it hears no more of it.
             self.api = self.api.renewed()?;
-            let kept = walls::find(&self.api, &self.id).ok()?;
+            let kept = kept::find(&self.api, &self.id).ok()?;
             let now = self.api.clock.monotonic();
             let is_old =
                 |(version, at): (i64, Duration)| version != kept.version || now.saturating_sub(at) >= BEAT;
@@ -325,18 +327,14 @@ impl Following {
     }
 
     fn state(&self, kept: &Kept) -> Value {
-        let due = now_shown(&self.api, kept).map(|(instant, cameras)| {
-            let now = self.api.clock.monotonic();
-            self.api.frames.due((&kept.id, kept.version, cameras), kept.wall.rate_hz, now, instant)
-        });
         // A scene of which nothing is to be seen yet has no frames.
-        let due = due.ok();
+        let due = due(&self.api, kept).ok().map(|(frame, _)| frame);
         json!({
             "wall": kept.id,
             "version": kept.version,
-            "rate_hz": kept.wall.rate_hz,
-            "frame": due.map(|frame| frame.id),
-            "time": due.map(|frame| frame.instant.to_string()),
+            "rate_hz": kept.content.rate_hz,
+            "frame": due.as_ref().map(|frame| frame.id),
+            "time": due.as_ref().map(|frame| frame.instant.to_string()),
         })
     }
 }

@@ -8,11 +8,13 @@ mod cameras;
 mod error;
 mod playheads;
 mod scenes;
+mod view;
 
 pub use cameras::CameraAsked;
 pub use error::CatalogError;
 pub use playheads::PlayheadAsked;
 pub use scenes::ConfiguredScene;
+pub use view::NamedView;
 
 use crate::clock::{Clock, Timestamp};
 use crate::config::CameraSettings;

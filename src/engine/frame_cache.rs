@@ -141,6 +141,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: Effort::default(),
+            horizon: None,
             scope: crate::access::Scope::all(),
         };
         let limits = (limits_of(&RenderSettings::default()), 4);

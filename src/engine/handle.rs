@@ -1,8 +1,8 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneTimeline,
-    TrackQuery, ViewAnswer, ViewRequest,
+    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneMoment,
+    SceneTimeline, TrackQuery, ViewAnswer, ViewRequest,
 };
 use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
@@ -288,11 +288,11 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoScene`].
     fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError>;
 
-    /// The instant that a time of a scene means now, and the cameras that may be seen then.
+    /// The instant that a time of a scene means now, the cameras that may be seen then, and how far these have been seen.
     ///
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
-    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError>;
+    fn moment(&self, scene: &str, at: At) -> Result<SceneMoment, EngineError>;
 
     /// Puts a scene in the place of the one of its id, or after the others. The next picture shows it; what was remembered of
     /// the one before (who is who, gains, kept pictures, maps) begins anew.

@@ -51,7 +51,7 @@ pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
-pub use view::{EYE_DISTANCE_M, Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
+pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
 use crate::archive::Archive;
 use crate::clock::Clock;

@@ -13,7 +13,7 @@ use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
 use super::shared::{CameraEntry, Shared};
 use super::track_search::{FoundTracks, TrackQuery};
-use super::view::{ViewAnswer, ViewRequest};
+use super::view::{SceneMoment, ViewAnswer, ViewRequest};
 use crate::access::{Grants, Right, Role, Scope};
 use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;
@@ -281,7 +281,7 @@ impl Door for Permitted {
         self.shared.scene_within(id, &self.known())
     }
 
-    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+    fn moment(&self, scene: &str, at: At) -> Result<SceneMoment, EngineError> {
         let scene = self.scene_with(scene, &self.seeing(at), "that time")?;
         self.shared.moment_of(&scene, at)
     }

@@ -423,6 +423,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: Effort::default(),
+            horizon: None,
             scope: crate::access::Scope::all(),
         }
     }

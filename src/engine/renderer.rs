@@ -443,6 +443,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: crate::plan::Effort::default(),
+            horizon: None,
             scope: crate::access::Scope::all(),
         };
         shared.queue.push(request, reply).expect("there is room");

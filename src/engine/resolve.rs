@@ -3,7 +3,7 @@
 //! Used by the render thread and by whoever asks for a plan alone; knows no device.
 
 use super::EngineError;
-use super::handle::{At, Door};
+use super::handle::At;
 use super::picture::{Observations, Subject};
 use super::shared::Shared;
 use super::view::ViewRequest;
@@ -13,6 +13,7 @@ use crate::frame::CameraId;
 use crate::plan::ViewLimits;
 use crate::render::view_limits;
 use crate::scene::Scene;
+use crate::timeline::Horizon;
 use std::sync::Arc;
 
 /// A live view shows what moved before a camera that lags, until its newest picture is this much older than the instant
@@ -41,7 +42,7 @@ impl Shared {
             At::Live => self.live_instant(&scene)?,
             At::Time(instant) => instant,
         };
-        let seen = self.seen_at(&scene, request.at, instant)?;
+        let seen = self.seen_at(&scene, request.at, (instant, request.horizon.as_ref()))?;
         let subject = Arc::new(self.subject(request, &scene, instant, &seen)?);
         Ok(Resolved { subject, seen })
     }
@@ -59,19 +60,26 @@ impl Shared {
         Ok(Subject { gaps: gaps.clone(), ..subject })
     }
 
-    /// What every camera of the scene saw at `instant`, and which of them saw nothing then: of these the background
-    /// known at that time is there, without what moved. A camera without even that is left out, but not all may be: then
+    /// What every camera of the scene saw at `instant` as far as it was known at `horizon`, and which of them saw nothing
+    /// then: of these the background known at that time is there, without what moved. A camera without even that is left out, but not all may be: then
     /// the first configured camera's reason is the answer.
-    pub(super) fn seen_at(&self, scene: &Scene, asked: At, instant: Timestamp) -> Result<Seen, EngineError> {
+    pub(super) fn seen_at(
+        &self,
+        scene: &Scene,
+        asked: At,
+        (instant, horizon): (Timestamp, Option<&Horizon>),
+    ) -> Result<Seen, EngineError> {
         let (mut found, mut gaps) = (Vec::new(), Vec::new());
         let mut failure = None;
         for member in &scene.cameras {
             let camera = member.id.as_str();
-            match self.observation(camera, At::Time(instant)) {
+            match self.observation_within(camera, instant, horizon) {
                 Ok(observation) => found.push((member.id.clone(), observation)),
                 Err(EngineError::Gap { before: Some(_), .. }) => {
                     // Gone only if the ring has moved on since.
-                    let Ok(mut observation) = self.known_at(camera, instant) else { continue };
+                    let newest = horizon.and_then(|horizon| horizon.of(&member.id));
+                    let until = newest.map_or(instant, |newest| newest.min(instant));
+                    let Ok(mut observation) = self.known_at(camera, until) else { continue };
                     let age_nanos = instant.nanos_since(observation.frame.timestamp);
                     if asked != At::Live || age_nanos > STALE_NANOS {
                         observation.blobs = Arc::default();
@@ -90,5 +98,97 @@ impl Shared {
             Some(error) if found.is_empty() => Err(error),
             _ => Ok((found, gaps)),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::SimulatedClock;
+    use crate::engine::shared::CameraEntry;
+    use crate::engine::tuning::Tuning;
+    use crate::frame::{ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+    use crate::ingest::StatusReader;
+    use crate::telemetry::Metrics;
+    use crate::timeline::{EventLog, Observation, Timeline};
+
+    const SCENE: &str = r#"{"version": 1, "cameras": [
+        {"id": "quick", "calibration": {"image_size_px": [4, 2], "focal_px": [4, 4], "center_px": [2, 1],
+            "position_m": [0, 0, 6], "world_from_camera": [1, 0, 0, 0]}},
+        {"id": "slow", "calibration": {"image_size_px": [4, 2], "focal_px": [4, 4], "center_px": [2, 1],
+            "position_m": [1, 0, 6], "world_from_camera": [1, 0, 0, 0]}}
+    ]}"#;
+
+    fn seen(camera: &CameraId, millis: i64) -> Observation {
+        let image = Arc::new(YuvImage::filled(4, 2, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Limited));
+        let mask = Arc::new(Mask::filled(4, 2, 0));
+        let timestamp = Timestamp::from_nanos(millis * 1_000_000);
+        Observation {
+            frame: Frame { camera: camera.clone(), timestamp, number: 0, image: Arc::clone(&image) },
+            soft_mask: Arc::clone(&mask),
+            labels: mask,
+            background: image,
+            blobs: Arc::from([]),
+            tracks: Arc::from([]),
+        }
+    }
+
+    /// Two cameras that nobody runs, and what they have seen.
+    fn shared() -> (Shared, [Arc<Timeline>; 2]) {
+        let timelines = [(); 2].map(|()| Arc::new(Timeline::new(usize::MAX)));
+        let entry = |(id, timeline): (&str, &Arc<Timeline>)| CameraEntry {
+            id: CameraId::new(id).unwrap(),
+            name: id.to_owned(),
+            timeline: Arc::clone(timeline),
+            tuning: Arc::new(Tuning::new(&crate::config::SegmentSettings::default())),
+            status: StatusReader::starting(),
+        };
+        let cameras = ["quick", "slow"].into_iter().zip(&timelines).map(entry).collect();
+        let scene = Arc::new(crate::scene::parse("yard", SCENE, crate::scene::no_imports).unwrap().scene);
+        let shared = Shared::new(
+            Arc::new(SimulatedClock::new(Timestamp::from_nanos(0))),
+            Arc::new(Metrics::new()),
+            (cameras, None),
+            (Arc::new(EventLog::new(1)), None),
+            (vec![scene], RenderSettings::default()),
+            Arc::default(),
+        );
+        (shared, timelines)
+    }
+
+    /// What every camera shows, and which are gaps.
+    fn times((observations, gaps): &Seen) -> (Vec<i64>, usize) {
+        let millis = |(_, of): &(CameraId, Observation)| of.frame.timestamp.as_nanos() / 1_000_000;
+        (observations.iter().map(millis).collect(), gaps.len())
+    }
+
+    /// Tiles of one frame of a wall are drawn one after the other, while cameras go on.
+    #[test]
+    fn what_an_instant_shows_follows_from_what_was_known_when_it_was_chosen() {
+        let (shared, [quick, slow]) = shared();
+        let [first, second] = ["quick", "slow"].map(|id| CameraId::new(id).unwrap());
+        let push = |slow_ms: i64, quick_ms: i64| {
+            quick.push(seen(&first, quick_ms)).unwrap();
+            slow.push(seen(&second, slow_ms)).unwrap();
+        };
+        push(1000, 9000);
+        push(1100, 9040);
+        let scene = shared.scene_within("yard", &crate::access::Scope::all()).unwrap();
+        let moment = shared.moment_of(&scene, At::Live).unwrap();
+        assert_eq!(moment.instant.as_nanos(), 9_040_000_000);
+        let at = At::Time(moment.instant);
+        let look = |horizon| times(&shared.seen_at(&scene, at, (moment.instant, horizon)).unwrap());
+        let chosen = look(Some(&moment.horizon));
+        assert_eq!(chosen, (vec![9040, 1100], 1));
+        // The slow one catches up: its newest background is another, and soon it has seen the instant itself.
+        push(1200, 9080);
+        assert_eq!(look(None), (vec![9040, 1200], 1));
+        assert_eq!(look(Some(&moment.horizon)), chosen);
+        push(9060, 9120);
+        assert_eq!(look(None), (vec![9040, 9060], 0));
+        assert_eq!(look(Some(&moment.horizon)), chosen);
+        // One of which nothing was known then is left out, whatever it has seen since.
+        let known = Horizon::new([(first, moment.instant)]);
+        assert_eq!(look(Some(&known)), (vec![9040], 0));
     }
 }

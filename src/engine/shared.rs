@@ -16,6 +16,7 @@ use super::scene_list::SceneList;
 use super::scopes::Scopes;
 use super::sightings::Seen;
 use super::tuning::Tuning;
+use super::view::SceneMoment;
 use crate::access::Scope;
 use crate::clock::{Clock, Timestamp};
 use crate::config::{ClockSettings, RenderSettings};
@@ -25,7 +26,7 @@ use crate::ingest::StatusReader;
 use crate::mapping::WorldMap;
 use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
-use crate::timeline::{EventLog, Observation, ReplayError, Timeline, TimelineError};
+use crate::timeline::{EventLog, Horizon, Observation, ReplayError, Timeline, TimelineError};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -266,12 +267,40 @@ impl Shared {
     }
 
     /// The instant that a time of a scene means now, and the scene's cameras.
-    pub(super) fn moment_of(&self, scene: &Scene, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+    pub(super) fn moment_of(&self, scene: &Scene, at: At) -> Result<SceneMoment, EngineError> {
         let instant = match at {
             At::Live => self.live_instant(scene)?,
             At::Time(instant) => instant,
         };
-        Ok((instant, scene.cameras.iter().map(|member| member.id.clone()).collect()))
+        let newest = |camera: &CameraEntry| Some((camera.id.clone(), camera.timeline.range()?.1));
+        let horizon = Horizon::new(self.members(scene).filter_map(newest));
+        let cameras = scene.cameras.iter().map(|member| member.id.clone()).collect();
+        Ok(SceneMoment { instant, cameras, horizon })
+    }
+
+    /// What a camera saw of `instant`, as far as it was known at `horizon`.
+    pub(super) fn observation_within(
+        &self,
+        camera: &str,
+        instant: Timestamp,
+        horizon: Option<&Horizon>,
+    ) -> Result<Observation, EngineError> {
+        let Some(horizon) = horizon else { return self.observation(camera, At::Time(instant)) };
+        let entry = self.camera(camera)?;
+        let newest = horizon.of(&entry.id);
+        let kept = match newest {
+            // What has come since had not been seen.
+            None => Err(TimelineError::Empty),
+            Some(newest) => entry.timeline.at_within(instant, newest),
+        };
+        match (kept, &self.past) {
+            (Ok(seen), _) => Ok(seen),
+            // Recorded is also what has come since.
+            (Err(error), Some(past)) if newest.is_none_or(|newest| instant <= newest) => {
+                past_or(entry, past, instant, &error)
+            }
+            (Err(error), _) => Err(entry.failure(&error)),
+        }
     }
 
     /// The scene's cameras; those that are not configured are left out.

@@ -7,6 +7,7 @@ use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
 use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
 use crate::scene::{Scene, SceneView};
+use crate::timeline::Horizon;
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
@@ -82,6 +83,9 @@ pub struct ViewRequest {
     pub session: Option<String>,
     /// How exactly it is drawn, or how soon it must be there.
     pub effort: Effort,
+    /// How far cameras had been seen when the instant was chosen: what came since is not looked at, so that the same instant
+    /// shows the same. None: all there is.
+    pub horizon: Option<Horizon>,
     /// Which cameras it may show, and anything be concluded from. A caller's door sets it.
     pub scope: Scope,
 }
@@ -103,9 +107,21 @@ impl ViewRequest {
             colors: Colors::default(),
             session: None,
             effort,
+            horizon: None,
             scope: Scope::all(),
         }
     }
+}
+
+/// What a time of a scene means at a moment.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneMoment {
+    /// The instant.
+    pub instant: Timestamp,
+    /// The cameras that may be seen then.
+    pub cameras: Vec<CameraId>,
+    /// How far these had been seen at that moment.
+    pub horizon: Horizon,
 }
 
 /// Which frame of a camera went into a picture.

@@ -118,6 +118,12 @@ impl StatusReader {
         status
     }
 
+    /// That of a camera that nobody runs.
+    #[cfg(test)]
+    pub(crate) fn starting() -> Self {
+        SharedStatus::new(Timestamp::from_nanos(0)).reader()
+    }
+
     /// Tells that the camera was switched off: the thread that told its status has ended.
     pub fn switch_off(&self, now: Timestamp) {
         let mut status = self.0.lock();

@@ -2,6 +2,7 @@
 
 mod alignment;
 mod event;
+mod horizon;
 mod passed;
 mod playhead;
 mod replay;
@@ -9,6 +10,7 @@ mod ring;
 
 pub use alignment::{Alignment, Sighting, align};
 pub use event::{Event, EventKind, EventLog, LoggedEvent};
+pub use horizon::Horizon;
 pub use playhead::{Extent, MAX_RATE, Playhead, PlayheadMode};
 pub use replay::{PastFrame, Replay, ReplayError};
 pub(crate) use ring::edges;

@@ -130,12 +130,21 @@ impl Timeline {
     /// # Errors
     /// When there is none yet, or none within reach.
     pub fn at(&self, at: Timestamp) -> Result<Observation, TimelineError> {
+        self.at_within(at, Timestamp::from_nanos(i64::MAX))
+    }
+
+    /// As [`Timeline::at`], as if nothing had come after `newest`: the answer stays the same whatever comes.
+    ///
+    /// # Errors
+    /// As [`Timeline::at`].
+    pub fn at_within(&self, at: Timestamp, newest: Timestamp) -> Result<Observation, TimelineError> {
         let ring = self.lock();
-        let (before, after) = ring.around(at)?;
+        let n_known = ring.observations.partition_point(|seen| seen.frame.timestamp <= newest);
+        let (before, after) = ring.around(at, n_known)?;
         let away = |seen: &Observation| seen.frame.timestamp.nanos_since(at).saturating_abs();
         let nearest = [before, after].into_iter().flatten().min_by_key(|idx| away(&ring.observations[*idx]));
         if let Some(idx) = nearest
-            && away(&ring.observations[idx]) <= ring.reach_nanos(idx)
+            && away(&ring.observations[idx]) <= ring.reach_nanos(idx, n_known)
         {
             return Ok(ring.observations[idx].clone());
         }
@@ -149,7 +158,7 @@ impl Timeline {
     /// When there is none.
     pub fn at_or_before(&self, at: Timestamp) -> Result<Observation, TimelineError> {
         let ring = self.lock();
-        let (before, after) = ring.around(at)?;
+        let (before, after) = ring.around(at, ring.observations.len())?;
         let found = before.map(|idx| ring.observations[idx].clone());
         let after = after.map(|idx| ring.observations[idx].frame.timestamp);
         found.ok_or(TimelineError::Gap { at, before: None, after })
@@ -208,19 +217,21 @@ impl Timeline {
 }
 
 impl Ring {
-    /// Places of the newest observation at or before `at` and of the oldest after it.
-    fn around(&self, at: Timestamp) -> Result<(Option<usize>, Option<usize>), TimelineError> {
-        if self.observations.is_empty() {
+    /// Places of the newest observation at or before `at` and of the oldest after it, among the first `n_known`.
+    fn around(&self, at: Timestamp, n_known: usize) -> Result<(Option<usize>, Option<usize>), TimelineError> {
+        if n_known == 0 {
             return Err(TimelineError::Empty);
         }
-        let n_not_later = self.observations.partition_point(|seen| seen.frame.timestamp <= at);
-        let after = (n_not_later < self.observations.len()).then_some(n_not_later);
+        let n_not_later = self.observations.partition_point(|seen| seen.frame.timestamp <= at).min(n_known);
+        let after = (n_not_later < n_known).then_some(n_not_later);
         Ok((n_not_later.checked_sub(1), after))
     }
 
-    /// How far from an observation a time may lie and still be shown by it, nanoseconds.
-    fn reach_nanos(&self, idx: usize) -> i64 {
-        let time = |idx: usize| self.observations.get(idx).map(|seen| seen.frame.timestamp);
+    /// How far from an observation a time may lie and still be shown by it, nanoseconds, if the first `n_known` are all.
+    fn reach_nanos(&self, idx: usize, n_known: usize) -> i64 {
+        let time = |idx: usize| {
+            self.observations.get(idx).filter(|_| idx < n_known).map(|seen| seen.frame.timestamp)
+        };
         let (before, own, after) = (idx.checked_sub(1).and_then(time), time(idx), time(idx + 1));
         let distances = [(before, own), (own, after)];
         let distances = distances.into_iter().filter_map(|(from, to)| Some(to?.nanos_since(from?)));
@@ -361,6 +372,33 @@ mod tests {
         assert_eq!(beside(200), (Some(100), Some(300)));
         assert_eq!(beside(201), (Some(200), Some(300)));
         assert_eq!((beside(100).0, beside(15 * SECOND).1), (None, None));
+    }
+
+    #[test]
+    fn what_was_known_at_a_moment_stays_whatever_comes() {
+        const SECOND: i64 = 1_000_000_000;
+        let (timeline, background) = (Timeline::new(usize::MAX), picture());
+        // Slow at first: then a frame counts for long.
+        for secs in [0, 10, 20] {
+            timeline.push(observation(secs * SECOND, &background)).unwrap();
+        }
+        let newest = Timestamp::from_nanos(20 * SECOND);
+        let asked: Vec<i64> = (0..50).map(|secs| secs * SECOND).collect();
+        let found = |timeline: &Timeline| {
+            let within = |nanos: &i64| timeline.at_within(Timestamp::from_nanos(*nanos), newest);
+            asked.iter().map(|at| within(at).map(|seen| seen.frame.timestamp)).collect::<Vec<_>>()
+        };
+        let before = found(&timeline);
+        assert_eq!(before[39], Ok(newest));
+        assert!(before[41].is_err());
+        for tenth in 205..400 {
+            timeline.push(observation(tenth * SECOND / 10, &background)).unwrap();
+        }
+        let now = timeline.at(Timestamp::from_nanos(30 * SECOND)).unwrap().frame.timestamp;
+        assert_eq!(now.as_nanos(), 30 * SECOND);
+        assert_eq!(found(&timeline), before);
+        let nothing = timeline.at_within(newest, Timestamp::from_nanos(-1));
+        assert_eq!(nothing.unwrap_err(), TimelineError::Empty);
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
+use crate::timeline::Horizon;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -16,12 +17,14 @@ const KEPT_SECS: f64 = 5.0;
 const MAX_KEPT: usize = 256;
 
 /// A moment of a wall.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WallFrame {
     /// Its name: greater than those of all frames before of the same version of the wall.
     pub id: u64,
     /// What all tiles show.
     pub instant: Timestamp,
+    /// How far cameras had been seen when that was decided: tiles that are asked for later show no more.
+    pub horizon: Horizon,
 }
 
 /// The frames of all walls.
@@ -63,14 +66,14 @@ impl FrameLock {
         Duration::try_from_secs_f64(secs.max(0.0)).unwrap_or(Duration::MAX)
     }
 
-    /// The frame of a wall that is due at `monotonic`, of which `instant` is what would be shown if nobody has asked yet.
-    /// `cameras` are those that may be seen. Frames are `1 / rate_hz` seconds long.
+    /// The frame of a wall that is due at `monotonic`, of which `instant` and `horizon` are what would be shown if nobody has
+    /// asked yet. `cameras` are those that may be seen. Frames are `1 / rate_hz` seconds long.
     pub fn due(
         &self,
         (wall, version, cameras): (&str, i64, Vec<CameraId>),
         rate_hz: f64,
         monotonic: Duration,
-        instant: Timestamp,
+        (instant, horizon): (Timestamp, Horizon),
     ) -> WallFrame {
         let id = ((self.origin_secs + monotonic.as_secs_f64()) * rate_hz) as u64;
         let key = Key { wall: wall.to_owned(), version, cameras };
@@ -81,10 +84,10 @@ impl FrameLock {
         };
         let frame = match kept.frames.back() {
             // Who was quick has asked for this one already.
-            Some(newest) if newest.id >= id => *newest,
+            Some(newest) if newest.id >= id => newest.clone(),
             _ => {
-                let frame = WallFrame { id, instant };
-                kept.frames.push_back(frame);
+                let frame = WallFrame { id, instant, horizon };
+                kept.frames.push_back(frame.clone());
                 let most = (KEPT_SECS * rate_hz).ceil().max(2.0) as usize;
                 while kept.frames.len() > most {
                     kept.frames.pop_front();
@@ -116,7 +119,7 @@ impl FrameLock {
         let is_it = |kept: &&Kept| {
             kept.key.wall == wall && kept.key.version == version && kept.key.cameras == cameras
         };
-        walls.iter().find(is_it)?.frames.iter().find(|frame| frame.id == id).copied()
+        walls.iter().find(is_it)?.frames.iter().find(|frame| frame.id == id).cloned()
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Kept>> {
@@ -129,8 +132,14 @@ impl FrameLock {
 mod tests {
     use super::*;
 
-    fn at(ms: i64) -> Timestamp {
-        Timestamp::from_nanos(ms * 1_000_000)
+    fn at(ms: i64) -> (Timestamp, Horizon) {
+        let instant = Timestamp::from_nanos(ms * 1_000_000);
+        (instant, Horizon::new([(CameraId::new("north").unwrap(), instant)]))
+    }
+
+    fn frame(id: u64, ms: i64) -> WallFrame {
+        let (instant, horizon) = at(ms);
+        WallFrame { id, instant, horizon }
     }
 
     fn wall(version: i64) -> (&'static str, i64, Vec<CameraId>) {
@@ -139,29 +148,29 @@ mod tests {
 
     #[test]
     fn all_who_ask_in_a_frames_time_get_its_instant() {
-        let lock = FrameLock::new(at(100_000), Duration::from_secs(40));
+        let lock = FrameLock::new(at(100_000).0, Duration::from_secs(40));
         let ms = Duration::from_millis;
         let first = lock.due(wall(1), 10.0, ms(41_010), at(7_000));
-        assert_eq!(first, WallFrame { id: 1010, instant: at(7_000) });
+        assert_eq!(first, frame(1010, 7_000));
         assert_eq!(lock.due(wall(1), 10.0, ms(41_090), at(7_080)), first, "later in its time");
         let second = lock.due(wall(1), 10.0, ms(41_110), at(7_100));
-        assert_eq!((second.id, second.instant), (1011, at(7_100)));
+        assert_eq!(second, frame(1011, 7_100));
         // One that is late asks by name, or gets the next; one that lags in its clock gets no frame of before.
-        assert_eq!(lock.frame(("control", 1, &wall(1).2), 1010, 10.0, ms(41_110)), Some(first));
+        assert_eq!(lock.frame(("control", 1, &wall(1).2), 1010, 10.0, ms(41_110)), Some(first.clone()));
         assert_eq!(lock.due(wall(1), 10.0, ms(41_090), at(7_120)), second);
         let wait = lock.due_in(1012, 10.0, ms(41_110));
         assert!(wait.abs_diff(ms(90)) < Duration::from_micros(1), "{wait:?}");
         assert_eq!(lock.due_in(1011, 10.0, ms(41_110)), Duration::ZERO);
         assert_eq!(lock.due_in(u64::MAX, 0.1, ms(41_110)), Duration::MAX);
         // Another version, or other cameras, are others.
-        assert_eq!(lock.due(wall(2), 10.0, ms(41_110), at(9_000)).instant, at(9_000));
+        assert_eq!(lock.due(wall(2), 10.0, ms(41_110), at(9_000)).instant, at(9_000).0);
         assert_eq!(lock.frame(("control", 2, &wall(2).2), 1010, 10.0, ms(41_110)), None);
         assert_eq!(lock.frame(("control", 1, &[]), 1010, 10.0, ms(41_110)), None);
     }
 
     #[test]
     fn frames_are_kept_for_seconds_and_walls_in_number() {
-        let lock = FrameLock::new(at(0), Duration::ZERO);
+        let lock = FrameLock::new(at(0).0, Duration::ZERO);
         for tenth in 0..100 {
             lock.due(wall(1), 10.0, Duration::from_millis(tenth * 100 + 50), at(0));
         }
@@ -179,13 +188,13 @@ mod tests {
 
     #[test]
     fn numbers_grow_over_a_restart_and_whatever_the_clock_does() {
-        let before = FrameLock::new(at(50_000), Duration::from_secs(5));
+        let before = FrameLock::new(at(50_000).0, Duration::from_secs(5));
         let last = before.due(wall(1), 10.0, Duration::from_secs(100), at(0)).id;
         // Started again 2 s later, its monotonic clock at 0.
-        let after = FrameLock::new(at(147_000), Duration::ZERO);
+        let after = FrameLock::new(at(147_000).0, Duration::ZERO);
         assert!(after.due(wall(1), 10.0, Duration::ZERO, at(0)).id > last);
         // A machine whose clock is before 1970.
-        let early = FrameLock::new(at(-50_000), Duration::ZERO);
+        let early = FrameLock::new(at(-50_000).0, Duration::ZERO);
         assert_eq!(early.due(wall(1), 10.0, Duration::from_secs(1), at(0)).id, 10);
     }
 }

@@ -9,12 +9,14 @@
 mod blend;
 mod document;
 mod frames;
+mod message;
 mod pattern;
 mod surface;
 
 pub use blend::blend;
 pub use document::{WallDocument, WallViewDocument};
 pub use frames::{FrameLock, WallFrame};
+pub use message::{FrameHeader, HEADER_BYTES, MessageError};
 pub use pattern::{Pattern, pattern};
 pub use surface::{CylinderDocument, GridDocument, MAX_TILES, SurfaceDocument, TileDocument};
 

@@ -170,6 +170,7 @@ fn the_demo_is_true_where_no_camera_stands() {
             colors: Colors::Raw,
             session: None,
             effort: Effort::default(),
+            horizon: None,
             scope: videofields::access::Scope::all(),
         };
         view_once(&config, &scene, &request, &SystemClock::new()).unwrap().image

@@ -8,6 +8,7 @@ mod exports;
 mod playheads;
 mod refusals;
 mod server;
+mod sockets;
 mod streams;
 mod strip;
 mod timeline;

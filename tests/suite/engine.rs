@@ -13,6 +13,7 @@ mod pictures;
 mod restart;
 mod rights;
 mod tracks;
+mod views;
 mod walls;
 
 use crate::support::wait_for;
@@ -175,6 +176,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         colors: Colors::Even,
         session: None,
         effort: Effort::default(),
+        horizon: None,
         scope: videofields::access::Scope::all(),
     }
 }

@@ -317,6 +317,7 @@ fn view(
         see_through: true,
         session: None,
         effort,
+        horizon: None,
         scope: videofields::access::Scope::all(),
     }
 }

@@ -37,8 +37,13 @@ pub(super) fn same_as(
         if instant != Some(subject.instant) {
             return false;
         }
-        let seen =
-            seen[kind(other.at)].get_or_insert_with(|| shared.seen_at(scene, other.at, subject.instant).ok());
+        let at = (subject.instant, other.horizon.as_ref());
+        // Two frames may have one instant and have been chosen at two moments: each is looked at by itself.
+        let own = (other.horizon != request.horizon).then(|| shared.seen_at(scene, other.at, at).ok());
+        let seen = match &own {
+            Some(own) => own,
+            None => seen[kind(other.at)].get_or_insert_with(|| shared.seen_at(scene, other.at, at).ok()),
+        };
         let Some(seen) = seen else { return false };
         shared.subject(other, scene, subject.instant, seen).is_ok_and(|other| other == *subject)
     };

@@ -13,7 +13,7 @@ use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, Entry, PlayheadState};
 use super::super::track_search::{FoundTracks, TrackQuery};
-use super::super::view::{ViewAnswer, ViewRequest};
+use super::super::view::{SceneMoment, ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
 use crate::access::{Grants, Scope};
 use crate::archive::{ExportFile, ExportStatus};
@@ -239,7 +239,7 @@ impl Door for Shared {
         self.scenes.find(id).ok_or_else(|| EngineError::NoScene { id: id.to_owned() })
     }
 
-    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+    fn moment(&self, scene: &str, at: At) -> Result<SceneMoment, EngineError> {
         self.moment_of(&*self.scene(scene)?, at)
     }
 

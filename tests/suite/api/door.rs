@@ -14,8 +14,8 @@ use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
     Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
     PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary,
-    SceneAlignment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer,
-    ViewRequest,
+    SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
+    ViewAnswer, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -26,7 +26,9 @@ use videofields::plan::{
 use videofields::scene::{Scene, SceneView, Sky};
 use videofields::segment::PixelRect;
 use videofields::store::ActivityRecord;
-use videofields::timeline::{Alignment, Event, EventKind, EventLog, LoggedEvent, Observation, PlayheadMode};
+use videofields::timeline::{
+    Alignment, Event, EventKind, EventLog, Horizon, LoggedEvent, Observation, PlayheadMode,
+};
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
@@ -439,9 +441,11 @@ impl Door for FakeDoor {
         }))
     }
 
-    fn moment(&self, scene: &str, at: At) -> Result<(Timestamp, Vec<CameraId>), EngineError> {
+    fn moment(&self, scene: &str, at: At) -> Result<SceneMoment, EngineError> {
         Self::has_scene(scene)?;
-        Ok((if let At::Time(instant) = at { instant } else { LAST }, vec![id("north"), id("south")]))
+        let instant = if let At::Time(instant) = at { instant } else { LAST };
+        let horizon = Horizon::new([(id("north"), LAST)]);
+        Ok(SceneMoment { instant, cameras: vec![id("north"), id("south")], horizon })
     }
 
     fn put_scene(&self, _scene: Arc<Scene>) -> Result<(), EngineError> {

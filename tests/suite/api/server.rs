@@ -5,21 +5,26 @@ use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
-use videofields::api::{Limits, Site, router_within, serve};
+use videofields::api::{ConnectionTimes, Limits, Site, router_within, serve_within};
 use videofields::clock::SystemClock;
 use videofields::engine::Handle;
 
-struct Running {
-    address: SocketAddr,
-    door: Arc<FakeDoor>,
-    stop: oneshot::Sender<()>,
-    served: JoinHandle<()>,
+pub(super) struct Running {
+    pub(super) address: SocketAddr,
+    pub(super) door: Arc<FakeDoor>,
+    pub(super) stop: oneshot::Sender<()>,
+    pub(super) served: JoinHandle<()>,
 }
 
-async fn start(state: State) -> Running {
+pub(super) async fn start(state: State) -> Running {
+    start_within(ConnectionTimes::default(), state).await
+}
+
+async fn start_within(times: ConnectionTimes, state: State) -> Running {
     let door = Arc::new(FakeDoor(state.into()));
     let router = router_within(
         Limits::default(),
@@ -30,7 +35,8 @@ async fn start(state: State) -> Running {
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let (stop, stopped) = oneshot::channel::<()>();
-    let served = tokio::spawn(serve(listener, None, router, async move { stopped.await.unwrap() }));
+    let shutdown = async move { stopped.await.unwrap() };
+    let served = tokio::spawn(serve_within(times, (listener, None), router, shutdown));
     Running { address, door, stop, served }
 }
 
@@ -113,4 +119,41 @@ async fn bytes_that_are_no_request_are_refused_and_the_server_goes_on() {
     check(get("/healthz"), "HTTP/1.1 200 ").await;
     running.stop.send(()).unwrap();
     running.served.await.unwrap();
+}
+
+/// What comes until the server closes the connection or `time` is over.
+async fn read_for(address: SocketAddr, bytes: Vec<u8>, time: Duration) -> (usize, bool) {
+    let mut stream = tokio::net::TcpStream::connect(address).await.unwrap();
+    stream.write_all(&bytes).await.unwrap();
+    let (mut n_bytes, mut piece) = (0, vec![0; 1 << 16]);
+    let reading = async {
+        loop {
+            match stream.read(&mut piece).await.unwrap() {
+                0 => return,
+                n => n_bytes += n,
+            }
+        }
+    };
+    let is_closed = tokio::time::timeout(time, reading).await.is_ok();
+    (n_bytes, is_closed)
+}
+
+#[tokio::test]
+async fn streams_outlive_the_age_of_connections_and_answers_do_not() {
+    let times = ConnectionTimes { age: Duration::from_millis(200), stuck: Duration::from_millis(200) };
+    let running = start_within(times, State::default()).await;
+    let get = |path: &str| format!("GET {path} HTTP/1.1\r\nhost: localhost\r\n\r\n").into_bytes();
+    let stream = get("/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=30");
+    // Ten times as long as its connection is old, and the finishing time more.
+    let (n_bytes, is_closed) = read_for(running.address, stream, Duration::from_secs(4)).await;
+    assert!(!is_closed && n_bytes > 50_000, "{n_bytes} bytes, closed: {is_closed}");
+    let (n_bytes, is_closed) = read_for(running.address, get("/healthz"), Duration::from_secs(4)).await;
+    assert!(is_closed && n_bytes > 100, "{n_bytes} bytes, closed: {is_closed}");
+    // A stream is no reason to go on for long when the daemon stops.
+    let open = get("/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=0.1");
+    let reading = tokio::spawn(read_for(running.address, open, Duration::from_secs(10)));
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    running.stop.send(()).unwrap();
+    running.served.await.unwrap();
+    assert!(reading.await.unwrap().1);
 }

@@ -1,5 +1,6 @@
 //! Users, tokens and sessions over HTTP: who is let in, as whom, and until when.
 
+use super::sockets::{ack, dial, end, frame};
 use super::{Answer, Bench, State};
 use axum::body::Body;
 use axum::http::Request;
@@ -500,4 +501,30 @@ async fn an_audit_log_that_was_changed_says_where() {
     run("delete from audit where number = 2").await.unwrap();
     let found = house.store.check_audit().await.unwrap();
     assert_eq!((found.n_whole, found.fault.as_deref()), (1, Some("entry 2 is missing")));
+}
+
+#[tokio::test]
+async fn a_revoked_token_ends_a_conversation_with_its_reason() {
+    let (house, token) = House::with_admin().await;
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let router = house.bench.router.clone();
+    let served =
+        tokio::spawn(videofields::api::serve(listener, None, router, async move { stopped.await.unwrap() }));
+    let path = "/api/v1/scenes/plaza/frames?width=64&height=48&rate=30";
+    assert!(dial(address, path, &[]).await.is_err(), "a stranger");
+    let bearer = [("authorization", format!("Bearer {token}"))];
+    let mut socket = dial(address, path, &bearer).await.unwrap();
+    for number in 1..=3 {
+        assert_eq!(frame(&mut socket).await.0.frame, number);
+        ack(&mut socket, number).await;
+    }
+    let tokens = house.get("/api/v1/tokens", Shows::Token(&token)).await.json();
+    let own = tokens["tokens"][0]["id"].as_str().unwrap().to_owned();
+    house.accounts.remove_token(&own, None).await.unwrap();
+    let ended = tokio::time::timeout(Duration::from_secs(5), end(&mut socket)).await.unwrap();
+    assert_eq!(ended, (1008, "your rights have ended".to_owned()));
+    stop.send(()).unwrap();
+    served.await.unwrap();
 }

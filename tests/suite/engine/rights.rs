@@ -374,6 +374,12 @@ fn routes() -> Vec<String> {
         "/api/v1/walls/control/tiles/r9c9/frame.png",
         "/api/v1/walls/past/tiles/r1c1/frame.png",
         "/api/v1/walls/none",
+        "/api/v1/views",
+        "/api/v1/views/gate",
+        "/api/v1/views/gate/versions",
+        "/api/v1/views/gate/picture.png?width=64&height=48",
+        "/api/v1/views/past/picture.jpg?width=64&height=48",
+        "/api/v1/views/none/picture.jpg",
     ]
     .map(str::to_owned)
     .into();
@@ -421,7 +427,7 @@ fn routes() -> Vec<String> {
     routes
 }
 
-/// Two walls: one that is live, and one that shows what a playhead does.
+/// Two walls and two views: of each one that is live, and one that shows what a playhead does.
 async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
     let folders = (PathBuf::from("."), Vec::new());
     let catalog = Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap();
@@ -434,6 +440,13 @@ async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
         });
         if !catalog.state(DocumentKind::Wall, id).is_there {
             let kept = catalog.put((DocumentKind::Wall, id), wall.to_string(), Condition::Absent, None);
+            kept.await.unwrap();
+        }
+    }
+    for (id, parameters) in [("gate", "eye=7,-7,5&target=0,0,0"), ("past", "t=playhead:wall")] {
+        let view = json!({"scene": "yard", "parameters": parameters});
+        if !catalog.state(DocumentKind::View, id).is_there {
+            let kept = catalog.put((DocumentKind::View, id), view.to_string(), Condition::Absent, None);
             kept.await.unwrap();
         }
     }

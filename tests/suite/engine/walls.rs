@@ -88,8 +88,18 @@ fn torn(house: &House, parameters: &str) -> (usize, u8, usize) {
     assert_eq!(house.send("PATCH", WALL, Some(("if-match", &tag)), &change).status, 200);
     let tiles = tiles(house);
     assert_eq!(tiles.len(), 15);
+    loop {
+        if let Some(difference) = compared(house, &tiles, parameters) {
+            return difference;
+        }
+    }
+}
+
+/// As [`torn`]; none where a camera that lagged at the frame's instant was seen further since, which the one picture shows and
+/// tiles must not.
+fn compared(house: &House, tiles: &[Value], parameters: &str) -> Option<(usize, u8, usize)> {
     let frame = next_frame(house);
-    let answers = house.get_all(&paths(&tiles, &format!("?at={frame}")));
+    let answers = house.get_all(&paths(tiles, &format!("?at={frame}")));
     let time = answers[0].field("videofields-time").to_owned();
     for answer in &answers {
         assert_eq!(answer.status, 200, "{}", answer.body);
@@ -101,11 +111,13 @@ fn torn(house: &House, parameters: &str) -> (usize, u8, usize) {
         "/api/v1/scenes/plaza/view.png?projection=window&eye=0,-14,5&window={window}&width=496&height=200&t={time}&{parameters}"
     );
     let whole = house.get(&whole);
-    for answer in answers.iter().chain([&whole]) {
-        let sources = |of: &Answer| {
-            (of.field("videofields-sources").to_owned(), of.field("videofields-gaps").to_owned())
-        };
+    let sources =
+        |of: &Answer| (of.field("videofields-sources").to_owned(), of.field("videofields-gaps").to_owned());
+    for answer in &answers {
         assert_eq!(sources(answer), sources(&answers[0]));
+    }
+    if sources(&whole) != sources(&answers[0]) {
+        return None;
     }
     let whole = picture(&whole);
     // Behind bezels stands what the one picture shows there.
@@ -119,7 +131,7 @@ fn torn(house: &House, parameters: &str) -> (usize, u8, usize) {
     // Not the same colour all over.
     assert!(whole.pixels().collect::<std::collections::HashSet<_>>().len() > 500);
     let differences = || together.as_raw().iter().zip(whole.as_raw()).map(|(a, b)| a.abs_diff(*b));
-    (differences().filter(|by| *by > 1).count(), differences().max().unwrap(), whole.as_raw().len())
+    Some((differences().filter(|by| *by > 1).count(), differences().max().unwrap(), whole.as_raw().len()))
 }
 
 /// With several samples a pixel, a rasteriser looks up what lies on a triangle's edge at a covered part of the pixel of its own
@@ -301,10 +313,15 @@ fn walls_are_kept_changed_and_refused_with_their_places() {
     assert_eq!(house.get(&format!("{WALL}/tiles/r1c1/frame.gif")).status, 404);
     assert_eq!(house.get(&format!("{WALL}/tiles/r1c1/frame.png?pattern=bars")).status, 400);
 
-    let unknown = house.send("PATCH", WALL, Some(("if-match", "\"2\"")), "{\"playhead\": \"evening\"}");
+    let restore = format!("{WALL}/versions/1/restore");
+    assert_eq!(house.send("POST", &restore, Some(("if-match", "\"1\"")), "").status, 412);
+    let restored = house.send("POST", &restore, Some(("if-match", "\"2\"")), "");
+    assert_eq!((restored.status, restored.etag.as_deref()), (200, Some("\"3\"")), "{}", restored.body);
+    assert_eq!(restored.body["zoom"], 1.0);
+    let unknown = house.send("PATCH", WALL, Some(("if-match", "\"3\"")), "{\"playhead\": \"evening\"}");
     assert_eq!(unknown.status, 200);
     assert_eq!(house.get(&format!("{WALL}/tiles/r1c1/frame.png")).status, 404, "there is no such playhead");
-    assert_eq!(house.send("DELETE", WALL, Some(("if-match", "\"3\"")), "").status, 204);
+    assert_eq!(house.send("DELETE", WALL, Some(("if-match", "\"4\"")), "").status, 204);
     assert_eq!(house.get(WALL).status, 404);
     house.bench.stop();
 }

@@ -1,0 +1,270 @@
+//! Documents that people keep of scenes, with their versions: one set of handlers for all of their kinds ([`Kind`]).
+//!
+//! Who sees a document's scene sees the document; operators and admins change it. Of one whose scene is hidden a caller
+//! learns no more than that its name is taken; of what it was before, when it may have shown another scene, admins alone.
+
+use super::conditions::{etag, required};
+use super::content::Content;
+use super::documents::{self, merge};
+use super::error::Problem;
+use super::identity::Asked;
+use super::query::Query;
+use super::segments::Segments;
+use super::tune::{read_body, refuse_foreign};
+use super::{Api, scenes};
+use crate::access::Role;
+use crate::catalog::{CatalogError, Condition};
+use crate::error::{ErrorKind, Fault};
+use crate::frame::is_id;
+use crate::store::{DocumentKind, DocumentRecord};
+use axum::Json;
+use axum::extract::RawQuery;
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Map, Value};
+
+const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
+
+/// What documents of one kind mean.
+pub(super) trait Kind: Sized + Send + 'static {
+    /// Which kind it is.
+    const KIND: DocumentKind;
+    /// The name of the list of them.
+    const LIST: &'static str;
+    /// Parameters by which the list can be narrowed down.
+    const FILTERS: &'static [&'static str] = &[];
+
+    /// Reads a document; answers its normal form too.
+    ///
+    /// # Errors
+    /// With every fault, each at its JSON pointer.
+    fn read(document: Value) -> Result<(Self, Value), Vec<Fault>>;
+
+    /// Refuses what only the interface knows to be wrong.
+    ///
+    /// # Errors
+    /// With every fault, each at its JSON pointer.
+    fn check(&self) -> Result<(), Problem>;
+
+    /// The scene that it shows.
+    fn scene(&self) -> &str;
+
+    /// How the list shows it.
+    fn summary(kept: &Kept<Self>) -> Value;
+
+    /// Those of `all` that `query` asks for, in the list's order.
+    fn listed(_query: &mut Query, all: Vec<Kept<Self>>) -> Vec<Kept<Self>> {
+        all
+    }
+}
+
+/// A document that is kept, in one of its versions.
+pub(super) struct Kept<K> {
+    pub(super) id: String,
+    pub(super) version: i64,
+    pub(super) content: K,
+    /// As that version has it.
+    document: String,
+}
+
+/// The document of that name, if the caller may know of its scene.
+pub(super) fn find<K: Kind>(api: &Api, id: &str) -> Result<Kept<K>, Problem> {
+    let found = api.catalog.as_ref().and_then(|catalog| catalog.get(K::KIND, id).ok());
+    let found = found.and_then(|record| read(api, &record));
+    found.ok_or_else(|| {
+        let kept = all::<K>(api);
+        let ids: Vec<&str> = kept.iter().map(|kept| kept.id.as_str()).collect();
+        Problem::missing(K::KIND.as_str(), id, &ids)
+    })
+}
+
+/// A document as it was kept; none where the caller knows nothing of its scene. Of one whose scene is gone admins know.
+fn read<K: Kind>(api: &Api, record: &DocumentRecord) -> Option<Kept<K>> {
+    let document = record.document.clone()?;
+    let (content, _) = K::read(serde_json::from_str(&document).ok()?)
+        .inspect_err(|faults| {
+            tracing::error!(kind = K::KIND.as_str(), id = record.id, ?faults, "kept document at fault");
+        })
+        .ok()?;
+    let is_admin = api.identity.caller.grants.role() == Role::Admin;
+    let is_seen = api.door.scene(content.scene()).is_ok() || is_admin;
+    is_seen.then(|| Kept { id: record.id.clone(), version: record.version, content, document })
+}
+
+fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
+    let records = api.catalog.as_ref().map(|catalog| catalog.all(K::KIND)).unwrap_or_default();
+    records.iter().filter_map(|record| read(api, record)).collect()
+}
+
+/// Every document, in the order of names unless its kind has one of its own.
+pub(super) async fn list<K: Kind>(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), K::FILTERS);
+    let listed = K::listed(&mut query, all::<K>(&api));
+    let listed = query.finish(Some(listed))?;
+    let body = Map::from_iter([(K::LIST.to_owned(), listed.iter().map(K::summary).collect())]);
+    Ok(([NO_STORE], Json(Value::Object(body))).into_response())
+}
+
+/// One document.
+pub(super) async fn one<K: Kind>(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    let Kept { version, document, .. } = find::<K>(&api, &id)?;
+    Ok(answer(StatusCode::OK, version, document))
+}
+
+/// Makes a document (`If-None-Match: *`) or replaces one (`If-Match`).
+pub(super) async fn put<K: Kind>(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    Content(body): Content,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check::<K>(&api, &id, &headers)?;
+    let condition = seen::<K>(&api, &id, required(&headers)?);
+    keep::<K>(&api, &id, read_body(&body)?, condition).await
+}
+
+/// A condition of any version as one of the version that the caller may see: another may be of a hidden scene by then.
+fn seen<K: Kind>(api: &Api, id: &str, condition: Condition) -> Condition {
+    match (condition, find::<K>(api, id)) {
+        (Condition::Present, Ok(kept)) => Condition::Version(kept.version),
+        (condition, _) => condition,
+    }
+}
+
+/// Changes the members of a document that are given (JSON Merge Patch, RFC 7396).
+pub(super) async fn change<K: Kind>(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    Content(body): Content,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check::<K>(&api, &id, &headers)?;
+    let Kept { version, document, .. } = find::<K>(&api, &id)?;
+    let mut document = read_body(document.as_bytes())?;
+    merge(&mut document, read_body(&body)?);
+    // What was patched is what is replaced, even where any version may be.
+    let condition = match required(&headers)? {
+        Condition::Present => Condition::Version(version),
+        condition => condition,
+    };
+    keep::<K>(&api, &id, document, condition).await
+}
+
+/// Takes a document away (`If-Match`).
+pub(super) async fn remove<K: Kind>(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check::<K>(&api, &id, &headers)?;
+    if api.check_admin("what is of other scenes").is_err() {
+        find::<K>(&api, &id)?;
+    }
+    let (condition, by) = (seen::<K>(&api, &id, required(&headers)?), api.identity.caller.user.clone());
+    api.catalog()?.remove((K::KIND, &id), condition, by).await?;
+    tracing::info!(kind = K::KIND.as_str(), id, by = ?api.identity.caller.user, "document removed");
+    Ok((StatusCode::NO_CONTENT, [NO_STORE]).into_response())
+}
+
+/// What a document was, the newest version first.
+pub(super) async fn versions<K: Kind>(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    check_versions::<K>(&api)?;
+    documents::versions(&api, (K::KIND, &id), raw.as_deref()).await
+}
+
+/// One version of a document.
+pub(super) async fn version<K: Kind>(
+    Asked(api): Asked,
+    Segments((id, number)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    check_versions::<K>(&api)?;
+    documents::version(&api, (K::KIND, &id), &number, raw.as_deref()).await
+}
+
+/// Makes a version of before the newest: `If-Match` with the newest's tag, or `If-None-Match: *` of one that was removed.
+pub(super) async fn restore<K: Kind>(
+    Asked(api): Asked,
+    Segments((id, number)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    check::<K>(&api, &id, &headers)?;
+    check_versions::<K>(&api)?;
+    let condition = required(&headers)?;
+    let number = documents::number(&number)?;
+    let document = api.catalog()?.version(K::KIND, &id, number).await?;
+    keep::<K>(&api, &id, read_body(document.as_bytes())?, condition).await
+}
+
+/// Versions of before may show other scenes, of which a caller may know nothing.
+fn check_versions<K: Kind>(api: &Api) -> Result<(), Problem> {
+    api.check_admin(&format!("what a {} was before", K::KIND.as_str()))
+}
+
+/// Refuses who may not change this document, and names that none can have.
+fn check<K: Kind>(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+    let kind = K::KIND.as_str();
+    refuse_foreign(headers)?;
+    if api.identity.caller.grants.role() == Role::Viewer {
+        let detail = format!("changing {} is for operators and admins", K::LIST);
+        return Err(Problem::new(ErrorKind::Forbidden, detail));
+    }
+    if !is_id(id) {
+        let message = format!("a {kind}'s name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit");
+        return Err(CatalogError::Faults(vec![Fault::new("id", message)]).into());
+    }
+    let is_kept = api.catalog()?.state(K::KIND, id).is_there;
+    if is_kept && find::<K>(api, id).is_err() && api.check_admin("this").is_err() {
+        // Its scene is hidden from the caller.
+        return Err(Problem::new(ErrorKind::Forbidden, format!("the name {id} is taken")));
+    }
+    Ok(())
+}
+
+async fn keep<K: Kind>(
+    api: &Api,
+    id: &str,
+    document: Value,
+    condition: Condition,
+) -> Result<Response, Problem> {
+    let (content, document) = K::read(document).map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
+    content.check()?;
+    if let Err(error) = api.door.scene(content.scene()) {
+        let detail = scenes::problem_of(api, error).into_detail();
+        return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("/scene", detail)]));
+    }
+    let document = serde_json::to_string_pretty(&document)
+        .map_err(|error| Problem::new(ErrorKind::Internal, format!("writing a document: {error}")))?;
+    let (catalog, by) = (api.catalog()?, api.identity.caller.user.clone());
+    let is_new = !catalog.state(K::KIND, id).is_there;
+    let version = catalog.put((K::KIND, id), document.clone(), condition, by).await?;
+    tracing::info!(kind = K::KIND.as_str(), id, version, by = ?api.identity.caller.user, "document changed");
+    let status = if is_new { StatusCode::CREATED } else { StatusCode::OK };
+    Ok(answer(status, version, document))
+}
+
+fn answer(status: StatusCode, version: i64, document: String) -> Response {
+    let fields = [
+        (header::CONTENT_TYPE, "application/json".to_owned()),
+        (header::CACHE_CONTROL, "no-store".to_owned()),
+        (header::ETAG, etag(version)),
+    ];
+    (status, fields, document).into_response()
+}

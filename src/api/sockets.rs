@@ -1,0 +1,396 @@
+//! `.../frames`: pictures one after the other by WebSocket, each a message with a header (`wall::FrameHeader`).
+//!
+//! A client says which frames it has taken (`{"ack": 17}`), and a few may be on their way to it at once. The next picture is
+//! drawn when there is room for it: a slow client gets fewer, always the newest, nothing queues up and nobody waits for it.
+//! Who it is and what it may see is looked at before every picture, and once a second.
+
+use super::error::Problem;
+use super::frames::{MAX_FAILURES, PAUSE, Shown, Source, split_off};
+use super::identity::Asked;
+use super::query::Query;
+use super::segments::Segments;
+use super::wall_tiles::Wishes;
+use super::{Api, Site};
+use crate::clock::Timestamp;
+use crate::encode::PictureFormat;
+use crate::error::ErrorKind;
+use crate::wall::FrameHeader;
+use axum::extract::RawQuery;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
+use axum::http::{HeaderMap, header};
+use axum::response::Response;
+use futures_util::future::BoxFuture;
+use serde::Deserialize;
+use std::collections::VecDeque;
+use std::time::Duration;
+use tokio::sync::OwnedSemaphorePermit;
+
+/// Frames that may be on their way to a client at once.
+const CREDITS: std::ops::RangeInclusive<u32> = 1..=4;
+const DEFAULT_CREDITS: u32 = 2;
+
+/// Most bytes of a message that a client sends.
+const MAX_SAID_BYTES: usize = 1024;
+
+/// How often it is looked who the client is, and whether what it looks at is still there.
+const LOOK: Duration = Duration::from_secs(1);
+
+/// Looks between two pings, and without a word from the client until it counts as gone.
+const LOOKS_A_PING: u32 = 10;
+const SILENT_LOOKS: u32 = 30;
+
+/// Time for a picture to be taken, and for a farewell.
+const SEND_TIME: Duration = Duration::from_secs(20);
+const FAREWELL_TIME: Duration = Duration::from_secs(1);
+
+/// Codes of why a conversation ends, beside those of RFC 6455.
+const GONE: u16 = 4404;
+const SILENT: u16 = 4408;
+
+type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
+
+/// Frames of a wall's tile.
+pub(super) async fn of_tile(
+    Asked(api): Asked,
+    Segments(ids): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    upgrade: Upgrade,
+) -> Result<Response, Problem> {
+    let known = [Wishes::PARAMETERS.as_slice(), &["format", "credits"]].concat();
+    let mut query = Query::parse(raw.as_deref(), &known);
+    let formats = [("jpeg", PictureFormat::Jpeg), ("png", PictureFormat::Png)];
+    let format = query.choice("format", &formats).unwrap_or(PictureFormat::Jpeg);
+    let n_credits = query.whole("credits", &CREDITS).unwrap_or(DEFAULT_CREDITS);
+    let source = Source::tile(&api, ids, &mut query, format);
+    query.finish(Some(()))?;
+    begin(api, (&headers, upgrade), source?, n_credits)
+}
+
+/// Pictures of a view of a scene.
+pub(super) async fn of_view(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    upgrade: Upgrade,
+) -> Result<Response, Problem> {
+    let (n_credits, rest) = credits(raw.as_deref())?;
+    begin(api, (&headers, upgrade), Source::view(id, Some(&rest))?, n_credits)
+}
+
+/// Pictures of a named view.
+pub(super) async fn of_named(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+    headers: HeaderMap,
+    upgrade: Upgrade,
+) -> Result<Response, Problem> {
+    let (n_credits, rest) = credits(raw.as_deref())?;
+    let source = Source::named(&api, id, Some(&rest))?;
+    begin(api, (&headers, upgrade), source, n_credits)
+}
+
+/// Takes `credits` out of a query string.
+fn credits(raw: Option<&str>) -> Result<(u32, String), Problem> {
+    let (own, rest) = split_off(raw, "credits");
+    let mut query = Query::parse(Some(&own), &["credits"]);
+    let n_credits = query.whole("credits", &CREDITS).unwrap_or(DEFAULT_CREDITS);
+    Ok((query.finish(Some(n_credits))?, rest))
+}
+
+fn begin(
+    api: Api,
+    (headers, upgrade): (&HeaderMap, Upgrade),
+    source: Source,
+    n_credits: u32,
+) -> Result<Response, Problem> {
+    let upgrade = accept(&api.site, headers, upgrade)?;
+    source.check(&api)?;
+    let permit = api.stream_place()?;
+    let talk = Talk { api, n_credits: n_credits as usize, on_their_way: VecDeque::new(), n_failures: 0 };
+    Ok(upgrade.on_upgrade(move |socket| talk.hold(socket, source, permit)))
+}
+
+/// What asks for a WebSocket as it must, from no page of another site: browsers send cookies along with it whoever's the page
+/// is, and hold nothing back of the answer.
+pub(super) fn accept(
+    site: &Site,
+    headers: &HeaderMap,
+    upgrade: Upgrade,
+) -> Result<WebSocketUpgrade, Problem> {
+    super::tune::refuse_foreign(headers)?;
+    if !is_own_origin(site, headers) {
+        let detail = "a page of another site asks for this; only the daemon's own may";
+        return Err(Problem::new(ErrorKind::Forbidden, detail));
+    }
+    let upgrade = upgrade.map_err(|rejection| {
+        let detail = format!("this is answered by WebSocket (RFC 6455) alone: {}", rejection.body_text());
+        Problem::new(ErrorKind::Invalid, detail)
+    })?;
+    Ok(upgrade.max_message_size(MAX_SAID_BYTES).max_frame_size(MAX_SAID_BYTES))
+}
+
+/// Whether a request comes from no page, or from one of this daemon's.
+fn is_own_origin(site: &Site, headers: &HeaderMap) -> bool {
+    let Some(origin) = headers.get(header::ORIGIN) else { return true };
+    let (Ok(origin), Some(host)) =
+        (origin.to_str(), headers.get(header::HOST).and_then(|host| host.to_str().ok()))
+    else {
+        return false;
+    };
+    match origin.split_once("://") {
+        Some(("https", of)) => of.eq_ignore_ascii_case(host),
+        // What encrypts before the daemon is not known to it.
+        Some(("http", of)) => !site.is_encrypted && of.eq_ignore_ascii_case(host),
+        _ => false,
+    }
+}
+
+/// Why a conversation ends.
+struct End {
+    code: u16,
+    reason: String,
+}
+
+impl End {
+    fn new(code: u16, reason: impl Into<String>) -> Self {
+        Self { code, reason: reason.into() }
+    }
+
+    fn of(problem: Problem) -> Self {
+        let code = match problem.internal() {
+            Some(_) => close_code::ERROR,
+            None => close_code::POLICY,
+        };
+        Self::new(code, problem.into_detail())
+    }
+}
+
+/// What a client says.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Said {
+    /// It has taken that frame, and all before.
+    ack: u64,
+}
+
+/// A conversation with one client.
+struct Talk {
+    api: Api,
+    n_credits: usize,
+    /// Numbers of frames that were sent and not acknowledged.
+    on_their_way: VecDeque<u64>,
+    n_failures: u32,
+}
+
+/// A source and what it shows.
+type Next = BoxFuture<'static, (Source, Result<Shown, Problem>)>;
+
+impl Talk {
+    async fn hold(mut self, mut socket: WebSocket, source: Source, _permit: OwnedSemaphorePermit) {
+        let connection = self.api.connection.clone();
+        let end = tokio::select! {
+            end = self.go_on(&mut socket, source) => end,
+            () = connection.stopped() => Some(End::new(close_code::AWAY, "the daemon stops")),
+        };
+        let Some(End { code, reason }) = end else { return };
+        farewell(&mut socket, code, &reason).await;
+    }
+
+    /// Sends what there is until there is a reason to end; none where the client has left.
+    async fn go_on(&mut self, socket: &mut WebSocket, source: Source) -> Option<End> {
+        let mut looks = tokio::time::interval(LOOK);
+        let (mut n_looks, mut n_silent) = (0_u32, 0_u32);
+        let mut idle = Some(source);
+        let mut next: Option<Next> = None;
+        loop {
+            if self.on_their_way.len() < self.n_credits
+                && let Some(source) = idle.take()
+            {
+                next = Some(self.next(source));
+            }
+            let shown = async {
+                match &mut next {
+                    Some(next) => next.await,
+                    None => std::future::pending().await,
+                }
+            };
+            tokio::select! {
+                said = socket.recv() => {
+                    n_silent = 0;
+                    match self.heard(said?.ok()?) {
+                        Ok(true) => {}
+                        Ok(false) => return None,
+                        Err(end) => return Some(end),
+                    }
+                }
+                (source, shown) = shown => {
+                    next = None;
+                    if let Err(end) = self.tell(socket, &source, shown).await {
+                        return end;
+                    }
+                    idle = Some(source);
+                }
+                _ = looks.tick() => {
+                    (n_looks, n_silent) = (n_looks + 1, n_silent + 1);
+                    let own = self.api.renewed();
+                    match own {
+                        Some(own) => self.api = own,
+                        None => return Some(End::new(close_code::POLICY, "your rights have ended")),
+                    }
+                    if let Some(Err(problem)) = idle.as_ref().map(|source| source.find(&self.api)) {
+                        return Some(End::new(GONE, problem.into_detail()));
+                    }
+                    if n_silent > SILENT_LOOKS {
+                        return Some(End::new(SILENT, "nothing was heard of you for too long"));
+                    }
+                    if n_looks % LOOKS_A_PING == 0 {
+                        said(socket, Message::Ping(axum::body::Bytes::new())).await.ok()?;
+                    }
+                }
+            }
+        }
+    }
+
+    /// What comes next of `source`.
+    fn next(&self, mut source: Source) -> Next {
+        let api = self.api.clone();
+        let pause = if self.n_failures > 0 { PAUSE } else { Duration::ZERO };
+        Box::pin(async move {
+            tokio::time::sleep(pause).await;
+            let shown = source.next(&api).await;
+            (source, shown)
+        })
+    }
+
+    /// Takes what a client says; whether it stays.
+    fn heard(&mut self, message: Message) -> Result<bool, End> {
+        match message {
+            Message::Text(text) => {
+                let said: Said = serde_json::from_str(&text).map_err(|_unknown| {
+                    End::new(close_code::UNSUPPORTED, "expected {\"ack\": and the number of a frame}")
+                })?;
+                while self.on_their_way.front().is_some_and(|frame| *frame <= said.ack) {
+                    self.on_their_way.pop_front();
+                }
+                Ok(true)
+            }
+            Message::Binary(_) => Err(End::new(close_code::UNSUPPORTED, "expected text")),
+            Message::Ping(_) | Message::Pong(_) => Ok(true),
+            Message::Close(_) => Ok(false),
+        }
+    }
+
+    /// Sends a picture, or says why there is none yet.
+    async fn tell(
+        &mut self,
+        socket: &mut WebSocket,
+        source: &Source,
+        shown: Result<Shown, Problem>,
+    ) -> Result<(), Option<End>> {
+        let Some(own) = self.api.renewed() else {
+            return Err(Some(End::new(close_code::POLICY, "your rights have ended")));
+        };
+        let is_as_asked = own.identity.caller.grants == self.api.identity.caller.grants;
+        self.api = own;
+        source.find(&self.api).map_err(|problem| Some(End::new(GONE, problem.into_detail())))?;
+        match shown {
+            // What may be seen has changed since: it is drawn anew.
+            Ok(_) if !is_as_asked => Ok(()),
+            Ok(shown) => {
+                self.n_failures = 0;
+                self.on_their_way.push_back(shown.frame);
+                let message = message(&shown, self.api.clock.now());
+                drop(shown);
+                said(socket, Message::Binary(message.into())).await
+            }
+            Err(problem) if problem.may_pass() && self.n_failures < MAX_FAILURES => {
+                self.n_failures += 1;
+                if self.n_failures > 1 {
+                    return Ok(());
+                }
+                let waiting = serde_json::json!({ "waiting": problem.into_detail() }).to_string();
+                said(socket, Message::Text(waiting.into())).await
+            }
+            Err(problem) => Err(Some(End::of(problem))),
+        }
+    }
+}
+
+fn message(shown: &Shown, sent_at: Timestamp) -> Vec<u8> {
+    let Shown { frame, version, rate_hz, is_live, is_pattern, picture } = shown;
+    let header = FrameHeader {
+        format: picture.format,
+        is_live: *is_live,
+        is_restricted: picture.fields.iter().any(|(name, _)| *name == "videofields-restricted"),
+        is_pattern: *is_pattern,
+        frame: *frame,
+        instant: picture.instant,
+        version: *version,
+        sent_at,
+        rate_millihertz: (rate_hz * 1e3).round() as u32,
+    };
+    header.message(&picture.bytes)
+}
+
+/// Sends a message to a client that must take it in time.
+async fn said(socket: &mut WebSocket, message: Message) -> Result<(), Option<End>> {
+    match tokio::time::timeout(SEND_TIME, socket.send(message)).await {
+        Ok(sent) => sent.map_err(|_gone| None),
+        Err(_elapsed) => Err(None),
+    }
+}
+
+/// Says why, and waits a moment for the other side to have heard it.
+pub(super) async fn farewell(socket: &mut WebSocket, code: u16, reason: &str) {
+    // RFC 6455, section 5.5: 125 bytes with the code.
+    let mut end = reason.len().min(120);
+    while !reason.is_char_boundary(end) {
+        end -= 1;
+    }
+    let frame = CloseFrame { code, reason: reason[..end].into() };
+    let heard = async {
+        if socket.send(Message::Close(Some(frame))).await.is_ok() {
+            while let Some(Ok(_)) = socket.recv().await {}
+        }
+    };
+    if tokio::time::timeout(FAREWELL_TIME, heard).await.is_err() {
+        tracing::debug!(code, reason, "a client does not hear why it is left");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use axum::http::HeaderValue;
+
+    #[test]
+    fn pages_of_other_sites_are_told_by_their_origin() {
+        let check = |is_encrypted: bool, origin: Option<&'static str>, expected: bool| {
+            let site = Site { is_encrypted, ..Site::default() };
+            let mut headers = HeaderMap::new();
+            headers.insert(header::HOST, HeaderValue::from_static("wall.example:8443"));
+            if let Some(origin) = origin {
+                headers.insert(header::ORIGIN, HeaderValue::from_static(origin));
+            }
+            assert_eq!(is_own_origin(&site, &headers), expected, "{origin:?}");
+        };
+        check(true, None, true);
+        check(true, Some("https://wall.example:8443"), true);
+        check(true, Some("https://WALL.example:8443"), true);
+        check(true, Some("http://wall.example:8443"), false);
+        check(false, Some("http://wall.example:8443"), true);
+        for other in [
+            "https://wall.example",
+            "https://evil.example",
+            "https://wall.example:8443.evil.example",
+            "null",
+            "",
+        ] {
+            check(false, Some(other), false);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! `/api/v1/views`: views that people keep under a name, and their pictures; `kept` lists, shows and changes them.
+
+use super::error::Problem;
+use super::identity::Asked;
+use super::kept::{self, Kept};
+use super::picture::{Picture, split};
+use super::query::{Moment, Query};
+use super::segments::Segments;
+use super::{Api, view};
+use crate::catalog::NamedView;
+use crate::encode::PictureFormat;
+use crate::engine::ViewRequest;
+use crate::error::{ErrorKind, Fault};
+use crate::store::DocumentKind;
+use axum::extract::RawQuery;
+use percent_encoding::percent_decode_str;
+use serde_json::{Value, json};
+
+/// Most characters of a group or tag that is asked for.
+const MAX_WORD_CHARS: usize = 100;
+
+impl kept::Kind for NamedView {
+    const KIND: DocumentKind = DocumentKind::View;
+    const LIST: &'static str = "views";
+    const FILTERS: &'static [&'static str] = &["scene", "group", "tag"];
+
+    fn read(document: Value) -> Result<(Self, Value), Vec<Fault>> {
+        let view = Self::read(document)?;
+        let normal = serde_json::to_value(&view);
+        Ok((view, normal.map_err(|error| vec![Fault::new("", error.to_string())])?))
+    }
+
+    fn check(&self) -> Result<(), Problem> {
+        let Err(faults) = view::read_kept(&self.scene, &self.parameters) else { return Ok(()) };
+        let at = |fault: Fault| Fault::new("/parameters", format!("{}: {}", fault.place, fault.message));
+        Err(Problem::at(ErrorKind::Invalid, faults.into_iter().map(at).collect()))
+    }
+
+    fn scene(&self) -> &str {
+        &self.scene
+    }
+
+    fn summary(kept: &Kept<Self>) -> Value {
+        let Kept { id, version, content, .. } = kept;
+        let Self { name, scene, parameters, group, tags, order } = content;
+        json!({
+            "id": id, "name": name, "scene": scene, "parameters": parameters, "group": group, "tags": tags,
+            "order": order, "version": version,
+        })
+    }
+
+    /// Group by group, each in its own order.
+    fn listed(query: &mut Query, mut all: Vec<Kept<Self>>) -> Vec<Kept<Self>> {
+        let scene = query.id("scene");
+        let allowed = format!("at most {MAX_WORD_CHARS} characters");
+        let word = |text: &str| (text.chars().count() <= MAX_WORD_CHARS).then(|| text.to_owned());
+        let group = query.value("group", &allowed, word);
+        let tag = query.value("tag", &allowed, word);
+        all.retain(|Kept { content, .. }| {
+            scene.as_ref().is_none_or(|scene| *scene == content.scene)
+                && group.as_ref().is_none_or(|group| *group == content.group)
+                && tag.as_ref().is_none_or(|tag| content.tags.contains(tag))
+        });
+        let place = |Kept { id, content: of, .. }: &Kept<Self>| {
+            (of.group.clone(), of.order, of.name.clone(), id.clone())
+        };
+        all.sort_by_cached_key(place);
+        all
+    }
+}
+
+/// What a named view shows; a parameter of the request's stands in the place of the view's own.
+pub(super) async fn picture(
+    Asked(api): Asked,
+    Segments((id, file)): Segments<(String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Picture, Problem> {
+    let ((), format) = split(&file, &[("picture", ())])?;
+    shown(&api, (&id, raw.as_deref().unwrap_or_default()), format).await
+}
+
+/// As [`picture`], in that format.
+pub(super) async fn shown(
+    api: &Api,
+    (id, raw): (&str, &str),
+    format: PictureFormat,
+) -> Result<Picture, Problem> {
+    let (version, request, moment) = asked(api, (id, raw), format)?;
+    let mut picture = view::drawn(api, request, (format, moment), |image| image).await?;
+    picture.fields.push(("videofields-view-version", version.to_string()));
+    Ok(picture)
+}
+
+/// What a named view asks for, and in which of its versions.
+pub(super) fn asked(
+    api: &Api,
+    (id, raw): (&str, &str),
+    format: PictureFormat,
+) -> Result<(i64, ViewRequest, Moment), Problem> {
+    let Kept { version, content, .. } = kept::find::<NamedView>(api, id)?;
+    let query = merged(&content.parameters, raw);
+    let (request, moment) = view::asked(api, (content.scene, format), Some(&query))?;
+    Ok((version, request, moment))
+}
+
+/// A query string with another's parameters in the place of those of the same names.
+fn merged(own: &str, asked: &str) -> String {
+    let name = |part: &str| {
+        let name = part.split('=').next().unwrap_or_default();
+        percent_decode_str(name).decode_utf8_lossy().into_owned()
+    };
+    let names: Vec<String> = asked.split('&').map(name).collect();
+    let kept = own.split('&').filter(|part| !names.contains(&name(part)));
+    kept.chain(asked.split('&')).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("&")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_of_a_request_stand_in_the_place_of_the_views_own() {
+        let check = |own, asked, expected| assert_eq!(merged(own, asked), expected);
+        check("", "", "");
+        check("eye=0,0,1&fov=50", "", "eye=0,0,1&fov=50");
+        check("eye=0,0,1&fov=50", "width=64&fov=40", "eye=0,0,1&width=64&fov=40");
+        check("eye=0,0,1", "%65ye=1,1,1", "%65ye=1,1,1");
+        // A parameter that comes twice is still told of.
+        check("eye=0,0,1", "fov=1&fov=2", "eye=0,0,1&fov=1&fov=2");
+    }
+}
