@@ -7,9 +7,10 @@ use axum::http::{HeaderMap, Request};
 use serde_json::Value;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 use tower::ServiceExt;
 use videofields::accounts::{Accounts, Audit};
-use videofields::api::{self, Site, Trust};
+use videofields::api::{self, Limits, Site, Trust};
 use videofields::catalog::{Catalog, ConfiguredScene};
 use videofields::clock::{Clock, SystemClock};
 use videofields::scene;
@@ -58,7 +59,9 @@ impl House {
                 audit: Arc::new(Audit::new(bench.store.clone())),
                 catalog: Arc::new(catalog),
             };
-            api::router(bench.handle.clone(), trust, clock, Site::default())
+            // Drawing takes long where code is not optimised, and beside other work.
+            let limits = Limits { request_time: Duration::from_secs(60), ..Limits::default() };
+            api::router_within(limits, (bench.handle.clone(), Some(trust)), clock, Site::default())
         });
         Self { bench, router }
     }

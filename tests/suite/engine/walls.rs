@@ -7,6 +7,7 @@ use image::RgbImage;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use videofields::config::Resolution;
 
 const WALL: &str = "/api/v1/walls/control";
 
@@ -14,6 +15,9 @@ const WALL: &str = "/api/v1/walls/control";
 fn start(folder: &Path) -> House {
     let mut settings = settings();
     settings.render.max_pixels = 1 << 20;
+    settings.render.timeout_secs = 10.0;
+    // Segmentation that is not optimised leaves little time to draw in.
+    settings.camera.iter_mut().for_each(|camera| camera.segment.resolution = Resolution::Quarter);
     let document = std::fs::read_to_string(demo("plaza.json")).unwrap();
     let house = House::over(folder, Bench::start(folder, settings, &[]), ("plaza", &document));
     for id in ["west", "east", "north"] {
