@@ -1,15 +1,15 @@
 //! `/api/v1/cameras`: the cameras, their state, and what they see: frame, background and mask.
 
-use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::{Routes, Tag};
 use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
-use super::picture::{Picture, files, pictured, server_timing, split, write_rgb, write_yuv};
+use super::picture::{Encoded, Picture, files, pictured, server_timing, split, write_rgb, write_yuv};
 use super::query::Query;
-use super::schema;
 use super::segments::Segments;
+use super::tags::{Had, Key};
+use super::{Api, schema};
 use crate::access::Right;
 use crate::encode::{self, EncodeError, PictureFormat};
 use crate::engine::{At, CameraSummary, EngineError};
@@ -17,8 +17,9 @@ use crate::frame::{Mask, RgbImage};
 use crate::timeline::Observation;
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::header;
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
 
 /// Which picture of a camera.
 #[derive(Clone, Copy)]
@@ -89,7 +90,8 @@ pub(super) async fn picture(
     Asked(api): Asked,
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
-) -> Result<Picture, Problem> {
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     let (kind, format) = split(&file, &KINDS)?;
     let mut query = Query::parse(raw.as_deref(), PICTURE_PARAMETERS);
     let moment = query.moment(|id| api.door.playhead_at(id));
@@ -105,17 +107,26 @@ pub(super) async fn picture(
     };
     let observation = observation.map_err(|error| problem_of(&api, error))?;
     let (instant, number) = (observation.frame.timestamp, observation.frame.number);
-    let (bytes, encoding_time) = api.encoded(move || write(&observation, kind, format)).await?;
+    let key = match kind {
+        Kind::Frame => Key::Picture(Arc::downgrade(&observation.frame.image), format),
+        Kind::Background => Key::Picture(Arc::downgrade(&observation.background), format),
+        Kind::Mask => Key::Mask(Arc::downgrade(&observation.labels), format),
+    };
+    if let Some(spared) = api.spared(&Had::read(&headers), &key, (moment, instant)) {
+        return Ok(spared);
+    }
+    let Encoded { bytes, tag, took } = api.encoded(move || write(&observation, kind, format)).await?;
+    api.tags.note(key, tag.clone());
     let mut fields = vec![
         ("videofields-frame", number.to_string()),
-        ("server-timing", server_timing(&[("encode", encoding_time)])),
+        ("server-timing", server_timing(&[("encode", took)])),
     ];
     if at == At::Live
         && let Some(age_secs) = find(&api, &id)?.age_secs
     {
         fields.push(("videofields-age", format!("{age_secs:.3}")));
     }
-    Ok(Picture { format, bytes, moment, instant, fields })
+    Ok(Picture { format, bytes, tag, moment, instant, fields }.into_response())
 }
 
 fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {

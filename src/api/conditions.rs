@@ -1,6 +1,7 @@
 //! Conditions on changes (RFC 9110, section 13): what is changed must be what the caller last saw.
 
 use super::error::Problem;
+use super::tags::uncompressed;
 use crate::catalog::Condition;
 use axum::http::{HeaderMap, header};
 
@@ -17,6 +18,8 @@ pub(super) fn required(headers: &HeaderMap) -> Result<Condition, Problem> {
         (None, Some("*")) => Ok(Condition::Absent),
         (Some("*"), None) => Ok(Condition::Present),
         (Some(tag), None) => {
+            // What was compressed is of the same version.
+            let tag = uncompressed(tag);
             let version = tag.strip_prefix('"').and_then(|tag| tag.strip_suffix('"'));
             // Another tag than ours is no version that there ever was.
             Ok(Condition::Version(version.and_then(|version| version.parse().ok()).unwrap_or(-1)))
@@ -56,6 +59,7 @@ mod tests {
         check(&[(header::IF_MATCH, "*")], Some(Condition::Present));
         check(&[(header::IF_NONE_MATCH, "*")], Some(Condition::Absent));
         check(&[(header::IF_MATCH, "\"17\"")], Some(Condition::Version(17)));
+        check(&[(header::IF_MATCH, "\"17-gzip\"")], Some(Condition::Version(17)));
         check(&[(header::IF_MATCH, "W/\"17\"")], Some(Condition::Version(-1)));
         check(&[(header::IF_MATCH, "17")], Some(Condition::Version(-1)));
         check(&[(header::IF_NONE_MATCH, "\"17\"")], None);

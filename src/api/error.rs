@@ -120,6 +120,15 @@ impl Problem {
         Self::of(class, detail.to_owned())
     }
 
+    /// A key of another request.
+    pub(super) fn key_reused() -> Self {
+        let status = StatusCode::UNPROCESSABLE_ENTITY;
+        let class = class(status, "key-reused", "The key was another request's");
+        let detail =
+            "with this Idempotency-Key something else was asked for; another request needs another key";
+        Self::of(class, detail.to_owned())
+    }
+
     /// A condition that cannot be read.
     pub(super) fn condition(detail: &str) -> Self {
         Self::new(ErrorKind::Invalid, detail)

@@ -4,12 +4,11 @@
 //! pictures, always the newest, and nobody else waits for it.
 
 use super::error::Problem;
-use super::kept;
 use super::picture::Picture;
 use super::query::Query;
-use super::view;
+use super::tags::Finish;
 use super::wall_tiles::{self, Streamed, Wishes};
-use super::{Api, scenes, views};
+use super::{Api, kept, scenes, view, views};
 use crate::catalog::NamedView;
 use crate::encode::PictureFormat;
 use crate::error::ErrorKind;
@@ -132,7 +131,7 @@ impl Source {
             Self::View { scene, raw, pace } => {
                 pace.tick(api).await;
                 let (request, moment) = view::asked(api, (scene.clone(), PictureFormat::Jpeg), Some(raw))?;
-                let picture = view::drawn(api, request, (PictureFormat::Jpeg, moment), |image| image).await?;
+                let picture = view::drawn(api, request, (PictureFormat::Jpeg, moment), Finish::None).await?;
                 Ok(pace.shown(picture))
             }
             Self::Named { id, raw, pace } => {

@@ -111,7 +111,7 @@ pub(super) async fn one<K: Kind>(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let Kept { version, document, .. } = find::<K>(&api, &id)?;
     Ok(answer(StatusCode::OK, version, document))
 }
@@ -124,7 +124,7 @@ pub(super) async fn put<K: Kind>(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     let condition = seen::<K>(&api, &id, required(&headers)?);
     keep::<K>(&api, &id, read_body(&body)?, condition).await
@@ -146,7 +146,7 @@ pub(super) async fn change<K: Kind>(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     let Kept { version, document, .. } = find::<K>(&api, &id)?;
     let mut document = read_body(document.as_bytes())?;
@@ -166,7 +166,7 @@ pub(super) async fn remove<K: Kind>(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     if api.check_admin("what is of other scenes").is_err() {
         find::<K>(&api, &id)?;
@@ -204,7 +204,7 @@ pub(super) async fn restore<K: Kind>(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     check_versions::<K>(&api)?;
     let condition = required(&headers)?;

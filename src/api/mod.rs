@@ -8,6 +8,7 @@ mod accuracy;
 mod alignment;
 mod audit;
 mod cameras;
+mod compress;
 mod conditions;
 mod connection;
 mod content;
@@ -21,6 +22,7 @@ mod exports;
 mod frames;
 mod guard;
 mod health;
+mod idempotency;
 mod identity;
 mod kept;
 mod locate;
@@ -42,6 +44,7 @@ mod sockets;
 mod streams;
 mod strip;
 mod system;
+mod tags;
 mod timeline;
 mod tls;
 mod tokens;
@@ -138,6 +141,10 @@ struct Api {
     rounds: Arc<wall_rounds::Rounds>,
     /// What the request came by.
     connection: connection::Connection,
+    /// Of pictures that were shown.
+    tags: Arc<tags::KnownTags>,
+    /// Answers to jobs that were asked for with a key.
+    answered: Arc<idempotency::Answered>,
 }
 
 impl Api {
@@ -216,12 +223,19 @@ pub fn router_within(
         frames: frame_lock,
         rounds: Arc::default(),
         connection: connection::Connection::default(),
+        tags: Arc::default(),
+        answered: Arc::default(),
     };
     let limited = resources()
         .router()
         .merge(undescribed().layer(from_fn(identity::require)))
+        .layer(from_fn_with_state(api.clone(), idempotency::once))
+        .layer(from_fn(compress::never_compressed))
         .merge(page::routes())
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
+        .layer(from_fn(tags::spare))
+        .layer(compress::layer())
+        .layer(from_fn(compress::tell_compressed))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
         .layer(from_fn_with_state(api.clone(), audit::note))
         .layer(from_fn_with_state(api.clone(), guard::limit));
@@ -293,12 +307,15 @@ fn kept_routes<K: kept::Kind>(path: &str) -> Router<Api> {
     let one = get(kept::one::<K>).put(kept::put::<K>).patch(kept::change::<K>).delete(kept::remove::<K>);
     Router::new()
         .route(path, get(kept::list::<K>))
-        .route(&format!("{path}/{{id}}"), one.fallback(|| error::only("GET, HEAD, PUT, PATCH, DELETE")))
+        .route(
+            &format!("{path}/{{id}}"),
+            one.fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
+        )
         .route(&format!("{path}/{{id}}/versions"), get(kept::versions::<K>))
         .route(&format!("{path}/{{id}}/versions/{{number}}"), get(kept::version::<K>))
         .route(
             &format!("{path}/{{id}}/versions/{{number}}/restore"),
-            post(kept::restore::<K>).fallback(|| error::only("POST")),
+            post(kept::restore::<K>).fallback(|| async { error::only(&["POST"]) }),
         )
 }
 

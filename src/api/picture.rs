@@ -5,6 +5,7 @@ use super::Api;
 use super::error::Problem;
 use super::operation::Answer;
 use super::query::Moment;
+use super::tags::{Had, Key, Tag, not_modified};
 use crate::clock::Timestamp;
 use crate::encode::{self, EncodeError, PictureFormat};
 use crate::error::ErrorKind;
@@ -19,8 +20,11 @@ use tokio::sync::OwnedSemaphorePermit;
 /// Quality of every JPEG, 1 to 100: above it files grow faster than pictures get better.
 const JPEG_QUALITY: u8 = 88;
 
-/// Seconds for which a picture of a fixed time may be kept.
-const FIXED_TIME_CACHING: HeaderValue = HeaderValue::from_static("private, max-age=10");
+/// A picture of a fixed time may be kept by who asked for it, who asks whether it is still good each time: rights may end.
+pub(super) const FIXED_TIME_CACHING: HeaderValue = HeaderValue::from_static("private, no-cache");
+
+/// Pictures of now are of no use later, and no browser's disk should fill with them.
+const LIVE_CACHING: HeaderValue = HeaderValue::from_static("no-store");
 
 /// The formats in which every picture can be had.
 const FORMATS: [PictureFormat; 2] = [PictureFormat::Jpeg, PictureFormat::Png];
@@ -87,7 +91,32 @@ impl AsRef<[u8]> for HeldFile {
     }
 }
 
+/// A picture's file.
+pub(super) struct Encoded {
+    pub(super) bytes: Bytes,
+    /// Its entity tag.
+    pub(super) tag: Tag,
+    /// What encoding took.
+    pub(super) took: Duration,
+}
+
+/// Whether what was asked for may be kept, and how.
+pub(super) const fn caching(moment: Moment) -> HeaderValue {
+    if moment.is_fixed { FIXED_TIME_CACHING } else { LIVE_CACHING }
+}
+
 impl Api {
+    /// That the caller has the picture already that `key` decides, if so: known without drawing or encoding it.
+    pub(super) fn spared(
+        &self,
+        had: &Had,
+        key: &Key,
+        (moment, instant): (Moment, Timestamp),
+    ) -> Option<Response> {
+        let tag = self.tags.find(key).filter(|tag| had.has(tag))?;
+        Some(not_modified(&tag, instant, caching(moment)))
+    }
+
     /// Counts `bytes` among what is on its way to clients: slow ones could else fill the memory.
     fn held(&self, bytes: Vec<u8>) -> Result<Bytes, Problem> {
         let limit = self.limits.answer_bytes / ANSWER_UNIT_BYTES;
@@ -107,19 +136,21 @@ impl Api {
     pub(super) async fn encoded(
         &self,
         work: impl FnOnce() -> Result<Vec<u8>, EncodeError> + Send + 'static,
-    ) -> Result<(Bytes, Duration), Problem> {
+    ) -> Result<Encoded, Problem> {
         let permit = Arc::clone(&self.encoders).acquire_owned().await.expect("the semaphore is never closed");
         let clock = Arc::clone(&self.clock);
         let timed = move || {
             let start = clock.monotonic();
             let bytes = work()?;
+            let took = clock.monotonic().saturating_sub(start);
+            let tag = Tag::of(&bytes);
             drop(permit);
-            Ok::<_, EncodeError>((bytes, clock.monotonic().saturating_sub(start)))
+            Ok::<_, EncodeError>((bytes, tag, took))
         };
         match tokio::task::spawn_blocking(timed).await {
             Ok(outcome) => {
-                let (bytes, took) = outcome?;
-                Ok((self.held(bytes)?, took))
+                let (bytes, tag, took) = outcome?;
+                Ok(Encoded { bytes: self.held(bytes)?, tag, took })
             }
             Err(panicked) => {
                 Err(Problem::new(ErrorKind::Internal, format!("encoding a picture: {panicked}")))
@@ -134,6 +165,8 @@ pub(super) struct Picture {
     pub(super) format: PictureFormat,
     /// The file.
     pub(super) bytes: Bytes,
+    /// Its entity tag.
+    pub(super) tag: Tag,
     /// Which time was asked for.
     pub(super) moment: Moment,
     /// The instant shown.
@@ -147,9 +180,8 @@ impl IntoResponse for Picture {
         let mut response = self.bytes.into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(self.format.content_type()));
-        let caching =
-            if self.moment.is_fixed { FIXED_TIME_CACHING } else { HeaderValue::from_static("no-store") };
-        headers.insert(header::CACHE_CONTROL, caching);
+        headers.insert(header::CACHE_CONTROL, caching(self.moment));
+        headers.insert(header::ETAG, self.tag.value());
         headers.insert("videofields-time", field_value(&self.instant.to_string()));
         for (name, value) in self.fields {
             headers.insert(name, field_value(&value));

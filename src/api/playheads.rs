@@ -1,6 +1,5 @@
 //! `/api/v1/playheads`: places in scene time that operators and walls share.
 
-use super::Api;
 use super::conditions::{etag, optional};
 use super::content::Content;
 use super::error::Problem;
@@ -9,9 +8,9 @@ use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
-use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use super::{Api, schema};
 use crate::access::Role;
 use crate::catalog::{CatalogError, Condition, PlayheadAsked};
 use crate::engine::{ENDED, EngineError, Handle, PlayheadState};

@@ -1,26 +1,25 @@
 //! `/api/v1/scenes`: the scenes and their documents, what they were before, and changing them.
 
-use super::Api;
 use super::conditions::{etag, required};
 use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
 use super::identity::Asked;
-use super::openapi::{Routes, Tag};
+use super::openapi::{self, Routes};
 use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
 use super::picture::files;
 use super::query::Query;
-use super::schema;
 use super::segments::Segments;
+use super::tags::Tag;
 use super::tune::{read_body, refuse_foreign};
+use super::{Api, schema};
 use crate::access::Role;
 use crate::catalog::{CatalogError, Condition};
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault};
 use crate::frame::is_id;
-use crate::scene::MAX_DOCUMENT_BYTES;
-use crate::scene::Scene;
+use crate::scene::{MAX_DOCUMENT_BYTES, Scene};
 use crate::store::DocumentKind;
 use axum::Json;
 use axum::extract::RawQuery;
@@ -32,7 +31,8 @@ use std::sync::Arc;
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
 /// What these routes, and others of a scene, are about.
-pub(super) const TAG: Tag = ("Scenes", "Places in the world that cameras share, and what is seen of them");
+pub(super) const TAG: openapi::Tag =
+    ("Scenes", "Places in the world that cameras share, and what is seen of them");
 
 /// What their paths name.
 pub(super) const SEGMENTS: &[Parameter] = &[
@@ -130,10 +130,14 @@ pub(super) async fn one(
     // The version first: a change between the two gives a newer document with an older tag, which no change takes.
     let version = api.catalog.as_ref().map_or(0, |catalog| catalog.state(DocumentKind::Scene, &id).version);
     let document = find(&api, &id)?.document.to_string();
+    // Versions count changes of hidden cameras too, and only admins change scenes: others are told whether what they may see has
+    // changed.
+    let is_admin = api.identity.caller.grants.role() == Role::Admin;
+    let tag = if is_admin { etag(version) } else { Tag::of(document.as_bytes()).text() };
     let fields = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
-        (header::ETAG, etag(version)),
+        (header::ETAG, tag),
     ];
     Ok((fields, document).into_response())
 }

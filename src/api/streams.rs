@@ -1,13 +1,14 @@
 //! `.../view.mjpeg`, `.../picture.mjpeg` and `.../frame.mjpeg`: JPEG pictures one after the other, for clients that know
 //! nothing newer.
 
-use super::Api;
 use super::error::Problem;
 use super::frames::{MAX_FAILURES, PAUSE, Shown, Source};
 use super::identity::Asked;
 use super::picture::Picture;
 use super::query::Query;
 use super::segments::Segments;
+
+use super::Api;
 use super::wall_tiles::Wishes;
 use crate::encode::PictureFormat;
 use axum::body::{Body, Bytes};

@@ -10,7 +10,7 @@ use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::Parameter;
-use super::picture::{server_timing, write_rgb};
+use super::picture::{Encoded, FIXED_TIME_CACHING, server_timing, write_rgb};
 use super::query::Query;
 use super::segments::Segments;
 use crate::access::Right;
@@ -115,7 +115,7 @@ pub(super) async fn show(
     let found = found.map_err(|error| problem_of(&api, error))?;
     let decoding_time = api.clock.monotonic().saturating_sub(started);
     let times: Vec<String> = found.iter().map(Tile::time).collect();
-    let (bytes, encoding_time) = api
+    let Encoded { bytes, tag, took } = api
         .encoded(move || {
             let picture = joined(&found, height_px);
             write_rgb(PictureFormat::Jpeg, &picture)
@@ -124,8 +124,9 @@ pub(super) async fn show(
     let mut response = bytes.into_response();
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(PictureFormat::Jpeg.content_type()));
-    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("private, max-age=10"));
-    let timing = server_timing(&[("decode", decoding_time), ("encode", encoding_time)]);
+    headers.insert(header::CACHE_CONTROL, FIXED_TIME_CACHING);
+    headers.insert(header::ETAG, tag.value());
+    let timing = server_timing(&[("decode", decoding_time), ("encode", took)]);
     for (name, value) in [("videofields-times", times.join(",")), ("server-timing", timing)] {
         if let Ok(value) = HeaderValue::try_from(value) {
             headers.insert(name, value);

@@ -1,7 +1,5 @@
 //! `/api/v1/cameras/{id}/segment`, `/source` and `/accept-place`: what is changed of a camera while it runs.
 
-use super::cameras;
-use super::Api;
 use super::cameras::problem_of;
 use super::conditions::{etag, required};
 use super::content::Content;
@@ -11,8 +9,8 @@ use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::NONE;
 use super::query::Query;
-use super::schema;
 use super::segments::Segments;
+use super::{Api, cameras, schema};
 use crate::access::{Right, Role};
 use crate::catalog::{CameraAsked, CatalogError};
 use crate::error::{ErrorKind, Fault, Gatherer};
@@ -224,19 +222,7 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
-/// A method that `/segment` and `/source` do not take.
-pub(super) async fn no_method() -> Response {
-    let mut response = Problem::method("only GET, HEAD, PATCH and DELETE are answered here").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD, PATCH, DELETE"));
-    response
-}
 
-/// A method that `/accept-place` does not take.
-pub(super) async fn post_only() -> Response {
-    let mut response = Problem::method("only POST is answered here").into_response();
-    response.headers_mut().insert(header::ALLOW, HeaderValue::from_static("POST"));
-    response
-}
 
 /// The JSON that a request brings.
 pub(super) fn read_body(body: &[u8]) -> Result<Value, Problem> {

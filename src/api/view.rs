@@ -5,19 +5,22 @@ use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{Parameter, words};
-use super::picture::{Picture, pictured, server_timing, split, write_rgb};
+use super::picture::{Encoded, Picture, pictured, server_timing, split, write_rgb};
 use super::query::{Moment, Query};
 use super::segments::Segments;
+use super::tags::{Finish, Had, Key};
 use super::{Api, effort, scenes};
 use crate::access::{Right, Scope};
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
-use crate::frame::{CameraId, RgbImage, is_id};
+use crate::frame::{CameraId, is_id};
 use crate::plan::{Aim, Colors, EntityStyle, Preset};
 use crate::scene::SceneView;
 use axum::extract::RawQuery;
+use axum::http::HeaderMap;
+use axum::response::{IntoResponse, Response};
 use glam::DVec3;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -110,29 +113,57 @@ pub(super) async fn picture(
     Asked(api): Asked,
     Segments((id, file)): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
-) -> Result<Picture, Problem> {
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     let ((), format) = split(&file, &[("view", ())])?;
     let (request, moment) = asked(&api, (id, format), raw.as_deref())?;
-    drawn(&api, request, (format, moment), |image| image).await
+    if let Some(spared) = spared(&api, &request, (format, moment, &Finish::None), &headers).await {
+        return Ok(spared);
+    }
+    Ok(drawn(&api, request, (format, moment), Finish::None).await?.into_response())
 }
 
-/// Draws what is asked for, writes what `finish` makes of it, and tells how it came about. Whether cameras are left out
+/// That the caller has already what is asked for, if that can be told without drawing it.
+pub(super) async fn spared(
+    api: &Api,
+    request: &ViewRequest,
+    (format, moment, finish): (PictureFormat, Moment, &Finish),
+    headers: &HeaderMap,
+) -> Option<Response> {
+    let had = Had::read(headers);
+    // What a session shows follows from what it showed before.
+    if had.is_empty() || request.session.is_some() {
+        return None;
+    }
+    let asked = request.clone();
+    // What is wrong with the request is told by drawing it.
+    let identity = api.ask("looking for a picture", move |door| door.identity(&asked)).await.ok()?;
+    let instant = identity.instant();
+    api.spared(&had, &Key::View(Arc::new(identity), format, finish.clone()), (moment, instant))
+}
+
+/// Draws what is asked for, writes it once it is finished, and tells how it came about. Whether cameras are left out
 /// is told of the time that `moment` has: a wall that is live asks for instants, and is live all the same.
 pub(super) async fn drawn(
     api: &Api,
     request: ViewRequest,
     (format, moment): (PictureFormat, Moment),
-    finish: impl FnOnce(Arc<RgbImage>) -> Arc<RgbImage> + Send + 'static,
+    finish: Finish,
 ) -> Result<Picture, Problem> {
     let size_px = (request.width_px, request.height_px);
     let is_restricted = api.door.leaves_out(&request.scene, moment.at);
     let answer = api.door.view(request).await.map_err(|error| scenes::problem_of(api, error))?;
     let instant = answer.instant;
     let image = Arc::clone(&answer.image);
-    let (bytes, encoding_time) = api.encoded(move || write_rgb(format, &finish(image))).await?;
-    api.encoding_pace.note(format, size_px, encoding_time);
+    let finishing = finish.clone();
+    let encoded = api.encoded(move || write_rgb(format, &finishing.of(image))).await?;
+    let Encoded { bytes, tag, took } = encoded;
+    api.encoding_pace.note(format, size_px, took);
+    if let Some(identity) = &answer.identity {
+        api.tags.note(Key::View(Arc::clone(identity), format, finish), tag.clone());
+    }
     let mut stages = answer.timings.clone();
-    stages.push(("encode", encoding_time));
+    stages.push(("encode", took));
     let mut fields = vec![
         ("videofields-view", shown_text(&answer)),
         ("videofields-sources", sources(&answer)),
@@ -155,7 +186,7 @@ pub(super) async fn drawn(
     if is_restricted {
         fields.push(("videofields-restricted", "true".to_owned()));
     }
-    Ok(Picture { format, bytes, moment, instant, fields })
+    Ok(Picture { format, bytes, tag, moment, instant, fields })
 }
 
 /// The request for a view of the scene `id` that the query string `raw` is; of a deadline is kept what writing it in `format`

@@ -6,6 +6,7 @@ use super::kept::{self, Kept};
 use super::picture::{Picture, split};
 use super::query::{Moment, Query};
 use super::segments::Segments;
+use super::tags::Finish;
 use super::{Api, view};
 use crate::catalog::NamedView;
 use crate::encode::PictureFormat;
@@ -86,7 +87,7 @@ pub(super) async fn shown(
     format: PictureFormat,
 ) -> Result<Picture, Problem> {
     let (version, request, moment) = asked(api, (id, raw), format)?;
-    let mut picture = view::drawn(api, request, (format, moment), |image| image).await?;
+    let mut picture = view::drawn(api, request, (format, moment), Finish::None).await?;
     picture.fields.push(("videofields-view-version", version.to_string()));
     Ok(picture)
 }

@@ -6,9 +6,10 @@
 
 use super::error::Problem;
 use super::identity::Asked;
-use super::picture::{Picture, split};
+use super::picture::{Encoded, Picture, split};
 use super::query::{Moment, Query};
 use super::segments::Segments;
+use super::tags::Finish;
 use super::view::{self, drawn};
 use super::wall_rounds::Turn;
 use super::walls::Kept;
@@ -16,17 +17,16 @@ use super::{Api, kept, playheads, scenes};
 use crate::encode::PictureFormat;
 use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
-use crate::frame::{CameraId, RgbImage};
-use crate::wall::{Pattern, Tile, Wall, WallFrame, blend, pattern};
+use crate::frame::CameraId;
+use crate::wall::{Pattern, Tile, Wall, WallFrame, pattern};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::header;
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::convert::Infallible;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Longest that a frame is waited for, or two frames of a slow wall.
@@ -80,7 +80,7 @@ pub(super) async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let Kept { id, version, content: wall, .. } = kept::find(&api, &id)?;
     let tile = |tile: &Tile| {
         json!({
@@ -105,7 +105,8 @@ pub(super) async fn picture(
     Asked(api): Asked,
     Segments((id, name, file)): Segments<(String, String, String)>,
     RawQuery(raw): RawQuery,
-) -> Result<Picture, Problem> {
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
     let ((), format) = split(&file, &[("frame", ())])?;
     let mut query = Query::parse(raw.as_deref(), &[["at"].as_slice(), &Wishes::PARAMETERS].concat());
     let wishes = Wishes::read(&mut query);
@@ -114,7 +115,43 @@ pub(super) async fn picture(
     let kept = kept::find(&api, &id)?;
     let tile = tile_of(&kept, &name)?;
     let frame = frame_of(&api, &kept, asked).await?;
-    shown(&api, &kept, (tile, &frame), (format, wishes)).await
+    if let Some(spared) = spared(&api, &kept, (&tile, &frame), (format, wishes, &headers)).await? {
+        return Ok(spared);
+    }
+    Ok(shown(&api, &kept, (tile, &frame), (format, wishes)).await?.into_response())
+}
+
+/// That the caller has the tile already, if that can be told without drawing it; and of which frame it is.
+async fn spared(
+    api: &Api,
+    kept: &Kept,
+    (tile, frame): (&Tile, &WallFrame),
+    (format, wishes, headers): (PictureFormat, Wishes, &HeaderMap),
+) -> Result<Option<Response>, Problem> {
+    if wishes.pattern.is_some() {
+        return Ok(None);
+    }
+    let request = request_of(api, &kept.content, (tile, frame), format)?;
+    let finish = finish_of(tile, wishes.edges);
+    let spared = view::spared(api, &request, (format, moment_of(kept, frame), &finish), headers).await;
+    Ok(spared.map(|mut spared| {
+        for (name, value) in numbers(kept, frame) {
+            if let Ok(value) = HeaderValue::try_from(value) {
+                spared.headers_mut().insert(name, value);
+            }
+        }
+        spared
+    }))
+}
+
+/// Which frame of which version a tile is of.
+fn numbers(kept: &Kept, frame: &WallFrame) -> [(&'static str, String); 2] {
+    [("videofields-wall-frame", frame.id.to_string()), ("videofields-wall-version", kept.version.to_string())]
+}
+
+fn moment_of(kept: &Kept, frame: &WallFrame) -> Moment {
+    let at = if kept.content.playhead.is_some() { At::Time(frame.instant) } else { At::Live };
+    Moment { at, is_fixed: false }
 }
 
 /// A tile's picture in a stream of them.
@@ -188,17 +225,15 @@ async fn shown(
     (tile, frame): (Tile, &WallFrame),
     (format, wishes): (PictureFormat, Wishes),
 ) -> Result<Picture, Problem> {
-    let at = if kept.content.playhead.is_some() { At::Time(frame.instant) } else { At::Live };
-    let moment = Moment { at, is_fixed: false };
+    let moment = moment_of(kept, frame);
     let mut picture = match wishes.pattern {
         Some(which) => patterned(api, kept, (tile, which), (format, moment, frame.instant)).await?,
         None => {
             let request = request_of(api, &kept.content, (&tile, frame), format)?;
-            drawn(api, request, (format, moment), move |image| finished(image, &tile, wishes.edges)).await?
+            drawn(api, request, (format, moment), finish_of(&tile, wishes.edges)).await?
         }
     };
-    picture.fields.push(("videofields-wall-frame", frame.id.to_string()));
-    picture.fields.push(("videofields-wall-version", kept.version.to_string()));
+    picture.fields.extend(numbers(kept, frame));
     Ok(picture)
 }
 
@@ -225,13 +260,11 @@ fn request_of(
     Ok(request)
 }
 
-fn finished(image: Arc<RgbImage>, tile: &Tile, edges: Edges) -> Arc<RgbImage> {
+fn finish_of(tile: &Tile, edges: Edges) -> Finish {
     if edges == Edges::Whole || tile.blend_px == [0; 4] {
-        return image;
+        return Finish::None;
     }
-    let mut faded = RgbImage::clone(&image);
-    blend(tile, &mut faded);
-    Arc::new(faded)
+    Finish::Faded(Box::new(tile.clone()))
 }
 
 async fn patterned(
@@ -242,8 +275,8 @@ async fn patterned(
 ) -> Result<Picture, Problem> {
     let wall = kept.content.clone();
     let write = move || super::picture::write_rgb(format, &pattern(&wall, &tile, which));
-    let (bytes, _took) = api.encoded(write).await?;
-    Ok(Picture { format, bytes, moment, instant, fields: Vec::new() })
+    let Encoded { bytes, tag, .. } = api.encoded(write).await?;
+    Ok(Picture { format, bytes, tag, moment, instant, fields: Vec::new() })
 }
 
 /// The frame that is asked for, or the one that is due.
@@ -292,7 +325,7 @@ pub(super) async fn events(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     kept::find::<Wall>(&api, &id)?;
     let connection = api.connection.clone();
     let states = futures_util::stream::unfold(Following { api, id, told: None }, Following::next);

@@ -175,6 +175,7 @@ mod tests {
             }),
             timings: Vec::new(),
             origin: Origin::Drawn,
+            identity: None,
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::{
     AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneMoment,
-    SceneTimeline, TrackQuery, ViewAnswer, ViewRequest,
+    SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
@@ -317,6 +317,13 @@ pub trait Door: Send + Sync {
         request: ViewRequest,
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError>;
+
+    /// What the picture hangs on that a request means now: it tells whether that is one that was answered before. Blocks as
+    /// [`Door::plan`].
+    ///
+    /// # Errors
+    /// As [`Door::plan`].
+    fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError>;
 
     /// What would be drawn of a view, and why. Waits for no drawing and needs no renderer; blocks where an instant is asked
     /// for that memory does not hold.

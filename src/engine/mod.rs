@@ -14,6 +14,7 @@ mod forecaster;
 mod frame_cache;
 mod handle;
 mod history;
+mod identity;
 mod maps;
 mod moments;
 mod offline;
@@ -47,6 +48,7 @@ pub use handle::{
     At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
     SceneSummary,
 };
+pub use identity::ViewIdentity;
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};

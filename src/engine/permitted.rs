@@ -9,6 +9,7 @@ use super::accuracy::AccuracyStatus;
 use super::alignment::SceneAlignment;
 use super::chronicle::SceneTimeline;
 use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary};
+use super::identity::ViewIdentity;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
 use super::shared::{CameraEntry, Shared};
@@ -304,6 +305,12 @@ impl Door for Permitted {
         let scope = self.seeing(request.at);
         self.scene_with(&request.scene, &scope, "that time")?;
         self.shared.view(ViewRequest { scope, ..request }, reply)
+    }
+
+    fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {
+        let scope = self.seeing(request.at);
+        self.scene_with(&request.scene, &scope, "that time")?;
+        self.shared.identity(&ViewRequest { scope, ..request.clone() })
     }
 
     fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {

@@ -218,6 +218,7 @@ impl Subject {
             plan: Arc::new(plan),
             timings,
             origin: Origin::Drawn,
+            identity: None,
         }))
     }
 }

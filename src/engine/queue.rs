@@ -455,6 +455,7 @@ mod tests {
             }),
             timings: vec![("render", Duration::from_millis(5))],
             origin: Origin::Drawn,
+            identity: None,
         })
     }
 

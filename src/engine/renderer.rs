@@ -9,6 +9,7 @@ mod warm_up;
 use super::EngineError;
 use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
+use super::identity::ViewIdentity;
 use super::pace::Backoff;
 use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
 use super::queue::Next;
@@ -149,7 +150,10 @@ impl<'a> RenderThread<'a> {
         self.forget_changed_scenes();
         let queue = &self.shared.queue;
         let (subject, answer) = match self.contained(|thread| thread.answer(request, asked_at)) {
-            Ok(Some(drawn)) => drawn,
+            Ok(Some((subject, answer))) => {
+                let identity = Some(Arc::new(ViewIdentity::of(&subject)));
+                (subject, ViewAnswer { identity, ..answer })
+            }
             Ok(None) => return tracing::debug!("a picture was given up: nobody waits for it"),
             Err(error) => return queue.finish(&Err(error)),
         };

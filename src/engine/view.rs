@@ -2,6 +2,7 @@
 
 use super::forecaster::Expected;
 use super::handle::At;
+use super::identity::ViewIdentity;
 use crate::access::Scope;
 use crate::clock::Timestamp;
 use crate::frame::{CameraId, RgbImage};
@@ -169,4 +170,6 @@ pub struct ViewAnswer {
     pub timings: Vec<(&'static str, Duration)>,
     /// How it came about.
     pub origin: Origin,
+    /// What it hangs on; none where nothing can be asked for again.
+    pub identity: Option<Arc<ViewIdentity>>,
 }

@@ -12,6 +12,7 @@ mod mutations;
 mod pictures;
 mod restart;
 mod rights;
+mod tags;
 mod tracks;
 mod views;
 mod walls;

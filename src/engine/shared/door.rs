@@ -8,6 +8,7 @@ use super::super::handle::{
     At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
     surface_name,
 };
+use super::super::identity::ViewIdentity;
 use super::super::past::Past;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
@@ -258,6 +259,10 @@ impl Door for Shared {
         reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
     ) -> Result<(), EngineError> {
         self.queue.push(request, reply)
+    }
+
+    fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError> {
+        self.identity_of(request)
     }
 
     fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {

@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 use std::fs::File;
 use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
@@ -15,7 +16,7 @@ use videofields::engine::{
     Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
     PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary,
     SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
-    ViewAnswer, ViewRequest,
+    ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -61,6 +62,10 @@ pub(super) struct State {
     pub(super) playheads: Vec<PlayheadState>,
     pub(super) changes: watch::Sender<u64>,
     pub(super) exports: Vec<ExportStatus>,
+    /// The next export that is asked for says so, and waits until it may go on.
+    pub(super) export_gate: Option<(SyncSender<()>, Receiver<()>)>,
+    /// The scene's document, where it is another.
+    pub(super) document: Option<String>,
     /// Where their files lie.
     pub(super) export_folder: PathBuf,
     /// How far from its instant the last preview might lie.
@@ -289,6 +294,11 @@ impl Door for FakeDoor {
 
     fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
         self.failure()?;
+        let gate = self.0.lock().unwrap().export_gate.take();
+        if let Some((begun, may_go_on)) = gate {
+            begun.send(()).unwrap();
+            may_go_on.recv().unwrap();
+        }
         let status = ExportStatus {
             id: "20260301t120000z".to_owned(),
             state: ExportState::Waiting,
@@ -437,7 +447,7 @@ impl Door for FakeDoor {
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: Some(own_view()),
-            document: DOCUMENT.into(),
+            document: self.0.lock().unwrap().document.as_deref().unwrap_or(DOCUMENT).into(),
         }))
     }
 
@@ -471,6 +481,10 @@ impl Door for FakeDoor {
         let origin = state.origin.unwrap_or(Origin::Drawn);
         reply.send(Ok(ViewAnswer { origin, ..answer(&request) })).expect("the caller waits");
         Ok(())
+    }
+
+    fn identity(&self, _request: &ViewRequest) -> Result<ViewIdentity, EngineError> {
+        Err(EngineError::Unavailable("a stand-in draws everything anew".to_owned()))
     }
 
     fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
@@ -606,5 +620,6 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         plan: Arc::new(plan),
         timings: vec![("fuse", Duration::from_micros(1500)), ("render", Duration::from_millis(4))],
         origin: Origin::Drawn,
+        identity: None,
     }
 }

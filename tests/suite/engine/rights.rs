@@ -36,14 +36,14 @@ fn empty(folder: &Path, name: &str, numbers: std::ops::Range<u32>) -> PathBuf {
     folder.join("in%04d.png")
 }
 
-fn grants(role: Role, everywhere: &[Right], cameras: &[(&str, &[Right])]) -> Arc<Grants> {
+pub(super) fn grants(role: Role, everywhere: &[Right], cameras: &[(&str, &[Right])]) -> Arc<Grants> {
     let of = |(id, rights): &(&str, &[Right])| (CameraId::new(id).unwrap(), Rights::from(rights.to_vec()));
     let cameras: BTreeMap<_, _> = cameras.iter().map(of).collect();
     Arc::new(Grants::new(role, Rights::from(everywhere.to_vec()), cameras))
 }
 
 /// A daemon that has seen twenty frames of both cameras, `south` with somebody or without.
-fn seen(folder: &Path, south_sees_somebody: PathBuf) -> Bench {
+pub(super) fn seen(folder: &Path, south_sees_somebody: PathBuf) -> Bench {
     let cameras = [
         camera("north", pictures(folder, "north", 0..20), End::Stop),
         camera("south", south_sees_somebody, End::Stop),
@@ -57,7 +57,7 @@ fn seen(folder: &Path, south_sees_somebody: PathBuf) -> Bench {
 }
 
 /// Two daemons, and where their files lie: before `south` is somebody in the one and nobody in the other.
-fn two_worlds() -> ([TempDir; 2], [Bench; 2]) {
+pub(super) fn two_worlds() -> ([TempDir; 2], [Bench; 2]) {
     let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
     let [first, second] = folders.each_ref().map(TempDir::path);
     let benches = [seen(first, pictures(first, "south", 0..20)), seen(second, empty(second, "south", 0..20))];
@@ -453,17 +453,45 @@ async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
     catalog
 }
 
-/// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
-fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
-    use axum::body::{Body, to_bytes};
-    use tower::ServiceExt;
+/// The interface of a daemon that has users.
+pub(super) fn router(bench: &Bench) -> axum::Router {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
     bench.runtime.block_on(async {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
         let audit = Arc::new(Audit::new(bench.store.clone()));
         let catalog = Arc::new(walls(bench, &clock).await);
         let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog };
-        let router = api::router(bench.handle.clone(), trust, clock, api::Site::default());
+        api::router(bench.handle.clone(), trust, clock, api::Site::default())
+    })
+}
+
+/// Tokens of an admin and of an operator who may see `north` alone.
+pub(super) fn users(bench: &Bench) -> [String; 2] {
+    bench.handle.put_playhead("wall", json!({"at": "1970-01-01T00:00:00.2Z", "paused": true})).unwrap();
+    accounts(bench)
+}
+
+/// The same, without a playhead.
+pub(super) fn accounts(bench: &Bench) -> [String; 2] {
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    bench.runtime.block_on(async {
+        let accounts = Accounts::open(bench.store.clone(), clock).await.unwrap();
+        let user = |body| UserChange::read(body).unwrap();
+        let admin = user(json!({"role": "admin", "password": "a long password"}));
+        accounts.put_user("root", admin, None).await.unwrap();
+        let guest = user(json!({"role": "operator", "cameras": {"north": ["live", "history", "export"]}}));
+        accounts.put_user("guest", guest, None).await.unwrap();
+        let token = async |user| accounts.add_token(user, String::new(), None).await.unwrap().1;
+        [token("root").await, token("guest").await]
+    })
+}
+
+/// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
+fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
+    use axum::body::{Body, to_bytes};
+    use tower::ServiceExt;
+    let router = router(bench);
+    bench.runtime.block_on(async {
         let mut answers = Vec::new();
         for route in routes() {
             let request = axum::http::Request::get(&route).header("authorization", format!("Bearer {token}"));
@@ -493,21 +521,6 @@ fn no_route_tells_a_byte_of_a_forbidden_camera() {
     }
     let (_folders, benches) = two_worlds();
     let both = benches.each_ref();
-    let users = |bench: &Bench| {
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-        bench.handle.put_playhead("wall", json!({"at": "1970-01-01T00:00:00.2Z", "paused": true})).unwrap();
-        bench.runtime.block_on(async {
-            let accounts = Accounts::open(bench.store.clone(), clock).await.unwrap();
-            let user = |body| UserChange::read(body).unwrap();
-            let admin = user(json!({"role": "admin", "password": "a long password"}));
-            accounts.put_user("root", admin, None).await.unwrap();
-            let guest =
-                user(json!({"role": "operator", "cameras": {"north": ["live", "history", "export"]}}));
-            accounts.put_user("guest", guest, None).await.unwrap();
-            let token = async |user| accounts.add_token(user, String::new(), None).await.unwrap().1;
-            [token("root").await, token("guest").await]
-        })
-    };
     let tokens = both.map(users);
     // An admin looks at everything first, at all of what caches could keep.
     let all = [0, 1].map(|idx| answered(both[idx], &tokens[idx][0]));
