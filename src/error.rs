@@ -33,6 +33,8 @@ pub enum ErrorKind {
     Unsupported,
     /// A documented limit would be passed; ask for less.
     TooLarge,
+    /// The disk has no room for it: making room helps, and nothing else.
+    StorageFull,
     /// Not now: starting, stopping, overloaded, a camera without its first frame. Trying later may succeed.
     Unavailable,
     /// A fault of the daemon or its machine; the caller can do nothing about it.

@@ -60,6 +60,9 @@ const fn class_of(kind: ErrorKind) -> Class {
         ErrorKind::TooLarge => {
             class(StatusCode::UNPROCESSABLE_ENTITY, "too-large", "More is asked for than a limit allows")
         }
+        ErrorKind::StorageFull => {
+            class(StatusCode::INSUFFICIENT_STORAGE, "storage-full", "The daemon's disk is full")
+        }
         ErrorKind::Unavailable => class(StatusCode::SERVICE_UNAVAILABLE, "unavailable", "Not now"),
         ErrorKind::Internal => {
             class(StatusCode::INTERNAL_SERVER_ERROR, "internal", "The daemon met a fault of its own")
@@ -355,6 +358,7 @@ mod tests {
         check(ErrorKind::Throttled, 429);
         check(ErrorKind::Unsupported, 501);
         check(ErrorKind::TooLarge, 422);
+        check(ErrorKind::StorageFull, 507);
         check(ErrorKind::Unavailable, 503);
         check(ErrorKind::Internal, 500);
     }

@@ -157,6 +157,14 @@ pub enum StoreError {
         /// The database's file.
         path: PathBuf,
     },
+    /// The disk fails, or takes no writes any more.
+    #[error("the disk of the database fails ({detail}): {}", path.display())]
+    Failing {
+        /// The database's file.
+        path: PathBuf,
+        /// What SQLite says.
+        detail: String,
+    },
     /// A row that this program could not have written.
     #[error("the database holds a row that cannot be read: {what}: {}", path.display())]
     UnreadableRow {
@@ -191,7 +199,8 @@ impl StoreError {
                 ErrorKind::Unsupported
             }
             Self::TooLarge { .. } => ErrorKind::TooLarge,
-            Self::Busy { .. } | Self::DiskFull { .. } => ErrorKind::Unavailable,
+            Self::DiskFull { .. } => ErrorKind::StorageFull,
+            Self::Busy { .. } | Self::Failing { .. } => ErrorKind::Unavailable,
             Self::Damaged { .. }
             | Self::Migration { .. }
             | Self::UnreadableRow { .. }
@@ -211,7 +220,8 @@ impl StoreError {
         // The low byte is the primary code; the others tell more than is needed here.
         match code & 0xff {
             5 | 6 => Self::Busy { path },
-            8 | 14 => Self::NotWritable { path, reason: message },
+            8 | 10 => Self::Failing { path, detail: message },
+            14 => Self::NotWritable { path, reason: message },
             11 => Self::Damaged { path, detail: message },
             13 => Self::DiskFull { path },
             26 => Self::NotADatabase { path, what: "something else, or damaged in its first bytes" },
@@ -241,5 +251,5 @@ fn sqlite_code(error: &sqlx::Error) -> Option<(u32, String)> {
 
 /// Whether a code tells of the machine and not of the migration's own text.
 fn is_of_the_machine((code, _): (u32, String)) -> bool {
-    matches!(code & 0xff, 5 | 6 | 8 | 11 | 13 | 14)
+    matches!(code & 0xff, 5 | 6 | 8 | 10 | 11 | 13 | 14)
 }
