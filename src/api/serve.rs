@@ -19,6 +19,7 @@ use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
+use tokio::time::Instant;
 
 /// Connections held at once; more wait in the kernel's queue.
 const MAX_CONNECTIONS: usize = 256;
@@ -72,13 +73,14 @@ pub async fn serve_within(
     shutdown: impl Future<Output = ()> + Send,
 ) {
     let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+    let mut rest = None;
     let (stopping, _) = watch::channel(false);
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);
     loop {
         tokio::select! {
             () = &mut shutdown => break,
-            (stream, slot) = next_connection(&listener, &slots) => {
+            (stream, slot) = next_connection(&listener, &slots, &mut rest) => {
                 let conversation = (router.clone(), stopping.subscribe(), times);
                 connections.spawn(welcome(stream, slot, tls.clone(), conversation));
             }
@@ -101,18 +103,24 @@ pub async fn serve_within(
     }
 }
 
-/// The next connection, once there is room for it.
+/// The next connection, once there is room for it. After the machine refused one, none is asked for until `rest` is over,
+/// also where this is begun anew meanwhile: connections that end must not make it ask without pause.
 async fn next_connection(
     listener: &TcpListener,
     slots: &Arc<Semaphore>,
+    rest: &mut Option<Instant>,
 ) -> (TcpStream, OwnedSemaphorePermit) {
     let slot = Arc::clone(slots).acquire_owned().await.expect("the semaphore is never closed");
     loop {
+        if let Some(until) = *rest {
+            tokio::time::sleep_until(until).await;
+            *rest = None;
+        }
         match listener.accept().await {
             Ok((stream, _)) => return (stream, slot),
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be taken");
-                tokio::time::sleep(REFUSED_PAUSE).await;
+                *rest = Some(Instant::now() + REFUSED_PAUSE);
             }
         }
     }
