@@ -7,6 +7,7 @@ mod copies;
 mod encrypted;
 mod kept;
 mod process;
+pub(crate) mod process;
 
 use process::{Daemon, Output, run, videofields};
 use serde_json::Value;

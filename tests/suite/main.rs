@@ -14,6 +14,7 @@ mod daemon;
 mod deploy;
 mod effects;
 mod engine;
+mod faults;
 mod fuse;
 mod geometry;
 mod ingest;

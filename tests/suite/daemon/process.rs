@@ -15,7 +15,7 @@ use videofields::clock::{Clock, SystemClock};
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// The binary under test, its environment free of what a developer's may hold.
-pub(super) fn videofields() -> Command {
+pub(crate) fn videofields() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_videofields"));
     command.env_remove("RUST_LOG").env_remove("VIDEOFIELDS_LOG");
     // Tests share the machine: none of their daemons measures it.
@@ -24,17 +24,17 @@ pub(super) fn videofields() -> Command {
 }
 
 /// What became of a process.
-pub(super) struct Output {
+pub(crate) struct Output {
     /// Exit status; none after a signal.
-    pub(super) status: Option<i32>,
-    pub(super) stdout: String,
-    pub(super) stderr: String,
+    pub(crate) status: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
     /// From the wish to stop to the end.
-    pub(super) took: Duration,
+    pub(crate) took: Duration,
 }
 
 /// Runs a command to its end.
-pub(super) fn run(command: &mut Command) -> Output {
+pub(crate) fn run(command: &mut Command) -> Output {
     let mut child =
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let (stdout, stderr) = (collect(child.stdout.take()), collect(child.stderr.take()));
@@ -59,27 +59,27 @@ fn end(child: &mut Child, stdout: JoinHandle<String>, stderr: JoinHandle<String>
 }
 
 /// A running daemon; killed when it is dropped.
-pub(super) struct Daemon {
-    pub(super) address: SocketAddr,
+pub(crate) struct Daemon {
+    pub(crate) address: SocketAddr,
     child: Child,
     stderr: Option<JoinHandle<String>>,
 }
 
 impl Daemon {
     /// Starts it on a free port and waits for its address.
-    pub(super) fn start(config: &Path) -> Self {
+    pub(crate) fn start(config: &Path) -> Self {
         start_at(config, &["--listen", "127.0.0.1:0"], "http://")
     }
 
     /// Sends a signal and waits for the end.
-    pub(super) fn stop(mut self, name: &str) -> Output {
+    pub(crate) fn stop(mut self, name: &str) -> Output {
         signal(&self, name);
         let stdout = collect(Some(std::io::empty()));
         end(&mut self.child, stdout, self.stderr.take().unwrap())
     }
 
     /// Sends a change with a condition, such as `if-match: "1"`, where one is given.
-    pub(super) fn send(&self, method: &str, target: &str, condition: &str, body: &str) -> Answer {
+    pub(crate) fn send(&self, method: &str, target: &str, condition: &str, body: &str) -> Answer {
         let condition = if condition.is_empty() { String::new() } else { format!("{condition}\r\n") };
         self.ask(&format!(
             "{method} {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n{condition}content-length: {}\r\n\r\n{body}",
@@ -88,11 +88,18 @@ impl Daemon {
         ))
     }
 
-    pub(super) fn get(&self, target: &str) -> Answer {
+    pub(crate) fn get(&self, target: &str) -> Answer {
         self.ask(&format!("GET {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address))
     }
 
     fn ask(&self, request: &str) -> Answer {
+
+    /// The process's number.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    pub(crate) fn get(&self, target: &str) -> Answer {
         let mut stream = TcpStream::connect_timeout(&self.address, PATIENCE).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream.set_write_timeout(Some(PATIENCE)).unwrap();
@@ -108,14 +115,14 @@ impl Daemon {
     }
 
     /// What stands there, which must be there (or not yet ready, which `/readyz` says with 503).
-    pub(super) fn json(&self, target: &str) -> Value {
+    pub(crate) fn json(&self, target: &str) -> Value {
         let answer = self.get(target);
         assert!(answer.status == 200 || target == "/readyz", "{target}: {}", answer.status);
         serde_json::from_slice(&answer.body).unwrap()
     }
 
     /// Waits until those cameras are live and the renderer has said whether there is one.
-    pub(super) fn wait_until_live(&self, cameras: &[&str]) {
+    pub(crate) fn wait_until_live(&self, cameras: &[&str]) {
         wait_for("cameras to be live", || {
             let is_live = |id: &&str| self.json(&format!("/api/v1/cameras/{id}"))["state"] == "live";
             let readiness = self.json("/readyz");
@@ -126,8 +133,13 @@ impl Daemon {
 }
 
 /// Starts a daemon with further arguments and waits for its address, whose URL begins with `scheme`.
-pub(super) fn start_at(config: &Path, arguments: &[&str], scheme: &str) -> Daemon {
-    let mut child = videofields()
+pub(crate) fn start_at(config: &Path, arguments: &[&str], scheme: &str) -> Daemon {
+    start_command(videofields(), config, arguments, scheme)
+}
+
+/// As [`start_at`], by a command that the daemon's arguments are added to.
+pub(crate) fn start_command(mut command: Command, config: &Path, arguments: &[&str], scheme: &str) -> Daemon {
+    let mut child = command
         .arg("serve")
         .args(arguments)
         .arg("--config")
@@ -148,7 +160,7 @@ pub(super) fn start_at(config: &Path, arguments: &[&str], scheme: &str) -> Daemo
 }
 
 /// Sends a daemon a signal.
-pub(super) fn signal(daemon: &Daemon, name: &str) {
+pub(crate) fn signal(daemon: &Daemon, name: &str) {
     let pid = daemon.child.id().to_string();
     assert!(Command::new("kill").args(["-s", name, &pid]).status().unwrap().success());
 }
@@ -176,14 +188,14 @@ fn first_line(stdout: impl Read + Send + 'static) -> Receiver<String> {
 }
 
 /// An HTTP answer.
-pub(super) struct Answer {
-    pub(super) status: u16,
-    pub(super) etag: Option<String>,
-    pub(super) body: Vec<u8>,
+pub(crate) struct Answer {
+    pub(crate) status: u16,
+    pub(crate) etag: Option<String>,
+    pub(crate) body: Vec<u8>,
 }
 
 /// Whether the daemon has a renderer.
-pub(super) fn can_draw(readiness: &Value) -> bool {
+pub(crate) fn can_draw(readiness: &Value) -> bool {
     let is_ready = readiness["ready"] == true;
     if !is_ready {
         crate::support::skip_for_want_of_an_adapter(&readiness.to_string());
