@@ -1,6 +1,6 @@
 //! Environment variables `VIDEOFIELDS_SECTION__KEY` laid over the file's sections.
 //!
-//! Cameras and scenes are lists and are written in the file alone.
+//! Cameras, scenes and snapshots are lists and are written in the file alone.
 
 use super::document::{Document, scalar_value};
 use crate::error::{Gatherer, unknown};
@@ -12,11 +12,12 @@ const PREFIX: &str = "VIDEOFIELDS_";
 const SECTIONS: [&str; 7] = ["server", "storage", "archive", "media", "timeline", "render", "accuracy"];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
-const TEXTS: [&str; 6] = [
+const TEXTS: [&str; 7] = [
     "server.listen",
     "server.certificate",
     "server.private_key",
     "storage.database",
+    "storage.snapshot_folder",
     "archive.folder",
     "render.adapter",
 ];
@@ -40,9 +41,12 @@ pub(super) fn overlay(
     ours.sort();
     for (section, key, variable, value) in ours {
         let place = format!("/{section}/{key}");
-        if matches!(section.as_str(), "camera" | "scene") {
+        if matches!(section.as_str(), "camera" | "scene" | "snapshot") {
             document.note_variable(place.clone(), &variable);
-            gatherer.fault(place, "cameras and scenes are written in the file, not in the environment");
+            gatherer.fault(
+                place,
+                "cameras, scenes and snapshots are written in the file, not in the environment",
+            );
         } else if !SECTIONS.contains(&section.as_str()) {
             document.note_variable(place.clone(), &variable);
             gatherer.fault(place, unknown("section", &section, &SECTIONS));

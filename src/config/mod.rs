@@ -14,6 +14,7 @@ mod feed;
 mod network;
 mod resolution;
 mod settings;
+mod snapshot;
 mod source;
 mod storage;
 mod url;
@@ -27,6 +28,7 @@ pub use feed::FeedSettings;
 pub use network::{Network, NetworkError};
 pub use resolution::Resolution;
 pub use settings::*;
+pub use snapshot::{SnapshotScheduleSettings, check_annotation};
 pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
 pub use storage::StorageSettings;
 pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
@@ -173,10 +175,12 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         accuracy: section!("accuracy"),
         camera: Vec::new(),
         scene: Vec::new(),
+        snapshot: Vec::new(),
     };
     validate::check(&settings, gatherer);
     let cameras = gatherer.list(fields.take("camera"), validate::MAX_CAMERAS);
     let scenes = gatherer.list(fields.take("scene"), validate::MAX_SCENES);
+    let snapshots = gatherer.list(fields.take("snapshot"), validate::MAX_SNAPSHOTS);
     // Each is checked with its own place: an element that could not be read must not renumber those after it.
     let mut ids = validate::Ids::default();
     for (value, place) in cameras {
@@ -192,6 +196,12 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         if let Some(scene) = gatherer.read(value, &place) {
             validate::check_scene(&scene, &place, &mut ids, gatherer);
             settings.scene.push(scene);
+        }
+    }
+    for (value, place) in snapshots {
+        if let Some(schedule) = gatherer.read(value, &place) {
+            snapshot::check(&schedule, &place, &mut ids, gatherer);
+            settings.snapshot.push(schedule);
         }
     }
     fields.finish(gatherer);
@@ -213,6 +223,12 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
         *path = folder.join(&*path).components().filter(|part| *part != Component::CurDir).collect();
     };
     place(&mut settings.storage.database);
+    let storage = &mut settings.storage;
+    if storage.snapshot_folder.as_os_str().is_empty() {
+        storage.snapshot_folder = storage.database.with_extension("snapshots");
+    } else {
+        place(&mut storage.snapshot_folder);
+    }
     // An empty path says that nothing is recorded, and not the file's own folder.
     if settings.archive.is_on() {
         place(&mut settings.archive.folder);

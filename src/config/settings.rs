@@ -4,6 +4,7 @@ use super::archive::ArchiveSettings;
 use super::clock::ClockSettings;
 use super::network::{self, Network};
 use super::resolution::Resolution;
+use super::snapshot::SnapshotScheduleSettings;
 use super::source::SourceSettings;
 use super::storage::StorageSettings;
 use crate::frame::CameraId;
@@ -34,6 +35,8 @@ pub struct Settings {
     pub camera: Vec<CameraSettings>,
     /// The scenes, the default one first; ids are unique; at most 64.
     pub scene: Vec<SceneSettings>,
+    /// Snapshots that the daemon makes by itself; ids are unique; at most 64.
+    pub snapshot: Vec<SnapshotScheduleSettings>,
 }
 
 /// The HTTP server.

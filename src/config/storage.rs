@@ -1,4 +1,4 @@
-//! Section `[storage]`: the database and what it keeps of the backgrounds.
+//! Section `[storage]`: the database, what it keeps of the backgrounds, and the folder of snapshots.
 
 use crate::error::Gatherer;
 use serde::Deserialize;
@@ -20,6 +20,15 @@ pub struct StorageSettings {
     /// Most MiB of the backgrounds that are kept of all cameras for looking back, 1 to 1048576; the oldest go first,
     /// but never a camera's newest. Default 512.
     pub background_history_mib: u32,
+    /// The folder that snapshots lie in; made if it is not there. Empty (default): beside the database, with its name and
+    /// the ending `.snapshots`.
+    pub snapshot_folder: PathBuf,
+    /// Most GiB of all snapshots together, 0.001 to 1048576; the oldest that are not held go first. Default 10.
+    pub snapshot_max_gib: f64,
+    /// Days after which snapshots that are not held go, 0.001 to 36500. Default 365.
+    pub snapshot_max_age_days: f64,
+    /// MiB of the disk that are left free, 0 to 1073741824: with less, no snapshot is made. Default 1024.
+    pub snapshot_min_free_mib: u32,
 }
 
 impl Default for StorageSettings {
@@ -30,12 +39,19 @@ impl Default for StorageSettings {
             background_history_interval_mins: 60.0,
             background_history_count: 48,
             background_history_mib: 512,
+            snapshot_folder: PathBuf::new(),
+            snapshot_max_gib: 10.0,
+            snapshot_max_age_days: 365.0,
+            snapshot_min_free_mib: 1024,
         }
     }
 }
 
-/// Checks everything but the path.
+/// Checks everything but the database's path.
 pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
+    if !storage.snapshot_folder.as_os_str().is_empty() {
+        super::validate::check_path(&storage.snapshot_folder, "/storage/snapshot_folder", gatherer);
+    }
     let count = f64::from(storage.background_history_count);
     let numbers = [
         ("checkpoint_interval_secs", storage.checkpoint_interval_secs, 1.0, 86_400.0, "seconds"),
@@ -48,6 +64,9 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
         ),
         ("background_history_count", count, 1.0, 10_000.0, "backgrounds"),
         ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
+        ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
+        ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),
+        ("snapshot_min_free_mib", f64::from(storage.snapshot_min_free_mib), 0.0, 1_073_741_824.0, "MiB"),
     ];
     for (key, value, least, most, unit) in numbers {
         super::validate::range(gatherer, &format!("/storage/{key}"), value, least, most, unit);

@@ -10,6 +10,8 @@ use std::path::Path;
 pub(super) const MAX_CAMERAS: usize = 256;
 /// Most scenes of one configuration.
 pub(super) const MAX_SCENES: usize = 64;
+/// Most snapshots that are made by themselves.
+pub(super) const MAX_SNAPSHOTS: usize = 64;
 const MAX_ROOTS: usize = 64;
 const MAX_NETWORKS: usize = 64;
 const MAX_HOSTS: usize = 64;
@@ -21,6 +23,7 @@ const MAX_PATH_BYTES: usize = 4096;
 pub(super) struct Ids {
     cameras: HashSet<String>,
     scenes: HashSet<String>,
+    pub(super) snapshots: HashSet<String>,
 }
 
 /// Checks everything.
@@ -59,9 +62,11 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     range(gatherer, "/render/timeout_secs", render.timeout_secs, 0.1, 10.0, "seconds");
     range(gatherer, "/render/cache_mib", f64::from(render.cache_mib), 0.0, 65_536.0, "MiB");
     let mut ids = Ids::default();
-    for (key, count, most) in
-        [("/camera", settings.camera.len(), MAX_CAMERAS), ("/scene", settings.scene.len(), MAX_SCENES)]
-    {
+    for (key, count, most) in [
+        ("/camera", settings.camera.len(), MAX_CAMERAS),
+        ("/scene", settings.scene.len(), MAX_SCENES),
+        ("/snapshot", settings.snapshot.len(), MAX_SNAPSHOTS),
+    ] {
         if count > most {
             gatherer.fault(key, format!("at most {most} are allowed, got {count}"));
         }
@@ -71,6 +76,9 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     }
     for (i, scene) in settings.scene.iter().enumerate() {
         check_scene(scene, &format!("/scene/{i}"), &mut ids, gatherer);
+    }
+    for (i, schedule) in settings.snapshot.iter().enumerate() {
+        super::snapshot::check(schedule, &format!("/snapshot/{i}"), &mut ids, gatherer);
     }
 }
 

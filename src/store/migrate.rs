@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 12] = [
+const STEPS: [Step; 13] = [
     (1, "create_scene", include_str!("../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../migrations/0003_create_texture_map.sql")),
@@ -20,6 +20,7 @@ const STEPS: [Step; 12] = [
     (10, "create_audit", include_str!("../../migrations/0010_create_audit.sql")),
     (11, "create_document", include_str!("../../migrations/0011_create_document.sql")),
     (12, "widen_document", include_str!("../../migrations/0012_widen_document.sql")),
+    (13, "create_snapshot", include_str!("../../migrations/0013_create_snapshot.sql")),
 ];
 
 /// The newest schema that this release knows.

@@ -124,6 +124,71 @@ impl RemovalReason {
     }
 }
 
+/// Why a snapshot came to nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SnapshotFailure {
+    /// The disk, or what snapshots may take, is full.
+    NoRoom,
+    /// As many are made as may be.
+    Busy,
+    /// There was no picture.
+    NoPicture,
+    /// A frame or the scene was another before it could be kept.
+    Gone,
+    /// The disk failed.
+    Disk,
+    /// The database failed.
+    Database,
+    /// A fault of the daemon.
+    Internal,
+}
+
+impl SnapshotFailure {
+    /// All of them.
+    pub const ALL: [Self; 7] =
+        [Self::NoRoom, Self::Busy, Self::NoPicture, Self::Gone, Self::Disk, Self::Database, Self::Internal];
+
+    /// The label's value.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::NoRoom => "no_room",
+            Self::Busy => "busy",
+            Self::NoPicture => "no_picture",
+            Self::Gone => "gone",
+            Self::Disk => "disk",
+            Self::Database => "database",
+            Self::Internal => "internal",
+        }
+    }
+}
+
+/// Why a snapshot was removed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SnapshotRemoval {
+    /// Somebody asked for it.
+    Asked,
+    /// All together were too large.
+    Bytes,
+    /// It was too old.
+    Age,
+}
+
+impl SnapshotRemoval {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Asked, Self::Bytes, Self::Age];
+
+    /// As the table, metrics and removals' files have it.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Asked => "asked",
+            Self::Bytes => "bytes",
+            Self::Age => "age",
+        }
+    }
+}
+
 /// Why a view was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ViewRefusal {
@@ -209,6 +274,16 @@ pub struct Metrics {
     pub render_devices_rebuilt: IntCounter,
     /// Times that a scene was made ready to be drawn before anybody asked for a picture of it.
     pub render_warm_ups: IntCounter,
+    /// Snapshots made.
+    pub evidence_made: IntCounter,
+    /// Snapshots that came to nothing. Labels: reason ([`SnapshotFailure`]).
+    pub evidence_failures: IntCounterVec,
+    /// Snapshots removed. Labels: reason (`asked`, `bytes`, `age`).
+    pub evidence_removed: IntCounterVec,
+    /// Snapshots that are there.
+    pub evidence_kept: IntGauge,
+    /// Bytes of all snapshots.
+    pub evidence_kept_bytes: IntGauge,
     /// Answered requests. Labels: route (its template, never the path itself), status.
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
@@ -362,6 +437,11 @@ impl Metrics {
                 "render_warm_ups_total",
                 "Times that a scene was made ready to be drawn before anybody asked for a picture of it.",
             ),
+            evidence_made: counter(r, "evidence_snapshots_made_total", "Snapshots made."),
+            evidence_failures: snapshot_failures(r),
+            evidence_removed: snapshots_removed(r),
+            evidence_kept: int_gauge(r, "evidence_kept_snapshots", "Snapshots that are there."),
+            evidence_kept_bytes: int_gauge(r, "evidence_kept_bytes", "Bytes of all snapshots."),
             api_requests: counters(
                 r,
                 "api_requests_total",
@@ -413,6 +493,16 @@ impl Metrics {
     /// Notes a view that was refused.
     pub fn count_refused(&self, reason: ViewRefusal) {
         self.render_refused.with_label_values(&[reason.as_str()]).inc();
+    }
+
+    /// Notes a snapshot that came to nothing.
+    pub fn count_snapshot_failure(&self, reason: SnapshotFailure) {
+        self.evidence_failures.with_label_values(&[reason.as_str()]).inc();
+    }
+
+    /// Notes a snapshot that was removed.
+    pub fn count_snapshot_removed(&self, reason: SnapshotRemoval) {
+        self.evidence_removed.with_label_values(&[reason.as_str()]).inc();
     }
 
     /// Notes a segment that retention removed.
@@ -497,6 +587,34 @@ fn views_refused(registry: &Registry) -> IntCounterVec {
         refused.with_label_values(&[reason.as_str()]).inc_by(0);
     }
     refused
+}
+
+/// The counter of snapshots that came to nothing, each of its series at zero.
+fn snapshot_failures(registry: &Registry) -> IntCounterVec {
+    let failures = counters(
+        registry,
+        "evidence_failures_total",
+        "Snapshots that came to nothing, by reason: no_room, busy, no_picture, gone, disk, database, internal.",
+        &["reason"],
+    );
+    for reason in SnapshotFailure::ALL {
+        failures.with_label_values(&[reason.as_str()]).inc_by(0);
+    }
+    failures
+}
+
+/// The counter of snapshots that were removed, each of its series at zero.
+fn snapshots_removed(registry: &Registry) -> IntCounterVec {
+    let removed = counters(
+        registry,
+        "evidence_removed_total",
+        "Snapshots removed, by reason: asked, bytes, age.",
+        &["reason"],
+    );
+    for reason in SnapshotRemoval::ALL {
+        removed.with_label_values(&[reason.as_str()]).inc_by(0);
+    }
+    removed
 }
 
 fn gauge(registry: &Registry, name: &str, help: &str) -> Gauge {

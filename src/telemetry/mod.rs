@@ -5,7 +5,9 @@
 
 pub mod metrics;
 
-pub use metrics::{DropReason, Metrics, RecordingDrop, RemovalReason, Stage, ViewRefusal};
+pub use metrics::{
+    DropReason, Metrics, RecordingDrop, RemovalReason, SnapshotFailure, SnapshotRemoval, Stage, ViewRefusal,
+};
 
 use crate::error::ErrorKind;
 use tracing_subscriber::EnvFilter;

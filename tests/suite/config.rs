@@ -120,6 +120,35 @@ fn the_example_names_every_key() {
     }
     let scene = example["scene"][0].as_table().expect("a table");
     check(scene, "scene", "[[scene]]\nid = \"a\"\nfile = \"a\"\nzzz = 1");
+    // One shows a scene, another a camera.
+    let mut snapshot = example["snapshot"][0].as_table().expect("a table").clone();
+    snapshot.extend(example["snapshot"][1].as_table().expect("a table").clone());
+    check(&snapshot, "snapshot", "[[snapshot]]\nid = \"a\"\nscene = \"a\"\nzzz = 1");
+}
+
+#[test]
+fn snapshots_lie_beside_the_database_and_are_made_of_one_thing() {
+    let folder = |text: &str| parse(text).expect("no faults").settings().storage.snapshot_folder.clone();
+    assert_eq!(folder(""), Path::new("/etc/videofields/videofields.snapshots"));
+    assert_eq!(folder("storage.database = \"/srv/db/site.sqlite\""), Path::new("/srv/db/site.snapshots"));
+    assert_eq!(folder("storage.snapshot_folder = \"evidence\""), Path::new("/etc/videofields/evidence"));
+    let check = |text: &str, expected: &str| {
+        let said = faults_of(&format!("[[snapshot]]\n{text}"));
+        assert!(said.len() == 1 && said[0].contains(expected), "{text}: {said:?}");
+    };
+    check("id = \"a\"", "name a `scene` or a `camera`");
+    check("id = \"a\"\nscene = \"a\"\ncamera = \"a\"", "beside a `scene`");
+    check("id = \"A\"\nscene = \"a\"", "invalid id \"A\"");
+    check("id = \"a\"\nscene = \"a b\"", "invalid id \"a b\"");
+    check("id = \"a\"\ncamera = \"a\"\nparameters = \"width=3\"", "a `scene` alone");
+    check("id = \"a\"\nscene = \"a\"\nparameters = \"width=3&t=5\"", "show what is live");
+    check("id = \"a\"\nscene = \"a\"\ninterval_mins = 0.5", "1 to 10080 minutes");
+    check("id = \"a\"\nscene = \"a\"\ntags = [\"b\", \"b\"]", "more than once");
+    check("id = \"a\"\nscene = \"a\"\n[[snapshot]]\nid = \"a\"\nscene = \"a\"", "ids are unique");
+    for (key, value) in [("max_gib", "0"), ("max_age_days", "0"), ("min_free_mib", "1073741825")] {
+        let said = faults_of(&format!("storage.snapshot_{key} = {value}"));
+        assert!(said.len() == 1 && said[0].contains("expected 0"), "{key}: {said:?}");
+    }
 }
 
 #[test]
@@ -138,7 +167,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
             "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, archive, media, \
-           timeline, render, accuracy, camera, scene",
+           timeline, render, accuracy, camera, scene, snapshot",
         ],
     );
 }
@@ -414,7 +443,7 @@ fn the_environment_wins_and_its_faults_name_the_variable() {
         "environment variable VIDEOFIELDS_RENDER__SAMPLES: render.samples: expected 1 or 4, got 3",
         "environment variable VIDEOFIELDS_RENDER__SAMPLE: render.sample: unknown key `sample`; did you mean",
         "environment variable VIDEOFIELDS_RENDR__SAMPLES: rendr.samples: unknown section `rendr`; did you mean",
-        "environment variable VIDEOFIELDS_CAMERA__ID: camera.id: cameras and scenes are written in the file",
+        "environment variable VIDEOFIELDS_CAMERA__ID: camera.id: cameras, scenes and snapshots are written in the file",
         "environment variable VIDEOFIELDS_TIMELINE__MIB_PER_CAMERA: timeline.mib_per_camera: wrong type: string",
     ] {
         assert!(said.iter().any(|fault| fault.starts_with(expected)), "{expected} is not in {said:#?}");
