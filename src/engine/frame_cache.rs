@@ -155,6 +155,7 @@ mod tests {
             kind: subject.kind,
             view: subject.from,
             sources: subject.sources.clone(),
+            frames: Vec::new(),
             gaps: Vec::new(),
             settings: Settings::default(),
             expected: None,

@@ -30,6 +30,7 @@ mod resolve;
 mod roster;
 mod scene_list;
 mod scopes;
+mod seeing;
 mod sessions;
 mod shared;
 mod sightings;
@@ -52,6 +53,7 @@ pub use identity::ViewIdentity;
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
+pub use seeing::{CameraSight, Sight, which_cameras};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 

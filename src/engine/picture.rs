@@ -212,6 +212,7 @@ impl Subject {
             kind: self.kind,
             view: self.from,
             sources: self.sources.clone(),
+            frames: self.seen.iter().map(|(frame, ..)| frame.clone()).collect(),
             gaps: self.gaps.clone(),
             settings: decision.settings,
             expected: Some(decision.expected),

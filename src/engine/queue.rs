@@ -435,6 +435,7 @@ mod tests {
             kind: ViewKind::Perspective,
             view: SceneView { eye: DVec3::ZERO, target: DVec3::X, fov_y_rad: 1.0 },
             sources: Vec::new(),
+            frames: Vec::new(),
             gaps: Vec::new(),
             settings: Settings::default(),
             expected: None,

@@ -5,12 +5,12 @@ use super::handle::At;
 use super::identity::ViewIdentity;
 use crate::access::Scope;
 use crate::clock::Timestamp;
-use crate::frame::{CameraId, RgbImage};
+use crate::frame::{CameraId, RgbImage, YuvImage};
 use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
 use crate::scene::{Scene, SceneView};
 use crate::timeline::Horizon;
 use glam::DVec3;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 /// Distance between the eyes of a stereo pair where the request names none, metres.
@@ -158,6 +158,8 @@ pub struct ViewAnswer {
     pub view: SceneView,
     /// The cameras that had a frame for it.
     pub sources: Vec<SourceTime>,
+    /// The frames themselves, in the order of `sources`, as long as somebody else holds them.
+    pub frames: Vec<Weak<YuvImage>>,
     /// Those of them that saw nothing near the instant: of these the background alone is shown.
     pub gaps: Vec<CameraId>,
     /// How exactly it was drawn.
