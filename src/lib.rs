@@ -72,6 +72,8 @@ pub mod engine;
 
 pub mod catalog;
 
+pub mod evidence;
+
 pub mod api;
 
 pub mod simulate;
