@@ -3,6 +3,7 @@
 //! Order: store, scenes, cameras and renderer (`engine`), then the listener; stopped the other way round, so that
 //! no request meets half a daemon and every background is written before the store closes.
 
+mod evidence;
 mod upkeep;
 
 use crate::accounts::{Accounts, Audit};
@@ -83,6 +84,7 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     warn_of_unknown_cameras(config, &scenes);
     // As they were changed while the daemon ran before.
     let config = &config.clone().with_cameras(catalog.cameras());
+    let snapshots = evidence::open(config, &store, &metrics, &clock).await;
     let archive = start_archive(config, &store, &metrics, &clock).await?;
     let engine =
         Engine::start_recording(config, scenes, store.clone(), metrics, Arc::clone(&clock), archive.clone())?;
@@ -107,13 +109,22 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         engine.request_stop();
     };
     let audit = Arc::new(Audit::new(store.clone()));
-    let trust = api::Trust { accounts: Arc::clone(&accounts), audit, catalog: Arc::new(catalog) };
+    let trust = api::Trust {
+        accounts: Arc::clone(&accounts),
+        audit,
+        catalog: Arc::new(catalog),
+        snapshots: snapshots.clone(),
+    };
     let site = Site { hosts: settings.server.hosts.clone(), is_encrypted: tls.is_some() };
     let router = api::router(engine.handle(), trust, Arc::clone(&clock), site);
     let mut upkeep = JoinSet::new();
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
     upkeep.spawn(upkeep::follow_certificate(tls.clone(), Arc::downgrade(&accounts), hangup));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));
+    if let Some(snapshots) = snapshots {
+        let schedule = evidence::schedule(config, clock.now());
+        upkeep.spawn(evidence::keep(snapshots, engine.handle(), schedule, Arc::clone(&clock)));
+    }
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.

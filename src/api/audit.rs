@@ -14,6 +14,7 @@ use super::query::Query;
 use super::schema;
 use super::users;
 use crate::access::Role;
+use super::snapshots;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
 use crate::store::{AuditEntry, AuditRecord};
@@ -90,6 +91,11 @@ pub(super) async fn note(
     } else {
         matched.is_some()
     };
+    let is_noted = is_noted
+        || (is_look
+            && snapshots::LOOKS.contains(&route)
+            && status.is_success()
+            && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic()));
     if !is_noted {
         return response;
     }

@@ -4,6 +4,10 @@
 //! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). GET and
 //! HEAD show; what changes something has a method of its own, and is refused where a page of another site asks for it.
 
+mod snapshot_making;
+mod snapshots;
+mod which_cameras;
+
 mod accuracy;
 mod alignment;
 mod audit;
@@ -68,6 +72,9 @@ use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
 use crate::wall::{FrameLock, Wall};
+use crate::evidence::Snapshots;
+use crate::scene::MAX_DOCUMENT_BYTES;
+use crate::wall::FrameLock;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
@@ -127,6 +134,8 @@ struct Api {
     audit: Option<Arc<Audit>>,
     /// What people keep; without, nothing can be changed for good.
     catalog: Option<Arc<Catalog>>,
+    /// What people keep as evidence; without, no snapshots are made.
+    snapshots: Option<Arc<Snapshots>>,
     clock: Arc<dyn Clock>,
     limits: Limits,
     requests: Arc<Semaphore>,
@@ -185,6 +194,8 @@ pub struct Trust {
     pub audit: Arc<Audit>,
     /// What they keep.
     pub catalog: Arc<Catalog>,
+    /// What they keep as evidence; none where the folder for it cannot be used.
+    pub snapshots: Option<Arc<Snapshots>>,
 }
 
 /// The whole interface over `door`, with the default [`Limits`]; `clock` measures what requests take.
@@ -210,6 +221,7 @@ pub fn router_within(
         identity: Identity::everybody(),
         accounts: trust.as_ref().map(|trust| Arc::clone(&trust.accounts)),
         audit: trust.as_ref().map(|trust| Arc::clone(&trust.audit)),
+        snapshots: trust.as_ref().and_then(|trust| trust.snapshots.clone()),
         catalog: trust.map(|trust| trust.catalog),
         clock,
         limits,
@@ -290,6 +302,8 @@ fn undescribed() -> Router<Api> {
         .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
         .route("/api/v1/views/{id}/frames", get(sockets::of_named))
         .route("/api/v1/views/{id}/{picture}", get(views::picture))
+        .merge(snapshots::routes())
+        .merge(which_cameras::routes())
 }
 
 /// Routes for who watches the daemon: answered also while it has too much to do.

@@ -19,6 +19,7 @@ pub(crate) mod restore;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;
+pub(crate) mod snapshot;
 pub(crate) mod store;
 pub(crate) mod view;
 

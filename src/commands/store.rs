@@ -10,7 +10,7 @@ use videofields::config::{self, ArchiveSettings, Config};
 use videofields::store::Store;
 use videofields::telemetry::{self, LogFormat};
 
-/// Says whether the database and the recordings are whole, and whether they fit together.
+/// Says whether the database, the recordings and the snapshots are whole, and whether they fit together.
 ///
 /// Reads every row and every recorded file from its beginning to its end, and changes nothing. Segments that a running
 /// daemon is writing are told as unfinished. Exit status 0 where all is well, 1 where something is wrong.
@@ -40,7 +40,10 @@ impl CheckStore {
         if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
             bail!("there is no database: {}", path.display());
         }
-        with_store(&config, check)
+        let checked = with_store(&config, check);
+        // Both are told, whatever comes of either.
+        let snapshots = super::snapshot::check_kept(&config);
+        checked.and(snapshots)
     }
 }
 

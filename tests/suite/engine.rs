@@ -4,6 +4,7 @@
 
 mod costs;
 mod deadlines;
+mod evidence;
 mod feed;
 mod frozen;
 mod house;
@@ -13,6 +14,7 @@ mod pictures;
 mod restart;
 mod rights;
 mod tags;
+mod snapshots;
 mod tracks;
 mod views;
 mod walls;

@@ -614,6 +614,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
             SourceTime { camera: id("north"), timestamp: LAST },
             SourceTime { camera: id("south"), timestamp: FIRST },
         ],
+        frames: Vec::new(),
         gaps: vec![id("south")],
         settings: Settings::default(),
         expected: Some(expected()),

@@ -70,7 +70,7 @@ impl House {
         let catalog =
             Catalog::open(store.clone(), Arc::clone(&clock) as _, Vec::new(), folders).await.unwrap();
         let catalog = Arc::new(catalog);
-        let trust = Trust { accounts: Arc::clone(&accounts), audit, catalog };
+        let trust = Trust { accounts: Arc::clone(&accounts), audit, catalog, snapshots: None };
         let bench =
             Bench::trusting(Limits::default(), State::default(), Some((trust, Arc::clone(&clock) as _)));
         Self { bench, accounts, clock, store, _folder: folder }
@@ -137,7 +137,7 @@ fn key(answer: &Answer) -> String {
 }
 
 /// Routes of which strangers get nothing.
-const PRIVATE: [&str; 23] = [
+const PRIVATE: [&str; 27] = [
     "/metrics",
     "/api/v1/cameras",
     "/api/v1/cameras/north",
@@ -153,6 +153,10 @@ const PRIVATE: [&str; 23] = [
     "/api/v1/scenes/plaza/timeline",
     "/api/v1/scenes/plaza/tracks",
     "/api/v1/scenes/plaza/alignment",
+    "/api/v1/scenes/plaza/which-cameras?point=0,0,0",
+    "/api/v1/snapshots",
+    "/api/v1/snapshots/00000000000000000000000000000000",
+    "/api/v1/snapshots/00000000000000000000000000000000/archive.tar",
     "/api/v1/events",
     "/api/v1/exports",
     "/api/v1/playheads",

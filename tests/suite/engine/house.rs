@@ -58,6 +58,7 @@ impl House {
                 accounts: Arc::new(accounts),
                 audit: Arc::new(Audit::new(bench.store.clone())),
                 catalog: Arc::new(catalog),
+                snapshots: None,
             };
             // Drawing takes long where code is not optimised, and beside other work.
             let limits = Limits { request_time: Duration::from_secs(60), ..Limits::default() };

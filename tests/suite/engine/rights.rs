@@ -405,6 +405,7 @@ fn routes() -> Vec<String> {
         let of = format!("/api/v1/scenes/{scene}");
         let span = "from=1970-01-01T00:00:00Z&to=1970-01-01T00:00:01Z";
         routes.extend([of.clone(), format!("{of}/alignment"), format!("{of}/timeline?{span}")]);
+        routes.push(format!("{of}/which-cameras?point=0,0,0"));
         routes.extend(
             ["", "&camera=south", "&camera=north"].map(|of_camera| format!("{of}/tracks?{span}{of_camera}")),
         );
@@ -460,7 +461,7 @@ pub(super) fn router(bench: &Bench) -> axum::Router {
         let accounts = Accounts::open(bench.store.clone(), Arc::clone(&clock)).await.unwrap();
         let audit = Arc::new(Audit::new(bench.store.clone()));
         let catalog = Arc::new(walls(bench, &clock).await);
-        let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog };
+        let trust = api::Trust { accounts: Arc::new(accounts), audit, catalog, snapshots: None };
         api::router(bench.handle.clone(), trust, clock, api::Site::default())
     })
 }

@@ -1,0 +1,87 @@
+//! Snapshots: opened at start, made by schedule, and removed when they are old.
+
+use crate::api;
+use crate::clock::{Clock, Timestamp};
+use crate::config::{Config, SnapshotScheduleSettings};
+use crate::engine::{At, Handle};
+use crate::error::join_faults;
+use crate::evidence::{Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted};
+use crate::store::Store;
+use crate::telemetry::Metrics;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Between two looks at what has fallen due.
+const DUE_PERIOD: Duration = Duration::from_secs(1);
+
+/// Of these looks, every so many also look at what is too old.
+const LOOKS_A_RETENTION: u32 = 600;
+
+/// The snapshots. Where their folder cannot be used the daemon goes on without them: cameras come first.
+pub(super) async fn open(
+    config: &Config,
+    store: &Store,
+    metrics: &Arc<Metrics>,
+    clock: &Arc<dyn Clock>,
+) -> Option<Arc<Snapshots>> {
+    let settings = SnapshotSettings::from(&config.settings().storage);
+    let opened = Snapshots::open(settings, store.clone(), Arc::clone(metrics), Arc::clone(clock)).await;
+    match opened {
+        Ok(snapshots) => Some(Arc::new(snapshots)),
+        Err(error) => {
+            tracing::error!(%error, "no snapshots are kept until the next start");
+            None
+        }
+    }
+}
+
+/// What the configuration wants to be made by itself. One whose parameters are at fault is told and left out.
+pub(super) fn schedule(config: &Config, now: Timestamp) -> Schedule {
+    let read = |of: &SnapshotScheduleSettings| {
+        let subject = match &of.camera {
+            Some(camera) => Ok(Subject::Camera { camera: camera.to_string(), at: At::Live }),
+            None => api::read_view_request(&of.scene, &of.parameters).map(|request| Subject::View {
+                request: Box::new(request),
+                parameters: of.parameters.clone(),
+            }),
+        };
+        match subject {
+            Ok(subject) => {
+                let wanted = Wanted { subject, note: of.note.clone(), tags: of.tags.clone(), hold: false };
+                let period_nanos = (of.interval_mins * 60e9) as i64;
+                Some(Scheduled { id: of.id.clone(), period_nanos, wanted })
+            }
+            Err(faults) => {
+                let faults = join_faults(&faults);
+                tracing::error!(
+                    schedule = of.id,
+                    faults,
+                    "a snapshot that was to be made by itself is left out"
+                );
+                None
+            }
+        }
+    };
+    Schedule::new(config.settings().snapshot.iter().filter_map(read).collect(), now)
+}
+
+/// Makes what falls due and removes what is old, until the daemon ends.
+pub(super) async fn keep(
+    snapshots: Arc<Snapshots>,
+    door: Handle,
+    mut schedule: Schedule,
+    clock: Arc<dyn Clock>,
+) {
+    let mut n_looks = 0_u32;
+    loop {
+        if n_looks.is_multiple_of(LOOKS_A_RETENTION)
+            && let Err(error) = snapshots.remove_old().await
+        {
+            tracing::error!(%error, "old snapshots stay for now");
+        }
+        n_looks = n_looks.wrapping_add(1);
+        // What comes to nothing is counted and told where it is made.
+        schedule.make_due(&snapshots, &door, clock.now()).await;
+        tokio::time::sleep(DUE_PERIOD).await;
+    }
+}
