@@ -123,7 +123,12 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     upkeep.spawn(upkeep::keep_awake(engine.handle()));
     if let Some(snapshots) = snapshots {
         let schedule = evidence::schedule(config, clock.now());
-        upkeep.spawn(evidence::keep(snapshots, engine.handle(), schedule, Arc::clone(&clock)));
+        upkeep.spawn(evidence::keep(
+            Arc::downgrade(&snapshots),
+            engine.handle(),
+            schedule,
+            Arc::clone(&clock),
+        ));
     }
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;

@@ -60,7 +60,7 @@ pub(super) fn check(of: &SnapshotScheduleSettings, place: &str, ids: &mut Ids, g
         }
         ("", Some(_)) => {}
         (_, Some(_)) => {
-            gatherer.fault(at("camera"), "is named beside a `scene`; a snapshot shows one of them")
+            gatherer.fault(at("camera"), "is named beside a `scene`; a snapshot shows one of them");
         }
         (scene, None) if !is_id(scene) => {
             gatherer.fault(at("scene"), format!("invalid id {scene:?}: {}", crate::frame::IdError));

@@ -8,7 +8,7 @@ use crate::error::join_faults;
 use crate::evidence::{Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted};
 use crate::store::Store;
 use crate::telemetry::Metrics;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 /// Between two looks at what has fallen due.
@@ -67,13 +67,14 @@ pub(super) fn schedule(config: &Config, now: Timestamp) -> Schedule {
 
 /// Makes what falls due and removes what is old, until the daemon ends.
 pub(super) async fn keep(
-    snapshots: Arc<Snapshots>,
+    snapshots: Weak<Snapshots>,
     door: Handle,
     mut schedule: Schedule,
     clock: Arc<dyn Clock>,
 ) {
     let mut n_looks = 0_u32;
-    loop {
+    // Until the daemon lets go of them.
+    while let Some(snapshots) = snapshots.upgrade() {
         if n_looks.is_multiple_of(LOOKS_A_RETENTION)
             && let Err(error) = snapshots.remove_old().await
         {
@@ -82,6 +83,7 @@ pub(super) async fn keep(
         n_looks = n_looks.wrapping_add(1);
         // What comes to nothing is counted and told where it is made.
         schedule.make_due(&snapshots, &door, clock.now()).await;
+        drop(snapshots);
         tokio::time::sleep(DUE_PERIOD).await;
     }
 }
