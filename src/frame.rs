@@ -1,20 +1,24 @@
 //! Pictures as cameras deliver them: identified, timed, in the decoder's own YUV planes.
 //!
-//! Owns `Frame`, `YuvImage`, `Mask`, `BitMask`, `RgbImage`, the buffers that their memory goes round in, and the one conversion between YUV and sRGB. Knows nothing of
-//! where frames come from or what is done with them.
+//! Owns `Frame`, `YuvImage`, `Mask`, `BitMask`, `RgbImage`, the buffers that their memory goes round in, the one conversion between YUV and sRGB,
+//! and what nobody may see of a picture (`zones`). Knows nothing of where frames come from or what is done with them.
 
 mod bits;
+mod blur;
 mod buffer;
 mod color;
 mod mask;
 mod reduce;
 mod yuv;
+mod zones;
 
 pub use bits::{BitMask, WORD_PIXELS, inside};
+pub use blur::{Blur, BlurRegion};
 pub use buffer::{Buffer, BufferPool};
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};
 pub use mask::Mask;
 pub use yuv::{Plane, YuvError, YuvImage, YuvLayout};
+pub use zones::{MAX_ZONES, NEUTRAL_YUV, Zone, ZoneMask, check_zones};
 
 use crate::clock::Timestamp;
 use std::borrow::Borrow;

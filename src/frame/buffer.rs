@@ -31,11 +31,7 @@ impl BufferPool {
     /// other sizes go: pictures do not change their size often.
     #[must_use]
     pub fn filled(self: &Arc<Self>, len: usize, value: u8) -> Buffer {
-        let mut data = {
-            let mut spare = self.lock();
-            spare.retain(|data| (len..=len.saturating_mul(2)).contains(&data.capacity()));
-            spare.pop().unwrap_or_default()
-        };
+        let mut data = self.spare_of(len);
         if data.capacity() == 0 {
             data = vec![value; len];
         } else {
@@ -43,6 +39,21 @@ impl BufferPool {
             data.resize(len, value);
         }
         Buffer { data, pool: Arc::downgrade(self) }
+    }
+
+    /// No bytes yet, and room for `len`; as [`Self::filled`].
+    #[must_use]
+    pub fn empty(self: &Arc<Self>, len: usize) -> Buffer {
+        let mut data = self.spare_of(len);
+        data.clear();
+        data.reserve_exact(len);
+        Buffer { data, pool: Arc::downgrade(self) }
+    }
+
+    fn spare_of(&self, len: usize) -> Vec<u8> {
+        let mut spare = self.lock();
+        spare.retain(|data| (len..=len.saturating_mul(2)).contains(&data.capacity()));
+        spare.pop().unwrap_or_default()
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Vec<u8>>> {

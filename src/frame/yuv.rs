@@ -1,8 +1,9 @@
 //! A picture in planar YUV 4:2:0, as decoders deliver it.
 
-use super::RgbImage;
 use super::color::{ColorMatrix, ColorRange, FRACTION_BITS, rgb_from_yuv_rows, yuv_from_rgb};
+use super::{RgbImage, ZoneMask};
 use std::fmt;
+use std::sync::Arc;
 
 /// Where the planes lie in the bytes of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,6 +132,8 @@ pub struct YuvImage {
     matrix: ColorMatrix,
     range: ColorRange,
     data: Box<dyn AsRef<[u8]> + Send + Sync>,
+    /// What of it is filled because nobody may see it.
+    zones: Option<Arc<ZoneMask>>,
 }
 
 impl fmt::Debug for YuvImage {
@@ -172,7 +175,7 @@ impl YuvImage {
                 return Err(YuvError::Short { plane, needed, available });
             }
         }
-        Ok(Self { layout, matrix, range, data: Box::new(data) })
+        Ok(Self { layout, matrix, range, data: Box::new(data), zones: None })
     }
 
     /// A picture with every sample of a plane the same.
@@ -268,6 +271,17 @@ impl YuvImage {
     #[must_use]
     pub fn plane(&self, index: usize) -> Plane<'_> {
         self.layout.plane((*self.data).as_ref(), index)
+    }
+
+    /// The same picture, of which `zones` are filled.
+    pub(super) fn filled_by(self, zones: Arc<ZoneMask>) -> Self {
+        Self { zones: Some(zones), ..self }
+    }
+
+    /// What of it is filled because nobody may see it; none where all of it is as the camera saw it.
+    #[must_use]
+    pub const fn zone_mask(&self) -> Option<&Arc<ZoneMask>> {
+        self.zones.as_ref()
     }
 
     /// Bytes that the picture keeps alive, padding included.
