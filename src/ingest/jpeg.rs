@@ -1,6 +1,7 @@
 //! Pictures that are recorded as JPEG, because they came unencoded or in a form that is not recorded.
 
 use crate::encode;
+use crate::frame::YuvImage;
 use crate::media::{EncodedFrame, EncodedQueue, Picture};
 
 /// Their quality, 1 to 100: what moves in one and not in the other differs by less than a camera's own noise.
@@ -8,11 +9,26 @@ const QUALITY: u8 = 90;
 
 /// `picture` as it is recorded: as `jpeg` if it came so. None where it is too large for a JPEG.
 pub(super) fn frame(picture: &Picture, jpeg: Option<Vec<u8>>) -> Option<EncodedFrame> {
-    let image = &picture.image;
+    of(&picture.image, jpeg, [picture.stream_nanos, picture.interval_nanos])
+}
+
+/// A picture as it is recorded in place of what its camera sent, of which nobody may see all. None where it is too large for
+/// a JPEG.
+#[must_use]
+pub fn recorded_as_jpeg(image: &YuvImage) -> Option<EncodedFrame> {
+    of(image, None, [None, None])
+}
+
+fn of(
+    image: &YuvImage,
+    jpeg: Option<Vec<u8>>,
+    [stream_nanos, interval_nanos]: [Option<i64>; 2],
+) -> Option<EncodedFrame> {
     let bytes = jpeg.map_or_else(|| encode::jpeg_yuv(image, QUALITY), Ok);
     let bytes = bytes.inspect_err(|error| tracing::warn!(%error, "a picture is not recorded")).ok()?;
     let size_px = (image.width(), image.height());
-    Some(EncodedFrame::jpeg(bytes, size_px, picture.stream_nanos, picture.interval_nanos))
+    let frame = EncodedFrame::jpeg(bytes, size_px, stream_nanos, interval_nanos);
+    frame.inspect_err(|error| tracing::warn!(%error, "a picture is not recorded")).ok()
 }
 
 /// Has `picture` recorded.

@@ -3,7 +3,8 @@
 //! One streaming thread pushes, one thread takes. The queue is bounded in bytes: when it is full, the frames up to the
 //! next key frame are left out and counted, so that what is taken can always be decoded and decoding never waits.
 
-use super::Times;
+use super::fault::gstreamer_fault;
+use super::{Fault, Times};
 use gstreamer as gst;
 use std::collections::VecDeque;
 use std::fmt;
@@ -98,27 +99,25 @@ impl EncodedFrame {
         Some(Self { format, stream_nanos, interval_nanos, is_key, buffer })
     }
 
-    /// A picture of that size as JPEG, of a stream that came without being encoded.
-    #[must_use]
+    /// A picture of that size as JPEG, of a stream that came without being encoded. Starts `GStreamer` if nobody has.
+    ///
+    /// # Errors
+    /// When `GStreamer` cannot start.
     pub fn jpeg(
         bytes: Vec<u8>,
         (width, height): (u32, u32),
         stream_nanos: Option<i64>,
         interval_nanos: Option<i64>,
-    ) -> Self {
+    ) -> Result<Self, Fault> {
+        gst::init().map_err(|error| gstreamer_fault("start", &error))?;
         let side = |side: u32| i32::try_from(side).unwrap_or(i32::MAX);
         let caps = gst::Caps::builder("image/jpeg")
             .field("width", side(width))
             .field("height", side(height))
             .build();
         let format = Arc::new(EncodedFormat::new(caps));
-        Self {
-            format,
-            stream_nanos,
-            interval_nanos,
-            is_key: true,
-            buffer: gst::Buffer::from_mut_slice(bytes),
-        }
+        let buffer = gst::Buffer::from_mut_slice(bytes);
+        Ok(Self { format, stream_nanos, interval_nanos, is_key: true, buffer })
     }
 
     /// A key frame of no bytes, for tests.
