@@ -85,9 +85,21 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
     // As they were changed while the daemon ran before.
     let config = &config.clone().with_cameras(catalog.cameras());
     let snapshots = evidence::open(config, &store, &metrics, &clock).await;
+    // Before any camera: nothing is shown where it is not known what nobody may see.
+    let privacy = catalog.begin_privacy(&settings.camera).await.context("cannot read the privacy zones")?;
+    let hidden = config.with_privacy_zones(|id| privacy.get(id).map(|own| own.zones.to_vec()));
     let archive = start_archive(config, &store, &metrics, &clock).await?;
-    let engine =
-        Engine::start_recording(config, scenes, store.clone(), metrics, Arc::clone(&clock), archive.clone())?;
+    let engine = Engine::start_recording(
+        &hidden,
+        scenes,
+        store.clone(),
+        metrics,
+        Arc::clone(&clock),
+        archive.clone(),
+    )?;
+    for (camera, privacy) in privacy {
+        engine.handle().hold_privacy(camera.as_str(), privacy)?;
+    }
     let keeper = start_keeper(config, &engine, &store, &clock)?;
     catalog.restore_playheads(&engine.handle());
     let address = listener.local_addr().context("the listener has no address")?;

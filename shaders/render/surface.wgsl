@@ -35,6 +35,8 @@ override HAS_LEVELS: bool = true;
 const FEATHER: f32 = 0.06;
 // A share of visibility and feather below this counts as none, so that the sum of weights cannot underflow.
 const LEAST_SHARE: f32 = 1e-6;
+// Alpha of what a camera may show: whatever is mixed with something hidden has less.
+const IN_SIGHT: f32 = 0.999;
 // Sine of half a degree: what a camera sees at less than that is smeared beyond use, and often not the surface.
 const LEAST_COSINE: f32 = 0.0087265;
 // Places at which a picture is looked up for a pixel.
@@ -266,7 +268,12 @@ fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
         }
         let place = projection.texture * cameras[k].background_scale;
         let layer = cameras[k].background_layer;
-        let color = evened(k, textureSampleLevel(backgrounds, background_sampler, place, layer, level).rgb);
+        let looked_up = textureSampleLevel(backgrounds, background_sampler, place, layer, level);
+        // What is hidden of its picture the camera does not see: others may.
+        if looked_up.a < IN_SIGHT {
+            continue;
+        }
+        let color = evened(k, looked_up.rgb);
         if open.x >= 0.5 && cosine > squarest {
             squarest = cosine;
             fallback = color;

@@ -38,6 +38,7 @@ mod parameters;
 mod picture;
 mod plan;
 mod playheads;
+mod privacy;
 mod query;
 mod scenes;
 mod schema;
@@ -74,7 +75,6 @@ use crate::error::ErrorKind;
 use crate::wall::{FrameLock, Wall};
 use crate::evidence::Snapshots;
 use crate::scene::MAX_DOCUMENT_BYTES;
-use crate::wall::FrameLock;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
@@ -303,6 +303,14 @@ fn undescribed() -> Router<Api> {
         .route("/api/v1/views/{id}/frames", get(sockets::of_named))
         .route("/api/v1/views/{id}/{picture}", get(views::picture))
         .merge(snapshots::routes())
+        .route(
+            "/api/v1/cameras/{id}/privacy",
+            get(privacy::one)
+                .put(privacy::put)
+                .patch(privacy::change)
+                .delete(privacy::remove)
+                .fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
+        )
         .merge(which_cameras::routes())
 }
 

@@ -51,6 +51,13 @@ impl Recorder {
     }
 }
 
+impl Recorder {
+    /// What follows does not build on what came before: it is recorded from its next key frame on.
+    pub const fn break_off(&mut self) {
+        self.is_broken = true;
+    }
+}
+
 impl Drop for Recorder {
     fn drop(&mut self) {
         if !self.shared.queue.push(Job::End(Arc::clone(&self.lane))) {

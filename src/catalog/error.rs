@@ -45,6 +45,14 @@ pub enum CatalogError {
         /// Its name.
         id: String,
     },
+    /// Nothing was changed of a camera's privacy zones: they are those of the configuration.
+    #[error(
+        "camera {camera:?} has the configuration's privacy zones: change them there, or lay others over them"
+    )]
+    ConfiguredZones {
+        /// The camera.
+        camera: String,
+    },
     /// There are as many as there may be.
     #[error("there are {most} of {} already", kind.as_str())]
     TooMany {
@@ -92,7 +100,7 @@ impl CatalogError {
         match self {
             Self::None { .. } | Self::NoVersion { .. } => ErrorKind::NotFound,
             Self::Changed { .. } | Self::Overtaken { .. } => ErrorKind::Changed,
-            Self::Configured { .. } => ErrorKind::Conflict,
+            Self::Configured { .. } | Self::ConfiguredZones { .. } => ErrorKind::Conflict,
             Self::TooMany { .. } => ErrorKind::TooLarge,
             Self::Faults(_) => ErrorKind::Invalid,
             Self::Scene(error) => error.kind(),

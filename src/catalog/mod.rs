@@ -1,4 +1,5 @@
-//! What people keep through the API: scenes, views and walls, each with its versions; what they changed of cameras; playheads.
+//! What people keep through the API: scenes, views and walls, and what nobody may see of the cameras, each with its versions;
+//! what they changed of cameras; playheads.
 //!
 //! In: documents and who changes them. Out: the newest of each, what it was before, and scenes and cameras for the engine. A change is on
 //! disk before it is acknowledged. Scenes of the configuration are the layer beneath: what is kept here covers them, and
@@ -7,12 +8,14 @@
 mod cameras;
 mod error;
 mod playheads;
+mod privacy;
 mod scenes;
 mod view;
 
 pub use cameras::CameraAsked;
 pub use error::CatalogError;
 pub use playheads::PlayheadAsked;
+pub use privacy::KeptPrivacy;
 pub use scenes::ConfiguredScene;
 pub use view::NamedView;
 
@@ -81,6 +84,8 @@ pub struct Catalog {
     /// The cameras as the configuration has them.
     cameras: RwLock<Vec<CameraSettings>>,
     configured: BTreeMap<String, ConfiguredScene>,
+    /// What nobody may see of the cameras.
+    zones: privacy::Zones,
     /// Where scenes of no file find their models and pictures.
     folder: PathBuf,
     media_roots: Vec<PathBuf>,
@@ -104,6 +109,7 @@ impl Catalog {
             newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), Arc::new(record))));
         }
         let configured = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
+        let zones = privacy::Zones::read(&store).await?;
         Ok(Self {
             store,
             clock,
@@ -114,6 +120,7 @@ impl Catalog {
             playhead_changes: tokio::sync::Mutex::default(),
             cameras: RwLock::default(),
             configured,
+            zones,
             folder,
             media_roots,
         })

@@ -70,6 +70,8 @@ pub(crate) fn camera(tables: Tables, source: SourceSettings) -> Result<CameraSet
     let id = CameraId::new("input")?;
     let camera = CameraSettings {
         record: false,
+        vision: true,
+        privacy_zones: Vec::new(),
         background,
         segment,
         track,

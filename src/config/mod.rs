@@ -34,6 +34,7 @@ pub use storage::StorageSettings;
 pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
 
 use crate::error::{Fault, Gatherer};
+use crate::frame::{CameraId, Zone};
 use document::Document;
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
@@ -108,6 +109,18 @@ impl Config {
     #[must_use]
     pub const fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// The same, with other privacy zones of the cameras that `zones` knows.
+    #[must_use]
+    pub fn with_privacy_zones(&self, zones: impl Fn(&CameraId) -> Option<Vec<Zone>>) -> Self {
+        let mut changed = self.clone();
+        for camera in &mut changed.settings.camera {
+            if let Some(zones) = zones(&camera.id) {
+                camera.privacy_zones = zones;
+            }
+        }
+        changed
     }
 
     /// The folder at which relative paths began: the file's own.

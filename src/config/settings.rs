@@ -7,7 +7,7 @@ use super::resolution::Resolution;
 use super::snapshot::SnapshotScheduleSettings;
 use super::source::SourceSettings;
 use super::storage::StorageSettings;
-use crate::frame::CameraId;
+use crate::frame::{CameraId, Zone};
 use serde::de::{self, Deserializer};
 use serde::{Deserialize, Serialize};
 use std::net::SocketAddr;
@@ -191,6 +191,10 @@ pub struct CameraSettings {
     /// at no other cost. Default true.
     #[serde(default = "default_vision")]
     pub vision: bool,
+    /// What of its picture nobody may see, at most 32 zones: filled before anything is done with a picture. What is changed
+    /// through the API stands before this. Default none.
+    #[serde(default)]
+    pub privacy_zones: Vec<Zone>,
     /// How its background is learned.
     #[serde(default)]
     pub background: BackgroundSettings,

@@ -128,6 +128,8 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     super::source::check(&camera.source, &format!("{place}/source"), gatherer);
     super::clock::check(&camera.clock, &camera.source, &format!("{place}/clock"), gatherer);
 
+    crate::frame::check_zones(&camera.privacy_zones, &format!("{place}/privacy_zones"), gatherer);
+
     let background = &camera.background;
     let at = |key: &str| format!("{place}/background/{key}");
     let numbers = [

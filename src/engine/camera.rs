@@ -2,6 +2,7 @@
 
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
+use super::privacy::{CameraPrivacy, Privacy};
 use super::sightings::Sightings;
 use super::tracks::Tracks;
 use super::tuning::Tuning;
@@ -10,7 +11,9 @@ use crate::clock::{Clock, Timestamp};
 use crate::condition::{Condition, ConditionKind};
 use crate::config::{CameraSettings, Learning};
 use crate::frame::Frame;
-use crate::ingest::{self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag, Tap};
+use crate::ingest::{
+    self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag, Tap, recorded_as_jpeg,
+};
 use crate::media::EncodedFrame;
 use crate::telemetry::{DropReason, Metrics};
 use crate::timeline::{EventLog, Observation, Timeline, TimelineError};
@@ -37,8 +40,12 @@ pub(super) struct CameraConsumer {
     is_prepared: bool,
     /// Time of the first of the frames in hand that are older than what is kept.
     set_back: Option<Timestamp>,
+    /// What nobody may see.
+    privacy: Arc<CameraPrivacy>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
+    /// Whether what was recorded last was not what the camera sent, since part of that is hidden.
+    records_hidden: bool,
     /// What is wrong with the background although frames come.
     background_concern: Option<String>,
     /// What is wrong although frames come, the picture's condition first.
@@ -52,7 +59,7 @@ impl CameraConsumer {
         roots: MediaRoots,
         (timeline, events, tuning, sightings): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>, Arc<Sightings>),
         (checkpoints, activity, tracks): (Checkpoints, Activity, Tracks),
-        metrics: Arc<Metrics>,
+        (metrics, privacy): (Arc<Metrics>, Arc<CameraPrivacy>),
         clock: Arc<dyn Clock>,
         stop: StopFlag,
     ) -> Self {
@@ -76,7 +83,9 @@ impl CameraConsumer {
             stop,
             is_prepared: false,
             set_back: None,
+            privacy,
             recorder: None,
+            records_hidden: false,
             background_concern: None,
             concern: None,
         }
@@ -130,6 +139,38 @@ impl CameraConsumer {
         self.timeline.push(observation)
     }
 
+    /// Takes what was seen under the zones of that number into all that is remembered, unless these were changed meanwhile.
+    fn take_in(&mut self, observation: Observation, number: u64, privacy: &Privacy) {
+        // Encoded before anybody waits for it.
+        let recorded = self.recorder.as_ref().filter(|_| !privacy.zones.is_empty());
+        let recorded = recorded.and_then(|_| recorded_as_jpeg(&observation.frame.image));
+        let at = observation.frame.timestamp;
+        let privacy = Arc::clone(&self.privacy);
+        let mut remembered = Ok(());
+        let is_kept = privacy.keep(number, || {
+            self.activity.observe(&observation);
+            self.tracks.observe(&observation);
+            self.sightings.observe(&observation);
+            remembered = self.remember(observation);
+            if let (Some(recorder), Some(frame)) = (&mut self.recorder, &recorded) {
+                self.records_hidden = true;
+                recorder.push(frame, at);
+            }
+        });
+        let id = self.settings.id.as_str();
+        match remembered {
+            _ if !is_kept => {
+                drop(self.pipeline.take_events());
+                self.metrics.count_dropped(id, DropReason::Hidden, 1);
+            }
+            Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
+            Err(error) => {
+                tracing::debug!(camera = id, %error, "frame out of order");
+                self.metrics.count_dropped(id, DropReason::OutOfOrder, 1);
+            }
+        }
+    }
+
     /// Passes on what happened.
     fn tell(&mut self) {
         let happened = self.pipeline.take_events();
@@ -169,6 +210,8 @@ fn condition_concern(condition: &Condition) -> Option<String> {
 
 impl FrameConsumer for CameraConsumer {
     fn consume(&mut self, frame: Frame) {
+        let (privacy, number) = self.privacy.numbered();
+        self.pipeline.set_zones(&privacy.zones);
         if !self.is_prepared {
             if !self.prepare(&frame) {
                 return;
@@ -183,18 +226,7 @@ impl FrameConsumer for CameraConsumer {
             self.metrics.observe_stage(id, stage, ended.saturating_sub(started).as_secs_f64());
             started = ended;
         });
-        self.activity.observe(&observation);
-        self.tracks.observe(&observation);
-        self.sightings.observe(&observation);
-        let remembered = self.remember(observation);
-        let id = self.settings.id.as_str();
-        match remembered {
-            Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
-            Err(error) => {
-                tracing::debug!(camera = id, %error, "frame out of order");
-                self.metrics.count_dropped(id, DropReason::OutOfOrder, 1);
-            }
-        }
+        self.take_in(observation, number, &privacy);
         self.tell();
     }
 
@@ -203,9 +235,14 @@ impl FrameConsumer for CameraConsumer {
     }
 
     fn record(&mut self, frame: &EncodedFrame, time: Timestamp) {
-        if let Some(recorder) = &mut self.recorder {
-            recorder.push(frame, time);
+        // What the camera sent shows what its zones hide: its pictures are recorded instead, once that is filled.
+        let Some(recorder) = self.recorder.as_mut().filter(|_| self.privacy.now().zones.is_empty()) else {
+            return;
+        };
+        if std::mem::take(&mut self.records_hidden) {
+            recorder.break_off();
         }
+        recorder.push(frame, time);
     }
 
     fn concern(&self) -> Option<&str> {

@@ -131,6 +131,9 @@ pub enum EngineError {
     /// The caller knows of it, but may not do that.
     #[error("{0}")]
     Forbidden(String),
+    /// It does not go with what there is.
+    #[error("{0}")]
+    Conflict(String),
     /// The daemon is stopping, or what is needed is not there yet.
     #[error("{0}")]
     Unavailable(String),
@@ -160,6 +163,7 @@ impl EngineError {
             | Self::NoRenderer { .. }
             | Self::Unavailable(_) => ErrorKind::Unavailable,
             Self::Forbidden(_) => ErrorKind::Forbidden,
+            Self::Conflict(_) => ErrorKind::Conflict,
             Self::Internal(_) => ErrorKind::Internal,
         }
     }

@@ -109,12 +109,26 @@ impl Shared {
         for camera in &cameras {
             self.allowed(grants, camera, Right::Export)?;
         }
+        for camera in &cameras {
+            self.check_unhidden(camera, from)?;
+        }
         let cameras = cameras.iter().map(|camera| self.exported_camera(camera)).collect::<Result<_, _>>()?;
         let request = ExportRequest { cameras, from, to, note };
         let asked = self.archive()?.export(request).map_err(|error| failure(&error))?;
         asked.ok_or_else(|| {
             EngineError::Unavailable("too many exports wait already, or the archive is not ready".to_owned())
         })
+    }
+
+    /// Refuses what would show originals of which something is hidden.
+    fn check_unhidden(&self, camera: &str, from: Timestamp) -> Result<(), EngineError> {
+        let hides = self.privacies.of(camera).is_ok_and(|own| own.now().hides_from(from));
+        let message = || {
+            format!(
+                "of camera {camera} nobody may see all of that time: its recordings are not given out as they are"
+            )
+        };
+        if hides { Err(EngineError::Conflict(message())) } else { Ok(()) }
     }
 
     /// What is put down of a camera.
@@ -157,7 +171,12 @@ impl Shared {
     /// A file of an export that is done, opened for reading.
     pub(super) fn file_of_export(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
         let exports = self.archive()?.exports();
-        exports.one(id).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })?;
+        let status = exports.one(id).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })?;
+        // It may have been made before something was hidden.
+        let from = status.from.parse().unwrap_or(Timestamp::from_nanos(i64::MIN));
+        for camera in &status.cameras {
+            self.check_unhidden(camera, from)?;
+        }
         let found = exports.open(id, file).map_err(|error| failure(&error))?;
         found.ok_or_else(|| EngineError::NoExportFile { id: id.to_owned(), file: file.to_owned() })
     }

@@ -1,8 +1,8 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, SceneAlignment, SceneMoment,
-    SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, Privacy, PrivacySummary,
+    SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
@@ -72,6 +72,8 @@ pub struct CameraSummary {
     pub last: Option<String>,
     /// Seconds since the latest frame came, by the machine's monotonic clock.
     pub age_secs: Option<f64>,
+    /// What nobody may see of its pictures.
+    pub privacy: PrivacySummary,
     /// Scenes that hold the camera.
     pub scenes: Vec<String>,
 }
@@ -257,6 +259,25 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// As [`Door::change_feed`].
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError>;
+
+    /// What nobody may see of a camera's pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError>;
+
+    /// Whether a caller may change what nobody may see of a camera's pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError>;
+
+    /// Puts other zones in force, until the daemon ends: when this returns, nothing that is asked for from then on shows what
+    /// they hide, be it of now, of memory or of what was recorded. Blocks for up to a second where memory holds much.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError>;
 
     /// Takes the place that a camera now shows for its place, though it has moved: its calibration was made anew, or is
     /// still good.

@@ -24,6 +24,7 @@ mod permitted;
 mod picture;
 mod planned;
 mod playheads;
+mod privacy;
 mod queue;
 mod renderer;
 mod resolve;
@@ -54,6 +55,7 @@ pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use seeing::{CameraSight, Sight, which_cameras};
+pub use privacy::{LiftedZone, Privacy, PrivacySummary};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
@@ -67,6 +69,7 @@ use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Replay};
 use checkpoint::StoreHealth;
 use past::Past;
+use privacy::Privacies;
 use roster::{Roster, Surroundings};
 use shared::{CameraEntry, Shared};
 use std::sync::{Arc, OnceLock};
@@ -147,8 +150,10 @@ impl Engine {
         let stop = StopFlag::default();
         let store_health = Arc::new(StoreHealth::default());
         let events = Arc::new(EventLog::new(MAX_EVENTS));
+        let privacies = Arc::new(Privacies::new(&settings.camera));
         let surroundings = Surroundings {
             roots,
+            privacies: Arc::clone(&privacies),
             clock: Arc::clone(&clock),
             metrics: Arc::clone(&metrics),
             store: store.clone(),
@@ -174,11 +179,11 @@ impl Engine {
             Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
         });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
-        let past = Past::new(replay, store.clone(), runtime.clone(), recorded);
+        let past = Past::new(replay, store.clone(), runtime.clone(), (recorded, &privacies));
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
-            (cameras, Some(Arc::clone(&roster))),
+            (cameras, privacies, Some(Arc::clone(&roster))),
             (events, Some(past)),
             (scenes, settings.render.clone()),
             store_health,

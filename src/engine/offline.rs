@@ -137,6 +137,7 @@ fn play(
 ) -> Result<Observation, String> {
     let mut source = camera.source.clone();
     let mut pipeline = Pipeline::new(&camera.background, &camera.segment).with_track(&camera.track);
+    pipeline.set_zones(&camera.privacy_zones.clone().into());
     if let Some(clip) = &camera.background.clip {
         // As a running camera does: its background adapts.
         if let Err(error) = ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots) {

@@ -3,10 +3,11 @@
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
 use super::playheads::Step;
+use super::privacy::Privacies;
 use crate::archive::{Archive, ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
-use crate::frame::{CameraId, Frame, Mask};
+use crate::frame::{CameraId, Frame, Mask, Zone};
 use crate::ingest::Pipeline;
 use crate::store::{ActivityRecord, SegmentRecord, SegmentState, Store, StoreError, TrackRecord};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
@@ -25,6 +26,8 @@ pub(super) struct Past {
     store: Store,
     runtime: Runtime,
     cameras: HashMap<CameraId, Mutex<PastCamera>>,
+    /// What nobody may see of them.
+    privacies: Arc<Privacies>,
     /// When the oldest recorded frame of each camera was seen.
     firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
 }
@@ -35,8 +38,8 @@ struct PastCamera {
     pipeline: Pipeline,
     /// When the background in use was saved.
     background_of: Option<Timestamp>,
-    /// What was asked for last: several views of one instant ask for the same.
-    last: Option<Observation>,
+    /// What was asked for last, under the zones of that number: several views of one instant ask for the same.
+    last: Option<(u64, Observation)>,
 }
 
 impl Past {
@@ -45,7 +48,7 @@ impl Past {
         replay: Option<Replay>,
         store: Store,
         runtime: Runtime,
-        cameras: impl Iterator<Item = CameraSettings>,
+        (cameras, privacies): (impl Iterator<Item = CameraSettings>, &Arc<Privacies>),
     ) -> Self {
         let camera = |settings: CameraSettings| {
             let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
@@ -53,7 +56,8 @@ impl Past {
             let id = settings.id.clone();
             (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
         };
-        Self { replay, store, runtime, cameras: cameras.map(camera).collect(), firsts: Mutex::default() }
+        let (cameras, privacies) = (cameras.map(camera).collect(), Arc::clone(privacies));
+        Self { replay, store, runtime, cameras, privacies, firsts: Mutex::default() }
     }
 
     /// What is recorded, where anything is.
@@ -182,13 +186,25 @@ impl Past {
         reach: Duration,
     ) -> Option<Result<PastFrame, ReplayError>> {
         let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
-        Some(replay.frame_near(camera, at, reach))
+        let privacy = self.privacies.of_known(camera);
+        let found = replay.frame_near(camera, at, reach);
+        Some(found.map(|found| {
+            let image = privacy.hide(&privacy.now(), &found.image, found.timestamp);
+            PastFrame { image, ..found }
+        }))
     }
 
     fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> Observation {
-        if let Some(last) = camera.last.as_ref().filter(|last| last.frame.timestamp == frame.timestamp) {
+        let of = self.privacies.of_known(&camera.settings.id);
+        let (privacy, number) = of.numbered();
+        let is_it =
+            |(of, last): &&(u64, Observation)| *of == number && last.frame.timestamp == frame.timestamp;
+        if let Some((_, last)) = camera.last.as_ref().filter(is_it) {
             return last.clone();
         }
+        // Those in force, and those that were lifted since.
+        let zones: Arc<[Zone]> = privacy.at(frame.timestamp).cloned().collect();
+        camera.pipeline.set_zones(&zones);
         let id = camera.settings.id.clone();
         let has_background = self.load_background(camera, &frame).unwrap_or_else(|error| {
             tracing::error!(camera = %id, %error, "no background of that time");
@@ -196,9 +212,13 @@ impl Past {
         });
         // Numbers of frames are their sources': what was recorded has none.
         let shown = Frame { camera: id, timestamp: frame.timestamp, number: 0, image: frame.image };
-        let observation =
-            if has_background { camera.pipeline.process(shown) } else { without_background(shown) };
-        camera.last = Some(observation.clone());
+        let observation = if has_background {
+            camera.pipeline.process(shown)
+        } else {
+            let image = of.hide(&privacy, &shown.image, shown.timestamp);
+            without_background(Frame { image, ..shown })
+        };
+        camera.last = Some((number, observation.clone()));
         observation
     }
 

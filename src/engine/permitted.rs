@@ -12,6 +12,7 @@ use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Rea
 use super::identity::ViewIdentity;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
+use super::privacy::Privacy;
 use super::shared::{CameraEntry, Shared};
 use super::track_search::{FoundTracks, TrackQuery};
 use super::view::{SceneMoment, ViewAnswer, ViewRequest};
@@ -248,6 +249,20 @@ impl Door for Permitted {
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         self.check_change(camera)?;
         self.shared.set_feed(camera, feed)
+    }
+
+    fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        self.check(camera, Right::Manage)?;
+        self.shared.privacy(camera)
+    }
+
+    fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
+        self.check_change(camera)
+    }
+
+    fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError> {
+        self.check_change(camera)?;
+        self.shared.hold_privacy(camera, privacy)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {

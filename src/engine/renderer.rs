@@ -32,6 +32,9 @@ use warm_up::WarmUp;
 /// Longest pause between two looks at what is not asked for by a picture.
 const IDLE_TIME: Duration = Duration::from_secs(5);
 
+/// Times that a picture is drawn anew because privacy zones were changed meanwhile.
+const MAX_DRAWN_ANEW: u32 = 3;
+
 /// Time between two looks at where recordings begin; retention and new recordings move that slowly.
 const LOOK_INTERVAL: Duration = Duration::from_secs(5);
 
@@ -149,7 +152,7 @@ impl<'a> RenderThread<'a> {
     fn serve(&mut self, request: &ViewRequest, asked_at: Duration) {
         self.forget_changed_scenes();
         let queue = &self.shared.queue;
-        let (subject, answer) = match self.contained(|thread| thread.answer(request, asked_at)) {
+        let (subject, answer) = match self.contained(|thread| thread.answer_unhidden(request, asked_at)) {
             Ok(Some((subject, answer))) => {
                 let identity = Some(Arc::new(ViewIdentity::of(&subject)));
                 (subject, ViewAnswer { identity, ..answer })
@@ -167,6 +170,23 @@ impl<'a> RenderThread<'a> {
             let origin = if answer.origin == Origin::Drawn { Origin::Shared } else { answer.origin };
             queue.finish(&Ok(ViewAnswer { timings: Vec::new(), origin, ..answer }));
         }
+    }
+
+    /// As [`Self::answer`], and never a picture that was begun before something that it shows was hidden.
+    fn answer_unhidden(
+        &mut self,
+        request: &ViewRequest,
+        asked_at: Duration,
+    ) -> Result<Option<Drawn>, EngineError> {
+        for _ in 0..MAX_DRAWN_ANEW {
+            let changes = self.shared.privacies.changes();
+            let answered = self.answer(request, asked_at)?;
+            if self.shared.privacies.changes() == changes {
+                return Ok(answered);
+            }
+            self.cache.clear();
+        }
+        Err(EngineError::Unavailable("privacy zones are being changed".to_owned()))
     }
 
     /// The picture that `request` means now, which was first asked for at `asked_at`; none once nobody waits for it.
@@ -412,6 +432,7 @@ mod tests {
     use crate::config::RenderSettings;
     use crate::engine::At;
     use crate::engine::Door;
+    use crate::engine::privacy::Privacies;
     use crate::telemetry::Metrics;
     use crate::timeline::EventLog;
 
@@ -422,7 +443,7 @@ mod tests {
         let shared = Shared::new(
             Arc::clone(&clock) as _,
             Arc::new(Metrics::new()),
-            (Vec::new(), None),
+            (Vec::new(), Arc::new(Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
             (Vec::new(), settings),
             Arc::default(),

@@ -9,6 +9,7 @@ use super::activity::Activity;
 use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
+use super::privacy::{Privacies, Privacy, Remains};
 use super::sightings::{Seen, Sightings};
 use super::tracks::Tracks;
 use super::tuning::Tuning;
@@ -38,6 +39,8 @@ pub(super) struct Surroundings {
     pub(super) storage: StorageSettings,
     pub(super) archive: Option<Arc<Archive>>,
     pub(super) events: Arc<EventLog>,
+    /// What nobody may see of the cameras.
+    pub(super) privacies: Arc<Privacies>,
     /// Ends what cameras do that takes long.
     pub(super) stop: StopFlag,
     /// Scene time and monotonic time of the zero of all cameras that name no start, so that clips which belong together
@@ -91,6 +94,7 @@ impl Roster {
         let mut posts = Vec::with_capacity(cameras.len());
         for (camera, place) in cameras.iter().zip(0..) {
             surroundings.metrics.announce_camera(camera.id.as_str());
+            surroundings.tell_zones(camera.id.as_str(), camera.privacy_zones.len());
             let timeline = Arc::new(Timeline::new(timeline_bytes));
             let tuning = Arc::new(Tuning::new(&camera.segment));
             let sightings = Arc::<Sightings>::default();
@@ -190,6 +194,17 @@ impl Roster {
             post.status.switch_off(self.surroundings.clock.now());
         }
         Ok(changed)
+    }
+
+    /// Puts a camera's zones in force, and hides what memory has of it, before this returns.
+    pub(super) fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError> {
+        let post = self.post(camera)?;
+        let n_zones = privacy.zones.len();
+        let Surroundings { privacies, events, .. } = &self.surroundings;
+        let remains = Remains { timeline: &post.timeline, sightings: &post.sightings, events };
+        privacies.hold(camera, privacy, &remains)?;
+        self.surroundings.tell_zones(camera, n_zones);
+        Ok(())
     }
 
     /// Where a camera saw things stand lately.
@@ -292,7 +307,7 @@ impl Surroundings {
             self.roots.clone(),
             (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
             (checkpoints, self.activity(&camera.id), self.tracks(&camera.id)),
-            Arc::clone(&self.metrics),
+            (Arc::clone(&self.metrics), self.privacies.of_known(&camera.id)),
             Arc::clone(&self.clock),
             self.stop.clone(),
         )
@@ -307,6 +322,10 @@ impl Surroundings {
             anew.map_or(self.origin, |anew| anew.origin),
             Box::new(consumer),
         )
+    }
+
+    fn tell_zones(&self, camera: &str, n_zones: usize) {
+        self.metrics.camera_privacy_zones.with_label_values(&[camera]).set(n_zones as i64);
     }
 
     fn activity(&self, camera: &CameraId) -> Activity {

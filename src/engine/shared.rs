@@ -10,6 +10,7 @@ use super::forecaster::Forecaster;
 use super::handle::{At, Door};
 use super::past::Past;
 use super::playheads::Playheads;
+use super::privacy::Privacies;
 use super::queue::RenderQueue;
 use super::roster::Roster;
 use super::scene_list::SceneList;
@@ -74,6 +75,8 @@ pub(super) struct Shared {
     pub(super) metrics: Arc<Metrics>,
     pub(super) cameras: Vec<CameraEntry>,
     pub(super) events: Arc<EventLog>,
+    /// What nobody may see of the cameras.
+    pub(super) privacies: Arc<Privacies>,
     /// What runs the cameras, where something does.
     roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
@@ -108,7 +111,7 @@ impl Shared {
     pub(super) fn new(
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
-        (cameras, roster): (Vec<CameraEntry>, Option<Arc<Roster>>),
+        (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
         (events, past): (Arc<EventLog>, Option<Past>),
         (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
         store_health: Arc<StoreHealth>,
@@ -132,6 +135,7 @@ impl Shared {
             metrics,
             cameras,
             events,
+            privacies,
             roster,
             past,
             scenes,

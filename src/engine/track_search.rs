@@ -6,6 +6,7 @@
 
 use super::EngineError;
 use super::past::Past;
+use super::privacy::Privacy;
 use super::shared::Shared;
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault, unknown};
@@ -140,7 +141,7 @@ impl Shared {
             }
             let camera = member.id.clone();
             let place = TrackCursor { began_at: record.began_at, camera, number: record.number };
-            search.look_at(member, record);
+            search.look_at(member, &record, &self.privacies.of_known(&member.id).now());
             last = Some(place);
         };
         if let Some(error) = &search.first_unusable {
@@ -246,10 +247,11 @@ impl<'a> Search<'a> {
             || self.n_answered >= MAX_ANSWERED
     }
 
-    /// Takes a track into the answer if it was in the region.
-    fn look_at(&mut self, member: &SceneCamera, record: TrackRecord) {
+    /// Takes a track into the answer if it was in the region, as far as nobody may not see it.
+    fn look_at(&mut self, member: &SceneCamera, record: &TrackRecord, privacy: &Privacy) {
         self.n_looked_at += 1;
-        let path = match self.placed(member, &record) {
+        let (mut began_at, mut ended_at) = (record.began_at, record.ended_at);
+        let path = match self.placed(member, record) {
             Ok(path) => path,
             Err(error) => {
                 self.n_unusable += 1;
@@ -257,6 +259,13 @@ impl<'a> Search<'a> {
                 return;
             }
         };
+        let n_points = path.len();
+        let is_seen = |point: &FoundPoint| !privacy.at(point.at).any(|zone| zone.holds(point.texture));
+        let path: Vec<FoundPoint> = path.into_iter().filter(is_seen).collect();
+        if path.len() < n_points {
+            let (Some(first), Some(last)) = (path.first(), path.last()) else { return };
+            (began_at, ended_at) = (first.at, last.at);
+        }
         let in_region = self.query.region.as_ref().map(|region| stay(&path, region, self.query.span));
         if in_region == Some(None) {
             return;
@@ -265,8 +274,8 @@ impl<'a> Search<'a> {
         self.found.push(FoundTrack {
             camera: member.id.clone(),
             number: record.number,
-            began_at: record.began_at,
-            ended_at: record.ended_at,
+            began_at,
+            ended_at,
             height_share: f64::from(record.height) / f64::from(u16::MAX),
             in_region: in_region.flatten(),
             path,

@@ -296,7 +296,8 @@ struct Shade {
 }
 
 impl Shade {
-    /// `None` where any texel is black or clipped: what is left would be the brighter or the darker half.
+    /// `None` where any texel is black or clipped: what is left would be the brighter or the darker half. None also where
+    /// any is hidden.
     fn of(image: &YuvImage, sight: &Sight, light: &[f32]) -> Option<Self> {
         let (width, height) = (image.width(), image.height());
         let [x, y] = sight.middle;
@@ -309,7 +310,11 @@ impl Shade {
                 // A cast from float saturates; the last row and column go on beyond the picture.
                 let x = ((x + right * column + left * row) * width as f32) as u32;
                 let y = ((y + down * column + up * row) * height as f32) as u32;
-                let codes = image.rgb_at(x.min(width - 1), y.min(height - 1));
+                let (x, y) = (x.min(width - 1), y.min(height - 1));
+                let codes = image.rgb_at(x, y);
+                if image.zone_mask().is_some_and(|zones| zones.sight().get(x, y) == 0) {
+                    return None;
+                }
                 if codes.iter().any(|code| !(CODES[0]..=CODES[1]).contains(code)) {
                     return None;
                 }

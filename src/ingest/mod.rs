@@ -32,6 +32,7 @@ mod worker;
 
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
 pub use error::IngestError;
+pub use jpeg::recorded_as_jpeg;
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use reach::CameraError;
 pub use roots::MediaRoots;

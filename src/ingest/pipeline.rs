@@ -3,17 +3,20 @@
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
+mod zoned;
+
 use super::standing::{SETTLED_SECS, Seen, Standing};
 use crate::background::{BackgroundError, Detail, Format, GaussianMixture, Hints};
 use crate::clock::Timestamp;
 use crate::condition::{Condition, ConditionKind, Conditions, Phase};
 use crate::config::{BackgroundSettings, ConditionSettings, Learning, SegmentSettings, TrackSettings};
-use crate::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage};
+use crate::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use crate::segment::Segmenter;
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind, Observation};
 use crate::track::Tracker;
 use std::sync::Arc;
+use zoned::Zoned;
 
 /// Models of other picture sizes or colours that are kept; the one left longest ago goes first.
 const MAX_ASIDE: usize = 2;
@@ -63,6 +66,8 @@ pub struct Pipeline {
     blank: Option<Arc<Mask>>,
     /// Memory of reduced pictures.
     pool: Arc<BufferPool>,
+    /// What nobody may see.
+    zoned: Zoned,
 }
 
 /// One model and what its next step depends on.
@@ -81,6 +86,8 @@ struct Model {
     detail: Option<Detail>,
     /// Time of the background clip since detail was looked at.
     since_detail_secs: f64,
+    /// What was hidden of the pictures that it learned.
+    hidden: Option<Arc<ZoneMask>>,
 }
 
 impl Pipeline {
@@ -101,6 +108,7 @@ impl Pipeline {
             has_vision: true,
             blank: None,
             pool: BufferPool::new(MAX_SPARE),
+            zoned: Zoned::none(),
         }
     }
 
@@ -123,6 +131,23 @@ impl Pipeline {
     #[must_use]
     pub const fn has_vision(&self) -> bool {
         self.has_vision
+    }
+
+    /// Hides these zones from the next picture on, be it learned or looked at: they are filled before anything is done with
+    /// it. What was learned of them is forgotten then, and all tracks end.
+    pub fn set_zones(&mut self, zones: &Arc<[Zone]>) {
+        if !self.zoned.set(zones) {
+            return;
+        }
+        self.aside.clear();
+        self.picture = None;
+        self.standing.reset();
+        self.tracker.reset();
+        // What shows beside a zone is no other place.
+        self.conditions.accept();
+        if let Some(model) = &mut self.current {
+            model.previous = None;
+        }
     }
 
     fn passed_on(&mut self, frame: Frame) -> Observation {
@@ -203,11 +228,13 @@ impl Pipeline {
 
     /// Learns a picture of the background clip, `dt_secs` after the one before it.
     pub fn learn(&mut self, image: &YuvImage, dt_secs: f64) {
-        let full = image;
+        let masked = self.zoned.masked(image);
+        let full = masked.as_ref().unwrap_or(image);
         let factor = self.factor((full.width(), full.height()));
         let reduced = self.reduced(full);
         let image = reduced.as_deref().unwrap_or(full);
         self.choose_model(image, None);
+        self.hide(full, image, factor);
         if let Some(model) = &mut self.current {
             model.has_clip = true;
             model.learned_secs = SETTLED_SECS;
@@ -233,7 +260,10 @@ impl Pipeline {
     }
 
     /// As [`Self::process`]; `done` is told each stage as it ends, so that a caller with a clock can time them.
-    pub fn process_staged(&mut self, frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
+    pub fn process_staged(&mut self, mut frame: Frame, mut done: impl FnMut(Stage)) -> Observation {
+        if let Some(masked) = self.zoned.masked(&frame.image) {
+            frame.image = Arc::new(masked);
+        }
         if !self.has_vision {
             return self.passed_on(frame);
         }
@@ -242,6 +272,7 @@ impl Pipeline {
         let reduced = self.reduced(&frame.image);
         let image = reduced.as_ref().unwrap_or(&frame.image);
         self.choose_model(image, Some(&frame.camera));
+        self.hide(&frame.image, image, factor);
         let is_hold = self.settings.learning == Learning::Hold;
         let model = self.current.as_mut().expect("a model was just chosen");
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
@@ -269,7 +300,13 @@ impl Pipeline {
         done(Stage::Background);
         let mixture = &model.mixture;
         let background = mixture.background_planes();
-        let found = self.segmenter.segment_reduced(image, background, mixture.unmatched(), dt_secs, size_px);
+        let mut found =
+            self.segmenter.segment_reduced(image, background, mixture.unmatched(), dt_secs, size_px);
+        if let Some(hidden) = &model.hidden {
+            hidden.clear(&mut found.soft_mask);
+            hidden.clear(&mut found.labels);
+            zoned::mark_cut(&mut found.blobs, hidden);
+        }
         done(Stage::Segment);
         let tracks = self.tracker.update(frame.timestamp, size_px, &found.blobs);
         if !is_held {
@@ -340,9 +377,29 @@ impl Pipeline {
         if let Some(reduced) = reduced {
             model.look_at_detail(&frame.image, reduced, factor, Some(self.segmenter.moving()));
         }
-        let fresh = Arc::new(model.background_picture(Format::of(&frame.image)));
+        let fresh = model.background_picture(Format::of(&frame.image));
+        let fresh = Arc::new(self.zoned.masked(&fresh).unwrap_or(fresh));
         self.picture = Some((frame.timestamp, Arc::clone(&fresh)));
         fresh
+    }
+
+    /// Sees to it that the current model holds nothing of what is hidden of `full`, of which it sees `image`.
+    fn hide(&mut self, full: &YuvImage, image: &YuvImage, factor: u32) {
+        let hidden = self.zoned.mask((full.width(), full.height()));
+        let Some(model) = &mut self.current else { return };
+        let size_px = (image.width() as usize, image.height() as usize);
+        let is_left_out = self.segmenter.hidden().map(|pixels| (pixels.width(), pixels.height()))
+            == hidden.as_ref().map(|_| size_px);
+        if is_left_out && zoned::is_same(hidden.as_ref(), model.hidden.as_ref()) {
+            return;
+        }
+        if let Some(pixels) = zoned::renewed(hidden.as_deref(), model.hidden.as_deref(), factor) {
+            model.mixture.adopt(image, &pixels).expect(MODEL_FITS);
+        }
+        self.segmenter.hide(hidden.as_deref().map(|hidden| hidden.reduced(factor)));
+        (model.previous, model.detail) = (None, None);
+        model.hidden = hidden;
+        self.picture = None;
     }
 
     /// Makes the model of the picture's format the current one.
@@ -364,6 +421,7 @@ impl Pipeline {
                 previous: None,
                 detail: None,
                 since_detail_secs: 0.0,
+                hidden: None,
             },
         };
         if let Some(left) = self.current.replace(next) {
@@ -457,6 +515,8 @@ impl Pipeline {
             previous: None,
             detail: None,
             since_detail_secs: 0.0,
+            // Whatever it was: what is hidden now is taken anew from the next picture.
+            hidden: None,
         })
     }
 }

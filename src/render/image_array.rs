@@ -26,6 +26,13 @@ pub(super) struct Wanted<'a> {
     pub mask: Option<&'a Arc<Mask>>,
 }
 
+impl<'a> Wanted<'a> {
+    /// A picture that is projected: its alpha is 0 where nobody may see it.
+    pub(super) fn in_sight(image: &'a Arc<YuvImage>) -> Self {
+        Self { image, mask: image.zone_mask().map(|zones| zones.sight()) }
+    }
+}
+
 /// A picture of which levels must be made in its layer: the first from the picture itself, uploaded and converted.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Job<'a> {

@@ -13,7 +13,7 @@ impl Renderer {
         let cameras = |of: &[usize]| of.iter().filter_map(|idx| state.cameras.get(*idx)).collect::<Vec<_>>();
         let background = |bytes: u64, camera: &&crate::fuse::CameraState| {
             let image = &camera.observation.background;
-            let has = self.backgrounds.has(&Wanted { image, mask: None });
+            let has = self.backgrounds.has(&Wanted::in_sight(image));
             bytes + if has { 0 } else { plane_bytes(image, 0) }
         };
         let frame = |bytes: u64, camera: &&crate::fuse::CameraState| {

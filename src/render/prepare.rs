@@ -55,8 +55,7 @@ impl Renderer {
         };
         let mut uploads = Uploads::default();
         let mut layers = Vec::new();
-        let background =
-            |idx: &usize| Wanted { image: &state.cameras[*idx].observation.background, mask: None };
+        let background = |idx: &usize| Wanted::in_sight(&state.cameras[*idx].observation.background);
         let wanted: Vec<_> = plan.surface_cameras.iter().map(background).collect();
         // What is not filtered between levels needs but one.
         let n_levels = if plan.filtering == Filtering::Levels { self.backgrounds.n_levels() } else { 1 };

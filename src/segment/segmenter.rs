@@ -51,6 +51,8 @@ pub struct Segmenter {
     shadow: BitMask,
     pieces: Pieces,
     enlarger: Enlarger,
+    /// Pixels that never move, in the size of the pictures that are given.
+    hidden: Option<BitMask>,
     /// Memory of the masks, in the size of the pictures that are given.
     pool: Arc<BufferPool>,
 }
@@ -71,6 +73,7 @@ impl Segmenter {
             shadow: BitMask::default(),
             pieces: Pieces::default(),
             enlarger: Enlarger::default(),
+            hidden: None,
             pool: BufferPool::new(MAX_SPARE_MASKS),
         }
     }
@@ -81,6 +84,18 @@ impl Segmenter {
             self.blinking = Blinking::default();
         }
         self.settings = settings.clone();
+    }
+
+    /// From now on nothing moves at these pixels of the pictures that are given (reduced, if the resolution is): nobody may
+    /// see what does. Of pictures of another size nothing is hidden.
+    pub fn hide(&mut self, pixels: Option<BitMask>) {
+        self.hidden = pixels;
+    }
+
+    /// What never moves, if anything is hidden.
+    #[must_use]
+    pub const fn hidden(&self) -> Option<&BitMask> {
+        self.hidden.as_ref()
     }
 
     /// At which size of the picture it works.
@@ -183,10 +198,23 @@ impl Segmenter {
             self.blinking.observe(&self.moving, dt_secs);
         }
         self.repair(factor);
+        self.leave_hidden_out();
         let limits = Limits::reduced(&self.settings, size_px, factor);
         self.pieces.find(&self.moving);
         self.drop_pieces(&limits);
         soften(&self.moving, &self.shadow, &self.judge, &self.pool)
+    }
+
+    fn leave_hidden_out(&mut self) {
+        let size = (self.moving.width(), self.moving.height());
+        let Some(hidden) = self.hidden.as_ref().filter(|of| (of.width(), of.height()) == size) else {
+            return;
+        };
+        for mask in [&mut self.moving, &mut self.shadow] {
+            for (word, hidden) in mask.words_mut().iter_mut().zip(hidden.words()) {
+                *word &= !hidden;
+            }
+        }
     }
 
     fn repair(&mut self, factor: u32) {

@@ -47,11 +47,13 @@ pub enum DropReason {
     Replaced,
     /// It could not be decoded whole.
     Damaged,
+    /// What is hidden of the camera was changed while it was worked on.
+    Hidden,
 }
 
 impl DropReason {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::Overrun, Self::OutOfOrder, Self::Replaced, Self::Damaged];
+    pub const ALL: [Self; 5] = [Self::Overrun, Self::OutOfOrder, Self::Replaced, Self::Damaged, Self::Hidden];
 
     /// The label's value.
     #[must_use]
@@ -61,6 +63,7 @@ impl DropReason {
             Self::OutOfOrder => "out_of_order",
             Self::Replaced => "replaced",
             Self::Damaged => "damaged",
+            Self::Hidden => "hidden",
         }
     }
 }
@@ -232,6 +235,8 @@ pub struct Metrics {
     pub ingest_stage: HistogramVec,
     /// Events told. Labels: camera, kind.
     pub ingest_events: IntCounterVec,
+    /// Privacy zones in force. Labels: camera.
+    pub camera_privacy_zones: IntGaugeVec,
     /// Frames written to the archive. Labels: camera.
     pub archive_frames: IntCounterVec,
     /// Bytes written to the archive. Labels: camera.
@@ -358,6 +363,12 @@ impl Metrics {
                 "Frames that were to be recorded and were not, by reason: queue_full, no_key_frame, out_of_order, \
                  overlap, paused, stopping.",
                 &["camera", "reason"],
+            ),
+            camera_privacy_zones: int_gauges(
+                r,
+                "camera_privacy_zones",
+                "Privacy zones in force.",
+                &["camera"],
             ),
             archive_paused: int_gauges(
                 r,
@@ -533,6 +544,7 @@ impl Metrics {
     pub fn announce_camera(&self, camera: &str) {
         self.ingest_frames.with_label_values(&[camera]).inc_by(0);
         self.timeline_kept.with_label_values(&[camera]).add(0);
+        self.camera_privacy_zones.with_label_values(&[camera]).add(0);
         for reason in DropReason::ALL {
             self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc_by(0);
         }

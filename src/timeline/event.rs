@@ -146,6 +146,13 @@ impl EventLog {
         found
     }
 
+    /// Lets go of a camera's events that `is_kept` refuses: they tell what nobody may know any more.
+    pub fn retain(&self, camera: &CameraId, is_kept: impl Fn(&Event) -> bool) {
+        if let Some(own) = self.lock().cameras.get_mut(camera) {
+            own.retain(|logged| is_kept(&logged.event));
+        }
+    }
+
     /// Events that were let go to make room.
     #[must_use]
     pub fn n_gone(&self) -> u64 {

@@ -3,6 +3,7 @@
 mod alignment;
 mod event;
 mod horizon;
+mod hidden;
 mod passed;
 mod playhead;
 mod replay;

@@ -116,6 +116,23 @@ impl Timeline {
         drop(gone);
     }
 
+    /// Puts what `change` makes of each observation in its place, one after the other; those that come meanwhile are left as
+    /// they are. Whoever holds one from before keeps it.
+    pub fn replace_each(&self, mut change: impl FnMut(&Observation) -> Observation) {
+        let mut next = i64::MIN;
+        loop {
+            let asked = self.lock().from(Timestamp::from_nanos(next)).cloned();
+            let Some(before) = asked else { break };
+            let at = before.frame.timestamp;
+            let after = change(&before);
+            let gone = self.lock().replace(&before, after);
+            drop(gone);
+            let Some(following) = at.as_nanos().checked_add(1) else { break };
+            next = following;
+        }
+        self.version.send_modify(|version| *version += 1);
+    }
+
     /// The newest observation.
     ///
     /// # Errors
@@ -244,14 +261,51 @@ impl Ring {
     }
 
     fn add(&mut self, observation: Observation) {
-        for (address, n_bytes) in holdings(&observation) {
+        self.count_in(&observation);
+        self.observations.push_back(observation);
+    }
+
+    /// The oldest observation at or after an instant.
+    fn from(&self, at: Timestamp) -> Option<&Observation> {
+        self.observations.get(self.observations.partition_point(|seen| seen.frame.timestamp < at))
+    }
+
+    /// Puts `after` in the place of `before`, if that is still there; the caller frees what is answered without the lock.
+    fn replace(&mut self, before: &Observation, after: Observation) -> Option<Observation> {
+        let at = before.frame.timestamp;
+        let idx = self.observations.partition_point(|seen| seen.frame.timestamp < at);
+        let is_there = self
+            .observations
+            .get(idx)
+            .is_some_and(|seen| Arc::ptr_eq(&seen.frame.image, &before.frame.image));
+        if !is_there {
+            return Some(after);
+        }
+        self.count_in(&after);
+        let gone = std::mem::replace(&mut self.observations[idx], after);
+        self.count_out(&gone);
+        Some(gone)
+    }
+
+    fn count_in(&mut self, observation: &Observation) {
+        for (address, n_bytes) in holdings(observation) {
             let (n_holders, _) = self.holdings.entry(address).or_insert((0, n_bytes));
             *n_holders += 1;
             if *n_holders == 1 {
                 self.n_bytes += n_bytes;
             }
         }
-        self.observations.push_back(observation);
+    }
+
+    fn count_out(&mut self, observation: &Observation) {
+        for (address, n_bytes) in holdings(observation) {
+            let Some((n_holders, _)) = self.holdings.get_mut(&address) else { continue };
+            *n_holders -= 1;
+            if *n_holders == 0 {
+                self.holdings.remove(&address);
+                self.n_bytes -= n_bytes;
+            }
+        }
     }
 
     /// Takes the oldest out until the rest fits or one is left; the caller frees them without the lock.
@@ -259,14 +313,7 @@ impl Ring {
         let mut gone = Vec::new();
         while self.n_bytes > max_bytes && self.observations.len() > 1 {
             let Some(oldest) = self.observations.pop_front() else { break };
-            for (address, n_bytes) in holdings(&oldest) {
-                let Some((n_holders, _)) = self.holdings.get_mut(&address) else { continue };
-                *n_holders -= 1;
-                if *n_holders == 0 {
-                    self.holdings.remove(&address);
-                    self.n_bytes -= n_bytes;
-                }
-            }
+            self.count_out(&oldest);
             gone.push(oldest);
         }
         gone

@@ -11,6 +11,7 @@ mod house;
 mod kept_scenes;
 mod mutations;
 mod pictures;
+pub(crate) mod privacy;
 mod restart;
 mod rights;
 mod tags;
@@ -101,6 +102,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
         clock: ClockSettings::default(),
         record: true,
         vision: true,
+        privacy_zones: Vec::new(),
         background: Default::default(),
         segment: SegmentSettings { min_area_px: 100, ..SegmentSettings::default() },
         track: TrackSettings::default(),

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod exports;
+mod privacy;
 
 use crate::support::rtsp::{RtspServer, ball};
 use crate::support::video::{Numbered, number_of};

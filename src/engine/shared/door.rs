@@ -13,6 +13,7 @@ use super::super::past::Past;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, Entry, PlayheadState};
+use super::super::privacy::Privacy;
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{SceneMoment, ViewAnswer, ViewRequest};
 use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
@@ -68,6 +69,7 @@ impl Door for Shared {
                 first: range.map(|(first, _)| first.to_string()),
                 last: range.map(|(_, last)| last.to_string()),
                 age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
+                privacy: self.privacies.of_known(&camera.id).now().summary(),
                 scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
             }
         };
@@ -175,6 +177,24 @@ impl Door for Shared {
 
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         self.running(camera)?.set_feed(camera, feed)
+    }
+
+    fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        Ok(self.privacies.of(camera)?.now())
+    }
+
+    fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
+        self.privacies.of(camera).map(|_| ())
+    }
+
+    fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError> {
+        tracing::info!(
+            camera,
+            zones = privacy.zones.len(),
+            version = privacy.version,
+            "privacy zones are in force"
+        );
+        self.running(camera)?.hold_privacy(camera, privacy)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {

@@ -14,9 +14,9 @@ use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSe
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
     Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
-    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Readiness, RecordingSummary,
-    SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
-    ViewAnswer, ViewIdentity, ViewRequest,
+    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Privacy, PrivacySummary, Readiness,
+    RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor,
+    TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -117,6 +117,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         first: Some(FIRST.to_string()),
         last: Some(LAST.to_string()),
         age_secs: Some(0.25),
+        privacy: PrivacySummary { zones: 0, version: 0, since: None },
         scenes: vec!["plaza".to_owned()],
     }
 }
@@ -401,6 +402,18 @@ impl Door for FakeDoor {
 
     fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError> {
         self.feed(camera)?.changed(change).map_err(EngineError::Faults)
+    }
+
+    fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
+        Self::has_camera(camera).map(|()| Arc::default())
+    }
+
+    fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
+        Self::has_camera(camera)
+    }
+
+    fn hold_privacy(&self, camera: &str, _privacy: Privacy) -> Result<(), EngineError> {
+        Self::has_camera(camera)
     }
 
     fn accept_place(&self, camera: &str) -> Result<(), EngineError> {

@@ -65,7 +65,7 @@ pub(super) fn two_worlds() -> ([TempDir; 2], [Bench; 2]) {
 }
 
 /// Times that the clock tells, and not what was seen.
-fn timeless(text: &str) -> String {
+pub(super) fn timeless(text: &str) -> String {
     let mut value: serde_json::Value = serde_json::from_str(text).unwrap();
     fn strip(value: &mut serde_json::Value) {
         match value {
@@ -93,7 +93,7 @@ fn timeless(text: &str) -> String {
 }
 
 /// Everything that a caller is told, in words, a line a question; pictures as their bytes.
-fn told(bench: &Bench, handle: &Handle) -> Vec<String> {
+pub(super) fn told(bench: &Bench, handle: &Handle) -> Vec<String> {
     let mut lines = Vec::new();
     let mut tell = |what: &str, answer: String| lines.push(format!("{what}: {answer}"));
     tell("cameras", timeless(&serde_json::to_string(&handle.cameras()).unwrap()));
@@ -390,6 +390,7 @@ fn routes() -> Vec<String> {
             of.clone(),
             format!("{of}/segment"),
             format!("{of}/source"),
+            format!("{of}/privacy"),
             format!("{of}/locate?u=0.5&v=0.6"),
             format!("{of}/locate?u=0.5&v=0.6&scene=yard&method=map"),
             format!("{of}/strip.jpg?{span}&count=3"),
@@ -488,7 +489,7 @@ pub(super) fn accounts(bench: &Bench) -> [String; 2] {
 }
 
 /// What a daemon answers over HTTP, times aside: a line of status, fields and body for each route.
-fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
+pub(super) fn answered(bench: &Bench, token: &str) -> Vec<(String, String, Vec<u8>)> {
     use axum::body::{Body, to_bytes};
     use tower::ServiceExt;
     let router = router(bench);
