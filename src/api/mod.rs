@@ -72,9 +72,8 @@ use crate::catalog::{Catalog, NamedView};
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
-use crate::wall::{FrameLock, Wall};
 use crate::evidence::Snapshots;
-use crate::scene::MAX_DOCUMENT_BYTES;
+use crate::wall::FrameLock;
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
@@ -276,6 +275,8 @@ fn resources() -> Routes {
         timeline::routes(),
         tracks::routes(),
         alignment::routes(),
+        walls::routes(),
+        wall_tiles::routes(),
         playheads::routes(),
         exports::routes(),
         accuracy::routes(),
@@ -292,12 +293,8 @@ fn undescribed() -> Router<Api> {
     Router::new()
         .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
         .route("/api/v1/scenes/{id}/frames", get(sockets::of_view))
-        .merge(kept_routes::<Wall>("/api/v1/walls"))
-        .route("/api/v1/walls/{id}/tiles", get(wall_tiles::list))
-        .route("/api/v1/walls/{id}/events", get(wall_tiles::events))
         .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
         .route("/api/v1/walls/{id}/tiles/{tile}/frames", get(sockets::of_tile))
-        .route("/api/v1/walls/{id}/tiles/{tile}/{picture}", get(wall_tiles::picture))
         .merge(kept_routes::<NamedView>("/api/v1/views"))
         .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
         .route("/api/v1/views/{id}/frames", get(sockets::of_named))

@@ -35,7 +35,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let in_force = api.door.privacy(&id).map_err(|error| problem_of(&api, error))?;
     let kept = match &api.catalog {
         Some(catalog) => catalog.privacy(&id),
@@ -52,7 +52,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let zones = read(read_body(&body)?)?;
     keep(&api, &id, Some(zones), required(&headers)?).await
@@ -66,7 +66,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let kept = api.catalog()?.privacy(&id);
     let mut document = json!({ "zones": kept.in_force });
@@ -86,7 +86,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     keep(&api, &id, None, required(&headers)?).await
 }

@@ -236,6 +236,7 @@ pub(super) fn listed(name: &str, there_are: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::api::parameters::Parameter;
 
     fn no_playhead(id: &str) -> Result<Timestamp, EngineError> {
         Err(EngineError::NoPlayhead { id: id.to_owned() })

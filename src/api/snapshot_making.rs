@@ -46,7 +46,7 @@ pub(super) async fn make(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let body: Body = read_members(&body)?;
     let subject = subject(&api, &body)?;

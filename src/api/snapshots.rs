@@ -61,11 +61,16 @@ pub(super) fn routes() -> Router<Api> {
     Router::new()
         .route(
             "/api/v1/snapshots",
-            get(list).post(super::snapshot_making::make).fallback(|| error::only("GET, HEAD, POST")),
+            get(list)
+                .post(super::snapshot_making::make)
+                .fallback(|| async { error::only(&["GET", "HEAD", "POST"]) }),
         )
         .route(
             "/api/v1/snapshots/{id}",
-            get(one).patch(change).delete(remove).fallback(|| error::only("GET, HEAD, PATCH, DELETE")),
+            get(one)
+                .patch(change)
+                .delete(remove)
+                .fallback(|| async { error::only(&["GET", "HEAD", "PATCH", "DELETE"]) }),
         )
         .route("/api/v1/snapshots/{id}/record.json", get(record))
         .route("/api/v1/snapshots/{id}/picture.png", get(picture))
@@ -115,7 +120,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let reader = api.reader()?;
     let found = reader.one(&id).await?;
     let annotations = reader.annotations(&id).await?;
@@ -136,7 +141,7 @@ pub(super) async fn record(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let record = api.reader()?.record(&id).await?;
     Ok(([NO_STORE, (header::CONTENT_TYPE, "application/json")], record).into_response())
 }
@@ -148,7 +153,7 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
     request: Request,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let opened = api.reader()?.picture(&id, None).await?;
     serve(opened, &format!("{id}.png"), request).await
 }
@@ -160,7 +165,7 @@ pub(super) async fn camera_picture(
     RawQuery(raw): RawQuery,
     request: Request,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let missing = EvidenceError::NoFile { file: format!("cameras/{file}") };
     let reader = api.reader()?;
     reader.one(&id).await?;
@@ -194,7 +199,7 @@ pub(super) async fn archive(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let bundle = api.reader()?.bundle(&id).await?;
     let fields = [
         (header::CONTENT_TYPE, "application/x-tar".to_owned()),
@@ -211,7 +216,7 @@ pub(super) async fn verification(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     let found = api.reader()?.verify(&id).await?;
     Ok(([NO_STORE], Json(found)).into_response())
 }
@@ -236,7 +241,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;
@@ -254,7 +259,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), &[]).finish(Some(()))?;
+    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;

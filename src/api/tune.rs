@@ -222,8 +222,6 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
-
-
 /// The JSON that a request brings.
 pub(super) fn read_body(body: &[u8]) -> Result<Value, Problem> {
     serde_json::from_slice(body).map_err(|error| {

@@ -6,14 +6,20 @@
 
 use super::error::Problem;
 use super::identity::Asked;
-use super::picture::{Encoded, Picture, split};
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{Parameter, words};
+use super::picture::{Encoded, Picture, pictured, split};
 use super::query::{Moment, Query};
+use super::schema;
 use super::segments::Segments;
 use super::tags::Finish;
 use super::view::{self, drawn};
 use super::wall_rounds::Turn;
+use super::walls;
 use super::walls::Kept;
 use super::{Api, kept, playheads, scenes};
+use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
 use crate::error::{ErrorKind, Fault};
@@ -57,6 +63,10 @@ enum Edges {
     Whole,
 }
 
+/// The values of `pattern`.
+const PATTERNS: [(&str, Option<Pattern>); 3] =
+    [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
+
 /// The values of `blend`.
 const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
 
@@ -66,12 +76,47 @@ impl Wishes {
 
     /// What `query` says.
     pub(super) fn read(query: &mut Query) -> Self {
-        let patterns = [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
         Self {
-            pattern: query.choice("pattern", &patterns).unwrap_or_default(),
+            pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
             edges: query.choice("blend", &EDGES).unwrap_or_default(),
         }
     }
+}
+
+/// What a picture of a tile takes.
+const PICTURE_PARAMETERS: &[Parameter] = &[
+    Parameter::whole("at", &(0..=MAX_FRAME), "The number of a frame; the one that is due without it"),
+    Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
+        .default_is("none"),
+    Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
+        .default_is("on"),
+];
+
+/// Routes about what screens show.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_tiles", "Every tile of a wall, with its window into the world")
+        .answers(Answer::json(200, "The tiles", schema::walls::tiles()));
+    let picture = Operation::new("show_tile", "What a tile of a wall shows")
+        .about(
+            "Two tiles with the same `Videofields-Wall-Frame` and `Videofields-Wall-Version` show the same instant. A frame \
+             that is due within a second is waited for.",
+        )
+        .right(Right::Live)
+        .parameters(PICTURE_PARAMETERS)
+        .revalidated()
+        .may_fail(&[422])
+        .answers(
+            pictured("The picture")
+                .field("Videofields-Wall-Frame", "The number of the frame")
+                .field("Videofields-Wall-Version", "The wall's version"),
+        );
+    let events = Operation::new("follow_wall", "What a wall shows as it changes, and once a second")
+        .about("Server-sent events `wall`.")
+        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
+    Routes::of(walls::TAG, walls::SEGMENTS)
+        .get("/api/v1/walls/{id}/tiles", self::list, list)
+        .get("/api/v1/walls/{id}/tiles/{tile}/{picture}", self::picture, picture)
+        .get("/api/v1/walls/{id}/events", self::events, events)
 }
 
 /// Every tile of a wall, with the window in the world that it shows.
@@ -108,7 +153,7 @@ pub(super) async fn picture(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let ((), format) = split(&file, &[("frame", ())])?;
-    let mut query = Query::parse(raw.as_deref(), &[["at"].as_slice(), &Wishes::PARAMETERS].concat());
+    let mut query = Query::parse(raw.as_deref(), PICTURE_PARAMETERS);
     let wishes = Wishes::read(&mut query);
     let asked = query.whole("at", &(0..=MAX_FRAME));
     query.finish(Some(()))?;

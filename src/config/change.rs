@@ -54,7 +54,7 @@ impl CameraChange {
         if let Some(feed) = &self.feed {
             match FeedSettings::of(configured).changed(feed) {
                 Ok(feed) => {
-                    (camera.enabled, camera.source, camera.clock) = (feed.enabled, feed.source, feed.clock)
+                    (camera.enabled, camera.source, camera.clock) = (feed.enabled, feed.source, feed.clock);
                 }
                 Err(faults) => unfit.push(("source", faults)),
             }
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn what_does_not_fit_any_more_is_left_out_and_told() {
         let url = |host: &str, password: Option<&str>| SourceSettings {
-            url: Some(CameraUrl::new(&format!("rtsp://{host}/live"))),
+            url: Some(CameraUrl::new(format!("rtsp://{host}/live"))),
             password_file: password.map(Into::into),
             user: password.map(|_| "wall".to_owned()),
             ..SourceSettings::default()

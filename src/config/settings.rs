@@ -221,6 +221,7 @@ impl CameraSettings {
             clock: ClockSettings::default(),
             record: default_record(),
             vision: default_vision(),
+            privacy_zones: Vec::new(),
             background: BackgroundSettings::default(),
             segment: SegmentSettings::default(),
             track: TrackSettings::default(),

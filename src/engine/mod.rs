@@ -54,8 +54,8 @@ pub use identity::ViewIdentity;
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
-pub use seeing::{CameraSight, Sight, which_cameras};
 pub use privacy::{LiftedZone, Privacy, PrivacySummary};
+pub use seeing::{CameraSight, Sight, which_cameras};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 

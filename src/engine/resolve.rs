@@ -148,7 +148,7 @@ mod tests {
         let shared = Shared::new(
             Arc::new(SimulatedClock::new(Timestamp::from_nanos(0))),
             Arc::new(Metrics::new()),
-            (cameras, None),
+            (cameras, Arc::new(crate::engine::privacy::Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
             (vec![scene], RenderSettings::default()),
             Arc::default(),

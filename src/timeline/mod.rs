@@ -2,8 +2,8 @@
 
 mod alignment;
 mod event;
-mod horizon;
 mod hidden;
+mod horizon;
 mod passed;
 mod playhead;
 mod replay;

@@ -6,7 +6,6 @@ mod commands;
 mod copies;
 mod encrypted;
 mod kept;
-mod process;
 pub(crate) mod process;
 
 use process::{Daemon, Output, run, videofields};

@@ -92,14 +92,12 @@ impl Daemon {
         self.ask(&format!("GET {target} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n\r\n", self.address))
     }
 
-    fn ask(&self, request: &str) -> Answer {
-
     /// The process's number.
     pub(crate) fn id(&self) -> u32 {
         self.child.id()
     }
 
-    pub(crate) fn get(&self, target: &str) -> Answer {
+    fn ask(&self, request: &str) -> Answer {
         let mut stream = TcpStream::connect_timeout(&self.address, PATIENCE).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         stream.set_write_timeout(Some(PATIENCE)).unwrap();

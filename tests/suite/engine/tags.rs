@@ -112,11 +112,8 @@ fn a_changed_scene_or_another_callers_cameras_are_another_picture() {
                     let fields = [("authorization", guest.as_str()), ("if-none-match", &tag(&admins))];
                     let (status, own, body) = ask(router, path, &fields).await;
                     let is_own = tag(&own) == tag(&admins);
-                    assert_eq!(
-                        (status, body.is_empty()),
-                        if is_own { (304, true) } else { (200, false) },
-                        "{path}"
-                    );
+                    assert_eq!((status == 304, body.is_empty()), (is_own, is_own), "{path}: {status}");
+                    assert!([200, 304].contains(&status), "{path}: {status}");
                     n_unlike += usize::from(!is_own);
                     own_tags.push(tag(&own));
                 }
