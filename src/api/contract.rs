@@ -245,7 +245,20 @@ mod tests {
     fn nothing_of_a_schema_is_lost() {
         for (name, shape) in schema::all_named() {
             let written = serde_json::to_value(schema::read(shape())).unwrap();
-            assert_eq!(written, shape(), "{name}");
+            assert_eq!(plain(written), plain(shape()), "{name}");
+        }
+    }
+
+    /// With whole numbers as such: 16 and 16.0 are one number in JSON.
+    fn plain(value: Value) -> Value {
+        match value {
+            Value::Number(number) => match number.as_f64() {
+                Some(float) if float.fract() == 0.0 && float.abs() < 1e15 => Value::from(float as i64),
+                _ => Value::Number(number),
+            },
+            Value::Array(values) => values.into_iter().map(plain).collect(),
+            Value::Object(members) => members.into_iter().map(|(name, value)| (name, plain(value))).collect(),
+            other => other,
         }
     }
 

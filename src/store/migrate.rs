@@ -19,7 +19,7 @@ const STEPS: [Step; 14] = [
     (9, "create_user", include_str!("../../migrations/0009_create_user.sql")),
     (10, "create_audit", include_str!("../../migrations/0010_create_audit.sql")),
     (11, "create_document", include_str!("../../migrations/0011_create_document.sql")),
-    (12, "widen_document", include_str!("../../migrations/0012_widen_document.sql")),
+    (12, "alter_document", include_str!("../../migrations/0012_alter_document.sql")),
     (13, "create_snapshot", include_str!("../../migrations/0013_create_snapshot.sql")),
     (14, "create_privacy", include_str!("../../migrations/0014_create_privacy.sql")),
 ];

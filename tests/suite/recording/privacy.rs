@@ -1,86 +1,18 @@
 //! What is recorded of a camera of which nobody may see all, and what of that which was recorded before.
 
 use super::{FRAME_NANOS, Numbered, RATE_HZ, Running, START, film, start, wait_for};
-use crate::engine::pictures;
-use crate::engine::privacy::{RIGHT, hides, others, zone};
+use crate::engine::privacy::{RIGHT, hides, zone};
 use serde_json::json;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 use videofields::archive::ExportState;
 use videofields::engine::{At, LiftedZone, Privacy};
 use videofields::error::ErrorKind;
 use videofields::frame::Zone;
 
-/// Bytes of all files beneath a folder, by their places in it.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in std::fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let place = path.strip_prefix(folder).unwrap().to_owned();
-                found.insert(place, std::fs::read(path).unwrap());
-            }
-        }
-    }
-    found
-}
-
 fn wait_for_end(running: &Running) {
     wait_for("the cameras' end", || {
         running.handle.cameras().iter().all(|camera| camera.state == "ended").then_some(())
     });
-}
-
-/// Slow enough that no frame comes too late, whatever else the machine does: such are not recorded.
-const SLOW_HZ: i64 = 5;
-
-fn camera(path: &Path, zones: &str) -> String {
-    format!(
-        "[[camera]]\nid = \"north\"\nprivacy_zones = [{zones}]\n[camera.source]\npath = \"{}\"\nrate_hz = {SLOW_HZ}\n\
-         start = \"{START}\"\n",
-        path.display()
-    )
-}
-
-#[test]
-fn recordings_of_two_worlds_that_differ_within_a_zone_alone_are_the_same_files() {
-    let hidden = zone("garden", &RIGHT);
-    let polygon = serde_json::to_string(&RIGHT).unwrap();
-    let zones = format!("{{name = \"garden\", reason = \"not ours\", polygon = {polygon}}}");
-    let recorded = [false, true].map(|is_other| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = if is_other {
-            others(folder.path(), "png", 0..20, &hidden)
-        } else {
-            pictures(folder.path(), "png", 0..20)
-        };
-        let mut running = start(folder.path(), &camera(&path, &zones));
-        wait_for_end(&running);
-        let state = running.handle.cameras().remove(0);
-        assert_eq!(state.recording.unwrap().frames, 20, "{:?}", state.reason);
-        running.stop();
-        let found = files(&folder.path().join("recorded"));
-        let found: BTreeMap<_, _> =
-            found.into_iter().filter(|(path, _)| path.extension().is_some_and(|end| end == "mkv")).collect();
-        assert!(!found.is_empty());
-        // Played again, it shows what was recorded.
-        let mut running = start(folder.path(), &camera(&path, &zones));
-        let seen = running
-            .handle
-            .preview("north", START.saturating_add_nanos(2_000_000_000 / SLOW_HZ), Duration::ZERO)
-            .unwrap();
-        assert!(
-            hides(&seen.image, &hidden) && seen.image.plane(0).row(20)[..30].iter().any(|luma| *luma > 120)
-        );
-        running.stop();
-        found
-    });
-    assert!(recorded[0] == recorded[1], "{:?}", recorded.each_ref().map(|of| of.keys().collect::<Vec<_>>()));
 }
 
 #[test]
