@@ -8,7 +8,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup demo test check bench pictures clips
+.PHONY: help setup demo test check bench load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -16,6 +16,7 @@ help:
 	@echo "make test      formatting, lints, documentation and all tests, as CI runs them"
 	@echo "make check     type-check and lint only"
 	@echo "make bench     the benchmarks"
+	@echo "make load      what the daemon answers to many callers at once, as a table"
 	@echo "make pictures  every picture for judging, into target/pictures/"
 	@echo "make clips     the demo's clips again, from the simulator"
 
@@ -43,6 +44,11 @@ ifdef INPUT
 	$(CARGO) build --release --locked
 	target/release/videofields bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
 endif
+
+# LOAD=... are further arguments, such as --seconds 30.
+load: setup
+	$(CARGO) build --release --locked
+	deploy/load.sh $(LOAD)
 
 pictures: setup
 	$(CARGO) build --release --locked
