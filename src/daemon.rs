@@ -17,7 +17,7 @@ use crate::engine::Engine;
 use crate::scene::{self, Scene};
 use crate::simulate::World;
 use crate::store::Store;
-use crate::telemetry::Metrics;
+use crate::telemetry::{self, Metrics};
 use anyhow::{Context, Result, bail};
 use std::sync::Arc;
 use std::time::Duration;
@@ -79,6 +79,9 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         );
     }
     let metrics = Arc::new(Metrics::new());
+    if let Some(spans) = telemetry::spans() {
+        metrics.adopt(spans).context("spans of traces are counted twice")?;
+    }
     let order: Vec<_> = settings.scene.iter().map(|scene| scene.id.clone()).collect();
     let scenes = catalog.scenes(&order);
     warn_of_unknown_cameras(config, &scenes);

@@ -4,6 +4,7 @@
 use super::error::Problem;
 use super::{Api, Site};
 use crate::error::ErrorKind;
+use crate::telemetry;
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, header};
@@ -25,7 +26,19 @@ pub(super) async fn observe(
 ) -> Response {
     let start = api.clock.monotonic();
     let path = request.uri().path().to_owned();
-    let span = tracing::debug_span!("request", method = %request.method(), ?path);
+    let route = matched.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
+    let span = tracing::debug_span!(
+        "request",
+        method = %request.method(),
+        ?path,
+        otel.kind = "server",
+        otel.name = format_args!("{} {route}", request.method()),
+        http.route = route,
+        http.response.status_code = tracing::field::Empty,
+    );
+    if let Some(traceparent) = request.headers().get("traceparent").and_then(|value| value.to_str().ok()) {
+        telemetry::link(&span, traceparent);
+    }
     let refused = too_large(&api, &request).or_else(|| foreign_host(&api, &request));
     let mut response = match refused {
         Some(problem) => problem.into_response(),
@@ -41,8 +54,9 @@ pub(super) async fn observe(
     set_security_fields(response.headers_mut(), &api.site);
     let duration = api.clock.monotonic().saturating_sub(start);
     let status = response.status().as_u16();
+    span.record("http.response.status_code", status);
     tracing::debug!(status, millis = duration.as_secs_f64() * 1e3, "answered");
-    api.door.count_http(matched.as_ref().map_or(NO_ROUTE, MatchedPath::as_str), status, duration);
+    api.door.count_http(route, status, duration);
     response
 }
 

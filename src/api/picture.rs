@@ -196,8 +196,9 @@ fn field_value(text: &str) -> HeaderValue {
     HeaderValue::try_from(visible).unwrap_or(HeaderValue::from_static("?"))
 }
 
-/// A `Server-Timing` value: stages and their milliseconds.
+/// A `Server-Timing` value: stages and their milliseconds; a trace of the request tells of them too.
 pub(super) fn server_timing(stages: &[(&str, Duration)]) -> String {
+    crate::telemetry::tell_stages(stages);
     let stage = |(name, duration): &(&str, Duration)| {
         let token = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-', "_");
         format!("{token};dur={:.3}", duration.as_secs_f64() * 1e3)

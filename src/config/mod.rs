@@ -17,6 +17,7 @@ mod settings;
 mod snapshot;
 mod source;
 mod storage;
+mod telling;
 mod url;
 mod validate;
 
@@ -31,6 +32,7 @@ pub use settings::*;
 pub use snapshot::{SnapshotScheduleSettings, check_annotation};
 pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
 pub use storage::StorageSettings;
+pub use telling::{LogFormat, LogSettings, TelemetrySettings};
 pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
 
 use crate::error::{Fault, Gatherer};
@@ -186,6 +188,8 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         timeline: section!("timeline"),
         render: section!("render"),
         accuracy: section!("accuracy"),
+        log: section!("log"),
+        telemetry: section!("telemetry"),
         camera: Vec::new(),
         scene: Vec::new(),
         snapshot: Vec::new(),

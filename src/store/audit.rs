@@ -128,6 +128,7 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails: then it was not noted.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "append_audit"))]
     pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
         append(&mut connection, &self.path, entry).await

@@ -554,6 +554,14 @@ impl Metrics {
         }
     }
 
+    /// Takes up counters that were there before: what became of traces' spans.
+    ///
+    /// # Errors
+    /// When there are others of that name.
+    pub fn adopt(&self, counters: &IntCounterVec) -> Result<(), prometheus::Error> {
+        self.registry.register(Box::new(counters.clone()))
+    }
+
     /// All metrics in Prometheus's text format, version 0.0.4.
     #[must_use]
     pub fn encode(&self) -> String {

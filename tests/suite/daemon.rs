@@ -7,6 +7,8 @@ mod copies;
 mod encrypted;
 mod kept;
 pub(crate) mod process;
+#[cfg(feature = "opentelemetry")]
+mod traces;
 
 use process::{Daemon, Output, run, videofields};
 use serde_json::Value;
