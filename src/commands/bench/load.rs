@@ -144,8 +144,9 @@ impl Load {
                         break;
                     }
                     let answer = client.get(&mut connection, path).await;
-                    if begun >= from {
-                        figures.note(&answer, clock.monotonic().saturating_sub(begun));
+                    let ended = clock.monotonic();
+                    if (from..=until).contains(&ended) {
+                        figures.note(&answer, ended.saturating_sub(begun));
                     }
                     pause_after(&answer).await;
                 }
@@ -197,8 +198,9 @@ impl Load {
                     if let Some(frame) = answer.as_ref().ok().and_then(|answer| answer.wall_frame) {
                         newest.fetch_max(frame, Ordering::AcqRel);
                     }
-                    if begun >= from {
-                        figures.note(&answer, clock.monotonic().saturating_sub(begun));
+                    let ended = clock.monotonic();
+                    if (from..=until).contains(&ended) {
+                        figures.note(&answer, ended.saturating_sub(begun));
                     }
                     pause_after(&answer).await;
                 }
