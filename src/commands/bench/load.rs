@@ -4,13 +4,14 @@ mod client;
 mod figures;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use client::{Answer, Client, Place};
+use client::{Client, Connection, Place};
 use figures::{Figures, resident_mib};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
+use tokio::sync::Barrier;
 use tokio::task::JoinSet;
 use videofields::clock::{Clock, SystemClock};
 
@@ -124,88 +125,46 @@ impl Load {
         Ok(Row { name, n_callers, figures, resident_mib: before.zip(after).map(|(a, b)| [a, b]) })
     }
 
-    fn warm_up(&self) -> Duration {
-        Duration::from_secs(self.seconds) / 5
-    }
-
     /// So many callers, each asking for one of `paths` after the other.
     async fn many(&self, client: &Arc<Client>, paths: &[String], n_callers: u64) -> Result<Figures> {
         let clock = Arc::new(SystemClock::new());
-        let (from, until) = (self.warm_up(), self.warm_up() + Duration::from_secs(self.seconds));
         let mut callers = JoinSet::new();
         for number in 0..n_callers {
-            let (client, clock, paths) = (Arc::clone(client), Arc::clone(&clock), paths.to_vec());
-            callers.spawn(async move {
-                let mut figures = Figures::default();
-                let mut connection = None;
-                for path in paths.iter().cycle().skip(number as usize % paths.len()) {
-                    let begun = clock.monotonic();
-                    if begun >= until {
-                        break;
-                    }
-                    let answer = client.get(&mut connection, path).await;
-                    let ended = clock.monotonic();
-                    if (from..=until).contains(&ended) {
-                        figures.note(&answer, ended.saturating_sub(begun));
-                    }
-                    pause_after(&answer).await;
-                }
-                figures
-            });
+            let caller = Caller::new(client, &clock, self.window());
+            let mut paths = paths.to_vec();
+            let n_paths = paths.len();
+            paths.rotate_left(number as usize % n_paths);
+            callers.spawn(caller.ask_in_turns(paths));
         }
-        let mut all = Figures::of(Duration::from_secs(self.seconds));
-        while let Some(figures) = callers.join_next().await {
-            all.add(figures.context("a caller broke off")?);
-        }
-        Ok(all)
+        self.sum(callers).await
     }
 
     /// A caller a tile; all of them ask for the next frame once each has the one before.
     async fn wall(&self, client: &Arc<Client>) -> Result<Figures> {
         let listed = client.json(&format!("/api/v1/walls/{WALL}/tiles")).await?;
         let tiles = listed["tiles"].as_array().context("a wall without tiles")?;
-        let names: Vec<String> =
-            tiles.iter().filter_map(|tile| tile["id"].as_str()).map(str::to_owned).collect();
+        let names: Vec<&str> = tiles.iter().filter_map(|tile| tile["id"].as_str()).collect();
         let clock = Arc::new(SystemClock::new());
-        let (from, until) = (self.warm_up(), self.warm_up() + Duration::from_secs(self.seconds));
-        let newest = Arc::new(AtomicU64::new(0));
-        let together = Arc::new(tokio::sync::Barrier::new(names.len()));
-        let over = Arc::new(AtomicU64::new(0));
+        let step = Arc::new(Step {
+            newest: AtomicU64::new(0),
+            is_over: AtomicBool::new(false),
+            together: Barrier::new(names.len()),
+        });
         let mut callers = JoinSet::new();
-        for (number, name) in names.into_iter().enumerate() {
-            let (client, clock, newest) = (Arc::clone(client), Arc::clone(&clock), Arc::clone(&newest));
-            let (together, over) = (Arc::clone(&together), Arc::clone(&over));
-            callers.spawn(async move {
-                let mut figures = Figures::default();
-                let mut connection = None;
-                loop {
-                    // One says for all whether it is over, so that all leave after the same frame.
-                    if number == 0 && clock.monotonic() >= until {
-                        over.store(1, Ordering::Release);
-                    }
-                    together.wait().await;
-                    if over.load(Ordering::Acquire) == 1 {
-                        return figures;
-                    }
-                    let at = match newest.load(Ordering::Acquire) {
-                        0 => String::new(),
-                        newest => format!("?at={}", newest + 1),
-                    };
-                    together.wait().await;
-                    let begun = clock.monotonic();
-                    let path = format!("/api/v1/walls/{WALL}/tiles/{name}/frame.jpg{at}");
-                    let answer = client.get(&mut connection, &path).await;
-                    if let Some(frame) = answer.as_ref().ok().and_then(|answer| answer.wall_frame) {
-                        newest.fetch_max(frame, Ordering::AcqRel);
-                    }
-                    let ended = clock.monotonic();
-                    if (from..=until).contains(&ended) {
-                        figures.note(&answer, ended.saturating_sub(begun));
-                    }
-                    pause_after(&answer).await;
-                }
-            });
+        for name in names {
+            let caller = Caller::new(client, &clock, self.window());
+            callers.spawn(caller.ask_in_step(name.to_owned(), Arc::clone(&step)));
         }
+        self.sum(callers).await
+    }
+
+    /// From when until when answers count.
+    fn window(&self) -> [Duration; 2] {
+        let warm_up = Duration::from_secs(self.seconds) / 5;
+        [warm_up, warm_up + Duration::from_secs(self.seconds)]
+    }
+
+    async fn sum(&self, mut callers: JoinSet<Figures>) -> Result<Figures> {
         let mut all = Figures::of(Duration::from_secs(self.seconds));
         while let Some(figures) = callers.join_next().await {
             all.add(figures.context("a caller broke off")?);
@@ -214,10 +173,78 @@ impl Load {
     }
 }
 
-/// Whoever is refused or cut off asks again after a moment, not at once.
-async fn pause_after(answer: &Result<Answer>) {
-    if !answer.as_ref().is_ok_and(|answer| answer.status == 200) {
-        tokio::time::sleep(Duration::from_millis(50)).await;
+/// What keeps the callers of a wall's tiles in step.
+struct Step {
+    /// The newest frame that anybody has; 0 before the first.
+    newest: AtomicU64,
+    is_over: AtomicBool,
+    together: Barrier,
+}
+
+/// One caller, its connection, and what it met.
+struct Caller {
+    client: Arc<Client>,
+    clock: Arc<SystemClock>,
+    window: [Duration; 2],
+    connection: Connection,
+    figures: Figures,
+}
+
+impl Caller {
+    fn new(client: &Arc<Client>, clock: &Arc<SystemClock>, window: [Duration; 2]) -> Self {
+        let (client, clock) = (Arc::clone(client), Arc::clone(clock));
+        Self { client, clock, window, connection: None, figures: Figures::default() }
+    }
+
+    fn is_over(&self) -> bool {
+        self.clock.monotonic() >= self.window[1]
+    }
+
+    /// Asks for one path after the other until its time is over.
+    async fn ask_in_turns(mut self, paths: Vec<String>) -> Figures {
+        for path in paths.iter().cycle() {
+            if self.is_over() {
+                break;
+            }
+            self.ask(path).await;
+        }
+        self.figures
+    }
+
+    /// Asks for a tile of the next frame, whenever everybody has the one before, until somebody's time is over.
+    async fn ask_in_step(mut self, tile: String, step: Arc<Step>) -> Figures {
+        loop {
+            if self.is_over() {
+                step.is_over.store(true, Ordering::Release);
+            }
+            step.together.wait().await;
+            // Nobody says so between the two: all leave after the same frame.
+            let is_over = step.is_over.load(Ordering::Acquire);
+            let newest = step.newest.load(Ordering::Acquire);
+            step.together.wait().await;
+            if is_over {
+                return self.figures;
+            }
+            let at = if newest == 0 { String::new() } else { format!("?at={}", newest + 1) };
+            let frame = self.ask(&format!("/api/v1/walls/{WALL}/tiles/{tile}/frame.jpg{at}")).await;
+            step.newest.fetch_max(frame.unwrap_or_default(), Ordering::AcqRel);
+        }
+    }
+
+    /// Asks once, and notes what came of it if that was in time; the frame of a wall that it was. Whoever is refused or cut
+    /// off waits a moment.
+    async fn ask(&mut self, path: &str) -> Option<u64> {
+        let begun = self.clock.monotonic();
+        let answer = self.client.get(&mut self.connection, path).await;
+        let ended = self.clock.monotonic();
+        let [from, until] = self.window;
+        if (from..=until).contains(&ended) {
+            self.figures.note(&answer, ended.saturating_sub(begun));
+        }
+        if !answer.as_ref().is_ok_and(|answer| answer.status == 200) {
+            tokio::time::sleep(Duration::from_millis(50)).await;
+        }
+        answer.ok().and_then(|answer| answer.wall_frame)
     }
 }
 
