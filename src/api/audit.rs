@@ -26,7 +26,7 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
 /// Routes at which somebody looks at what cameras saw.
-const LOOKS: [&str; 13] = [
+const LOOKS: [&str; 18] = [
     "/api/v1/cameras/{id}/{picture}",
     "/api/v1/cameras/{id}/strip.jpg",
     "/api/v1/scenes/{id}/{picture}",
@@ -40,6 +40,11 @@ const LOOKS: [&str; 13] = [
     "/api/v1/views/{id}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
+    "/api/v1/snapshots/{id}",
+    "/api/v1/snapshots/{id}/record.json",
+    "/api/v1/snapshots/{id}/picture.png",
+    "/api/v1/snapshots/{id}/cameras/{file}",
+    "/api/v1/snapshots/{id}/archive.tar",
 ];
 
 /// Most entries of one answer.
@@ -91,11 +96,6 @@ pub(super) async fn note(
     } else {
         matched.is_some()
     };
-    let is_noted = is_noted
-        || (is_look
-            && snapshots::LOOKS.contains(&route)
-            && status.is_success()
-            && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic()));
     if !is_noted {
         return response;
     }

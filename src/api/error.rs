@@ -132,12 +132,6 @@ impl Problem {
         Self::of(class, detail.to_owned())
     }
 
-    /// No room is left for what was to be kept.
-    pub(super) fn full(detail: &str) -> Self {
-        let class = class(StatusCode::INSUFFICIENT_STORAGE, "full", "There is no room for it");
-        Self::of(class, detail.to_owned())
-    }
-
     /// A condition that cannot be read.
     pub(super) fn condition(detail: &str) -> Self {
         Self::new(ErrorKind::Invalid, detail)

@@ -4,10 +4,6 @@
 //! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). GET and
 //! HEAD show; what changes something has a method of its own, and is refused where a page of another site asks for it.
 
-mod snapshot_making;
-mod snapshots;
-mod which_cameras;
-
 mod accuracy;
 mod alignment;
 mod audit;
@@ -45,6 +41,8 @@ mod schema;
 mod segments;
 mod serve;
 mod session;
+mod snapshot_making;
+mod snapshots;
 mod sockets;
 mod streams;
 mod strip;
@@ -61,6 +59,7 @@ mod views;
 mod wall_rounds;
 mod wall_tiles;
 mod walls;
+mod which_cameras;
 
 pub use serve::{ConnectionTimes, serve, serve_within};
 pub use tls::{Tls, TlsError};
@@ -280,6 +279,8 @@ fn resources() -> Routes {
         wall_tiles::routes(),
         playheads::routes(),
         exports::routes(),
+        snapshots::routes(),
+        which_cameras::routes(),
         accuracy::routes(),
         session::routes(),
         users::routes(),
@@ -300,7 +301,6 @@ fn undescribed() -> Router<Api> {
         .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
         .route("/api/v1/views/{id}/frames", get(sockets::of_named))
         .route("/api/v1/views/{id}/{picture}", get(views::picture))
-        .merge(snapshots::routes())
         .route(
             "/api/v1/cameras/{id}/privacy",
             get(privacy::one)
@@ -309,7 +309,6 @@ fn undescribed() -> Router<Api> {
                 .delete(privacy::remove)
                 .fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
         )
-        .merge(which_cameras::routes())
 }
 
 /// Routes for who watches the daemon: answered also while it has too much to do.

@@ -3,6 +3,7 @@
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::parameters::NONE;
 use super::query::Query;
 use super::snapshots::{summary, within};
 use super::tune::{read_members, refuse_foreign};
@@ -46,7 +47,7 @@ pub(super) async fn make(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let body: Body = read_members(&body)?;
     let subject = subject(&api, &body)?;

@@ -1,27 +1,34 @@
 //! `/api/v1/scenes/{id}/which-cameras`: which cameras see a place, the best first, and why the others do not.
 
-use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::query::Query;
-use super::scenes;
 use super::segments::Segments;
+use super::{scenes, schema};
 use crate::engine::{CameraSight, Handle, Sight, which_cameras};
 use crate::frame::CameraId;
 use crate::timeline::EventKind;
+use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
-use axum::{Json, Router};
 use serde_json::{Value, json};
 
 /// Events of a camera that are looked through for whether it has moved.
 const MAX_EVENTS: usize = 512;
 
-/// What is answered here.
-pub(super) fn routes() -> Router<Api> {
-    Router::new().route("/api/v1/scenes/{id}/which-cameras", get(list))
+const PARAMETERS: &[Parameter] = &[Parameter::point("point", "The place, metres").required()];
+
+/// The route from a place to the cameras that see it.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("which_cameras", "Which cameras see a place, and why the others do not")
+        .about("By calibrations and surfaces alone, the best first.")
+        .parameters(PARAMETERS)
+        .answers(Answer::json(200, "What every camera makes of it", schema::evidence::sights()));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/which-cameras", self::list, list)
 }
 
 /// What every camera makes of a place.
@@ -30,7 +37,7 @@ async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["point"]);
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     query.require("point");
     let point = query.point("point");
     let point = query.finish(point)?;

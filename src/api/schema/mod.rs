@@ -1,6 +1,7 @@
 //! JSON Schemas of what bodies and answers are made of: few words to write them with, and those that all resources share.
 
 pub(super) mod cameras;
+pub(super) mod evidence;
 pub(super) mod past;
 pub(super) mod scenes;
 pub(super) mod system;
@@ -27,6 +28,7 @@ pub(super) fn all_named() -> impl Iterator<Item = Named> {
         .chain(walls::NAMED)
         .chain(system::NAMED)
         .chain(users::NAMED)
+        .chain(evidence::NAMED)
 }
 
 /// A schema as the document's types have it. What these cannot say is lost, which a test of the contract's finds.
