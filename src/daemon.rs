@@ -123,6 +123,7 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
+    let forgetting = Arc::clone(&clock);
     let audit = Arc::new(Audit::new(store.clone()));
     let trust = api::Trust {
         accounts: Arc::clone(&accounts),
@@ -145,6 +146,7 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
             Arc::clone(&clock),
         ));
     }
+    upkeep.spawn(upkeep::forget_old(store.clone(), config.clone(), Arc::clone(&forgetting)));
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.

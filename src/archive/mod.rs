@@ -31,7 +31,7 @@ pub use check::{Checked, check, repair};
 pub use error::ArchiveError;
 pub use export::{
     Clip, ExportCamera, ExportFile, ExportRequest, ExportState, ExportStatus, ExportedCamera, Exports,
-    Manifest, Unreadable,
+    Manifest, Redraw, Redrawing, Unreadable,
 };
 pub use lane::{CameraRecording, RecordingState};
 pub use reading::Reading;

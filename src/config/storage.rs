@@ -29,6 +29,13 @@ pub struct StorageSettings {
     pub snapshot_max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, no snapshot is made. Default 1024.
     pub snapshot_min_free_mib: u32,
+    /// Days after which those backgrounds go, and the last ones of cameras that are not configured any more, 0.01 to 36500.
+    /// Default 400.
+    pub background_history_max_age_days: f64,
+    /// Days after which tracks go, 0.01 to 400. Default 400.
+    pub tracks_max_age_days: f64,
+    /// Days after which it goes how much moved, 0.01 to 400. Default 400.
+    pub activity_max_age_days: f64,
 }
 
 impl Default for StorageSettings {
@@ -43,6 +50,9 @@ impl Default for StorageSettings {
             snapshot_max_gib: 10.0,
             snapshot_max_age_days: 365.0,
             snapshot_min_free_mib: 1024,
+            background_history_max_age_days: 400.0,
+            tracks_max_age_days: 400.0,
+            activity_max_age_days: 400.0,
         }
     }
 }
@@ -63,6 +73,9 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
             "minutes",
         ),
         ("background_history_count", count, 1.0, 10_000.0, "backgrounds"),
+        ("background_history_max_age_days", storage.background_history_max_age_days, 0.01, 36_500.0, "days"),
+        ("tracks_max_age_days", storage.tracks_max_age_days, 0.01, 400.0, "days"),
+        ("activity_max_age_days", storage.activity_max_age_days, 0.01, 400.0, "days"),
         ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
         ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
         ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),

@@ -2,7 +2,11 @@
 
 use crate::accounts::Accounts;
 use crate::api::Tls;
+use crate::clock::Clock;
+use crate::config::{CameraSettings, Config};
 use crate::engine::Handle;
+use crate::frame::CameraId;
+use crate::store::{AgeLimits, Store};
 use sd_notify::NotifyState;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -13,6 +17,9 @@ const ACCOUNTS_PERIOD: Duration = Duration::from_secs(20);
 
 /// How often the certificate is read again.
 const CERTIFICATE_PERIOD: Duration = Duration::from_secs(60);
+
+/// How often it is looked for what is too old.
+const FORGET_PERIOD: Duration = Duration::from_secs(3600);
 
 /// Longest time in which the engine must answer before it counts as hung.
 const ANSWER_TIME: Duration = Duration::from_secs(5);
@@ -89,6 +96,30 @@ async fn beat(door: Handle, period: Duration) -> ! {
             Err(_elapsed) => tracing::error!("the engine did not answer within {ANSWER_TIME:?}"),
         }
         tokio::time::sleep(period).await;
+    }
+}
+
+/// Removes what is older than the configuration allows, at the start and once an hour.
+pub(super) async fn forget_old(store: Store, config: Config, clock: Arc<dyn Clock>) {
+    let settings = config.settings();
+    let nanos = |days: f64| (days * 86_400e9) as i64;
+    let limits = AgeLimits {
+        tracks_nanos: nanos(settings.storage.tracks_max_age_days),
+        activity_nanos: nanos(settings.storage.activity_max_age_days),
+        backgrounds_nanos: nanos(settings.storage.background_history_max_age_days),
+    };
+    let ids = |wanted: fn(&&CameraSettings) -> bool| -> Vec<CameraId> {
+        settings.camera.iter().filter(wanted).map(|camera| camera.id.clone()).collect()
+    };
+    // The time of a film with a beginning of its own is not the clock's.
+    let (configured, steady) = (ids(|_| true), ids(|camera| camera.source.start.is_some()));
+    loop {
+        match store.forget_old(&limits, clock.now(), (&configured, &steady)).await {
+            Ok(0) => {}
+            Ok(n_rows) => tracing::info!(n_rows, "what was too old was removed"),
+            Err(error) => tracing::error!(%error, "what is too old is not removed"),
+        }
+        tokio::time::sleep(FORGET_PERIOD).await;
     }
 }
 

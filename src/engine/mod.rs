@@ -26,6 +26,7 @@ mod planned;
 mod playheads;
 mod privacy;
 mod queue;
+mod redraw;
 mod renderer;
 mod resolve;
 mod roster;
@@ -180,6 +181,7 @@ impl Engine {
         });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
         let past = Past::new(replay, store.clone(), runtime.clone(), (recorded, &privacies));
+        let past = Arc::new(past);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,

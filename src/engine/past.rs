@@ -38,8 +38,9 @@ struct PastCamera {
     pipeline: Pipeline,
     /// When the background in use was saved.
     background_of: Option<Timestamp>,
-    /// What was asked for last, under the zones of that number: several views of one instant ask for the same.
-    last: Option<(u64, Observation)>,
+    /// What was asked for last, under the zones of that number, and whether it is known what moved: several views of one
+    /// instant ask for the same.
+    last: Option<(u64, Observation, bool)>,
 }
 
 impl Past {
@@ -166,6 +167,15 @@ impl Past {
         camera: &CameraId,
         at: Timestamp,
     ) -> Option<Result<Observation, ReplayError>> {
+        Some(self.looked_at(camera, at)?.map(|(seen, _)| seen))
+    }
+
+    /// As [`Self::observation`], and whether it is known what moved: not where there is no background of that time.
+    pub(super) fn looked_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Option<Result<(Observation, bool), ReplayError>> {
         let (of, replay) = (self.cameras.get(camera)?, self.replay.as_ref()?);
         Some(replay.frame_at(camera, at).map(|frame| {
             // After a panic the pipeline's background is loaded anew.
@@ -178,6 +188,32 @@ impl Past {
         }))
     }
 
+    /// The recorded frame of `camera` nearest to `at`, with what is hidden of it filled; none where it is not recorded.
+    pub(super) fn frame_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Option<Result<PastFrame, ReplayError>> {
+        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        Some(replay.frame_at(camera, at).map(|found| self.hidden(camera, found)))
+    }
+
+    /// Time of the recorded frame that follows `after`.
+    pub(super) fn recorded_after(
+        &self,
+        camera: &CameraId,
+        after: Timestamp,
+    ) -> Result<Option<Timestamp>, ReplayError> {
+        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera));
+        replay.map_or(Ok(None), |replay| replay.next_after(camera, after))
+    }
+
+    fn hidden(&self, camera: &CameraId, found: PastFrame) -> PastFrame {
+        let privacy = self.privacies.of_known(camera);
+        let image = privacy.hide(&privacy.now(), &found.image, found.timestamp);
+        PastFrame { image, ..found }
+    }
+
     /// A recorded frame of `camera` within `reach` of `at`, or the nearest; none where it is not recorded.
     pub(super) fn frame_near(
         &self,
@@ -186,21 +222,17 @@ impl Past {
         reach: Duration,
     ) -> Option<Result<PastFrame, ReplayError>> {
         let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
-        let privacy = self.privacies.of_known(camera);
-        let found = replay.frame_near(camera, at, reach);
-        Some(found.map(|found| {
-            let image = privacy.hide(&privacy.now(), &found.image, found.timestamp);
-            PastFrame { image, ..found }
-        }))
+        Some(replay.frame_near(camera, at, reach).map(|found| self.hidden(camera, found)))
     }
 
-    fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> Observation {
+    fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> (Observation, bool) {
         let of = self.privacies.of_known(&camera.settings.id);
         let (privacy, number) = of.numbered();
-        let is_it =
-            |(of, last): &&(u64, Observation)| *of == number && last.frame.timestamp == frame.timestamp;
-        if let Some((_, last)) = camera.last.as_ref().filter(is_it) {
-            return last.clone();
+        let is_it = |(of, last, _): &&(u64, Observation, bool)| {
+            *of == number && last.frame.timestamp == frame.timestamp
+        };
+        if let Some((_, last, is_known)) = camera.last.as_ref().filter(is_it) {
+            return (last.clone(), *is_known);
         }
         // Those in force, and those that were lifted since.
         let zones: Arc<[Zone]> = privacy.at(frame.timestamp).cloned().collect();
@@ -218,8 +250,9 @@ impl Past {
             let image = of.hide(&privacy, &shown.image, shown.timestamp);
             without_background(Frame { image, ..shown })
         };
-        camera.last = Some((number, observation.clone()));
-        observation
+        let is_known = has_background && camera.pipeline.has_vision();
+        camera.last = Some((number, observation.clone(), is_known));
+        (observation, is_known)
     }
 
     /// Makes the background in use that of the frame's time: the last one saved until then, else the first one after.

@@ -80,7 +80,7 @@ pub(super) struct Shared {
     /// What runs the cameras, where something does.
     roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
-    pub(super) past: Option<Past>,
+    pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
@@ -112,7 +112,7 @@ impl Shared {
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
         (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
-        (events, past): (Arc<EventLog>, Option<Past>),
+        (events, past): (Arc<EventLog>, Option<Arc<Past>>),
         (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
         store_health: Arc<StoreHealth>,
     ) -> Self {

@@ -21,6 +21,8 @@ mod open;
 mod privacy;
 pub mod probe;
 pub mod restore;
+mod privacy;
+mod retention;
 mod scene;
 mod segment;
 mod snapshot;
@@ -37,6 +39,7 @@ pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTE
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use privacy::PrivacyRecord;
+pub use retention::AgeLimits;
 pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};
 pub use snapshot::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};

@@ -242,6 +242,9 @@ fn numbers_outside_their_range_are_refused() {
     check("storage", "background_history_count = 0", "1 to 10000 backgrounds");
     check("storage", "background_history_count = 1.5", "whole number");
     check("storage", "background_history_mib = 0", "1 to 1048576 MiB");
+    check("storage", "background_history_max_age_days = 0.0", "0.01 to 36500 days");
+    check("storage", "tracks_max_age_days = 401.0", "0.01 to 400 days");
+    check("storage", "activity_max_age_days = -1.0", "0.01 to 400 days");
     check("storage", "background_history_mib = 1048577", "1 to 1048576 MiB");
     check("archive", "segment_secs = 4", "5 to 3600 seconds, got 4");
     check("archive", "segment_secs = 7.5", "whole number");

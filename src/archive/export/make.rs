@@ -113,11 +113,15 @@ fn manifest(budget: &mut Budget<'_>, folder: &ExportsFolder) -> Result<Manifest,
             budget.spend(n_bytes, share * (f64::from(place) + passed.clamp(0.0, 1.0)))
         };
         let span = (request.from, request.to);
-        let Written { clips, gaps, unreadable } =
-            Clips::new((shared, &export), span, &camera.id, &goes_on).write(&mut tell)?;
-        let ExportCamera { id, name, clock, calibrations } = camera.clone();
-        let id = id.to_string();
-        cameras.push(ExportedCamera { id, name, clock, calibrations, clips, gaps, unreadable });
+        let writing = Clips::new((shared, &export), span, &camera.id, &goes_on);
+        let written = match &camera.redrawing {
+            Some(redrawing) => writing.redraw(&*redrawing.0, &mut tell),
+            None => writing.write(&mut tell),
+        };
+        let Written { clips, gaps, unreadable } = written?;
+        let ExportCamera { id, name, clock, calibrations, redrawing } = camera.clone();
+        let (id, redrawn) = (id.to_string(), redrawing.map(|redrawing| redrawing.0.told()));
+        cameras.push(ExportedCamera { id, name, clock, calibrations, clips, gaps, unreadable, redrawn });
     }
     if cameras.iter().all(|camera| camera.clips.is_empty()) {
         let first = cameras.into_iter().flat_map(|camera| camera.unreadable).next();

@@ -48,6 +48,10 @@ pub struct ExportedCamera {
     pub gaps: Vec<[String; 2]>,
     /// Recorded files that could not be read, and why.
     pub unreadable: Vec<Unreadable>,
+    /// What its pictures were drawn anew for: what is hidden of them, whether people are blurred. None where they are as they
+    /// were recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redrawn: Option<Value>,
 }
 
 /// A recorded file that could not be read to its end.

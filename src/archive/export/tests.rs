@@ -14,8 +14,13 @@ const START: i64 = 500 * SECOND;
 
 fn request(from: i64, to: i64) -> ExportRequest {
     let calibrations = BTreeMap::from([("plaza".to_owned(), serde_json::json!({"focal_px": [1, 2]}))]);
-    let camera =
-        ExportCamera { id: north(), name: "North".to_owned(), clock: serde_json::json!({}), calibrations };
+    let camera = ExportCamera {
+        id: north(),
+        name: "North".to_owned(),
+        clock: serde_json::json!({}),
+        calibrations,
+        redrawing: None,
+    };
     ExportRequest { cameras: vec![camera], from: at(from), to: at(to), note: "asked by\nnobody".to_owned() }
 }
 

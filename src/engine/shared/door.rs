@@ -43,7 +43,7 @@ impl Door for Shared {
 
     fn cameras(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
-        let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
+        let recordings = self.past.as_ref().map(|past| past.recordings()).unwrap_or_default();
         let scenes = self.scenes.all();
         let summary = |camera: &CameraEntry| {
             let status = camera.status.read();
@@ -375,7 +375,7 @@ impl Door for Shared {
         let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
         let renderer = lock(&self.renderer).clone();
         let (takes_backgrounds, _) = self.store_health.read();
-        let archive = self.past.as_ref().and_then(Past::archive);
+        let archive = self.past.as_ref().and_then(|past| past.archive());
         let store_is_good = takes_backgrounds && archive.is_none_or(|archive| archive.status().takes_rows);
         Readiness {
             ready: renderer.is_ok() && store_is_good,

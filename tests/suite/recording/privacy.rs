@@ -7,10 +7,13 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use videofields::archive::ExportState;
-use videofields::engine::{At, LiftedZone, Privacy};
+use videofields::archive::{ExportState, Manifest};
+use videofields::clock::Timestamp;
+use videofields::engine::{At, EngineError, LiftedZone, Privacy};
 use videofields::error::ErrorKind;
-use videofields::frame::Zone;
+use videofields::frame::{CameraId, NEUTRAL_YUV, YuvImage, Zone};
+use videofields::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields::store::{BackgroundHistoryBounds, BackgroundRecord};
 
 /// Bytes of all files beneath a folder, by their places in it.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
@@ -126,19 +129,155 @@ fn what_was_recorded_before_is_hidden_too_and_is_not_given_out_as_it_is() {
     for number in [5, 60, 125] {
         assert_eq!(seen(number), [true; 3], "{number}");
     }
-    let refused = running.handle.ask_export(asked.clone()).unwrap_err();
-    assert_eq!(refused.kind(), ErrorKind::Conflict, "{refused}");
     let refused = wait_for("the export", || {
         let file = running.handle.export_file(&export.id, "manifest.json");
         file.err().filter(|error| error.kind() != ErrorKind::NotFound)
     });
     assert_eq!(refused.kind(), ErrorKind::Conflict, "{refused}");
+    // Asked for again it is drawn anew.
+    let (manifest, shown) = exported(&running, asked.clone());
+    let redrawn = manifest.cameras[0].redrawn.clone().unwrap();
+    assert_eq!(
+        (&redrawn["zones"], &redrawn["blurs_people"], &redrawn["frames"]),
+        (&json!(["garden"]), &json!(false), &json!(50))
+    );
+    assert_eq!((shown.len(), manifest.cameras[0].clips[0].first_at.clone()), (50, at(10).to_string()));
+    assert!(shown.iter().all(|image| nearly_hides(image, &hidden)));
     // Lifted, it still hides what was seen until then.
     let lifted = LiftedZone { zone: hidden.clone(), until: at(70) };
     hold(&[], &[lifted], 2);
     assert_eq!([seen(5), seen(69), seen(70)], [[true; 3], [true; 3], [false; 3]]);
-    assert_eq!(running.handle.ask_export(asked).unwrap_err().kind(), ErrorKind::Conflict);
+    // What was drawn under other zones is not given out any more, and what is drawn now still hides it until then.
+    let refused = running.handle.export_file(&manifest.id, "manifest.json").unwrap_err();
+    assert_eq!(refused.kind(), ErrorKind::Conflict, "{refused}");
+    let asked = json!({"cameras": ["north"], "from": at(66).to_string(), "to": at(74).to_string()});
+    let (_, shown) = exported(&running, asked);
+    let hides: Vec<_> = shown.iter().map(|image| nearly_hides(image, &hidden)).collect();
+    assert_eq!(hides, [[true; 4], [false; 4]].concat());
     let later = json!({"cameras": ["north"], "from": at(70).to_string(), "to": at(90).to_string()});
-    running.handle.ask_export(later).unwrap();
+    let (manifest, _) = exported(&running, later);
+    assert_eq!(manifest.cameras[0].redrawn, None, "nothing of it is hidden");
+    running.stop();
+}
+
+/// Asks for an export of one camera; its manifest, and all pictures of its clips.
+fn exported(running: &Running, asked: serde_json::Value) -> (Manifest, Vec<YuvImage>) {
+    let asked = wait_for("the archive", || running.handle.ask_export(asked.clone()).ok());
+    wait_for("the export", || {
+        let status = running.handle.exports().into_iter().find(|status| status.id == asked.id).unwrap();
+        assert_ne!(status.state, ExportState::Failed, "{status:?}");
+        (status.state == ExportState::Done).then_some(())
+    });
+    let (file, _) = running.handle.export_file(&asked.id, "manifest.json").unwrap();
+    let manifest: Manifest = serde_json::from_reader(file).unwrap();
+    let mut shown = Vec::new();
+    for clip in manifest.clips() {
+        let (file, _) = running.handle.export_file(&asked.id, &clip.file).unwrap();
+        let decoder = Decoder::start(&Input::file(&descriptor_path(&file)).unwrap(), None).unwrap();
+        let mut reader = PlaneReader::default();
+        while !decoder.has_ended() {
+            if let Some(sample) = decoder.pull(gstreamer::ClockTime::from_mseconds(50)) {
+                shown.push(reader.picture(&sample).unwrap().image);
+            }
+            assert!(decoder.fault().is_none());
+        }
+    }
+    (manifest, shown)
+}
+
+/// As [`hides`], but for what JPEG adds at the zone's edge.
+fn nearly_hides(image: &YuvImage, zone: &Zone) -> bool {
+    let (width, height) = (f64::from(image.width()), f64::from(image.height()));
+    let luma = image.plane(0);
+    let is_within = |x: u32, y: u32| {
+        let away = [-8.0, 8.0];
+        away.iter().all(|right| {
+            away.iter().all(|down| {
+                let place = [(f64::from(x) + right) / width, (f64::from(y) + down) / height];
+                place.iter().any(|value| !(0.0..1.0).contains(value)) || zone.holds(place)
+            })
+        }) && zone.holds([(f64::from(x) + 0.5) / width, (f64::from(y) + 0.5) / height])
+    };
+    let mut pixels = (0..image.height()).flat_map(|y| (0..image.width()).map(move |x| (x, y)));
+    pixels.all(|(x, y)| !is_within(x, y) || luma.row(y)[x as usize].abs_diff(NEUTRAL_YUV[0]) <= 3)
+}
+
+/// Greatest step of luma between neighbours in a row, leaving out a picture's borders.
+fn sharpest(image: &YuvImage) -> u8 {
+    let luma = image.plane(0);
+    let rows = (2..luma.height - 2).map(|y| luma.row(y));
+    let steps = rows.flat_map(|row| row.windows(2).map(|pair| pair[0].abs_diff(pair[1])));
+    steps.max().unwrap()
+}
+
+#[test]
+fn people_in_exports_cannot_be_told_but_those_who_may_be_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = pictures(folder.path(), "png", 0..24);
+    let mut running = start(folder.path(), &camera(&path, ""));
+    wait_for_end(&running);
+    let north = CameraId::new("north").unwrap();
+    let store = running.store.clone().unwrap();
+    running.engine.take().unwrap().stop();
+    // What was learned becomes the background of that time, and what went by is known.
+    let learned = running.runtime.block_on(store.latest_background(&north)).unwrap().unwrap();
+    let whole = (Timestamp::from_nanos(i64::MIN), Timestamp::from_nanos(i64::MAX));
+    let tracks = running.runtime.block_on(store.tracks(&north, whole, None, 10)).unwrap();
+    let track =
+        tracks.iter().max_by_key(|track| track.ended_at.nanos_since(track.began_at)).expect("a track");
+    running.archive.stop();
+    drop(running);
+    std::fs::remove_dir_all(folder.path().join("png")).unwrap();
+
+    let running = start(folder.path(), &camera(&path, ""));
+    let span = |more: serde_json::Value| {
+        let (from, to) = (track.began_at.to_string(), track.ended_at.to_string());
+        json!({"cameras": ["north"], "from": from, "to": to, "blur_people": more})
+    };
+    let (plain, shown) = exported(&running, span(serde_json::Value::Null));
+    assert!(plain.cameras[0].redrawn.is_none() && shown.iter().all(|image| sharpest(image) > 90));
+    // Nothing is known of that time yet: all of it is blurred.
+    let (manifest, shown) = exported(&running, span(json!({})));
+    let redrawn = manifest.cameras[0].redrawn.clone().unwrap();
+    assert!(
+        redrawn["frames"].as_u64().unwrap() > 5 && redrawn["frames"] == redrawn["frames_blurred_whole"],
+        "{redrawn}"
+    );
+    assert!(
+        shown.iter().all(|image| sharpest(image) < 40),
+        "{:?}",
+        shown.iter().map(sharpest).collect::<Vec<_>>()
+    );
+    let bounds = BackgroundHistoryBounds { count: 10, bytes: 1 << 30 };
+    let of_then = BackgroundRecord { saved_at: track.began_at, ..learned };
+    running.runtime.block_on(store.put_background_history(&of_then, bounds)).unwrap();
+    let (manifest, shown) = exported(&running, span(json!({})));
+    let redrawn = manifest.cameras[0].redrawn.clone().unwrap();
+    assert_eq!(redrawn["frames_blurred_whole"], 0, "{redrawn}");
+    assert!(
+        shown.iter().all(|image| sharpest(image) < 40),
+        "{:?}",
+        shown.iter().map(sharpest).collect::<Vec<_>>()
+    );
+    // Whoever may be seen is.
+    let who = json!({"camera": "north", "track": track.number, "at": track.began_at.to_string()});
+    let (manifest, shown) = exported(&running, span(json!({"except": [who]})));
+    assert_eq!(manifest.cameras[0].redrawn.clone().unwrap()["except"].as_array().unwrap().len(), 1);
+    let n_sharp = shown.iter().filter(|image| sharpest(image) > 90).count();
+    assert!(n_sharp * 10 >= shown.len() * 8, "{n_sharp} of {}", shown.len());
+    // And nobody whom nobody knows.
+    let stranger = json!({"camera": "north", "track": 999, "at": track.began_at.to_string()});
+    let refused = running.handle.ask_export(span(json!({"except": [stranger]}))).unwrap_err();
+    assert!(
+        matches!(&refused, EngineError::Faults(faults) if faults[0].place == "/blur_people/except/0"),
+        "{refused}"
+    );
+    let elsewhere = json!({"camera": "west", "track": 1, "at": track.began_at.to_string()});
+    let refused = running.handle.ask_export(span(json!({"except": [elsewhere]}))).unwrap_err();
+    assert!(
+        matches!(&refused, EngineError::Faults(faults) if faults[0].place == "/blur_people/except/0/camera"),
+        "{refused}"
+    );
+    let mut running = running;
     running.stop();
 }
