@@ -146,7 +146,7 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
             Arc::clone(&clock),
         ));
     }
-    upkeep.spawn(upkeep::forget_old(store.clone(), config.clone(), Arc::clone(&forgetting)));
+    upkeep.spawn(upkeep::forget_old(store.clone(), config.clone(), Arc::downgrade(&forgetting)));
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.

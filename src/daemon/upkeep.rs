@@ -100,7 +100,7 @@ async fn beat(door: Handle, period: Duration) -> ! {
 }
 
 /// Removes what is older than the configuration allows, at the start and once an hour.
-pub(super) async fn forget_old(store: Store, config: Config, clock: Arc<dyn Clock>) {
+pub(super) async fn forget_old(store: Store, config: Config, clock: Weak<dyn Clock>) {
     let settings = config.settings();
     let nanos = |days: f64| (days * 86_400e9) as i64;
     let limits = AgeLimits {
@@ -113,12 +113,14 @@ pub(super) async fn forget_old(store: Store, config: Config, clock: Arc<dyn Cloc
     };
     // The time of a film with a beginning of its own is not the clock's.
     let (configured, steady) = (ids(|_| true), ids(|camera| camera.source.start.is_some()));
-    loop {
+    // Until the daemon lets go of it.
+    while let Some(clock) = clock.upgrade() {
         match store.forget_old(&limits, clock.now(), (&configured, &steady)).await {
             Ok(0) => {}
             Ok(n_rows) => tracing::info!(n_rows, "what was too old was removed"),
             Err(error) => tracing::error!(%error, "what is too old is not removed"),
         }
+        drop(clock);
         tokio::time::sleep(FORGET_PERIOD).await;
     }
 }

@@ -93,12 +93,8 @@ impl Redrawn {
         }
     }
 
-    /// What of a picture is blurred. All of it where it is not known what moves.
-    fn blur(&self, seen: &Observation, is_known: bool, shown: &[Shown]) -> Blur {
-        if !is_known {
-            self.n_whole.fetch_add(1, Ordering::Relaxed);
-            return Blur::Whole;
-        }
+    /// What is blurred of a picture of which it is known what moves: all that does, but those `shown`.
+    fn blur(seen: &Observation, shown: &[Shown]) -> Blur {
         let size = DVec2::new(seen.frame.image.width().into(), seen.frame.image.height().into());
         let places: Vec<DVec2> = shown.iter().filter_map(|who| who.at(seen.frame.timestamp)).collect();
         // Each of those shown is the one blob that is nearest to where they stood.
@@ -122,7 +118,12 @@ impl Redrawn {
         };
         let found = past.looked_at(&self.camera, at).ok_or_else(gone)?;
         let (seen, is_known) = found.map_err(|error| error.to_string())?;
-        let blur = self.blur(&seen, is_known, shown);
+        let blur = if is_known {
+            Self::blur(&seen, shown)
+        } else {
+            self.n_whole.fetch_add(1, Ordering::Relaxed);
+            Blur::Whole
+        };
         let image = seen.frame.image.blurred_of(&self.pool, &blur);
         Ok((Arc::new(image), seen.frame.timestamp))
     }

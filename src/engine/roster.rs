@@ -307,7 +307,7 @@ impl Surroundings {
             self.roots.clone(),
             (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
             (checkpoints, self.activity(&camera.id), self.tracks(&camera.id)),
-            (Arc::clone(&self.metrics), self.privacies.of_known(&camera.id)),
+            (Arc::clone(&self.metrics), self.privacies.of_camera(camera)),
             Arc::clone(&self.clock),
             self.stop.clone(),
         )

@@ -9,7 +9,6 @@ use super::super::handle::{
     surface_name,
 };
 use super::super::identity::ViewIdentity;
-use super::super::past::Past;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, Entry, PlayheadState};
