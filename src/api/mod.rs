@@ -74,6 +74,7 @@ use crate::error::ErrorKind;
 use crate::evidence::Snapshots;
 use crate::wall::{FrameLock, Wall};
 use crate::scene::MAX_DOCUMENT_BYTES;
+use crate::wall::{FrameLock, Wall};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
@@ -267,6 +268,7 @@ fn resources() -> Routes {
         cameras::routes(),
         locate::routes(),
         tune::routes(),
+        privacy::routes(),
         strip::routes(),
         events::routes(),
         scenes::routes(),
@@ -301,14 +303,6 @@ fn undescribed() -> Router<Api> {
         .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
         .route("/api/v1/views/{id}/frames", get(sockets::of_named))
         .route("/api/v1/views/{id}/{picture}", get(views::picture))
-        .route(
-            "/api/v1/cameras/{id}/privacy",
-            get(privacy::one)
-                .put(privacy::put)
-                .patch(privacy::change)
-                .delete(privacy::remove)
-                .fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
-        )
 }
 
 /// Routes for who watches the daemon: answered also while it has too much to do.

@@ -7,8 +7,14 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 4] =
-    [("Camera", camera), ("SegmentSettings", segment), ("SourceSettings", source), ("ClockSettings", clock)];
+pub(in crate::api) const NAMED: [Named; 6] = [
+    ("Camera", camera),
+    ("SegmentSettings", segment),
+    ("SourceSettings", source),
+    ("ClockSettings", clock),
+    ("PrivacyZone", privacy_zone),
+    ("PrivacyZones", privacy_zones),
+];
 
 /// Every camera.
 pub(in crate::api) fn all() -> Value {
@@ -27,6 +33,11 @@ fn camera() -> Value {
         ("frames", count(), "Frames written since the daemon started"),
         ("bytes", count(), "Bytes written since the daemon started"),
         ("dropped", count(), "Frames left out since the daemon started"),
+    ]);
+    let privacy = object([
+        ("zones", count(), "How many hide something"),
+        ("version", count(), "Which version they are"),
+        ("since", nullable(time()), "Since when they hold, by the daemon's clock"),
     ]);
     object([
         ("id", id(), "Its id"),
@@ -48,7 +59,45 @@ fn camera() -> Value {
         ("first", nullable(time()), "Scene time of the earliest frame kept"),
         ("last", nullable(time()), "Scene time of the latest frame kept"),
         ("age_secs", nullable(number()), "Seconds since the latest frame came"),
+        ("privacy", privacy, "What nobody may see of its pictures"),
         ("scenes", list(id()), "Scenes that hold it"),
+    ])
+}
+
+fn privacy_zone() -> Value {
+    let corner = exactly(2, number_within(0.0, 1.0));
+    taken(
+        &["name", "reason", "polygon"],
+        [
+            ("name", json!({"type": "string", "minLength": 1, "maxLength": 100}), "Another than the others'"),
+            ("reason", json!({"type": "string", "minLength": 1, "maxLength": 1000}), "Why it is hidden"),
+            (
+                "polygon",
+                json!({"type": "array", "items": corner, "minItems": 3, "maxItems": 64}),
+                "Corners in the texture, from (0, 0) at the upper left; sides do not cross",
+            ),
+        ],
+    )
+}
+
+/// What a camera's zones are changed to.
+pub(in crate::api) fn privacy_asked() -> Value {
+    let zones = json!({"type": "array", "items": named("PrivacyZone"), "maxItems": 32});
+    taken(&["zones"], [("zones", zones, "All of them")])
+}
+
+fn privacy_zones() -> Value {
+    let lifted = object([
+        ("zone", named("PrivacyZone"), "As it was"),
+        ("until", time(), "What was seen before stays hidden by it"),
+    ]);
+    object([
+        ("zones", list(named("PrivacyZone")), "Those that hold"),
+        ("is_configured", boolean(), "Whether they are the configuration's"),
+        ("version", count(), "What the entity tag says too"),
+        ("since", nullable(time()), "Since when they hold, by the daemon's clock"),
+        ("changed_by", nullable(text()), "Who made it so"),
+        ("lifted", list(lifted), "Those that held before"),
     ])
 }
 

@@ -157,6 +157,16 @@ pub(in crate::api) fn exports() -> Value {
 
 /// What an export is asked for with.
 pub(in crate::api) fn export_asked() -> Value {
+    let who = taken(
+        &["camera", "track", "at"],
+        [
+            ("camera", id(), "Which camera"),
+            ("track", count(), "Its number"),
+            ("at", named("Instant"), "A time at which it was there"),
+        ],
+    );
+    let except = json!({"type": "array", "items": who, "maxItems": 64});
+    let blur = taken(&[], [("except", except, "Tracks of those who may be seen")]);
     taken(
         &["from", "to"],
         [
@@ -165,6 +175,7 @@ pub(in crate::api) fn export_asked() -> Value {
             ("cameras", list(id()), "Which cameras"),
             ("scene", nullable(id()), "For all of its cameras, where none are named"),
             ("note", json!({"type": "string", "maxLength": 1000}), "What is to be known of it"),
+            ("blur_people", nullable(blur), "Makes everybody unrecognisable who is found"),
         ],
     )
 }
