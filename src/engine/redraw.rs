@@ -134,11 +134,14 @@ fn region(blob: &Blob) -> BlurRegion {
 }
 
 impl Redraw for Redrawn {
-    fn next_after(&self, after: Timestamp) -> Result<Option<(EncodedFrame, Timestamp)>, String> {
+    fn next_after(
+        &self,
+        after: Timestamp,
+        to: Timestamp,
+    ) -> Result<Option<(EncodedFrame, Timestamp)>, String> {
         let past = self.past.upgrade().ok_or("the daemon stops")?;
-        let Some(at) = past.recorded_after(&self.camera, after).map_err(|error| error.to_string())? else {
-            return Ok(None);
-        };
+        let next = past.recorded_after(&self.camera, after).map_err(|error| error.to_string())?;
+        let Some(at) = next.filter(|at| *at < to) else { return Ok(None) };
         let (image, shown_at) = self.drawn(&past, at)?;
         if shown_at != at {
             return Err(format!("the picture of {at} is not to be had"));

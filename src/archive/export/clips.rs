@@ -110,10 +110,7 @@ impl<'a> Clips<'a> {
     /// Writes all of them from pictures that are drawn anew. What cannot be drawn ends the export.
     pub(super) fn redraw(mut self, redraw: &dyn Redraw, tell: &mut Tell<'_>) -> Result<Written, ExportError> {
         let mut after = self.from.saturating_add_nanos(-1);
-        while let Some((frame, at)) = redraw.next_after(after).map_err(ExportError::NotRedrawn)? {
-            if at >= self.to {
-                break;
-            }
+        while let Some((frame, at)) = redraw.next_after(after, self.to).map_err(ExportError::NotRedrawn)? {
             tell(at, frame.len_bytes() as u64)?;
             self.append((frame, at), None)?;
             after = at;

@@ -8,12 +8,16 @@ use std::sync::Arc;
 
 /// Draws one camera's recorded pictures anew.
 pub trait Redraw: Send + Sync {
-    /// The picture that is shown first after an instant, as it may be given out, and its scene time; each can be decoded by
-    /// itself. None after the last. Blocks for as long as decoding takes.
+    /// The picture that is shown first after an instant and before `to`, as it may be given out, and its scene time; each can
+    /// be decoded by itself. None after the last. Blocks for as long as decoding takes.
     ///
     /// # Errors
     /// With the reason, where it cannot be drawn: then nothing of this export may be given out.
-    fn next_after(&self, after: Timestamp) -> Result<Option<(EncodedFrame, Timestamp)>, String>;
+    fn next_after(
+        &self,
+        after: Timestamp,
+        to: Timestamp,
+    ) -> Result<Option<(EncodedFrame, Timestamp)>, String>;
 
     /// What the manifest says of it, once all was drawn.
     fn told(&self) -> Value;
