@@ -24,6 +24,7 @@ enum Command {
     Backup(commands::backup::Backup),
     Restore(commands::restore::Restore),
     Audit(commands::audit::Audit),
+    Doctor(commands::doctor::Doctor),
     User(commands::account::User),
     Token(commands::account::Token),
     View(Box<commands::view::View>),
@@ -48,6 +49,8 @@ fn main() -> ExitCode {
         Command::Backup(backup) => backup.run(),
         Command::Restore(restore) => restore.run(),
         Command::Audit(audit) => audit.run(),
+        // It has a status of its own.
+        Command::Doctor(doctor) => return doctor.run(),
         Command::User(user) => user.run(),
         Command::Token(token) => token.run(),
         Command::View(view) => view.run(),

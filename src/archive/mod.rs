@@ -111,6 +111,12 @@ impl Archive {
         Recorder::new(Arc::clone(&self.shared), self.shared.lane(camera))
     }
 
+    /// From now on these settings hold, in the folder of before: files that are being written end after the new time, and
+    /// what may be kept and must be left free counts from the next look on.
+    pub fn reconfigure(&self, settings: ArchiveSettings) {
+        self.shared.set_settings(settings);
+    }
+
     /// How recording goes.
     #[must_use]
     pub fn status(&self) -> ArchiveStatus {

@@ -134,6 +134,19 @@ impl Zones {
         lock(&self.configured).get(camera).cloned().unwrap_or_default()
     }
 
+    /// The turns of all these cameras, one after the other in the order of their names.
+    pub(super) async fn all_turns(
+        &self,
+        cameras: &[CameraSettings],
+    ) -> Vec<tokio::sync::OwnedMutexGuard<()>> {
+        let ids: BTreeSet<&str> = cameras.iter().map(|camera| camera.id.as_str()).collect();
+        let mut turns = Vec::with_capacity(ids.len());
+        for id in ids {
+            turns.push(self.turn(id).lock_owned().await);
+        }
+        turns
+    }
+
     fn turn(&self, camera: &str) -> Arc<tokio::sync::Mutex<()>> {
         Arc::clone(lock(&self.turns).entry(camera.to_owned()).or_default())
     }

@@ -11,6 +11,7 @@ pub(crate) mod bench;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod doctor;
 mod given;
 pub(crate) mod manual;
 mod operator;

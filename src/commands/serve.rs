@@ -3,9 +3,11 @@
 use anyhow::{Context, Result, bail};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use videofields::config::{self, Config};
+use videofields::config::{self, Config, ConfigError};
 use videofields::daemon;
 use videofields::telemetry::{self, LogFormat, Traces};
+use std::sync::Arc;
+use videofields::daemon::{self, Load};
 
 /// The demo's configuration, from the project's root.
 const DEMO_CONFIG: &str = "config/demo/plaza.toml";
@@ -55,12 +57,18 @@ impl Log {
     }
 }
 
-fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config> {
+fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config, ConfigError> {
     let config = config::load(path)?;
     Ok(match listen {
         Some(listen) => config.with_listen(listen)?,
         None => config,
     })
+}
+
+/// Reads the configuration again as it was read at the start.
+fn loader(path: &Path, listen: Option<SocketAddr>) -> Load {
+    let path = path.to_owned();
+    Arc::new(move || load(&path, listen))
 }
 
 /// Prints where the daemon is found. A daemon that nobody listens to is still a daemon.
@@ -74,7 +82,7 @@ impl Serve {
     pub(crate) fn run(&self) -> Result<()> {
         let config = load(&self.config, self.listen)?;
         let _traces = self.log.init(&config)?;
-        daemon::serve(&config, |url| announce(&[url.to_owned()]))
+        daemon::serve(&config, loader(&self.config, self.listen), |url| announce(&[url.to_owned()]))
     }
 }
 
@@ -90,7 +98,7 @@ impl Demo {
         let config = load(path, Some(self.listen))?;
         let _traces = self.log.init(&config)?;
         let scene = config.settings().scene.first().map_or_else(String::new, |scene| scene.id.clone());
-        daemon::serve(&config, |url| {
+        daemon::serve(&config, loader(path, Some(self.listen)), |url| {
             announce(&[
                 format!("the page      {url}"),
                 format!("a fused view  {url}api/v1/scenes/{scene}/view.jpg"),

@@ -1,5 +1,6 @@
 //! What goes on beside answering: users and certificates are read again, the service manager hears that all is well.
 
+use super::reload::Reload;
 use crate::accounts::Accounts;
 use crate::api::Tls;
 use crate::clock::Clock;
@@ -21,6 +22,9 @@ const CERTIFICATE_PERIOD: Duration = Duration::from_secs(60);
 /// How often it is looked for what is too old.
 const FORGET_PERIOD: Duration = Duration::from_secs(3600);
 
+/// How often cameras without a thread are looked for.
+const MEND_PERIOD: Duration = Duration::from_secs(10);
+
 /// Longest time in which the engine must answer before it counts as hung.
 const ANSWER_TIME: Duration = Duration::from_secs(5);
 
@@ -36,8 +40,14 @@ pub(super) async fn follow_accounts(accounts: Weak<Accounts>) {
     }
 }
 
-/// Reads the certificate again once a minute and, with the users, whenever SIGHUP asks for it.
-pub(super) async fn follow_certificate(tls: Option<Arc<Tls>>, accounts: Weak<Accounts>, mut hangup: Signal) {
+/// Reads the certificate again once a minute and, with the configuration and the users, whenever SIGHUP asks for it. The service
+/// manager hears when that begins and when it is done.
+pub(super) async fn follow_signals(
+    tls: Option<Arc<Tls>>,
+    accounts: Weak<Accounts>,
+    configuration: Arc<Reload>,
+    mut hangup: Signal,
+) {
     loop {
         let is_asked = tokio::select! {
             received = hangup.recv() => match received {
@@ -48,14 +58,37 @@ pub(super) async fn follow_certificate(tls: Option<Arc<Tls>>, accounts: Weak<Acc
         };
         let Some(accounts) = accounts.upgrade() else { return };
         if is_asked {
-            tracing::info!("reading users and certificate again on SIGHUP");
+            tracing::info!("reading configuration, users and certificate again on SIGHUP");
+            tell_reloading();
             if let Err(error) = accounts.reload().await {
                 tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
             }
+            configuration.read_again().await;
         }
         if let Some(tls) = tls.clone() {
             reload(tls).await;
         }
+        if is_asked {
+            notify(&[NotifyState::Ready]);
+        }
+    }
+}
+
+/// Tries again, every few seconds, to start cameras whose thread could not be started.
+pub(super) async fn mend(configuration: Arc<Reload>) {
+    loop {
+        tokio::time::sleep(MEND_PERIOD).await;
+        let configuration = Arc::clone(&configuration);
+        if let Err(error) = tokio::task::spawn_blocking(move || configuration.mend()).await {
+            tracing::error!(%error, "starting cameras broke off");
+        }
+    }
+}
+
+fn tell_reloading() {
+    match NotifyState::monotonic_usec_now() {
+        Ok(now) => notify(&[NotifyState::Reloading, now]),
+        Err(error) => tracing::warn!(%error, "the service manager cannot be told"),
     }
 }
 

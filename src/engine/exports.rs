@@ -150,7 +150,7 @@ impl Shared {
         if let Some(scene) = &scene {
             let scene = self.scene_within(scene, &self.known_scope(grants))?;
             if cameras.is_empty() {
-                cameras = self.members(&scene).map(|camera| camera.id.to_string()).collect();
+                cameras = self.members(&scene).iter().map(|camera| camera.id.to_string()).collect();
             }
         }
         for camera in &cameras {

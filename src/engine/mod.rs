@@ -27,6 +27,7 @@ mod playheads;
 mod privacy;
 mod queue;
 mod redraw;
+mod reload;
 mod renderer;
 mod resolve;
 mod roster;
@@ -56,13 +57,14 @@ pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
 pub use privacy::{LiftedZone, Privacy, PrivacySummary};
+pub use reload::Reloader;
 pub use seeing::{CameraSight, Sight, which_cameras};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
 use crate::archive::Archive;
 use crate::clock::Clock;
-use crate::config::{CameraSettings, Config};
+use crate::config::Config;
 use crate::ingest::{IngestError, MediaRoots, StopFlag};
 use crate::scene::Scene;
 use crate::store::Store;
@@ -72,8 +74,8 @@ use checkpoint::StoreHealth;
 use past::Past;
 use privacy::Privacies;
 use roster::{Roster, Surroundings};
-use shared::{CameraEntry, Shared};
-use std::sync::{Arc, OnceLock};
+use shared::Shared;
+use std::sync::{Arc, OnceLock, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
@@ -153,8 +155,8 @@ impl Engine {
         let events = Arc::new(EventLog::new(MAX_EVENTS));
         let privacies = Arc::new(Privacies::new(&settings.camera));
         let surroundings = Surroundings {
-            roots,
             privacies: Arc::clone(&privacies),
+            media: RwLock::new((roots, capacity_bytes)),
             clock: Arc::clone(&clock),
             metrics: Arc::clone(&metrics),
             store: store.clone(),
@@ -166,15 +168,8 @@ impl Engine {
             stop: stop.clone(),
             origin: (clock.now(), clock.monotonic()),
         };
-        let roster = Arc::new(Roster::start(&settings.camera, surroundings, capacity_bytes)?);
-        let entry = |(camera, (timeline, tuning, status)): (&CameraSettings, _)| CameraEntry {
-            id: camera.id.clone(),
-            name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
-            timeline,
-            tuning,
-            status,
-        };
-        let cameras = settings.camera.iter().zip(roster.shared()).map(entry).collect();
+        let roster = Arc::new(Roster::start(&settings.camera, surroundings)?);
+        let cameras = roster.entries();
         let replay = archive.map(|archive| {
             let max_bytes = settings.timeline.replay_mib as usize * 1024 * 1024;
             Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
@@ -215,6 +210,12 @@ impl Engine {
     #[must_use]
     pub fn handle(&self) -> Handle {
         Handle::new(Arc::clone(&self.shared) as Arc<dyn Door>)
+    }
+
+    /// What has the engine go on with other settings.
+    #[must_use]
+    pub fn reloader(&self) -> Reloader {
+        Reloader::new(Arc::clone(&self.shared))
     }
 
     /// The board on which measured costs are put up and asked for.

@@ -6,13 +6,13 @@ use super::playheads::Step;
 use super::privacy::Privacies;
 use crate::archive::{Archive, ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
-use crate::config::CameraSettings;
+use crate::config::{CameraSettings, SegmentSettings};
 use crate::frame::{CameraId, Frame, Mask, Zone};
 use crate::ingest::Pipeline;
 use crate::store::{ActivityRecord, SegmentRecord, SegmentState, Store, StoreError, TrackRecord};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
@@ -25,7 +25,7 @@ pub(super) struct Past {
     replay: Option<Replay>,
     store: Store,
     runtime: Runtime,
-    cameras: HashMap<CameraId, Mutex<PastCamera>>,
+    cameras: RwLock<HashMap<CameraId, Arc<Mutex<PastCamera>>>>,
     /// What nobody may see of them.
     privacies: Arc<Privacies>,
     /// When the oldest recorded frame of each camera was seen.
@@ -43,6 +43,31 @@ struct PastCamera {
     last: Option<(u64, Observation, bool)>,
 }
 
+impl PastCamera {
+    fn shared(settings: CameraSettings) -> Arc<Mutex<Self>> {
+        let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
+        let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
+        Arc::new(Mutex::new(Self { settings, pipeline, background_of: None, last: None }))
+    }
+
+    /// Whether its past would look the same with other settings.
+    fn looks_as(&self, other: &CameraSettings) -> bool {
+        let of = |settings: &CameraSettings| {
+            (settings.background.clone(), settings.segment.clone(), settings.vision)
+        };
+        of(&self.settings) == of(other)
+    }
+}
+
+fn lock_camera(camera: &Mutex<PastCamera>) -> MutexGuard<'_, PastCamera> {
+    // After a panic the pipeline's background is loaded anew.
+    camera.lock().unwrap_or_else(|poisoned: PoisonError<_>| {
+        let mut of = poisoned.into_inner();
+        of.background_of = None;
+        of
+    })
+}
+
 impl Past {
     /// The past of `cameras` as far as `replay` holds it.
     pub(super) fn new(
@@ -51,14 +76,33 @@ impl Past {
         runtime: Runtime,
         (cameras, privacies): (impl Iterator<Item = CameraSettings>, &Arc<Privacies>),
     ) -> Self {
-        let camera = |settings: CameraSettings| {
-            let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
-            let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
-            let id = settings.id.clone();
-            (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
-        };
-        let (cameras, privacies) = (cameras.map(camera).collect(), Arc::clone(privacies));
+        let camera = |settings: CameraSettings| (settings.id.clone(), PastCamera::shared(settings));
+        let cameras = RwLock::new(cameras.map(camera).collect());
+        let privacies = Arc::clone(privacies);
         Self { replay, store, runtime, cameras, privacies, firsts: Mutex::default() }
+    }
+
+    /// From now on these cameras are recorded, and their past is looked at with these settings.
+    pub(super) fn set_cameras(&self, recorded: impl Iterator<Item = CameraSettings>) {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        let mut before = std::mem::take(&mut *cameras);
+        for settings in recorded {
+            let id = settings.id.clone();
+            let known = before.remove(&id).filter(|known| lock_camera(known).looks_as(&settings));
+            cameras.insert(id, known.unwrap_or_else(|| PastCamera::shared(settings)));
+        }
+    }
+
+    /// From now on a camera's past is looked at with these settings of how its foreground is found.
+    pub(super) fn set_segment(&self, camera: &CameraId, segment: &SegmentSettings) {
+        let Some(known) = self.camera(camera) else { return };
+        let settings = CameraSettings { segment: segment.clone(), ..lock_camera(&known).settings.clone() };
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.insert(camera.clone(), PastCamera::shared(settings));
+    }
+
+    fn camera(&self, camera: &CameraId) -> Option<Arc<Mutex<PastCamera>>> {
+        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
     }
 
     /// What is recorded, where anything is.
@@ -78,9 +122,9 @@ impl Past {
     pub(super) fn look(&self) {
         let Some(replay) = &self.replay else { return };
         replay.give_back_memory();
-        let mut cameras: Vec<&CameraId> = self.cameras.keys().collect();
-        cameras.sort_unstable();
-        for camera in cameras {
+        let cameras: Vec<CameraId> =
+            self.cameras.read().unwrap_or_else(PoisonError::into_inner).keys().cloned().collect();
+        for camera in &cameras {
             let first = replay.archive().next_segment(camera, Timestamp::from_nanos(i64::MIN));
             match self.runtime.block_on(first) {
                 Ok(Some(segment)) => drop(self.lock_firsts().insert(camera.clone(), segment.first_at)),
@@ -99,7 +143,7 @@ impl Past {
 
     /// Time of the recorded frame that follows `at`, or that is before it.
     pub(super) fn neighbour(&self, camera: &CameraId, at: Timestamp, step: Step) -> Option<Timestamp> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
         let found = match step {
             Step::On => replay.next_after(camera, at),
             Step::Back => replay.last_before(camera, at),
@@ -176,16 +220,8 @@ impl Past {
         camera: &CameraId,
         at: Timestamp,
     ) -> Option<Result<(Observation, bool), ReplayError>> {
-        let (of, replay) = (self.cameras.get(camera)?, self.replay.as_ref()?);
-        Some(replay.frame_at(camera, at).map(|frame| {
-            // After a panic the pipeline's background is loaded anew.
-            let mut of = of.lock().unwrap_or_else(|poisoned: PoisonError<_>| {
-                let mut of = poisoned.into_inner();
-                of.background_of = None;
-                of
-            });
-            self.segmented(&mut of, frame)
-        }))
+        let (of, replay) = (self.camera(camera)?, self.replay.as_ref()?);
+        Some(replay.frame_at(camera, at).map(|frame| self.segmented(&mut lock_camera(&of), frame)))
     }
 
     /// The recorded frame of `camera` nearest to `at`, with what is hidden of it filled; none where it is not recorded.
@@ -221,7 +257,7 @@ impl Past {
         at: Timestamp,
         reach: Duration,
     ) -> Option<Result<PastFrame, ReplayError>> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
         Some(replay.frame_near(camera, at, reach).map(|found| self.hidden(camera, found)))
     }
 

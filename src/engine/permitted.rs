@@ -45,7 +45,7 @@ impl Shared {
         grants: &Grants,
         camera: &str,
         right: Right,
-    ) -> Result<&CameraEntry, EngineError> {
+    ) -> Result<Arc<CameraEntry>, EngineError> {
         let entry = self.camera(camera)?;
         match grants.has(camera, right) {
             true => Ok(entry),
@@ -431,7 +431,8 @@ impl Door for Permitted {
     }
 
     fn readiness(&self) -> Readiness {
-        let cameras = self.shared.cameras.iter().filter(|camera| self.grants.knows(camera.id.as_str()));
+        let cameras = self.shared.all_cameras();
+        let cameras = cameras.iter().filter(|camera| self.grants.knows(camera.id.as_str()));
         let (n, n_with) = cameras
             .fold((0, 0), |(n, with), camera| (n + 1, with + usize::from(camera.timeline.range().is_some())));
         Readiness { cameras_with_frames: [n_with, n], ..self.shared.readiness() }

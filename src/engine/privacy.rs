@@ -166,9 +166,18 @@ impl Privacies {
         Arc::clone(own.or_insert_with(|| Arc::new(CameraPrivacy::new(Privacy::configured(camera)))))
     }
 
+    /// Those of a camera that is still to begin: what is given, or else the configuration's.
+    pub(super) fn add(&self, camera: &CameraSettings, privacy: Option<Privacy>) {
+        let privacy = privacy.unwrap_or_else(|| Privacy::configured(camera));
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.insert(camera.id.clone(), Arc::new(CameraPrivacy::new(privacy)));
+        drop(cameras);
+        self.changes.fetch_add(1, Ordering::SeqCst);
+    }
+
     pub(super) fn of(&self, camera: &str) -> Result<Arc<CameraPrivacy>, EngineError> {
-        let cameras = self.cameras.read().unwrap_or_else(PoisonError::into_inner);
-        cameras.get(camera).cloned().ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
+        let known = self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned();
+        known.ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
     }
 
     /// Those of a camera that ran or runs; of one that never did, none.

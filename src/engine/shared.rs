@@ -29,7 +29,7 @@ use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Horizon, Observation, ReplayError, Timeline, TimelineError};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
 const MAX_LAG_NANOS: i64 = 1_500_000_000;
@@ -73,12 +73,12 @@ pub(super) enum MapState {
 pub(super) struct Shared {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) metrics: Arc<Metrics>,
-    pub(super) cameras: Vec<CameraEntry>,
+    cameras: RwLock<Arc<[Arc<CameraEntry>]>>,
     pub(super) events: Arc<EventLog>,
     /// What nobody may see of the cameras.
     pub(super) privacies: Arc<Privacies>,
     /// What runs the cameras, where something does.
-    roster: Option<Arc<Roster>>,
+    pub(super) roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
     pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
@@ -133,7 +133,7 @@ impl Shared {
             accuracy,
             clock,
             metrics,
-            cameras,
+            cameras: RwLock::new(cameras.into_iter().map(Arc::new).collect()),
             events,
             privacies,
             roster,
@@ -195,7 +195,7 @@ impl Shared {
     }
 
     /// Puts a scene in the place of the one of its id, or after the others; its maps are brought in anew.
-    fn exchange_scene(&self, scene: Arc<Scene>) {
+    pub(super) fn exchange_scene(&self, scene: Arc<Scene>) {
         let id = scene.id.clone();
         let members: Vec<_> = scene.cameras.iter().map(|member| member.id.clone()).collect();
         // Held over both: who builds maps must not find the new scene with the old one's.
@@ -207,7 +207,7 @@ impl Shared {
         self.scopes.retain(|whole| self.scenes.is_current(whole));
     }
 
-    fn take_scene_out(&self, id: &str) -> bool {
+    pub(super) fn take_scene_out(&self, id: &str) -> bool {
         let was_there = self.scenes.remove(id);
         lock(&self.maps).retain(|(of, _), _| of != id);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
@@ -215,8 +215,20 @@ impl Shared {
         was_there
     }
 
-    pub(super) fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
-        let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
+    /// The cameras as they are at one moment, in the configuration's order.
+    pub(super) fn all_cameras(&self) -> Arc<[Arc<CameraEntry>]> {
+        Arc::clone(&self.cameras.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// From now on there are these cameras.
+    pub(super) fn set_cameras(&self, cameras: Vec<CameraEntry>) {
+        self.scenes.set_cameras(cameras.iter().map(|camera| camera.id.clone()).collect());
+        let cameras = cameras.into_iter().map(Arc::new).collect();
+        *self.cameras.write().unwrap_or_else(PoisonError::into_inner) = cameras;
+    }
+
+    pub(super) fn camera(&self, id: &str) -> Result<Arc<CameraEntry>, EngineError> {
+        let found = self.all_cameras().iter().find(|camera| camera.id.as_str() == id).cloned();
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
     }
 
@@ -277,7 +289,7 @@ impl Shared {
             At::Time(instant) => instant,
         };
         let newest = |camera: &CameraEntry| Some((camera.id.clone(), camera.timeline.range()?.1));
-        let horizon = Horizon::new(self.members(scene).filter_map(newest));
+        let horizon = Horizon::new(self.members(scene).iter().filter_map(newest));
         let cameras = scene.cameras.iter().map(|member| member.id.clone()).collect();
         Ok(SceneMoment { instant, cameras, horizon })
     }
@@ -308,9 +320,10 @@ impl Shared {
     }
 
     /// The scene's cameras; those that are not configured are left out.
-    pub(super) fn members(&self, scene: &Scene) -> impl Iterator<Item = &CameraEntry> {
-        let members = scene.cameras.iter().map(|member| member.id.clone()).collect::<Vec<_>>();
-        self.cameras.iter().filter(move |camera| members.contains(&camera.id))
+    pub(super) fn members(&self, scene: &Scene) -> Vec<Arc<CameraEntry>> {
+        let is_member =
+            |camera: &&Arc<CameraEntry>| scene.cameras.iter().any(|member| member.id == camera.id);
+        self.all_cameras().iter().filter(is_member).cloned().collect()
     }
 
     /// What was known of a camera at `instant`: its newest observation until then, however old.

@@ -38,6 +38,7 @@ pub use copy::{Contents, Depth, ReadOnly, copy, verify};
 pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTES};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
+pub use open::{file_system_of, is_network_file_system};
 pub use privacy::PrivacyRecord;
 pub use retention::AgeLimits;
 pub use scene::{SceneEntry, SceneRecord};

@@ -9,6 +9,7 @@ mod kept;
 pub(crate) mod process;
 #[cfg(feature = "opentelemetry")]
 mod traces;
+mod reload;
 
 use process::{Daemon, Output, run, videofields};
 use serde_json::Value;

@@ -205,7 +205,7 @@ impl Budget<'_> {
 }
 
 fn max_bytes(shared: &Shared) -> u64 {
-    (shared.settings.export_gib * (1_u64 << 30) as f64) as u64
+    (shared.settings().export_gib * (1_u64 << 30) as f64) as u64
 }
 
 /// MiB that the disk has and that exports leave, where it has less: twice what recording leaves, so that exports stop first.
@@ -213,7 +213,7 @@ fn lack(shared: &Arc<Shared>) -> Result<Option<(u64, u64)>, ArchiveError> {
     let archive = reconcile::enter(shared)?;
     let free_bytes =
         archive.free_bytes().map_err(ArchiveError::files("look at the disk of", archive.path()))?;
-    let (free_mib, least_mib) = (free_bytes >> 20, 2 * u64::from(shared.settings.min_free_mib));
+    let (free_mib, least_mib) = (free_bytes >> 20, 2 * u64::from(shared.settings().min_free_mib));
     Ok((free_mib < least_mib).then_some((free_mib, least_mib)))
 }
 
@@ -233,7 +233,7 @@ fn leave_room(shared: &Arc<Shared>) {
 
 /// Removes exports that are older than they may be.
 fn remove_old(shared: &Shared) {
-    let max_age_nanos = (shared.settings.export_days * 86_400e9) as i64;
+    let max_age_nanos = (shared.settings().export_days * 86_400e9) as i64;
     let now = shared.clock.now();
     for status in shared.exports.list() {
         let age_nanos = status.made_at.parse().ok().map(|made: Timestamp| now.nanos_since(made));

@@ -44,7 +44,7 @@ impl Door for Shared {
         let now = self.clock.monotonic();
         let recordings = self.past.as_ref().map(|past| past.recordings()).unwrap_or_default();
         let scenes = self.scenes.all();
-        let summary = |camera: &CameraEntry| {
+        let summary = |camera: &Arc<CameraEntry>| {
             let status = camera.status.read();
             let range = camera.timeline.range();
             let vision_size_px = status.size.map(|(width, height)| {
@@ -72,7 +72,7 @@ impl Door for Shared {
                 scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
             }
         };
-        self.cameras.iter().map(summary).collect()
+        self.all_cameras().iter().map(summary).collect()
     }
 
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
@@ -80,7 +80,7 @@ impl Door for Shared {
         match at {
             At::Live => entry.timeline.latest(),
             At::Time(instant) => match (entry.timeline.at(instant), &self.past) {
-                (Err(error), Some(past)) => return past_or(entry, past, instant, &error),
+                (Err(error), Some(past)) => return past_or(&entry, past, instant, &error),
                 // Before the oldest that memory holds may lie one that is nearer, which was recorded.
                 (Ok(oldest), Some(past))
                     if oldest.frame.timestamp > instant && entry.timeline.last_before(instant).is_none() =>
@@ -116,7 +116,7 @@ impl Door for Shared {
             (Some(Ok(recorded)), _) => Ok(recorded),
             (_, Ok(kept)) => Ok(kept),
             (None, Err(kept)) => Err(entry.failure(&kept)),
-            (Some(Err(error)), Err(kept)) => Err(past_failure(entry, &error, &kept)),
+            (Some(Err(error)), Err(kept)) => Err(past_failure(&entry, &error, &kept)),
         }
     }
 
@@ -158,7 +158,11 @@ impl Door for Shared {
     ) -> Result<SegmentSettings, EngineError> {
         let changed = self.preview_segment(camera, change)?;
         tracing::info!(camera, segment = ?changed, "segmentation settings changed");
-        self.camera(camera)?.tuning.set_segment(changed.clone());
+        let entry = self.camera(camera)?;
+        entry.tuning.set_segment(changed.clone());
+        if let Some(past) = &self.past {
+            past.set_segment(&entry.id, &changed);
+        }
         Ok(changed)
     }
 
@@ -371,7 +375,8 @@ impl Door for Shared {
     }
 
     fn readiness(&self) -> Readiness {
-        let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
+        let cameras = self.all_cameras();
+        let with_frames = cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
         let renderer = lock(&self.renderer).clone();
         let (takes_backgrounds, _) = self.store_health.read();
         let archive = self.past.as_ref().and_then(|past| past.archive());
@@ -380,12 +385,12 @@ impl Door for Shared {
             ready: renderer.is_ok() && store_is_good,
             store: store_is_good,
             renderer: renderer.unwrap_or_else(|reason| format!("not ready: {reason}")),
-            cameras_with_frames: [with_frames, self.cameras.len()],
+            cameras_with_frames: [with_frames, cameras.len()],
         }
     }
 
     fn metrics_text(&self) -> Result<String, EngineError> {
-        for camera in &self.cameras {
+        for camera in &*self.all_cameras() {
             let id = camera.id.as_str();
             if let Some(at) = camera.status.read().last_frame_at {
                 let age = self.clock.monotonic().saturating_sub(at);
