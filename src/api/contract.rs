@@ -126,7 +126,8 @@ fn operation(route: &Route) -> Described {
     for wanted in &operation.parameters {
         described = described.parameter(parameter(wanted, ParameterIn::Query));
     }
-    for (name, meaning) in conditions(operation.conditions) {
+    let once: &[(&str, &str)] = if operation.is_once { &[ONCE] } else { &[] };
+    for (name, meaning) in conditions(operation.conditions).iter().chain(once) {
         let field = ParameterBuilder::new().name(*name).parameter_in(ParameterIn::Header);
         let field = field.description(Some(*meaning)).required(Required::False);
         described = described.parameter(field.schema(Some(schema::read(json!({"type": "string"})))));
@@ -166,6 +167,12 @@ fn parameter(of: &Parameter, place: ParameterIn) -> DescribedParameter {
         .schema(Some(schema::read(of.schema())))
         .build()
 }
+
+/// The key of a job.
+const ONCE: (&str, &str) = (
+    "Idempotency-Key",
+    "Names the job: asked for again with the same key and body within a day, it is answered as the first time and not made anew",
+);
 
 const fn conditions(of: Conditions) -> &'static [(&'static str, &'static str)] {
     match of {

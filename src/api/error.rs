@@ -164,7 +164,7 @@ impl Problem {
     pub(super) fn content_too_large() -> Self {
         let class =
             class(StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The request's body is too large");
-        let detail = "a scene document may have 4 MiB, any other body 1 MiB";
+        let detail = "a scene document may have 4 MiB, a glTF 32 MiB, any other body 1 MiB";
         Self::of(class, detail.to_owned())
     }
 

@@ -3,6 +3,7 @@
 use super::Api;
 use super::content::Content;
 use super::error::Problem;
+use super::idempotency::{self, Wanted};
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
@@ -40,6 +41,7 @@ pub(super) fn routes() -> Routes {
     ));
     let ask = Operation::new("ask_export", "Asks for clips of what was recorded")
         .about("One is made after the other; 16 may wait.")
+        .once()
         .role(Role::Operator)
         .right(Right::Export)
         .takes(schema::system::export_asked())
@@ -86,11 +88,17 @@ pub(super) async fn ask(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let body = read_body(&body)?;
+    let route = "POST /api/v1/exports";
+    let wanted = Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
+    idempotency::once(&api, wanted, begin(&api, &body)).await
+}
+
+async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
+    let body = read_body(body)?;
     let status: ExportStatus = api
         .ask("exporting", move |door| door.ask_export(body))
         .await
-        .map_err(|error| problem_of(&api, error))?;
+        .map_err(|error| problem_of(api, error))?;
     let location = format!("/api/v1/exports/{}", status.id);
     Ok((StatusCode::ACCEPTED, NO_STORE, [(header::LOCATION, location)], Json(status)).into_response())
 }

@@ -17,6 +17,9 @@ use tracing::Instrument;
 /// Route label of requests that no route matches.
 const NO_ROUTE: &str = "(none)";
 
+/// Most bytes of any route's body.
+const MAX_ANY_BYTES: u64 = crate::scene::exchange::MAX_EXCHANGE_BYTES as u64;
+
 /// Sees every request first and every answer last.
 pub(super) async fn observe(
     State(api): State<Api>,
@@ -40,6 +43,7 @@ pub(super) async fn observe(
         telemetry::link(&span, traceparent);
     }
     let refused = too_large(&api, &request).or_else(|| foreign_host(&api, &request));
+    let refused = refused.or_else(|| too_long(&request));
     let mut response = match refused {
         Some(problem) => problem.into_response(),
         None => next.run(request).instrument(span.clone()).await,
@@ -68,6 +72,14 @@ fn too_large(api: &Api, request: &Request) -> Option<Problem> {
     let field_bytes: usize =
         request.headers().iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
     (field_bytes > api.limits.field_bytes).then(|| Problem::fields_too_large(api.limits.field_bytes))
+}
+
+/// A body that is announced longer than any route takes is refused before any of it comes.
+fn too_long(request: &Request) -> Option<Problem> {
+    let length = request.headers().get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
+    let is_too_long =
+        length.and_then(|length| length.parse().ok()).is_some_and(|length: u64| length > MAX_ANY_BYTES);
+    is_too_long.then(Problem::content_too_large)
 }
 
 /// A page of somebody else's whose name was made to lead here would be taken by the browser for the daemon's own, and

@@ -126,6 +126,7 @@ pub(super) async fn put<K: Kind>(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
+    check_free::<K>(&api, &id)?;
     let condition = seen::<K>(&api, &id, required(&headers)?);
     keep::<K>(&api, &id, read_body(&body)?, condition).await
 }
@@ -230,9 +231,14 @@ fn check<K: Kind>(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Proble
         let message = format!("a {kind}'s name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit");
         return Err(CatalogError::Faults(vec![Fault::new("id", message)]).into());
     }
+    Ok(())
+}
+
+/// Refuses to make what is there already, of a scene that is hidden from the caller: by trying to take a name one may learn that it
+/// is taken, and by nothing else.
+fn check_free<K: Kind>(api: &Api, id: &str) -> Result<(), Problem> {
     let is_kept = api.catalog()?.state(K::KIND, id).is_there;
     if is_kept && find::<K>(api, id).is_err() && api.check_admin("this").is_err() {
-        // Its scene is hidden from the caller.
         return Err(Problem::new(ErrorKind::Forbidden, format!("the name {id} is taken")));
     }
     Ok(())

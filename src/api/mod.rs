@@ -21,6 +21,7 @@ mod events;
 mod exports;
 mod frames;
 mod guard;
+mod guests;
 mod health;
 mod idempotency;
 mod identity;
@@ -36,6 +37,7 @@ mod plan;
 mod playheads;
 mod privacy;
 mod query;
+mod scene_exchange;
 mod scenes;
 mod schema;
 mod segments;
@@ -72,8 +74,8 @@ use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
 use crate::evidence::Snapshots;
-use crate::wall::{FrameLock, Wall};
 use crate::scene::MAX_DOCUMENT_BYTES;
+use crate::wall::{FrameLock, Wall};
 use crate::wall::{FrameLock, Wall};
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
@@ -143,6 +145,7 @@ struct Api {
     encoding_pace: Arc<encoding::EncodingPace>,
     strips: Arc<Semaphore>,
     streams: Arc<Semaphore>,
+    listeners: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
     site: Arc<Site>,
@@ -154,6 +157,8 @@ struct Api {
     tags: Arc<tags::KnownTags>,
     /// Answers to jobs that were asked for with a key.
     answered: Arc<idempotency::Answered>,
+    /// Scenes of other programs that are taken in at once.
+    imports: Arc<Semaphore>,
 }
 
 impl Api {
@@ -230,6 +235,7 @@ pub fn router_within(
         encoding_pace: Arc::default(),
         strips,
         streams: frames::places(),
+        listeners: Arc::new(Semaphore::new(guests::LISTENERS)),
         answers,
         site: Arc::new(site),
         frames: frame_lock,
@@ -237,15 +243,16 @@ pub fn router_within(
         connection: connection::Connection::default(),
         tags: Arc::default(),
         answered: Arc::default(),
+        imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
     };
     let limited = resources()
         .router()
         .merge(undescribed().layer(from_fn(identity::require)))
-        .layer(from_fn_with_state(api.clone(), idempotency::once))
-        .layer(from_fn(compress::never_compressed))
         .merge(page::routes())
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         .layer(from_fn(tags::spare))
+        .layer(from_fn_with_state(api.clone(), guests::bound_listeners))
+        .layer(from_fn(compress::mark))
         .layer(compress::layer())
         .layer(from_fn(compress::tell_compressed))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
@@ -272,6 +279,7 @@ fn resources() -> Routes {
         strip::routes(),
         events::routes(),
         scenes::routes(),
+        scene_exchange::routes(),
         view::routes(),
         plan::routes(),
         timeline::routes(),

@@ -23,6 +23,8 @@ pub(super) struct Operation {
     pub(super) role: Role,
     pub(super) rights: Vec<Right>,
     pub(super) is_open: bool,
+    /// Whether `Idempotency-Key` is heard.
+    pub(super) is_once: bool,
 }
 
 /// Which conditions (RFC 9110, section 13) a method reads.
@@ -98,6 +100,7 @@ impl Operation {
             role: Role::Viewer,
             rights: Vec::new(),
             is_open: false,
+            is_once: false,
         }
     }
 
@@ -139,6 +142,12 @@ impl Operation {
     pub(super) fn conditional(mut self) -> Self {
         self.conditions = Conditions::Change;
         self.may_fail(&[412, 428])
+    }
+
+    /// A job that is made once however often it is asked for with one `Idempotency-Key`.
+    pub(super) fn once(mut self) -> Self {
+        self.is_once = true;
+        self.may_fail(&[409, 422])
     }
 
     /// An answer that `If-None-Match` spares who has it already.

@@ -11,7 +11,7 @@ use super::parameters::{NONE, Parameter};
 use super::picture::files;
 use super::query::Query;
 use super::segments::Segments;
-use super::tags::Tag;
+use super::tags::EntityTag;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, schema};
 use crate::access::Role;
@@ -57,7 +57,8 @@ pub(super) fn routes() -> Routes {
         schema::scenes::all(),
     ));
     let one = Operation::new("show_scene", "A scene's document in its normal form")
-        .about("Without the cameras of which the caller has no right.")
+        .about("Without the cameras of which the caller has no right; its tag is the version for admins, else a digest of it.")
+        .revalidated()
         .answers(kept(200, "The document").tagged());
     let put = Operation::new("put_scene", "Makes a scene or replaces one")
         .role(Role::Admin)
@@ -133,7 +134,7 @@ pub(super) async fn one(
     // Versions count changes of hidden cameras too, and only admins change scenes: others are told whether what they may see has
     // changed.
     let is_admin = api.identity.caller.grants.role() == Role::Admin;
-    let tag = if is_admin { etag(version) } else { Tag::of(document.as_bytes()).text() };
+    let tag = if is_admin { etag(version) } else { EntityTag::of(document.as_bytes()).text() };
     let fields = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
@@ -246,7 +247,7 @@ fn read_change(raw: Option<&str>) -> Result<bool, Problem> {
 }
 
 /// Refuses who may not change scenes, and names that none can have.
-fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+pub(super) fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
     refuse_foreign(headers)?;
     api.check_admin("changing scenes")?;
     if is_id(id) {

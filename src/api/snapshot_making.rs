@@ -7,7 +7,7 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::snapshots::{summary, within};
 use super::tune::{read_members, refuse_foreign};
-use super::{Api, cameras, scenes, view};
+use super::{Api, cameras, idempotency, scenes, view};
 use crate::encode::PictureFormat;
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault};
@@ -49,15 +49,21 @@ pub(super) async fn make(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let body: Body = read_members(&body)?;
-    let subject = subject(&api, &body)?;
+    let route = "POST /api/v1/snapshots";
+    let keyed = idempotency::Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
+    idempotency::once(&api, keyed, begin(&api, &body)).await
+}
+
+async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
+    let body: Body = read_members(body)?;
+    let subject = subject(api, &body)?;
     let wanted = Wanted { subject, note: body.note, tags: body.tags, hold: body.hold };
     let caller = &api.identity.caller;
     let maker = Maker { user: caller.user.as_deref(), schedule: None, grants: &caller.grants };
     let made = api.evidence()?.make(&api.door, maker, wanted).await;
     let made = made.map_err(|error| match error {
-        EvidenceError::Engine(error @ EngineError::NoScene { .. }) => scenes::problem_of(&api, error),
-        EvidenceError::Engine(error @ EngineError::NoCamera { .. }) => cameras::problem_of(&api, error),
+        EvidenceError::Engine(error @ EngineError::NoScene { .. }) => scenes::problem_of(api, error),
+        EvidenceError::Engine(error @ EngineError::NoCamera { .. }) => cameras::problem_of(api, error),
         EvidenceError::Engine(EngineError::Request(fault)) => {
             let pointer = if body.scene.is_some() { "/parameters" } else { "/t" };
             within(pointer, Problem::at(ErrorKind::Invalid, vec![fault]))

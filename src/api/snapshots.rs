@@ -77,6 +77,7 @@ pub(super) fn routes() -> Routes {
         .answers(Answer::json(200, "The snapshots", schema::evidence::all()));
     let make = Operation::new("make_snapshot", "Keeps a view or a camera's picture as evidence")
         .about("Once it is answered the snapshot is on the disk, whole.")
+        .once()
         .role(Role::Operator)
         .right(Right::Export)
         .takes(schema::evidence::asked())

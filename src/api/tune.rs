@@ -14,6 +14,7 @@ use super::{Api, cameras, schema};
 use crate::access::{Right, Role};
 use crate::catalog::{CameraAsked, CatalogError};
 use crate::error::{ErrorKind, Fault, Gatherer};
+use crate::scene::json_tree;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -222,13 +223,16 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
-/// The JSON that a request brings.
+/// The JSON that a request brings; a member that is written twice is a fault.
 pub(super) fn read_body(body: &[u8]) -> Result<Value, Problem> {
-    serde_json::from_slice(body).map_err(|error| {
-        let place = format!("line {}, column {}", error.line(), error.column());
-        let message = format!("the body is no JSON ({place}): {error}");
+    let text = std::str::from_utf8(body).map_err(|error| {
+        let message = format!("the body must be UTF-8, but byte {} is not", error.valid_up_to());
         Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
-    })
+    })?;
+    let mut gatherer = Gatherer::default();
+    let tree = json_tree(text, &mut gatherer).map_err(CatalogError::from)?;
+    let faults = gatherer.into_faults();
+    if faults.is_empty() { Ok(tree) } else { Err(Problem::at(ErrorKind::Invalid, faults)) }
 }
 
 /// The members of the JSON object that a request brings; refused with every fault, each at its JSON pointer.

@@ -17,6 +17,7 @@ pub(crate) mod manual;
 mod operator;
 pub(crate) mod progress;
 pub(crate) mod restore;
+pub(crate) mod scene;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;

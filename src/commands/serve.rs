@@ -3,11 +3,11 @@
 use anyhow::{Context, Result, bail};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use videofields::config::{self, Config, ConfigError};
 use videofields::daemon;
-use videofields::telemetry::{self, LogFormat, Traces};
-use std::sync::Arc;
 use videofields::daemon::{self, Load};
+use videofields::telemetry::{self, LogFormat, Traces};
 
 /// The demo's configuration, from the project's root.
 const DEMO_CONFIG: &str = "config/demo/plaza.toml";

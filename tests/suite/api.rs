@@ -3,7 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod contract;
-mod door;
+pub(crate) mod door;
 mod exports;
 mod idempotency;
 mod playheads;

@@ -40,11 +40,13 @@ pub(super) const DOCUMENT: &str = r#"{"version": 1, "id": "plaza"}"#;
 
 /// What a test sets and sees.
 #[derive(Default)]
-pub(super) struct State {
+pub(crate) struct State {
     /// Every question that may fail, fails with this.
     pub(super) failure: Option<EngineError>,
     /// Views are never answered; their replies are kept here.
     pub(super) keeps_views: bool,
+    /// Views that were asked for.
+    pub(crate) n_views: usize,
     /// How views say that they came about.
     pub(super) origin: Option<Origin>,
     pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
@@ -73,9 +75,14 @@ pub(super) struct State {
 }
 
 #[derive(Default)]
-pub(super) struct FakeDoor(pub(super) Mutex<State>);
+pub(crate) struct FakeDoor(pub(crate) Mutex<State>);
 
 impl FakeDoor {
+    /// A playhead `wall` that can be listened to.
+    pub(crate) fn put_a_playhead(&self) {
+        self.put_playhead("wall", serde_json::json!({})).unwrap();
+    }
+
     fn failure(&self) -> Result<(), EngineError> {
         self.0.lock().unwrap().failure.clone().map_or(Ok(()), Err)
     }
@@ -487,6 +494,7 @@ impl Door for FakeDoor {
         self.failure()?;
         let mut state = self.0.lock().unwrap();
         state.view = Some(request.clone());
+        state.n_views += 1;
         if state.keeps_views {
             state.kept.push(reply);
             return Ok(());
