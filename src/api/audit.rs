@@ -12,7 +12,6 @@ use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
-use super::snapshots;
 use super::users;
 use crate::access::Role;
 use crate::clock::Timestamp;

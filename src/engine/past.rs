@@ -230,7 +230,7 @@ impl Past {
         camera: &CameraId,
         at: Timestamp,
     ) -> Option<Result<PastFrame, ReplayError>> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
         Some(replay.frame_at(camera, at).map(|found| self.hidden(camera, found)))
     }
 
@@ -240,7 +240,7 @@ impl Past {
         camera: &CameraId,
         after: Timestamp,
     ) -> Result<Option<Timestamp>, ReplayError> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera));
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some());
         replay.map_or(Ok(None), |replay| replay.next_after(camera, after))
     }
 

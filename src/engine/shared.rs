@@ -288,7 +288,7 @@ impl Shared {
             At::Live => self.live_instant(scene)?,
             At::Time(instant) => instant,
         };
-        let newest = |camera: &CameraEntry| Some((camera.id.clone(), camera.timeline.range()?.1));
+        let newest = |camera: &Arc<CameraEntry>| Some((camera.id.clone(), camera.timeline.range()?.1));
         let horizon = Horizon::new(self.members(scene).iter().filter_map(newest));
         let cameras = scene.cameras.iter().map(|member| member.id.clone()).collect();
         Ok(SceneMoment { instant, cameras, horizon })
@@ -313,7 +313,7 @@ impl Shared {
             (Ok(seen), _) => Ok(seen),
             // Recorded is also what has come since.
             (Err(error), Some(past)) if newest.is_none_or(|newest| instant <= newest) => {
-                past_or(entry, past, instant, &error)
+                past_or(&entry, past, instant, &error)
             }
             (Err(error), _) => Err(entry.failure(&error)),
         }

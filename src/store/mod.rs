@@ -21,7 +21,6 @@ mod open;
 mod privacy;
 pub mod probe;
 pub mod restore;
-mod privacy;
 mod retention;
 mod scene;
 mod segment;
