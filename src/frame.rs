@@ -7,6 +7,7 @@ mod bits;
 mod blur;
 mod buffer;
 mod color;
+mod crop;
 mod mask;
 mod reduce;
 mod yuv;

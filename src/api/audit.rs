@@ -25,13 +25,15 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 
 /// Routes at which somebody looks at what cameras saw.
-const LOOKS: [&str; 18] = [
+const LOOKS: [&str; 20] = [
     "/api/v1/cameras/{id}/{picture}",
     "/api/v1/cameras/{id}/strip.jpg",
     "/api/v1/scenes/{id}/{picture}",
     "/api/v1/scenes/{id}/tracks",
     "/api/v1/exports/{id}/{file}",
     "/api/v1/scenes/{id}/view.mjpeg",
+    "/api/v1/cameras/{id}/foreground",
+    "/api/v1/scenes/{id}/tracks/stream",
     "/api/v1/scenes/{id}/frames",
     "/api/v1/views/{id}/frames",
     "/api/v1/walls/{id}/tiles/{tile}/frames",

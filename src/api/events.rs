@@ -20,7 +20,7 @@ use serde_json::json;
 const MAX_LIMIT: u32 = 1000;
 
 /// Greatest number of an event: what a browser's numbers hold to the last digit.
-const MAX_ID: u64 = (1 << 53) - 1;
+pub(super) const MAX_ID: u64 = (1 << 53) - 1;
 
 /// Events of one answer, unless more or fewer are asked for.
 const LIMIT: u32 = 100;

@@ -17,8 +17,11 @@ mod documents;
 mod effort;
 mod encoding;
 mod error;
+mod event_stream;
 mod events;
 mod exports;
+mod foreground;
+mod foreground_writer;
 mod frames;
 mod guard;
 mod guests;
@@ -35,6 +38,7 @@ mod parameters;
 mod picture;
 mod plan;
 mod playheads;
+mod present;
 mod privacy;
 mod query;
 mod scene_exchange;
@@ -69,7 +73,7 @@ pub use view::read_view_request;
 
 use crate::access::Grants;
 use crate::accounts::{Accounts, Audit};
-use crate::catalog::{Catalog, NamedView};
+use crate::catalog::Catalog;
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
@@ -80,7 +84,6 @@ use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
-use axum::routing::{get, post};
 use error::Problem;
 use identity::Identity;
 use openapi::Routes;
@@ -149,6 +152,7 @@ struct Api {
     site: Arc<Site>,
     frames: Arc<FrameLock>,
     rounds: Arc<wall_rounds::Rounds>,
+    feeds: Arc<foreground::Feeds>,
     /// What the request came by.
     connection: connection::Connection,
     /// Of pictures that were shown.
@@ -238,6 +242,7 @@ pub fn router_within(
         site: Arc::new(site),
         frames: frame_lock,
         rounds: Arc::default(),
+        feeds: Arc::default(),
         connection: connection::Connection::default(),
         tags: Arc::default(),
         answered: Arc::default(),
@@ -245,7 +250,6 @@ pub fn router_within(
     };
     let limited = resources()
         .router()
-        .merge(undescribed().layer(from_fn(identity::require)))
         .merge(page::routes())
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         .layer(from_fn(tags::spare))
@@ -285,6 +289,12 @@ fn resources() -> Routes {
         alignment::routes(),
         walls::routes(),
         wall_tiles::routes(),
+        views::routes(),
+        streams::routes(),
+        sockets::routes(),
+        foreground::routes(),
+        event_stream::routes(),
+        present::routes(),
         playheads::routes(),
         exports::routes(),
         snapshots::routes(),
@@ -298,19 +308,6 @@ fn resources() -> Routes {
     all.into_iter().fold(Routes::of(system::TAG, parameters::NONE), Routes::merge)
 }
 
-/// Routes that the contract does not describe yet.
-fn undescribed() -> Router<Api> {
-    Router::new()
-        .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
-        .route("/api/v1/scenes/{id}/frames", get(sockets::of_view))
-        .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
-        .route("/api/v1/walls/{id}/tiles/{tile}/frames", get(sockets::of_tile))
-        .merge(kept_routes::<NamedView>("/api/v1/views"))
-        .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
-        .route("/api/v1/views/{id}/frames", get(sockets::of_named))
-        .route("/api/v1/views/{id}/{picture}", get(views::picture))
-}
-
 /// Routes for who watches the daemon: answered also while it has too much to do.
 fn probes() -> Routes {
     health::routes().merge(metrics::routes())
@@ -319,23 +316,6 @@ fn probes() -> Routes {
 /// All that the contract describes.
 fn described() -> Routes {
     resources().merge(probes())
-}
-
-/// The routes of documents of a kind beneath `path`.
-fn kept_routes<K: kept::Kind>(path: &str) -> Router<Api> {
-    let one = get(kept::one::<K>).put(kept::put::<K>).patch(kept::change::<K>).delete(kept::remove::<K>);
-    Router::new()
-        .route(path, get(kept::list::<K>))
-        .route(
-            &format!("{path}/{{id}}"),
-            one.fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
-        )
-        .route(&format!("{path}/{{id}}/versions"), get(kept::versions::<K>))
-        .route(&format!("{path}/{{id}}/versions/{{number}}"), get(kept::version::<K>))
-        .route(
-            &format!("{path}/{{id}}/versions/{{number}}/restore"),
-            post(kept::restore::<K>).fallback(|| async { error::only(&["POST"]) }),
-        )
 }
 
 async fn no_route(uri: Uri) -> Problem {

@@ -24,6 +24,7 @@ pub(crate) mod simulate;
 pub(crate) mod snapshot;
 pub(crate) mod store;
 pub(crate) mod view;
+pub(crate) mod wall_client;
 
 /// Writes a line to standard output, or says that whoever reads it has left.
 pub(crate) fn say(line: &str) -> Result<()> {

@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 /// Scenes whose entities and gains are remembered, those asked for last: both are small, a scene's document may not be.
-const MAX_SCENES: usize = 32;
+pub(super) const MAX_SCENES: usize = 32;
 
 /// What pictures of one scene remember.
 #[derive(Debug, Default)]

@@ -1,7 +1,7 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, Privacy, PrivacySummary,
+    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, Present, Privacy, PrivacySummary,
     SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use crate::access::Grants;
@@ -378,6 +378,18 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoScene`].
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
+
+    /// Who is before a scene's cameras now. Takes some milliseconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
+
+    /// Changes with every frame that a camera has seen.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError>;
 
     /// Every playhead, in the order in which they were made.
     fn playheads(&self) -> Vec<PlayheadState>;

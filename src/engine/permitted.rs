@@ -12,6 +12,7 @@ use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Rea
 use super::identity::ViewIdentity;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
+use super::presence::Present;
 use super::privacy::Privacy;
 use super::shared::{CameraEntry, Shared};
 use super::track_search::{FoundTracks, TrackQuery};
@@ -352,6 +353,16 @@ impl Door for Permitted {
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         let scene = self.scene_with(scene, &self.having(Right::Manage), "manage")?;
         self.shared.align_scene(&scene)
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        let scene = self.scene_with(scene, &self.seeing(At::Live), "live")?;
+        self.shared.present_of(&scene)
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        self.check(camera, Right::Live)?;
+        self.shared.watch_camera(camera)
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

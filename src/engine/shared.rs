@@ -10,6 +10,7 @@ use super::forecaster::Forecaster;
 use super::handle::{At, Door};
 use super::past::Past;
 use super::playheads::Playheads;
+use super::presence::Presences;
 use super::privacy::Privacies;
 use super::queue::RenderQueue;
 use super::roster::Roster;
@@ -86,6 +87,7 @@ pub(super) struct Shared {
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
     pub(super) playheads: Playheads,
+    pub(super) presences: Presences,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// Scenes as callers may see them.
@@ -142,6 +144,7 @@ impl Shared {
             render_settings,
             store_health,
             playheads: Playheads::new(),
+            presences: Presences::default(),
             maps: Mutex::new(maps),
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),

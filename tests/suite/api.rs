@@ -4,12 +4,13 @@
 
 mod contract;
 pub(crate) mod door;
+mod event_stream;
 mod exports;
 mod idempotency;
 mod playheads;
 mod refusals;
 mod server;
-mod sockets;
+pub(crate) mod sockets;
 mod streams;
 mod strip;
 mod timeline;

@@ -15,6 +15,7 @@ pub(crate) mod privacy;
 mod restart;
 mod rights;
 mod snapshots;
+mod streams;
 mod tags;
 mod tracks;
 mod views;

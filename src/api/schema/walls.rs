@@ -1,13 +1,12 @@
 //! Walls: their documents, and what is told of their tiles.
 
 use super::{
-    Named, anything, count, exactly, id, list, nullable, number, number_within, object, taken, text,
-    whole_within,
+    Named, count, exactly, id, list, nullable, number, number_within, object, taken, text, whole_within,
 };
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 1] = [("Wall", wall)];
+pub(in crate::api) const NAMED: [Named; 2] = [("NamedView", named_view), ("Wall", wall)];
 
 /// Every wall.
 pub(in crate::api) fn all() -> Value {
@@ -21,11 +20,34 @@ pub(in crate::api) fn all() -> Value {
     object([("walls", list(wall), "In the order of names")])
 }
 
-/// Members of a document that are to be others.
-pub(in crate::api) fn patch() -> Value {
-    let mut patch = anything();
-    patch["description"] = json!("Members of a wall's document that are to be others; null takes one away");
-    patch
+/// Every named view.
+pub(in crate::api) fn views() -> Value {
+    let view = object([
+        ("id", id(), ""),
+        ("name", text(), "For people"),
+        ("scene", id(), "What it shows"),
+        ("parameters", text(), "As a view's query string has them"),
+        ("group", text(), "Under what it is listed"),
+        ("tags", list(text()), "By what it is found"),
+        ("order", number(), "Its place in its group"),
+        ("version", count(), ""),
+    ]);
+    object([("views", list(view), "Group by group, each in its order")])
+}
+
+fn named_view() -> Value {
+    let at_most = |n: usize| json!({"type": "string", "maxLength": n});
+    taken(
+        &["scene"],
+        [
+            ("name", at_most(200), "For people"),
+            ("scene", text(), "What is shown"),
+            ("parameters", at_most(1024), "As a view's query string has them"),
+            ("group", at_most(100), "Under what it is listed"),
+            ("tags", list(at_most(64)), "By what it is found; at most 32, each once"),
+            ("order", whole_within(-1_000_000, 1_000_000), "Its place in its group; default 0"),
+        ],
+    )
 }
 
 fn side_px() -> Value {

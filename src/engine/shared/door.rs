@@ -12,6 +12,7 @@ use super::super::identity::ViewIdentity;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, Entry, PlayheadState};
+use super::super::presence::Present;
 use super::super::privacy::Privacy;
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{SceneMoment, ViewAnswer, ViewRequest};
@@ -307,6 +308,14 @@ impl Door for Shared {
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         self.align_scene(&*self.scene(scene)?)
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        self.present_of(&self.scene(scene)?)
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        Ok(self.camera(camera)?.timeline.subscribe())
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

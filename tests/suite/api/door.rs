@@ -14,9 +14,9 @@ use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSe
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
     Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
-    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Privacy, PrivacySummary, Readiness,
-    RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor,
-    TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy,
+    PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline,
+    SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -210,6 +210,23 @@ impl Door for FakeDoor {
             pairs: vec![PairAlignment { first: id("south"), second: id("north"), alignment }],
             n_left_out: 0,
         })
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        let entity = PresentEntity {
+            id: 3,
+            foot_in_world: DVec3::new(1.0, -2.000_04, 0.0),
+            height_m: 1.75,
+            seen_by: vec![id("north")],
+        };
+        Ok(Arc::new(Present { instant: LAST, sources: Vec::new(), entities: vec![entity] }))
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        Self::has_camera(camera)?;
+        Ok(self.0.lock().unwrap().changes.subscribe())
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {

@@ -5,9 +5,13 @@ use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::{HeaderMap, Request};
 use serde_json::Value;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
 use tower::ServiceExt;
 use videofields::accounts::{Accounts, Audit};
 use videofields::api::{self, Limits, Site, Trust};
@@ -67,6 +71,10 @@ impl House {
         Self { bench, router }
     }
 
+    pub(super) fn serve(&self) -> (SocketAddr, oneshot::Sender<()>) {
+        serve(&self.bench.runtime, self.router.clone())
+    }
+
     pub(crate) fn send(
         &self,
         method: &str,
@@ -101,6 +109,15 @@ impl House {
             answers
         })
     }
+}
+
+/// Answers requests at an address of this machine, until the other end is sent to or dropped.
+pub(super) fn serve(runtime: &Runtime, router: Router) -> (SocketAddr, oneshot::Sender<()>) {
+    let (stop, stopped) = oneshot::channel();
+    let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0")).unwrap();
+    let address = listener.local_addr().unwrap();
+    runtime.spawn(api::serve(listener, None, router, async move { drop(stopped.await) }));
+    (address, stop)
 }
 
 async fn answered(router: Router, request: Request<Body>) -> Answer {

@@ -12,7 +12,7 @@ use videofields::config::Resolution;
 const WALL: &str = "/api/v1/walls/control";
 
 /// The plaza with all its cameras live.
-fn start(folder: &Path) -> House {
+pub(super) fn start(folder: &Path) -> House {
     let mut settings = settings();
     settings.render.max_pixels = 1 << 20;
     settings.render.timeout_secs = 10.0;
