@@ -64,7 +64,8 @@ pub fn decoded_codecs() -> Result<Vec<Codec>, Fault> {
     gst::init().map_err(|error| gstreamer_fault("start", &error))?;
     let kind = gst::ElementFactoryType::DECODER | gst::ElementFactoryType::MEDIA_VIDEO;
     let image = gst::ElementFactoryType::DECODER | gst::ElementFactoryType::MEDIA_IMAGE;
-    let mut factories: Vec<_> = gst::ElementFactory::factories_with_type(kind, gst::Rank::MARGINAL).into_iter().collect();
+    let mut factories: Vec<_> =
+        gst::ElementFactory::factories_with_type(kind, gst::Rank::MARGINAL).into_iter().collect();
     factories.extend(gst::ElementFactory::factories_with_type(image, gst::Rank::MARGINAL));
     let is_decoded = |codec: &Codec| {
         let caps = gst::Caps::new_empty_simple(codec.caps());
