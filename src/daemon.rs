@@ -151,6 +151,7 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     let mut upkeep = JoinSet::new();
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
     upkeep.spawn(upkeep::follow_signals(tls.clone(), Arc::downgrade(&accounts), Arc::clone(&reload), hangup));
+    upkeep.spawn(upkeep::shorten_audit(Arc::clone(&reload)));
     upkeep.spawn(upkeep::mend(reload));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));
     if let Some(snapshots) = snapshots {

@@ -70,6 +70,7 @@ keys! {
     storage.background_history_interval_mins: ForNewCameras,
     storage.background_history_count: ForNewCameras,
     storage.background_history_mib: ForNewCameras,
+    storage.audit_max_age_days: AtOnce,
     storage.snapshot_folder: AtRestart,
     storage.snapshot_max_gib: AtRestart,
     storage.snapshot_max_age_days: AtRestart,

@@ -20,6 +20,8 @@ pub struct StorageSettings {
     /// Most MiB of the backgrounds that are kept of all cameras for looking back, 1 to 1048576; the oldest go first,
     /// but never a camera's newest. Default 512.
     pub background_history_mib: u32,
+    /// Days after which entries of the audit log are removed, the oldest first, 0 (never) to 36500. Default 0.
+    pub audit_max_age_days: f64,
     /// The folder that snapshots lie in; made if it is not there. Empty (default): beside the database, with its name and
     /// the ending `.snapshots`.
     pub snapshot_folder: PathBuf,
@@ -46,6 +48,7 @@ impl Default for StorageSettings {
             background_history_interval_mins: 60.0,
             background_history_count: 48,
             background_history_mib: 512,
+            audit_max_age_days: 0.0,
             snapshot_folder: PathBuf::new(),
             snapshot_max_gib: 10.0,
             snapshot_max_age_days: 365.0,
@@ -77,6 +80,7 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
         ("tracks_max_age_days", storage.tracks_max_age_days, 0.01, 400.0, "days"),
         ("activity_max_age_days", storage.activity_max_age_days, 0.01, 400.0, "days"),
         ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
+        ("audit_max_age_days", storage.audit_max_age_days, 0.0, 36_500.0, "days"),
         ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
         ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),
         ("snapshot_min_free_mib", f64::from(storage.snapshot_min_free_mib), 0.0, 1_073_741_824.0, "MiB"),

@@ -7,7 +7,7 @@ use crate::catalog::Catalog;
 use crate::clock::Clock;
 use crate::config::{Config, ConfigError, Effect, Settings, changed_keys};
 use crate::engine::Reloader;
-use crate::store::Store;
+use crate::store::{AuditEntry, Store};
 use crate::telemetry::Metrics;
 use std::sync::Arc;
 
@@ -90,6 +90,34 @@ impl Reload {
         }
         tracing::info!(at_once, for_new_cameras = new, "the configuration was read again");
         self.tell(if n_faulty == 0 { Outcome::Good } else { Outcome::Fault });
+    }
+
+    /// Removes what is too old of the audit log, as the configuration has it that was read last; which went stands in the log.
+    pub(super) async fn shorten_audit(&self) {
+        let max_age_days = self.last.lock().await.storage.audit_max_age_days;
+        if max_age_days <= 0.0 {
+            return;
+        }
+        let age_nanos = (max_age_days * 86_400e9) as i64;
+        loop {
+            let until = self.clock.now().saturating_add_nanos(-age_nanos);
+            let (last, digest) = match self.store.shorten_audit(until).await {
+                Ok(Some(removed)) => removed,
+                Ok(None) => return,
+                Err(error) => return tracing::error!(%error, "the audit log cannot be shortened"),
+            };
+            let entry = AuditEntry {
+                at: self.clock.now(),
+                user: None,
+                action: "audit retention".to_owned(),
+                target: format!("entries up to {last} are removed; its digest was {digest}"),
+                status: 200,
+            };
+            if let Err(error) = self.store.append_audit(&entry).await {
+                tracing::error!(%error, "it is not noted in the audit log that it was shortened");
+            }
+            tracing::info!(last, digest, "entries of the audit log are removed for their age");
+        }
     }
 
     /// Tries again what could not be started.

@@ -21,6 +21,8 @@ const CERTIFICATE_PERIOD: Duration = Duration::from_secs(60);
 
 /// How often it is looked for what is too old.
 const FORGET_PERIOD: Duration = Duration::from_secs(3600);
+/// How often the audit log is looked at for what is too old.
+const AUDIT_PERIOD: Duration = Duration::from_secs(3600);
 
 /// How often cameras without a thread are looked for.
 const MEND_PERIOD: Duration = Duration::from_secs(10);
@@ -82,6 +84,14 @@ pub(super) async fn mend(configuration: Arc<Reload>) {
         if let Err(error) = tokio::task::spawn_blocking(move || configuration.mend()).await {
             tracing::error!(%error, "starting cameras broke off");
         }
+    }
+}
+
+/// Removes what is too old of the audit log, at the start and every hour.
+pub(super) async fn shorten_audit(configuration: Arc<Reload>) {
+    loop {
+        configuration.shorten_audit().await;
+        tokio::time::sleep(AUDIT_PERIOD).await;
     }
 }
 
