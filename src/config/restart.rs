@@ -71,6 +71,9 @@ keys! {
     storage.background_history_count: ForNewCameras,
     storage.background_history_mib: ForNewCameras,
     storage.audit_max_age_days: AtOnce,
+    storage.tracks_max_age_days: AtRestart,
+    storage.activity_max_age_days: AtRestart,
+    storage.background_history_max_age_days: AtRestart,
     storage.snapshot_folder: AtRestart,
     storage.snapshot_max_gib: AtRestart,
     storage.snapshot_max_age_days: AtRestart,
@@ -95,6 +98,10 @@ keys! {
     render.cache_mib: AtRestart,
     render.warm_up: AtRestart,
     accuracy.measure_at_start: AtRestart,
+    log.format: AtRestart,
+    telemetry.otlp_endpoint: AtRestart,
+    telemetry.service_name: AtRestart,
+    telemetry.sampling_ratio: AtRestart,
 }
 
 #[cfg(test)]

@@ -582,7 +582,7 @@ impl Metrics {
         for counter in [&self.ingest_frames, &self.archive_frames, &self.archive_bytes] {
             drop(counter.remove_label_values(&[camera]));
         }
-        for gauge in [&self.archive_paused, &self.timeline_kept] {
+        for gauge in [&self.archive_paused, &self.timeline_kept, &self.camera_privacy_zones] {
             drop(gauge.remove_label_values(&[camera]));
         }
         drop(self.ingest_frame_age.remove_label_values(&[camera]));
