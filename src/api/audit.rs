@@ -9,6 +9,7 @@ use super::error::Problem;
 use super::identity::{Asked, Identity};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
@@ -17,11 +18,10 @@ use crate::access::Role;
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
 use crate::store::{AuditEntry, AuditRecord};
-use axum::Json;
-use axum::extract::{MatchedPath, RawQuery, Request, State};
-use axum::http::{Method, StatusCode, header};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use serde_json::{Value, json};
 
 /// Routes at which somebody looks at what cameras saw.
@@ -48,17 +48,10 @@ const LOOKS: [&str; 20] = [
     "/api/v1/snapshots/{id}/archive.tar",
 ];
 
-/// Most entries of one answer.
-const MAX_LIMIT: u32 = 1000;
-const LIMIT: u32 = 100;
-
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
 
-const PARAMETERS: &[Parameter] = &[
-    Parameter::whole("after", &(0..=MAX_NUMBER as u64), "Only entries with a greater number").default_is("0"),
-    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most entries of the answer").default_is("100"),
-];
+const PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 
 /// Routes about what was done.
 pub(super) fn routes() -> Routes {
@@ -67,7 +60,7 @@ pub(super) fn routes() -> Routes {
         .role(Role::Admin)
         .parameters(PARAMETERS)
         .may_fail(&[501])
-        .answers(Answer::json(200, "Entries of the audit log", schema::users::audit()));
+        .answers(Answer::page("Entries of the audit log", schema::users::audit()));
     Routes::of(users::TAG, NONE).get("/api/v1/audit", self::list, list)
 }
 
@@ -113,22 +106,24 @@ pub(super) async fn note(
     response
 }
 
-/// Entries after a number, the oldest first.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
-    let after = query.whole("after", &(0..=MAX_NUMBER)).unwrap_or(0);
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+/// Entries, the oldest first.
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PARAMETERS);
+    let is_number = |number: &i64| (0..=MAX_NUMBER).contains(number);
+    let after = pages::cursor(&mut query, |text| text.parse().ok().filter(is_number)).unwrap_or(0);
+    let limit = pages::limit(&mut query);
     query.finish(Some(()))?;
     api.check_admin("the audit log")?;
     let audit = api.audit.as_ref();
     let audit =
         audit.ok_or_else(|| Problem::new(ErrorKind::Unsupported, "this daemon keeps no audit log"))?;
-    let found = audit.entries(after, limit).await;
-    let found = found.map_err(|error| Problem::new(error.kind(), error.to_string()))?;
-    let next = found.last().filter(|_| found.len() as u32 == limit).map(|last| last.number);
+    // One more than is told, to know whether there are more.
+    let found = audit.entries(after, limit as u32 + 1).await;
+    let mut found = found.map_err(|error| Problem::new(error.kind(), error.to_string()))?;
+    let has_more = pages::cut(&mut found, limit);
+    let next = found.last().filter(|_| has_more).map(|last| last.number.to_string());
     let entries: Vec<Value> = found.iter().map(document).collect();
-    let body = Json(json!({ "entries": entries, "next": next }));
-    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+    Ok(pages::answer(&uri, json!({ "entries": entries }), next))
 }
 
 fn document(record: &AuditRecord) -> Value {

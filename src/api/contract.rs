@@ -191,7 +191,7 @@ fn response(answer: &Answer) -> RefOr<utoipa::openapi::Response> {
         let content = ContentBuilder::new().schema(shape.clone().map(schema::read));
         response = response.content(*media_type, content.build());
     }
-    for (name, meaning) in &answer.fields {
+    for (name, meaning) in answer.fields.iter().chain(&answer.optional_fields) {
         let field = HeaderBuilder::new().description(Some(*meaning));
         response =
             response.header(*name, field.schema(Some(schema::read(json!({"type": "string"})))).build());

@@ -7,6 +7,7 @@ use super::idempotency::{self, Wanted};
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
@@ -20,7 +21,7 @@ use crate::media::descriptor_path;
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{RawQuery, Request};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
 use tower_http::services::ServeFile;
@@ -32,13 +33,13 @@ const SEGMENTS: &[Parameter] = &[
     Parameter::text("file", ("^[A-Za-z0-9._-]{1,200}$", "manifest.json"), "A file of the export"),
 ];
 
+const PAGES: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
+
 /// Routes about clips for people to keep.
 pub(super) fn routes() -> Routes {
-    let list = Operation::new("list_exports", "Every export").answers(Answer::json(
-        200,
-        "The exports",
-        schema::system::exports(),
-    ));
+    let list = Operation::new("list_exports", "Every export, in the order in which they were asked for")
+        .parameters(PAGES)
+        .answers(Answer::page("The exports", schema::system::exports()));
     let ask = Operation::new("ask_export", "Asks for clips of what was recorded")
         .about("One is made after the other; 16 may wait.")
         .once()
@@ -73,10 +74,22 @@ pub(super) fn routes() -> Routes {
         .get("/api/v1/exports/{id}/{file}", self::file, file)
 }
 
-/// All exports.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    Ok((NO_STORE, Json(json!({ "exports": api.door.exports() }))).into_response())
+/// Exports, in the order in which they were asked for.
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PAGES);
+    let cursor = pages::cursor(&mut query, |text| Some(text.to_owned()));
+    let limit = pages::limit(&mut query);
+    query.finish(Some(()))?;
+    let mut exports = api.door.exports();
+    if let Some(cursor) = cursor {
+        // One that was removed meanwhile leaves its place: ids begin with times.
+        let behind = exports.iter().position(|export| export.id == cursor).map(|place| place + 1);
+        let n_told = behind.unwrap_or_else(|| exports.partition_point(|export| export.id < cursor));
+        exports.drain(..n_told);
+    }
+    let has_more = pages::cut(&mut exports, limit);
+    let next = exports.last().filter(|_| has_more).map(|last| last.id.clone());
+    Ok(pages::answer(&uri, json!({ "exports": exports }), next))
 }
 
 /// Asks for an export.

@@ -20,7 +20,7 @@ use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
 
 /// Streams at once; more get 503.
-const AT_ONCE: usize = 64;
+pub(super) const AT_ONCE: usize = 64;
 
 /// Pictures a second of a view.
 const RATE_HZ: RangeInclusive<f64> = 0.1..=30.0;

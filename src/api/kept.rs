@@ -22,7 +22,7 @@ use crate::frame::is_id;
 use crate::store::{DocumentKind, DocumentRecord};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
@@ -145,7 +145,7 @@ fn read<K: Kind>(api: &Api, record: &DocumentRecord) -> Option<Kept<K>> {
     is_seen.then(|| Kept { id: record.id.clone(), version: record.version, content, document })
 }
 
-fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
+pub(super) fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
     let records = api.catalog.as_ref().map(|catalog| catalog.all(K::KIND)).unwrap_or_default();
     records.iter().filter_map(|record| read(api, record)).collect()
 }
@@ -236,10 +236,10 @@ pub(super) async fn remove<K: Kind>(
 pub(super) async fn versions<K: Kind>(
     Asked(api): Asked,
     Segments(id): Segments<String>,
-    RawQuery(raw): RawQuery,
+    uri: Uri,
 ) -> Result<Response, Problem> {
     check_versions::<K>(&api)?;
-    documents::versions(&api, (K::KIND, &id), raw.as_deref()).await
+    documents::versions(&api, (K::KIND, &id), &uri).await
 }
 
 /// One version of a document.

@@ -34,6 +34,7 @@ mod metrics;
 mod openapi;
 mod operation;
 mod page;
+mod pages;
 mod parameters;
 mod picture;
 mod plan;
@@ -140,6 +141,8 @@ struct Api {
     /// What people keep as evidence; without, no snapshots are made.
     snapshots: Option<Arc<Snapshots>>,
     clock: Arc<dyn Clock>,
+    /// By the clock's monotonic time.
+    started: Duration,
     limits: Limits,
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
@@ -230,6 +233,7 @@ pub fn router_within(
         audit: trust.as_ref().map(|trust| Arc::clone(&trust.audit)),
         snapshots: trust.as_ref().and_then(|trust| trust.snapshots.clone()),
         catalog: trust.map(|trust| trust.catalog),
+        started: clock.monotonic(),
         clock,
         limits,
         requests,
@@ -274,6 +278,7 @@ pub fn router_within(
 fn resources() -> Routes {
     let all = [
         contract::routes(),
+        system::routes(),
         cameras::routes(),
         locate::routes(),
         tune::routes(),

@@ -47,17 +47,25 @@ pub(super) struct Answer {
     pub(super) contents: Vec<(&'static str, Option<Value>)>,
     /// Header fields that always come, by name, with their meaning.
     pub(super) fields: Vec<(&'static str, &'static str)>,
+    /// Those that come at times.
+    pub(super) optional_fields: Vec<(&'static str, &'static str)>,
 }
 
 impl Answer {
     /// Without a body.
     pub(super) const fn nothing(status: u16, meaning: &'static str) -> Self {
-        Self { status, meaning, contents: Vec::new(), fields: Vec::new() }
+        Self { status, meaning, contents: Vec::new(), fields: Vec::new(), optional_fields: Vec::new() }
     }
 
     /// JSON of that schema.
     pub(super) fn json(status: u16, meaning: &'static str, schema: Value) -> Self {
         Self::nothing(status, meaning).media("application/json", Some(schema))
+    }
+
+    /// A page of a list, of that schema.
+    pub(super) fn page(meaning: &'static str, schema: Value) -> Self {
+        Self::json(200, meaning, schema)
+            .may_have("Link", "The question for the next page, where there is one")
     }
 
     /// Bytes of one of these media types.
@@ -74,6 +82,12 @@ impl Answer {
     /// With a header field.
     pub(super) fn field(mut self, name: &'static str, meaning: &'static str) -> Self {
         self.fields.push((name, meaning));
+        self
+    }
+
+    /// With a header field that comes at times.
+    pub(super) fn may_have(mut self, name: &'static str, meaning: &'static str) -> Self {
+        self.optional_fields.push((name, meaning));
         self
     }
 

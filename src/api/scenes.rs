@@ -23,7 +23,7 @@ use crate::scene::{MAX_DOCUMENT_BYTES, Scene};
 use crate::store::DocumentKind;
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -208,11 +208,11 @@ pub(super) async fn remove(
 pub(super) async fn versions(
     Asked(api): Asked,
     Segments(id): Segments<String>,
-    RawQuery(raw): RawQuery,
+    uri: Uri,
 ) -> Result<Response, Problem> {
     // Of all cameras, those of then too.
     api.check_admin("the versions of scenes")?;
-    documents::versions(&api, (DocumentKind::Scene, &id), raw.as_deref()).await
+    documents::versions(&api, (DocumentKind::Scene, &id), &uri).await
 }
 
 /// One version of a scene's document.

@@ -24,16 +24,16 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 
 /// Connections held at once; one more waits until one of these goes, the others in the kernel's queue.
-const MAX_CONNECTIONS: usize = 256;
+pub(super) const MAX_CONNECTIONS: usize = 256;
 
 /// Time for a request's head to arrive, for which a connection may stay idle, and to agree on its encryption.
-const HEAD_TIME: Duration = Duration::from_secs(10);
+pub(super) const HEAD_TIME: Duration = Duration::from_secs(10);
 
 /// Bytes of a request's head before the connection is refused outright; `guard` has the finer limits.
-const HEAD_BYTES: usize = 65_536;
+pub(super) const HEAD_BYTES: usize = 65_536;
 
 /// Header fields in a request's head.
-const HEAD_FIELDS: usize = 64;
+pub(super) const HEAD_FIELDS: usize = 64;
 
 /// How long connections last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

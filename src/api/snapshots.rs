@@ -7,6 +7,7 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
@@ -21,7 +22,7 @@ use crate::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{RawQuery, Request};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -29,10 +30,6 @@ use std::fs::File;
 use tower_http::services::ServeFile;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
-
-/// Snapshots of one answer.
-const LIMIT: u32 = 100;
-const MAX_LIMIT: u32 = 1000;
 
 /// Characters of what is looked for in notes and tags.
 const MAX_TEXT_CHARS: usize = 200;
@@ -63,18 +60,15 @@ const PARAMETERS: &[Parameter] = &[
     Parameter::id("camera", "With this camera in it"),
     Parameter::text("made_by", ("^.{1,200}$", "ann"), "Who asked for it"),
     Parameter::text("text", ("^.{1,200}$", "gate"), "A part of its note or of a tag"),
-    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most of one answer").default_is("100"),
-    Parameter::text("before", ("^-?[0-9]+-[0-9a-f]{32}$", EXAMPLE), "What an answer gave as `next`"),
+    pages::LIMIT,
+    pages::CURSOR,
 ];
-
-/// A place in a list.
-const EXAMPLE: &str = "1772366400000000000-5f0c6a1e9b3d4c7f8a2e1d0b9c8f7e6a";
 
 /// Routes about what is kept as evidence.
 pub(super) fn routes() -> Routes {
     let list = Operation::new("list_snapshots", "The newest snapshots, or those that are looked for")
         .parameters(PARAMETERS)
-        .answers(Answer::json(200, "The snapshots", schema::evidence::all()));
+        .answers(Answer::page("The snapshots", schema::evidence::all()));
     let make = Operation::new("make_snapshot", "Keeps a view or a camera's picture as evidence")
         .about("Once it is answered the snapshot is on the disk, whole.")
         .once()
@@ -136,11 +130,11 @@ pub(super) fn routes() -> Routes {
 }
 
 /// The newest snapshots, or those that are looked for.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PARAMETERS);
     let is_text = |text: &str| (1..=MAX_TEXT_CHARS).contains(&text.chars().count()).then(|| text.to_owned());
     let allowed = format!("1 to {MAX_TEXT_CHARS} characters");
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    let limit = pages::limit(&mut query);
     let search = SnapshotSearch {
         from: query.instant("from"),
         to: query.instant("to"),
@@ -148,20 +142,19 @@ pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<R
         camera: query.id("camera"),
         made_by: query.value("made_by", &allowed, is_text),
         text: query.value("text", &allowed, is_text),
-        before: query.value("before", "what an answer gave as next", cursor),
+        before: pages::cursor(&mut query, cursor),
         // One more than is told, to know whether there are more.
-        limit: limit + 1,
+        limit: limit as u32 + 1,
         ..SnapshotSearch::default()
     };
     let search = query.finish(Some(search))?;
     let mut found = api.reader()?.search(search).await?;
-    let has_more = found.len() > limit as usize;
-    found.truncate(limit as usize);
+    let has_more = pages::cut(&mut found, limit);
     let next =
         found.last().filter(|_| has_more).map(|last| format!("{}-{}", last.made_at.as_nanos(), last.id));
     let snapshots: Vec<Value> = found.iter().map(summary).collect();
-    let body = json!({ "snapshots": snapshots, "is_complete": next.is_none(), "next": next });
-    Ok(([NO_STORE], Json(body)).into_response())
+    let body = json!({ "snapshots": snapshots, "is_complete": next.is_none() });
+    Ok(pages::answer(&uri, body, next))
 }
 
 fn cursor(text: &str) -> Option<(Timestamp, String)> {

@@ -101,6 +101,14 @@ struct Configured {
 }
 
 impl Catalog {
+    /// Bytes of the database's files.
+    ///
+    /// # Errors
+    /// When they cannot be looked at.
+    pub fn file_bytes(&self) -> std::io::Result<u64> {
+        self.store.file_bytes()
+    }
+
     /// What `store` keeps, over the scenes of the configuration; scenes of no file find models and pictures beneath `folder`
     /// and `media_roots`.
     ///

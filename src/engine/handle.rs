@@ -127,6 +127,21 @@ impl SceneSummary {
     }
 }
 
+/// The device that pictures are drawn on, and what it can do at most.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DeviceSummary {
+    /// The adapter's name, as its driver gives it.
+    pub adapter: String,
+    /// Whether it draws on the processor.
+    pub is_software: bool,
+    /// Most columns and rows of a texture.
+    pub max_texture_side_px: u32,
+    /// Most bytes of a buffer.
+    pub max_buffer_bytes: u64,
+    /// Whether passes can be timed.
+    pub has_timestamps: bool,
+}
+
 /// Where a texture coordinate lies in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Located {
@@ -464,6 +479,9 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::Unavailable`] where nothing measures.
     fn refresh_accuracy(&self) -> Result<(), EngineError>;
+
+    /// The device that pictures are drawn on; none while there is none.
+    fn device(&self) -> Option<DeviceSummary>;
 
     /// Whether everything is ready to answer.
     fn readiness(&self) -> Readiness;

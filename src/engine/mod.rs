@@ -50,8 +50,8 @@ pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
 pub use forecaster::Expected;
 pub use handle::{
-    At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
-    SceneSummary,
+    At, CameraSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview, Readiness,
+    RecordingSummary, SceneSummary,
 };
 pub use identity::ViewIdentity;
 pub use offline::view_once;

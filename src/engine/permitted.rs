@@ -8,7 +8,9 @@ use super::EngineError;
 use super::accuracy::AccuracyStatus;
 use super::alignment::SceneAlignment;
 use super::chronicle::SceneTimeline;
-use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary};
+use super::handle::{
+    At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
+};
 use super::identity::ViewIdentity;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
@@ -439,6 +441,10 @@ impl Door for Permitted {
     fn refresh_accuracy(&self) -> Result<(), EngineError> {
         self.check_role(Role::Admin, "measuring costs anew")?;
         self.shared.refresh_accuracy()
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        self.shared.device()
     }
 
     fn readiness(&self) -> Readiness {

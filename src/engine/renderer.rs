@@ -9,6 +9,7 @@ mod warm_up;
 use super::EngineError;
 use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
+use super::handle::DeviceSummary;
 use super::identity::ViewIdentity;
 use super::pace::Backoff;
 use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
@@ -370,6 +371,7 @@ impl<'a> RenderThread<'a> {
     fn drop_renderer(&mut self, reason: &str) {
         self.renderer = None;
         self.shared.set_device_loss(None);
+        self.shared.set_device(None);
         self.shared.set_renderer_state(Err(reason.to_owned()));
         let now = self.shared.clock.monotonic();
         self.backoff.note_lost(now);
@@ -395,6 +397,7 @@ impl<'a> RenderThread<'a> {
                     self.shared.metrics.render_devices_rebuilt.inc();
                 }
                 self.shared.set_renderer_state(Ok(adapter));
+                self.shared.set_device(Some(summary_of(renderer.gpu())));
                 self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
                 self.shared.forecaster.forget_programs();
                 self.warm_up.forget_device();
@@ -413,6 +416,18 @@ impl<'a> RenderThread<'a> {
 
 fn no_renderer(shared: &Shared, reason: String) -> EngineError {
     EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after() }
+}
+
+/// What is told of a device.
+fn summary_of(gpu: &Gpu) -> DeviceSummary {
+    let limits = gpu.limits();
+    DeviceSummary {
+        adapter: gpu.name().to_owned(),
+        is_software: gpu.is_software(),
+        max_texture_side_px: limits.max_texture_dimension_2d,
+        max_buffer_bytes: limits.max_buffer_size,
+        has_timestamps: gpu.has_timestamps(),
+    }
 }
 
 /// The GPU that the settings name and a renderer on it, with the adapter's name.

@@ -7,7 +7,7 @@ use super::accuracy::AccuracyBoard;
 use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
 use super::forecaster::Forecaster;
-use super::handle::{At, Door};
+use super::handle::{At, DeviceSummary, Door};
 use super::past::Past;
 use super::playheads::Playheads;
 use super::presence::Presences;
@@ -94,6 +94,7 @@ pub(super) struct Shared {
     scopes: Scopes,
     /// The adapter's name, or why there is none.
     renderer: Mutex<Result<String, String>>,
+    device: Mutex<Option<DeviceSummary>>,
     /// What loses the device in use, for tests.
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
@@ -148,6 +149,7 @@ impl Shared {
             maps: Mutex::new(maps),
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),
+            device: Mutex::new(None),
             device_loss: Mutex::new(None),
             queue,
             overlaps: Overlaps::default(),
@@ -162,6 +164,11 @@ impl Shared {
     /// Loses the device in use, if there is one.
     pub(super) fn lose_device(&self) -> bool {
         lock(&self.device_loss).as_ref().map(|lose| lose()).is_some()
+    }
+
+    /// Notes the device in use; none once it is gone.
+    pub(super) fn set_device(&self, device: Option<DeviceSummary>) {
+        *lock(&self.device) = device;
     }
 
     pub(super) fn set_renderer_state(&self, state: Result<String, String>) {

@@ -108,6 +108,18 @@ impl Store {
         &self.path
     }
 
+    /// Bytes of the database's file and of the log beside it.
+    ///
+    /// # Errors
+    /// When the file cannot be looked at.
+    pub fn file_bytes(&self) -> std::io::Result<u64> {
+        let mut log = self.path.clone().into_os_string();
+        log.push("-wal");
+        // The log is not there at every time.
+        let log_bytes = std::fs::metadata(log).map_or(0, |log| log.len());
+        Ok(std::fs::metadata(&self.path)?.len() + log_bytes)
+    }
+
     /// As [`Self::close`], but no longer than `time`: what was acknowledged is in the log, which the next start reads.
     ///
     /// # Errors

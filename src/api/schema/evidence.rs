@@ -42,7 +42,7 @@ pub(in crate::api) fn all() -> Value {
     object([
         ("snapshots", list(named("Snapshot")), "The one made last first"),
         ("is_complete", boolean(), "Whether there are no more"),
-        ("next", nullable(text()), "What `before` takes for those behind"),
+        super::next(),
     ])
 }
 

@@ -19,6 +19,11 @@ pub(super) type Named = (&'static str, fn() -> Value);
 pub(super) const SHARED: [Named; 4] =
     [("Id", id_itself), ("Instant", instant_itself), ("Moment", moment_itself), ("Problem", problem)];
 
+/// The member `next` of a page.
+pub(super) fn next() -> (&'static str, Value, &'static str) {
+    ("next", nullable(text()), "For `cursor` of the next page; null at the end")
+}
+
 /// All schemas by name.
 pub(super) fn all_named() -> impl Iterator<Item = Named> {
     SHARED

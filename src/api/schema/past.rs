@@ -52,7 +52,7 @@ pub(in crate::api) fn tracks() -> Value {
         ("to", time(), ""),
         ("tracks", list(track), "The one that began last first"),
         ("is_complete", boolean(), "Whether no further track fits the question"),
-        ("next", nullable(super::text()), "Where to go on; null at the end"),
+        super::next(),
     ])
 }
 

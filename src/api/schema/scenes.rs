@@ -272,7 +272,7 @@ fn versions() -> Value {
     object([
         ("versions", list(version), "The newest first"),
         ("is_complete", boolean(), "Whether there are no more"),
-        ("next", nullable(count()), "For `before` of the next page; null at the end"),
+        super::next(),
     ])
 }
 

@@ -16,6 +16,64 @@ pub(in crate::api) const NAMED: [Named; 6] = [
     ("Export", export),
 ];
 
+/// The daemon itself.
+pub(in crate::api) fn system() -> Value {
+    let platform = object([
+        ("os", text(), ""),
+        ("architecture", text(), ""),
+        ("n_processors", count(), "Those that the daemon may use"),
+    ]);
+    let device = object([
+        ("adapter", text(), "As its driver names it"),
+        ("is_software", boolean(), "Whether it draws on the processor"),
+        ("max_texture_side_px", count(), "Most columns and rows of a texture"),
+        ("max_buffer_bytes", count(), "Most bytes of a buffer"),
+        ("has_timestamps", boolean(), "Whether passes can be timed"),
+    ]);
+    let counts = object([
+        ("cameras", count(), ""),
+        ("scenes", count(), ""),
+        ("walls", count(), ""),
+        ("views", count(), ""),
+        ("playheads", count(), ""),
+        ("exports", count(), ""),
+    ]);
+    let database = object([("schema_version", count(), ""), ("bytes", count(), "Of its file and its log")]);
+    let accounts = object([("users", count(), ""), ("tokens", count(), "")]);
+    object([
+        ("version", text(), "The program's"),
+        ("build", word(&["release", "debug"]), "How it was built"),
+        ("uptime_secs", nullable(count()), "For how long it answers; for admins"),
+        ("platform", platform, "Where it runs"),
+        ("device", nullable(device), "What pictures are drawn on; null while there is none"),
+        ("limits", limits(), "What requests are held to"),
+        ("counts", counts, "Of what the caller may see"),
+        ("database", nullable(database), "For admins"),
+        ("accounts", nullable(accounts), "For admins"),
+    ])
+}
+
+fn limits() -> Value {
+    object([
+        ("target_bytes", count(), "Path and query together; 414 beyond"),
+        ("head_bytes", count(), "A request's head; the connection is closed beyond"),
+        ("fields", count(), "Header fields; 431 beyond"),
+        ("field_bytes", count(), "Header fields together; 431 beyond"),
+        ("body_bytes", count(), "A body where a route says nothing else; 413 beyond"),
+        ("scene_bytes", count(), "A scene's document; 413 beyond"),
+        ("body_depth", count(), "Lists and objects of a body within one another; 400 beyond"),
+        ("request_secs", number(), "Until an answer begins, and until a body has come; 503 and 408 beyond"),
+        ("requests_at_once", count(), "503 beyond"),
+        ("answer_bytes", count(), "Of pictures that were not taken yet; 503 beyond"),
+        ("encoders", count(), "Pictures that are written at once; more wait"),
+        ("streams", count(), "Streams of pictures at once; 503 beyond"),
+        ("listeners", count(), "Listeners to events at once; 503 beyond"),
+        ("connections", count(), "At once; more wait"),
+        ("connection_secs", number(), "After which a connection takes no further request"),
+        ("idle_secs", number(), "For which a connection may ask for nothing"),
+    ])
+}
+
 /// That the process answers.
 pub(in crate::api) fn health() -> Value {
     object([("status", word(&["ok"]), ""), ("version", text(), "The program's version")])
@@ -125,7 +183,7 @@ fn event() -> Value {
 
 /// Events.
 pub(in crate::api) fn events() -> Value {
-    object([("events", list(named("Event")), "The oldest first")])
+    object([("events", list(named("Event")), "The oldest first"), super::next()])
 }
 
 fn export() -> Value {
@@ -152,7 +210,7 @@ fn export() -> Value {
 
 /// Every export.
 pub(in crate::api) fn exports() -> Value {
-    object([("exports", list(named("Export")), "")])
+    object([("exports", list(named("Export")), ""), super::next()])
 }
 
 /// What an export is asked for with.

@@ -110,8 +110,5 @@ pub(in crate::api) fn audit() -> Value {
         ("status", whole_within(100, 599), "What came of it"),
         ("digest", text(), "SHA-256 of the entry and of the digest before, hexadecimal"),
     ]);
-    object([
-        ("entries", list(entry), "The oldest first"),
-        ("next", nullable(count()), "For `after` of the next page; null at the end"),
-    ])
+    object([("entries", list(entry), "The oldest first"), super::next()])
 }

@@ -5,8 +5,8 @@ use super::super::accuracy::AccuracyStatus;
 use super::super::alignment::SceneAlignment;
 use super::super::chronicle::SceneTimeline;
 use super::super::handle::{
-    At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
-    surface_name,
+    At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary,
+    SceneSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
 use super::super::permitted::Permitted;
@@ -381,6 +381,10 @@ impl Door for Shared {
 
     fn refresh_accuracy(&self) -> Result<(), EngineError> {
         self.accuracy.refresh()
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        lock(&self.device).clone()
     }
 
     fn readiness(&self) -> Readiness {

@@ -103,3 +103,16 @@ async fn methods_that_are_not_described_are_refused_with_those_that_are() {
         }
     }
 }
+
+#[tokio::test]
+async fn the_daemon_says_what_it_is_and_what_it_holds_requests_to() {
+    let system = Bench::new().get("/api/v1/system").await;
+    assert_eq!((system.status.as_u16(), system.field("cache-control")), (200, "no-store"));
+    let system = system.json();
+    assert_eq!(system["device"]["adapter"], "llvmpipe");
+    assert_eq!(system["counts"]["cameras"], 2, "{system}");
+    assert_eq!(system["limits"]["target_bytes"], 2048, "{system}");
+    assert!(system["uptime_secs"].is_u64(), "{system}");
+    // Nothing is kept beside a stand-in.
+    assert!(system["database"].is_null() && system["accounts"].is_null(), "{system}");
+}

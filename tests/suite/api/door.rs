@@ -12,11 +12,11 @@ use videofields::archive::{ExportFile, ExportState, ExportStatus};
 use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
-    AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
-    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy,
-    PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline,
-    SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, DeviceSummary, Door,
+    EngineError, Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding,
+    Origin, PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview,
+    Privacy, PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary,
+    SceneTimeline, SourceTime, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -563,6 +563,16 @@ impl Door for FakeDoor {
         self.failure()?;
         self.0.lock().unwrap().n_refreshed += 1;
         Ok(())
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        Some(DeviceSummary {
+            adapter: "llvmpipe".to_owned(),
+            is_software: true,
+            max_texture_side_px: 16_384,
+            max_buffer_bytes: 1 << 30,
+            has_timestamps: true,
+        })
     }
 
     fn readiness(&self) -> Readiness {

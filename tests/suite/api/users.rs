@@ -472,8 +472,8 @@ async fn what_callers_did_is_noted_once_and_cannot_be_changed_unseen() {
         ]
     );
     assert_eq!(listed["next"], Value::Null);
-    let page = house.get("/api/v1/audit?after=2&limit=3", Shows::Token(&admin)).await.json();
-    assert_eq!((page["entries"].as_array().unwrap().len(), &page["next"]), (3, &json!(5)));
+    let page = house.get("/api/v1/audit?cursor=2&limit=3", Shows::Token(&admin)).await.json();
+    assert_eq!((page["entries"].as_array().unwrap().len(), &page["next"]), (3, &json!("5")));
     let whole = house.store.check_audit().await.unwrap();
     assert_eq!((whole.n_whole, &whole.fault), (8, &None));
     assert_eq!(whole.head.as_deref(), listed["entries"][7]["digest"].as_str());

@@ -92,8 +92,8 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     assert_eq!(numbers, [2, 1], "{versions}");
     assert!(versions["versions"][0]["changed_at"].as_str().unwrap().ends_with('Z'), "{versions}");
     let page = house.get("/api/v1/scenes/yard/versions?limit=1").body;
-    assert_eq!((&page["is_complete"], &page["next"]), (&json!(false), &json!(2)));
-    let page = house.get("/api/v1/scenes/yard/versions?limit=1&before=2").body;
+    assert_eq!((&page["is_complete"], &page["next"]), (&json!(false), &json!("2")));
+    let page = house.get("/api/v1/scenes/yard/versions?limit=1&cursor=2").body;
     assert_eq!((&page["versions"][0]["version"], &page["is_complete"]), (&json!(1), &json!(true)));
     assert_eq!(house.get("/api/v1/scenes/yard/versions/1").body["name"], "Green yard");
     assert_eq!(house.get("/api/v1/scenes/yard/versions/9").status, 404);

@@ -217,7 +217,7 @@ fn a_snapshot_is_made_found_read_annotated_and_removed() {
     let page = house.get("root", &format!("{ALL}?limit=1"));
     assert_eq!(page.body["snapshots"][0]["id"], json!(second));
     let next = page.body["next"].as_str().unwrap();
-    let page = house.get("root", &format!("{ALL}?limit=1&before={next}"));
+    let page = house.get("root", &format!("{ALL}?limit=1&cursor={next}"));
     assert_eq!((&page.body["snapshots"][0]["id"], &page.body["next"]), (&json!(first), &Value::Null));
     assert_eq!(house.get("root", &format!("{ALL}?sort=up")).status, 400);
 
@@ -309,7 +309,7 @@ fn who_may_not_export_a_camera_learns_nothing_of_snapshots_with_it() {
     // Pages are full of what the caller may know of, and say no more.
     let page = house.get("half", &format!("{ALL}?limit=1"));
     assert_eq!(page.body["snapshots"].as_array().unwrap().len(), 1);
-    let rest = house.get("half", &format!("{ALL}?limit=1&before={}", page.body["next"].as_str().unwrap()));
+    let rest = house.get("half", &format!("{ALL}?limit=1&cursor={}", page.body["next"].as_str().unwrap()));
     assert_eq!(
         (rest.body["snapshots"][0]["id"].as_str(), &rest.body["next"]),
         (Some(&id_of(&own)[..]), &Value::Null)

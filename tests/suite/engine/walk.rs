@@ -188,6 +188,7 @@ fn looks() -> Vec<Ask> {
         "/api/v1/tokens",
         "/api/v1/nothing",
         "/api/v1/openapi.json",
+        "/api/v1/system",
         "/api/v1/scenes/yard/versions",
         "/api/v1/scenes/yard/versions/1",
         "/api/v1/walls",

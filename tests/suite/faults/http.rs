@@ -502,9 +502,9 @@ fn texts_that_would_be_commands_elsewhere_are_kept_as_they_are_or_refused() {
     assert_eq!(server.get("/api/v1/scenes/yard").0.json()["name"], sql);
     for path in [
         "/api/v1/events?camera=",
-        "/api/v1/audit?after=",
+        "/api/v1/audit?cursor=",
         "/api/v1/cameras/",
-        "/api/v1/scenes/yard/tracks?before=",
+        "/api/v1/scenes/yard/tracks?cursor=",
     ] {
         let escaped = percent_encoding::utf8_percent_encode(sql, percent_encoding::NON_ALPHANUMERIC);
         let (answer, _) = server.get(&format!("{path}{escaped}"));
