@@ -8,14 +8,16 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup demo test check bench pictures clips
+.PHONY: help setup demo test check contract bench load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
 	@echo "make demo      build, and serve the demo plaza on http://$(LISTEN)/"
 	@echo "make test      formatting, lints, documentation and all tests, as CI runs them"
 	@echo "make check     type-check and lint only"
+	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
 	@echo "make bench     the benchmarks"
+	@echo "make load      what the daemon answers to many callers at once, as a table"
 	@echo "make pictures  every picture for judging, into target/pictures/"
 	@echo "make clips     the demo's clips again, from the simulator"
 
@@ -36,6 +38,12 @@ test: setup
 check: setup
 	$(CARGO) clippy --locked --all-targets
 
+# CASES=..., ROLES="admin operator viewer stranger" and SEED=... as tests/contract/run.sh has them; it needs Python with venv,
+# and the network once.
+contract: setup
+	$(CARGO) build --release --locked
+	tests/contract/run.sh
+
 # PYTHON=... names an interpreter that can import cv2, INPUT=... a video: then the mixture is timed beside OpenCV's.
 bench: setup
 	$(CARGO) bench --locked
@@ -43,6 +51,11 @@ ifdef INPUT
 	$(CARGO) build --release --locked
 	target/release/videofields bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
 endif
+
+# LOAD=... are further arguments, such as --seconds 30.
+load: setup
+	$(CARGO) build --release --locked
+	deploy/load.sh $(LOAD)
 
 pictures: setup
 	$(CARGO) build --release --locked

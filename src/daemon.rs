@@ -4,7 +4,10 @@
 //! no request meets half a daemon and every background is written before the store closes.
 
 mod evidence;
+mod reload;
 mod upkeep;
+
+pub use reload::Load;
 
 use crate::accounts::{Accounts, Audit};
 use crate::accuracy::{Keeper, KeeperSettings, Scope, Stage};
@@ -12,13 +15,14 @@ use crate::api::{self, Site, Tls};
 use crate::archive::Archive;
 use crate::catalog::{Catalog, ConfiguredScene};
 use crate::clock::{Clock, SystemClock};
-use crate::config::{Config, SceneSettings, ServerSettings};
+use crate::config::{CameraSettings, Config, SceneSettings, ServerSettings};
 use crate::engine::Engine;
 use crate::scene::{self, Scene};
 use crate::simulate::World;
 use crate::store::Store;
-use crate::telemetry::Metrics;
+use crate::telemetry::{self, Metrics};
 use anyhow::{Context, Result, bail};
+use reload::Reload;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
@@ -35,24 +39,25 @@ const FINISH_TIME: Duration = Duration::from_millis(100);
 /// Time for the database to be closed: with `engine`'s, less than the 3 s in which the daemon must be gone.
 const CLOSE_TIME: Duration = Duration::from_millis(400);
 
-/// Runs the daemon until SIGTERM or SIGINT; `announce` hears the page's URL once requests are answered.
+/// Runs the daemon until SIGTERM or SIGINT; `announce` hears the page's URL once requests are answered. On SIGHUP the
+/// configuration is what `load` reads then.
 ///
 /// # Errors
 /// When the store cannot be opened, the address cannot be taken, the certificate cannot be used, other machines could come
 /// in without users, or a thread cannot be started. A camera or scene that fails stops nothing: the API shows its state.
-pub fn serve(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
+pub fn serve(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result<()> {
     let runtime = tokio::runtime::Builder::new_multi_thread()
         .thread_name("videofields-io")
         .enable_all()
         .build()
         .context("cannot start the I/O threads")?;
-    let outcome = runtime.block_on(run(config, announce));
+    let outcome = runtime.block_on(run(config, load, announce));
     // A picture that is still being encoded has nobody left to read it.
     runtime.shutdown_background();
     outcome
 }
 
-async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
+async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result<()> {
     let mut terminate = signal(SignalKind::terminate()).context("cannot listen for SIGTERM")?;
     let mut interrupt = signal(SignalKind::interrupt()).context("cannot listen for SIGINT")?;
     let hangup = signal(SignalKind::hangup()).context("cannot listen for SIGHUP")?;
@@ -79,11 +84,15 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         );
     }
     let metrics = Arc::new(Metrics::new());
+    if let Some(spans) = telemetry::spans() {
+        metrics.adopt(spans).context("spans of traces are counted twice")?;
+    }
     let order: Vec<_> = settings.scene.iter().map(|scene| scene.id.clone()).collect();
     let scenes = catalog.scenes(&order);
-    warn_of_unknown_cameras(config, &scenes);
     // As they were changed while the daemon ran before.
+    let in_file = config.settings().clone();
     let config = &config.clone().with_cameras(catalog.cameras());
+    warn_of_unknown_cameras(&config.settings().camera, &scenes);
     let snapshots = evidence::open(config, &store, &metrics, &clock).await;
     // Before any camera: nothing is shown where it is not known what nobody may see.
     let privacy = catalog.begin_privacy(&settings.camera).await.context("cannot read the privacy zones")?;
@@ -93,7 +102,7 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         &hidden,
         scenes,
         store.clone(),
-        metrics,
+        Arc::clone(&metrics),
         Arc::clone(&clock),
         archive.clone(),
     )?;
@@ -120,18 +129,30 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
         // Backgrounds are written while the last requests are answered: both together must fit into 3 s.
         engine.request_stop();
     };
+    let forgetting = Arc::clone(&clock);
     let audit = Arc::new(Audit::new(store.clone()));
-    let trust = api::Trust {
-        accounts: Arc::clone(&accounts),
-        audit,
-        catalog: Arc::new(catalog),
-        snapshots: snapshots.clone(),
-    };
+    let catalog = Arc::new(catalog);
+    metrics.config_reload_success.set(1);
+    metrics.config_reload_timestamp.set(clock.now().as_nanos() as f64 * 1e-9);
+    let reload = Arc::new(Reload {
+        load,
+        catalog: Arc::clone(&catalog),
+        engine: engine.reloader(),
+        archive: archive.clone(),
+        store: store.clone(),
+        clock: Arc::clone(&clock),
+        metrics,
+        at_start: in_file.clone(),
+        last: tokio::sync::Mutex::new(in_file),
+    });
+    let trust = api::Trust { accounts: Arc::clone(&accounts), audit, catalog, snapshots: snapshots.clone() };
     let site = Site { hosts: settings.server.hosts.clone(), is_encrypted: tls.is_some() };
     let router = api::router(engine.handle(), trust, Arc::clone(&clock), site);
     let mut upkeep = JoinSet::new();
     upkeep.spawn(upkeep::follow_accounts(Arc::downgrade(&accounts)));
-    upkeep.spawn(upkeep::follow_certificate(tls.clone(), Arc::downgrade(&accounts), hangup));
+    upkeep.spawn(upkeep::follow_signals(tls.clone(), Arc::downgrade(&accounts), Arc::clone(&reload), hangup));
+    upkeep.spawn(upkeep::shorten_audit(Arc::downgrade(&reload)));
+    upkeep.spawn(upkeep::mend(Arc::downgrade(&reload)));
     upkeep.spawn(upkeep::keep_awake(engine.handle()));
     if let Some(snapshots) = snapshots {
         let schedule = evidence::schedule(config, clock.now());
@@ -139,9 +160,10 @@ async fn run(config: &Config, announce: impl FnOnce(&str)) -> Result<()> {
             Arc::downgrade(&snapshots),
             engine.handle(),
             schedule,
-            Arc::clone(&clock),
+            (store.clone(), Arc::clone(&clock)),
         ));
     }
+    upkeep.spawn(upkeep::forget_old(store.clone(), config.clone(), Arc::downgrade(&forgetting)));
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.
@@ -201,7 +223,7 @@ fn start_keeper(config: &Config, engine: &Engine, store: &Store, clock: &Arc<dyn
 async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog)> {
     let settings = config.settings();
     let store = Store::open(&settings.storage.database).await?;
-    let configured = configured_scenes(config, &store, &**clock).await;
+    let (configured, _n_faulty) = configured_scenes(config, &store, &**clock).await;
     let folders = (config.folder().to_owned(), settings.media.roots.clone());
     let catalog = Catalog::open(store.clone(), Arc::clone(clock), configured, folders).await;
     let catalog =
@@ -211,42 +233,50 @@ async fn open(config: &Config, clock: &Arc<dyn Clock>) -> Result<(Store, Catalog
 
 /// The configured scenes. One whose file is at fault is served as it was last good, if the store still has it, and
 /// left out otherwise: one bad document takes no other scene down.
-async fn configured_scenes(config: &Config, store: &Store, clock: &dyn Clock) -> Vec<ConfiguredScene> {
-    let mut scenes = Vec::new();
+/// The number of those at fault beside them.
+async fn configured_scenes(
+    config: &Config,
+    store: &Store,
+    clock: &dyn Clock,
+) -> (Vec<ConfiguredScene>, usize) {
+    let (mut scenes, mut n_faulty) = (Vec::new(), 0);
     for settings in &config.settings().scene {
         let loaded = load_scene(config, settings, store, clock).await.inspect_err(|error| {
             tracing::error!(scene = settings.id, error = format!("{error:#}"), "scene left out");
         });
-        let scene = loaded.ok().map(Arc::new);
+        let (scene, is_faulty) =
+            loaded.map_or((None, true), |(scene, is_old)| (Some(Arc::new(scene)), is_old));
+        n_faulty += usize::from(is_faulty);
         scenes.push(ConfiguredScene { id: settings.id.clone(), file: settings.file.clone(), scene });
     }
-    scenes
+    (scenes, n_faulty)
 }
 
 /// Cameras that a scene calibrates and the configuration does not have are never seen.
-fn warn_of_unknown_cameras(config: &Config, scenes: &[Arc<Scene>]) {
+fn warn_of_unknown_cameras(cameras: &[CameraSettings], scenes: &[Arc<Scene>]) {
     for scene in scenes {
         for member in &scene.cameras {
-            if !config.settings().camera.iter().any(|camera| camera.id == member.id) {
+            if !cameras.iter().any(|camera| camera.id == member.id) {
                 tracing::warn!(scene = scene.id, camera = %member.id, "the scene has a camera that is not configured");
             }
         }
     }
 }
 
+/// A scene, and whether it is its last good document, since its file is at fault.
 async fn load_scene(
     config: &Config,
     settings: &SceneSettings,
     store: &Store,
     clock: &dyn Clock,
-) -> Result<Scene> {
+) -> Result<(Scene, bool)> {
     match scene::load_file(&settings.id, &settings.file, &config.settings().media.roots) {
         Ok(parsed) => {
             // A scene that cannot be kept is still a scene.
             if let Err(error) = store.put_scene(&settings.id, &parsed.scene.document, clock.now()).await {
                 tracing::error!(scene = settings.id, %error, "scene document not kept");
             }
-            Ok(parsed.scene)
+            Ok((parsed.scene, false))
         }
         Err(error) => {
             let Some(kept) = store.scene(&settings.id).await? else { return Err(error.into()) };
@@ -255,7 +285,7 @@ async fn load_scene(
             let parsed = scene::parse(&settings.id, &kept.document, imports);
             let then = if parsed.is_ok() { "is served" } else { "cannot be served either" };
             tracing::error!(scene = settings.id, %error, "scene file at fault; its last good document {then}");
-            Ok(parsed?.scene)
+            Ok((parsed?.scene, true))
         }
     }
 }

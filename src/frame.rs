@@ -7,18 +7,19 @@ mod bits;
 mod blur;
 mod buffer;
 mod color;
+mod crop;
 mod mask;
 mod reduce;
 mod yuv;
 mod zones;
 
 pub use bits::{BitMask, WORD_PIXELS, inside};
-pub use blur::{Blur, BlurRegion};
+pub use blur::{BLUR_CELLS, BLUR_MARGIN_SHARE, Blur, BlurRegion, LEAST_BLUR_CELL_PX, LEAST_BLUR_MARGIN_PX};
 pub use buffer::{Buffer, BufferPool};
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};
 pub use mask::Mask;
 pub use yuv::{Plane, YuvError, YuvImage, YuvLayout};
-pub use zones::{MAX_ZONES, NEUTRAL_YUV, Zone, ZoneMask, check_zones};
+pub use zones::{MAX_ZONES, NEUTRAL_YUV, Zone, ZoneMask, check_zones, polygon_holds};
 
 use crate::clock::Timestamp;
 use std::borrow::Borrow;

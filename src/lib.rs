@@ -20,6 +20,8 @@ pub mod clock;
 
 pub mod memory;
 
+pub mod ending;
+
 pub mod geometry;
 
 pub mod frame;

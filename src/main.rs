@@ -24,13 +24,16 @@ enum Command {
     Backup(commands::backup::Backup),
     Restore(commands::restore::Restore),
     Audit(commands::audit::Audit),
+    Doctor(commands::doctor::Doctor),
     User(commands::account::User),
     Token(commands::account::Token),
     View(Box<commands::view::View>),
+    WallClient(commands::wall_client::WallClient),
     Segment(commands::segment::Segment),
     Snapshot(commands::snapshot::Snapshot),
     Compare(commands::compare::Compare),
     Calibration(commands::calibration::Calibration),
+    Scene(commands::scene::SceneFiles),
     Simulate(commands::simulate::Simulate),
     Accuracy(commands::accuracy::Accuracy),
     Bench(commands::bench::Bench),
@@ -40,31 +43,37 @@ enum Command {
 fn main() -> ExitCode {
     videofields::memory::settle();
     let result = match Arguments::parse().command {
-        Command::Serve(serve) => serve.run(),
-        Command::Demo(demo) => demo.run(),
+        // Their threads may have something in hand that nothing waits for.
+        Command::Serve(serve) => videofields::ending::leave(u8::from(is_fault(serve.run()))),
+        Command::Demo(demo) => videofields::ending::leave(u8::from(is_fault(demo.run()))),
         Command::CheckConfig(check) => check.run(),
         Command::CheckStore(check) => check.run(),
         Command::Repair(repair) => repair.run(),
         Command::Backup(backup) => backup.run(),
         Command::Restore(restore) => restore.run(),
         Command::Audit(audit) => audit.run(),
+        // It has a status of its own.
+        Command::Doctor(doctor) => return doctor.run(),
         Command::User(user) => user.run(),
         Command::Token(token) => token.run(),
         Command::View(view) => view.run(),
+        Command::WallClient(client) => client.run(),
         Command::Segment(segment) => segment.run(),
         Command::Snapshot(snapshot) => snapshot.run(),
         Command::Compare(compare) => compare.run(),
         Command::Calibration(calibration) => calibration.run(),
+        Command::Scene(scene) => scene.run(),
         Command::Simulate(simulate) => simulate.run(),
         Command::Accuracy(accuracy) => accuracy.run(),
         Command::Bench(bench) => bench.run(),
         Command::Manual(manual) => manual.run(),
     };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            commands::complain(&commands::told(&error));
-            ExitCode::FAILURE
-        }
-    }
+    if is_fault(result) { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+}
+
+/// Tells what went wrong, if anything did.
+fn is_fault(result: anyhow::Result<()>) -> bool {
+    let Err(error) = result else { return false };
+    commands::complain(&commands::told(&error));
+    true
 }

@@ -46,7 +46,7 @@ pub(super) async fn refresh(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    api.door.refresh_accuracy()?;
+    api.door.refresh_accuracy(api.identity.caller.user.as_deref())?;
     Ok(answer(&api, StatusCode::ACCEPTED))
 }
 

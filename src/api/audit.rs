@@ -9,30 +9,32 @@ use super::error::Problem;
 use super::identity::{Asked, Identity};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
-use super::snapshots;
 use super::users;
 use crate::access::Role;
 use crate::clock::Timestamp;
+use crate::engine::BlurAsked;
 use crate::error::ErrorKind;
 use crate::store::{AuditEntry, AuditRecord};
-use axum::Json;
-use axum::extract::{MatchedPath, RawQuery, Request, State};
-use axum::http::{Method, StatusCode, header};
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
-use axum::response::{IntoResponse, Response};
+use axum::response::Response;
 use serde_json::{Value, json};
 
 /// Routes at which somebody looks at what cameras saw.
-const LOOKS: [&str; 13] = [
+const LOOKS: [&str; 20] = [
     "/api/v1/cameras/{id}/{picture}",
     "/api/v1/cameras/{id}/strip.jpg",
     "/api/v1/scenes/{id}/{picture}",
     "/api/v1/scenes/{id}/tracks",
     "/api/v1/exports/{id}/{file}",
     "/api/v1/scenes/{id}/view.mjpeg",
+    "/api/v1/cameras/{id}/foreground",
+    "/api/v1/scenes/{id}/tracks/stream",
     "/api/v1/scenes/{id}/frames",
     "/api/v1/views/{id}/frames",
     "/api/v1/walls/{id}/tiles/{tile}/frames",
@@ -40,19 +42,17 @@ const LOOKS: [&str; 13] = [
     "/api/v1/views/{id}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/{picture}",
     "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
+    "/api/v1/snapshots/{id}",
+    "/api/v1/snapshots/{id}/record.json",
+    "/api/v1/snapshots/{id}/picture.png",
+    "/api/v1/snapshots/{id}/cameras/{file}",
+    "/api/v1/snapshots/{id}/archive.tar",
 ];
-
-/// Most entries of one answer.
-const MAX_LIMIT: u32 = 1000;
-const LIMIT: u32 = 100;
 
 /// Greatest number of an entry that is asked for.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
 
-const PARAMETERS: &[Parameter] = &[
-    Parameter::whole("after", &(0..=MAX_NUMBER as u64), "Only entries with a greater number").default_is("0"),
-    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most entries of the answer").default_is("100"),
-];
+const PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 
 /// Routes about what was done.
 pub(super) fn routes() -> Routes {
@@ -61,8 +61,23 @@ pub(super) fn routes() -> Routes {
         .role(Role::Admin)
         .parameters(PARAMETERS)
         .may_fail(&[501])
-        .answers(Answer::json(200, "Entries of the audit log", schema::users::audit()));
+        .answers(Answer::page("Entries of the audit log", schema::users::audit()));
     Routes::of(users::TAG, NONE).get("/api/v1/audit", self::list, list)
+}
+
+/// What is noted beside a request's target, behind a `#`, which no target has: what was asked for in its body, what came of it.
+#[derive(Clone, Debug)]
+pub(super) struct Noted(pub(super) String);
+
+/// Whether people can be told in what was asked for, in a line of the log.
+pub(super) fn people_noted(blur: Option<&BlurAsked>) -> String {
+    let Some(BlurAsked { except }) = blur else { return "people=seen".to_owned() };
+    let tracks: Vec<String> = except.iter().map(|who| format!("{}/{}", who.camera, who.track)).collect();
+    if tracks.is_empty() {
+        "people=blurred".to_owned()
+    } else {
+        format!("people=blurred&except={}", tracks.join(","))
+    }
 }
 
 /// Notes what a request did.
@@ -76,7 +91,8 @@ pub(super) async fn note(
     let method = request.method().clone();
     let uri = request.uri().clone();
     let user = request.extensions().get::<Identity>().and_then(|identity| identity.caller.user.clone());
-    let response = next.run(request).await;
+    let mut response = next.run(request).await;
+    let told = response.extensions_mut().remove::<Noted>();
     let route = matched.as_ref().map_or("(none)", MatchedPath::as_str);
     let is_look = matches!(method, Method::GET | Method::HEAD);
     let status = response.status();
@@ -84,26 +100,29 @@ pub(super) async fn note(
         // What was refused showed nothing; of a flood of wrong requests the metrics tell.
         let is_shown = status.is_success() || status == StatusCode::SWITCHING_PROTOCOLS;
         let is_seen = LOOKS.contains(&route) && is_shown;
-        is_seen && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic())
+        // Another thing about it is another look.
+        let what = told
+            .as_ref()
+            .map_or_else(|| uri.path().to_owned(), |Noted(told)| format!("{}#{told}", uri.path()));
+        is_seen && audit.is_new(user.as_deref(), &what, api.clock.monotonic())
     } else if status == StatusCode::UNAUTHORIZED {
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
         audit.is_new(None, &format!("{method} {route}"), api.clock.monotonic())
     } else {
         matched.is_some()
     };
-    let is_noted = is_noted
-        || (is_look
-            && snapshots::LOOKS.contains(&route)
-            && status.is_success()
-            && audit.is_new(user.as_deref(), uri.path(), api.clock.monotonic()));
     if !is_noted {
         return response;
+    }
+    let mut target = uri.path_and_query().map_or_else(|| uri.path().to_owned(), ToString::to_string);
+    if let Some(Noted(told)) = told {
+        target = format!("{target}#{told}");
     }
     let entry = AuditEntry {
         at: api.clock.now(),
         user,
         action: format!("{method} {route}"),
-        target: uri.path_and_query().map_or_else(|| uri.path().to_owned(), ToString::to_string),
+        target,
         status: status.as_u16(),
     };
     if let Err(error) = audit.append(&entry).await {
@@ -112,22 +131,24 @@ pub(super) async fn note(
     response
 }
 
-/// Entries after a number, the oldest first.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
-    let after = query.whole("after", &(0..=MAX_NUMBER)).unwrap_or(0);
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+/// Entries, the oldest first.
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PARAMETERS);
+    let is_number = |number: &i64| (0..=MAX_NUMBER).contains(number);
+    let after = pages::cursor(&mut query, |text| text.parse().ok().filter(is_number)).unwrap_or(0);
+    let limit = pages::limit(&mut query);
     query.finish(Some(()))?;
     api.check_admin("the audit log")?;
     let audit = api.audit.as_ref();
     let audit =
         audit.ok_or_else(|| Problem::new(ErrorKind::Unsupported, "this daemon keeps no audit log"))?;
-    let found = audit.entries(after, limit).await;
-    let found = found.map_err(|error| Problem::new(error.kind(), error.to_string()))?;
-    let next = found.last().filter(|_| found.len() as u32 == limit).map(|last| last.number);
+    // One more than is told, to know whether there are more.
+    let found = audit.entries(after, limit as u32 + 1).await;
+    let mut found = found.map_err(|error| Problem::from(&error))?;
+    let has_more = pages::cut(&mut found, limit);
+    let next = found.last().filter(|_| has_more).map(|last| last.number.to_string());
     let entries: Vec<Value> = found.iter().map(document).collect();
-    let body = Json(json!({ "entries": entries, "next": next }));
-    Ok(([(header::CACHE_CONTROL, "no-store")], body).into_response())
+    Ok(pages::answer(&uri, json!({ "entries": entries }), next))
 }
 
 fn document(record: &AuditRecord) -> Value {

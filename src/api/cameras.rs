@@ -54,6 +54,7 @@ pub(super) fn routes() -> Routes {
         schema::named("Camera"),
     ));
     let picture = Operation::new("show_camera_picture", "What a camera sees")
+        .revalidated()
         .about(
             "`frame` is the camera's frame, `background` the place without what moves, `mask` what moves: 255 moving, 50 \
              shadow, 0 background.",

@@ -3,7 +3,7 @@
 
 use super::tags::COMPRESSED;
 use axum::body::HttpBody;
-use axum::extract::Request;
+use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderValue, header};
 use axum::middleware::Next;
 use axum::response::Response;
@@ -13,9 +13,6 @@ use tower_http::compression::predicate::Predicate;
 
 /// Less than this fits into a packet anyway.
 const LEAST_BYTES: u64 = 1024;
-
-/// What begins so holds secrets, or large files.
-const NEVER: [&str; 4] = ["/api/v1/tokens", "/api/v1/session", "/api/v1/exports/", "/api/v1/snapshots/"];
 
 /// Compresses the answers beneath it that are worth it; quickly, since most are asked for once.
 pub(super) fn layer() -> CompressionLayer<WorthIt> {
@@ -59,12 +56,21 @@ pub(super) async fn tell_compressed(request: Request, next: Next) -> Response {
 
 /// Marks an answer that is never compressed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Incompressible;
+struct Incompressible;
 
-/// Keeps what holds secrets from being compressed: how long it becomes beside a caller's own words would tell of the secret
-/// (BREACH). For answers that are large files too, whose ranges are of the file.
-pub(super) async fn never_compressed(request: Request, next: Next) -> Response {
-    let is_never = NEVER.iter().any(|path| request.uri().path().starts_with(path));
+/// Routes whose answers hold secrets: how long these become beside a caller's own words would tell of the secret (BREACH); and
+/// of large files, whose ranges are of the file.
+const NEVER: [&str; 5] = [
+    "/api/v1/session",
+    "/api/v1/tokens",
+    "/api/v1/tokens/{id}",
+    "/api/v1/exports/{id}/{file}",
+    "/api/v1/snapshots/{id}/record.json",
+];
+
+/// Marks the answers of these.
+pub(super) async fn mark(matched: Option<MatchedPath>, request: Request, next: Next) -> Response {
+    let is_never = matched.is_some_and(|matched| NEVER.contains(&matched.as_str()));
     let mut response = next.run(request).await;
     if is_never {
         response.extensions_mut().insert(Incompressible);

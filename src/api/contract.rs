@@ -25,8 +25,8 @@ use utoipa::openapi::security::{
 };
 use utoipa::openapi::tag::TagBuilder;
 use utoipa::openapi::{
-    ContentBuilder, HeaderBuilder, HttpMethod, Info, OpenApi, OpenApiBuilder, PathItem, Paths, Ref, RefOr,
-    Required, ResponseBuilder,
+    ContentBuilder, HeaderBuilder, HttpMethod, Info, License, OpenApi, OpenApiBuilder, PathItem, Paths, Ref,
+    RefOr, Required, ResponseBuilder, Server,
 };
 
 /// The document as it is answered, with its entity tag.
@@ -84,15 +84,35 @@ fn document(routes: &Routes) -> Value {
         .map(|(name, meaning)| TagBuilder::new().name(name).description(Some(meaning)).build());
     let mut info = Info::new("videofields", env!("CARGO_PKG_VERSION"));
     info.description = Some(ABOUT.to_owned());
+    let mut license = License::new(env!("CARGO_PKG_LICENSE"));
+    license.identifier = Some(env!("CARGO_PKG_LICENSE").to_owned());
+    info.license = Some(license);
     let document: OpenApi = OpenApiBuilder::new()
         .info(info)
+        // Where the document itself was found.
+        .servers(Some([Server::new("/")]))
         .paths(paths)
         .components(Some(components()))
         .security(Some(credentials()))
         .tags(Some(tags))
         .build();
     // By way of a value, so that the order of members never changes.
-    serde_json::to_value(document).unwrap_or_default()
+    let mut document = serde_json::to_value(document).unwrap_or_default();
+    for route in &routes.routes {
+        require_fields(&mut document, route);
+    }
+    document
+}
+
+/// Marks the fields of answers that always come, for which the document's types have no word.
+fn require_fields(document: &mut Value, route: &Route) {
+    let method = route.verb.names()[0].to_lowercase();
+    for answer in &route.operation.answers {
+        let response = &mut document["paths"][route.path][&method]["responses"][answer.status.to_string()];
+        for (name, _) in &answer.fields {
+            response["headers"][name]["required"] = json!(true);
+        }
+    }
 }
 
 const fn method(verb: Verb) -> HttpMethod {
@@ -126,10 +146,11 @@ fn operation(route: &Route) -> Described {
     for wanted in &operation.parameters {
         described = described.parameter(parameter(wanted, ParameterIn::Query));
     }
-    for (name, meaning) in conditions(operation.conditions) {
+    let once: &[Field] = if operation.is_once { &[ONCE] } else { &[] };
+    for (name, meaning, shape) in conditions(operation.conditions).iter().chain(once) {
         let field = ParameterBuilder::new().name(*name).parameter_in(ParameterIn::Header);
         let field = field.description(Some(*meaning)).required(Required::False);
-        described = described.parameter(field.schema(Some(schema::read(json!({"type": "string"})))));
+        described = described.parameter(field.schema(Some(schema::read(shape.schema()))));
     }
     if !operation.bodies.is_empty() {
         let needed = if operation.needs_body { Required::True } else { Required::False };
@@ -167,14 +188,55 @@ fn parameter(of: &Parameter, place: ParameterIn) -> DescribedParameter {
         .build()
 }
 
-const fn conditions(of: Conditions) -> &'static [(&'static str, &'static str)] {
+/// A field of a request: its name, its meaning, and what is read.
+type Field = (&'static str, &'static str, Shape);
+
+/// What a field's text may be.
+#[derive(Clone, Copy)]
+enum Shape {
+    Any,
+    Only(&'static str),
+    Pattern(&'static str),
+    Either(&'static [Self]),
+}
+
+impl Shape {
+    fn schema(self) -> Value {
+        match self {
+            Self::Any => json!({"type": "string"}),
+            Self::Only(word) => json!({"type": "string", "enum": [word]}),
+            Self::Pattern(pattern) => json!({"type": "string", "pattern": pattern}),
+            Self::Either(shapes) => {
+                json!({"anyOf": shapes.iter().map(|shape| shape.schema()).collect::<Vec<_>>()})
+            }
+        }
+    }
+}
+
+/// The key of a job.
+const ONCE: Field = (
+    "Idempotency-Key",
+    "Names the job: asked for again with the same key and body within a day, it is answered as the first time and not made anew",
+    Shape::Either(&[Shape::Pattern("^[!#-~]{1,255}$"), Shape::Pattern("^\"[!#-~]{1,255}\"$")]),
+);
+
+const fn conditions(of: Conditions) -> &'static [Field] {
     match of {
         Conditions::None => &[],
-        Conditions::Change => &[
-            ("If-Match", "The `ETag` of what is changed, or `*` for whichever version there is"),
-            ("If-None-Match", "`*`: only where there is none yet"),
+        Conditions::Change | Conditions::MayChange => &[
+            (
+                "If-Match",
+                "The `ETag` of what is changed, or `*` for whichever version there is; not beside `If-None-Match`",
+                Shape::Either(&[Shape::Only("*"), Shape::Pattern("^(W/)?\"[!#-~]{1,64}\"$")]),
+            ),
+            ("If-None-Match", "`*`: only where there is none yet", Shape::Only("*")),
         ],
-        Conditions::Look => &[("If-None-Match", "The `ETag` of what the caller has")],
+        Conditions::Look => &[("If-None-Match", "The `ETag` of what the caller has", Shape::Any)],
+        Conditions::Resume => &[(
+            "Last-Event-ID",
+            "Goes on after the event of that `id`; stands above `after`",
+            Shape::Pattern("^([0-9]{1,15}|[0-8][0-9]{15})$"),
+        )],
     }
 }
 
@@ -184,7 +246,7 @@ fn response(answer: &Answer) -> RefOr<utoipa::openapi::Response> {
         let content = ContentBuilder::new().schema(shape.clone().map(schema::read));
         response = response.content(*media_type, content.build());
     }
-    for (name, meaning) in &answer.fields {
+    for (name, meaning) in answer.fields.iter().chain(&answer.optional_fields) {
         let field = HeaderBuilder::new().description(Some(*meaning));
         response =
             response.header(*name, field.schema(Some(schema::read(json!({"type": "string"})))).build());

@@ -4,20 +4,16 @@ use super::Api;
 use super::conditions::etag;
 use super::error::Problem;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
 use crate::access::Role;
 use crate::error::{ErrorKind, Fault};
 use crate::store::DocumentKind;
-use axum::Json;
-use axum::http::header;
+use axum::http::{Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
-
-/// Most versions of one answer.
-const MAX_LIMIT: u32 = 200;
-const LIMIT: u32 = 50;
 
 /// Greatest version that is asked for: what every JSON reader can hold.
 const MAX_NUMBER: i64 = (1 << 53) - 1;
@@ -25,17 +21,14 @@ const MAX_NUMBER: i64 = (1 << 53) - 1;
 /// A segment that names a version.
 pub(super) const NUMBER: Parameter = Parameter::whole("number", &(1..=MAX_NUMBER as u64), "A version of it");
 
-const VERSION_PARAMETERS: &[Parameter] = &[
-    Parameter::whole("before", &(1..=MAX_NUMBER as u64), "Only versions before this one"),
-    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most versions of the answer").default_is("50"),
-];
+const VERSION_PARAMETERS: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
 
 /// Describes a list of a document's versions.
 pub(super) fn list_versions(id: &'static str) -> Operation {
     Operation::new(id, "What it was, the newest version first")
         .role(Role::Admin)
         .parameters(VERSION_PARAMETERS)
-        .answers(Answer::json(200, "The versions", schema::named("Versions")))
+        .answers(Answer::page("The versions", schema::named("Versions")))
 }
 
 /// Describes a version of a document.
@@ -49,19 +42,20 @@ pub(super) fn show_version(id: &'static str, document: Value) -> Operation {
 pub(super) async fn versions(
     api: &Api,
     (kind, id): (DocumentKind, &str),
-    raw: Option<&str>,
+    uri: &Uri,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw, VERSION_PARAMETERS);
-    let before = query.whole("before", &(1..=MAX_NUMBER)).unwrap_or(MAX_NUMBER);
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    let mut query = Query::parse(uri.query(), VERSION_PARAMETERS);
+    let is_number = |number: &i64| (1..=MAX_NUMBER).contains(number);
+    let before = pages::cursor(&mut query, |text| text.parse().ok().filter(is_number));
+    let limit = pages::limit(&mut query);
     query.finish(Some(()))?;
     // One more than is told, to know whether there are more.
-    let mut versions = api.catalog()?.versions((kind, id), before, limit + 1).await?;
-    let is_complete = versions.len() <= limit as usize;
-    versions.truncate(limit as usize);
-    let next = versions.last().filter(|_| !is_complete).map(|last| last.version);
-    let body = json!({ "versions": versions, "is_complete": is_complete, "next": next });
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+    let found = api.catalog()?.versions((kind, id), before.unwrap_or(MAX_NUMBER), limit as u32 + 1).await;
+    let mut versions = found?;
+    let has_more = pages::cut(&mut versions, limit);
+    let next = versions.last().filter(|_| has_more).map(|last| last.version.to_string());
+    let body = json!({ "versions": versions, "is_complete": next.is_none() });
+    Ok(pages::answer(uri, body, next))
 }
 
 /// One version of a document.

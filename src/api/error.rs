@@ -10,6 +10,7 @@ use crate::catalog::CatalogError;
 use crate::encode::EncodeError;
 use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault, join_faults};
+use crate::store::StoreError;
 use axum::body::Body;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -132,17 +133,6 @@ impl Problem {
         Self::of(class, detail.to_owned())
     }
 
-    /// No room is left for what was to be kept.
-    pub(super) fn full(detail: &str) -> Self {
-        let class = class(StatusCode::INSUFFICIENT_STORAGE, "full", "There is no room for it");
-        Self::of(class, detail.to_owned())
-    }
-
-    /// A condition that cannot be read.
-    pub(super) fn condition(detail: &str) -> Self {
-        Self::new(ErrorKind::Invalid, detail)
-    }
-
     /// A target of more than `limit_bytes`.
     pub(super) fn target_too_long(limit_bytes: usize) -> Self {
         let class = class(StatusCode::URI_TOO_LONG, "target-too-long", "The request's target is too long");
@@ -170,7 +160,7 @@ impl Problem {
     pub(super) fn content_too_large() -> Self {
         let class =
             class(StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The request's body is too large");
-        let detail = "a scene document may have 4 MiB, any other body 1 MiB";
+        let detail = "a scene document may have 4 MiB, a glTF 32 MiB, any other body 1 MiB";
         Self::of(class, detail.to_owned())
     }
 
@@ -280,10 +270,24 @@ impl From<EngineError> for Problem {
     }
 }
 
+impl From<&StoreError> for Problem {
+    /// The file's place is told to the log alone; of what only its keeper can mend, the caller learns no more than that.
+    fn from(error: &StoreError) -> Self {
+        match error.kind() {
+            kind @ ErrorKind::TooLarge => Self::new(kind, error.without_path()),
+            kind @ (ErrorKind::StorageFull | ErrorKind::Unavailable) => {
+                Self { internal: Some(error.to_string()), ..Self::new(kind, error.without_path()) }
+            }
+            _ => Self::new(ErrorKind::Internal, error.to_string()),
+        }
+    }
+}
+
 impl From<AccountError> for Problem {
     fn from(error: AccountError) -> Self {
         let kind = error.kind();
         match error {
+            AccountError::Store(error) => (&*error).into(),
             AccountError::Faults(faults) => Self::at(kind, faults),
             AccountError::Throttled { wait } => {
                 let retry_after_secs = (wait.as_secs_f64().ceil() as u64).max(RETRY_AFTER_SECS);
@@ -299,6 +303,7 @@ impl From<CatalogError> for Problem {
         match error {
             CatalogError::Faults(faults) => Self::at(ErrorKind::Invalid, faults),
             CatalogError::Engine(error) => error.into(),
+            CatalogError::Store(error) => (&*error).into(),
             error => Self::new(error.kind(), error.to_string()),
         }
     }
@@ -325,7 +330,7 @@ pub(super) fn only(allowed: &[&str]) -> Response {
 }
 
 /// Every status with which a described method may fail, with what the contract calls it.
-pub(super) const PROBLEMS: [(u16, &str, &str); 18] = [
+pub(super) const PROBLEMS: [(u16, &str, &str); 19] = [
     (400, "Invalid", "The request is wrong: a parameter, a segment of the path or the body"),
     (401, "Unauthenticated", "It is not known who asks"),
     (403, "Forbidden", "The caller may not do that"),
@@ -344,6 +349,7 @@ pub(super) const PROBLEMS: [(u16, &str, &str); 18] = [
     (500, "Internal", "The daemon met a fault of its own; its log says which"),
     (501, "Unsupported", "This daemon cannot do that"),
     (503, "Unavailable", "Not now"),
+    (507, "StorageFull", "The daemon's disk is full"),
 ];
 
 #[cfg(test)]
@@ -382,6 +388,23 @@ mod tests {
         ]);
         assert_eq!(document["errors"], expected);
         assert_eq!(document["instance"], "/x");
+    }
+
+    #[test]
+    fn where_the_database_lies_is_told_to_the_log_alone() {
+        let check = |error: StoreError, status: u16| {
+            let problem = Problem::from(CatalogError::from(error));
+            let document = String::from_utf8(problem.document("/x")).unwrap();
+            assert!(!document.contains("secret"), "{document}");
+            assert!(problem.internal().is_some_and(|told| told.contains("/secret/a.sqlite")));
+            assert_eq!(problem.into_response().status().as_u16(), status);
+        };
+        let path = || "/secret/a.sqlite".into();
+        check(StoreError::DiskFull { path: path() }, 507);
+        check(StoreError::Busy { path: path() }, 503);
+        check(StoreError::Failing { path: path(), detail: "disk I/O error".to_owned() }, 503);
+        check(StoreError::Damaged { path: path(), detail: "page 3".to_owned() }, 500);
+        check(StoreError::NotWritable { path: path(), reason: "unable to open".to_owned() }, 500);
     }
 
     #[test]

@@ -1,11 +1,14 @@
 //! `/api/v1/exports`: clips of what was recorded, asked for, watched and taken away.
 
 use super::Api;
+use super::audit::{Noted, people_noted};
 use super::content::Content;
 use super::error::Problem;
+use super::idempotency::{self, Wanted};
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
@@ -13,14 +16,15 @@ use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use crate::access::{Right, Role};
 use crate::archive::ExportStatus;
-use crate::engine::EngineError;
+use crate::engine::{BlurAsked, EngineError};
 use crate::error::ErrorKind;
 use crate::media::descriptor_path;
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{RawQuery, Request};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
 use serde_json::json;
 use tower_http::services::ServeFile;
 
@@ -31,15 +35,16 @@ const SEGMENTS: &[Parameter] = &[
     Parameter::text("file", ("^[A-Za-z0-9._-]{1,200}$", "manifest.json"), "A file of the export"),
 ];
 
+const PAGES: &[Parameter] = &[pages::LIMIT, pages::CURSOR];
+
 /// Routes about clips for people to keep.
 pub(super) fn routes() -> Routes {
-    let list = Operation::new("list_exports", "Every export").answers(Answer::json(
-        200,
-        "The exports",
-        schema::system::exports(),
-    ));
+    let list = Operation::new("list_exports", "Every export, in the order in which they were asked for")
+        .parameters(PAGES)
+        .answers(Answer::page("The exports", schema::system::exports()));
     let ask = Operation::new("ask_export", "Asks for clips of what was recorded")
         .about("One is made after the other; 16 may wait.")
+        .once()
         .role(Role::Operator)
         .right(Right::Export)
         .takes(schema::system::export_asked())
@@ -71,10 +76,22 @@ pub(super) fn routes() -> Routes {
         .get("/api/v1/exports/{id}/{file}", self::file, file)
 }
 
-/// All exports.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    Ok((NO_STORE, Json(json!({ "exports": api.door.exports() }))).into_response())
+/// Exports, in the order in which they were asked for.
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PAGES);
+    let cursor = pages::cursor(&mut query, |text| Some(text.to_owned()));
+    let limit = pages::limit(&mut query);
+    query.finish(Some(()))?;
+    let mut exports = api.door.exports();
+    if let Some(cursor) = cursor {
+        // One that was removed meanwhile leaves its place: ids begin with times.
+        let behind = exports.iter().position(|export| export.id == cursor).map(|place| place + 1);
+        let n_told = behind.unwrap_or_else(|| exports.partition_point(|export| export.id < cursor));
+        exports.drain(..n_told);
+    }
+    let has_more = pages::cut(&mut exports, limit);
+    let next = exports.last().filter(|_| has_more).map(|last| last.id.clone());
+    Ok(pages::answer(&uri, json!({ "exports": exports }), next))
 }
 
 /// Asks for an export.
@@ -86,13 +103,25 @@ pub(super) async fn ask(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let body = read_body(&body)?;
+    let route = "POST /api/v1/exports";
+    let wanted = Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
+    idempotency::once(&api, wanted, begin(&api, &body)).await
+}
+
+async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
+    let (body, by) = (read_body(body)?, api.identity.caller.user.clone());
+    // What is wrong with it is told by asking.
+    let blur = BlurAsked::deserialize(&body["blur_people"]).ok();
     let status: ExportStatus = api
-        .ask("exporting", move |door| door.ask_export(body))
+        .ask("exporting", move |door| door.ask_export(body, by.as_deref()))
         .await
-        .map_err(|error| problem_of(&api, error))?;
+        .map_err(|error| problem_of(api, error))?;
     let location = format!("/api/v1/exports/{}", status.id);
-    Ok((StatusCode::ACCEPTED, NO_STORE, [(header::LOCATION, location)], Json(status)).into_response())
+    let told = format!("export={}&{}", status.id, people_noted(blur.as_ref()));
+    let mut response =
+        (StatusCode::ACCEPTED, NO_STORE, [(header::LOCATION, location)], Json(status)).into_response();
+    response.extensions_mut().insert(Noted(told));
+    Ok(response)
 }
 
 /// How far an export is.

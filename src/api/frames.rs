@@ -4,6 +4,7 @@
 //! pictures, always the newest, and nobody else waits for it.
 
 use super::error::Problem;
+use super::parameters::Parameter;
 use super::picture::Picture;
 use super::query::Query;
 use super::tags::Finish;
@@ -19,11 +20,16 @@ use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
 
 /// Streams at once; more get 503.
-const AT_ONCE: usize = 64;
+pub(super) const AT_ONCE: usize = 64;
 
 /// Pictures a second of a view.
 const RATE_HZ: RangeInclusive<f64> = 0.1..=30.0;
 const DEFAULT_RATE_HZ: f64 = 10.0;
+
+/// How many pictures a second.
+pub(super) const RATE: &[Parameter] =
+    &[Parameter::number("rate", &RATE_HZ, "Pictures a second, where the client takes as many")
+        .default_is("10")];
 
 /// Pause after a picture that could not be had for now, and how many of these end a stream.
 pub(super) const PAUSE: Duration = Duration::from_secs(1);
@@ -161,7 +167,7 @@ impl Pace {
 /// Takes `rate` out of a query string.
 fn paced(raw: Option<&str>) -> Result<(Pace, String), Problem> {
     let (rate, rest) = split_off(raw, "rate");
-    let mut query = Query::parse(Some(&rate), &["rate"]);
+    let mut query = Query::parse(Some(&rate), RATE);
     let rate_hz = query.number("rate", &RATE_HZ, " pictures a second").unwrap_or(DEFAULT_RATE_HZ);
     let rate_hz = query.finish(Some(rate_hz))?;
     Ok((Pace::new(rate_hz), rest))

@@ -4,6 +4,7 @@
 use super::error::Problem;
 use super::{Api, Site};
 use crate::error::ErrorKind;
+use crate::telemetry;
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, header};
@@ -16,6 +17,9 @@ use tracing::Instrument;
 /// Route label of requests that no route matches.
 const NO_ROUTE: &str = "(none)";
 
+/// Most bytes of any route's body.
+const MAX_ANY_BYTES: u64 = crate::scene::exchange::MAX_EXCHANGE_BYTES as u64;
+
 /// Sees every request first and every answer last.
 pub(super) async fn observe(
     State(api): State<Api>,
@@ -25,8 +29,21 @@ pub(super) async fn observe(
 ) -> Response {
     let start = api.clock.monotonic();
     let path = request.uri().path().to_owned();
-    let span = tracing::debug_span!("request", method = %request.method(), ?path);
+    let route = matched.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
+    let span = tracing::debug_span!(
+        "request",
+        method = %request.method(),
+        ?path,
+        otel.kind = "server",
+        otel.name = format_args!("{} {route}", request.method()),
+        http.route = route,
+        http.response.status_code = tracing::field::Empty,
+    );
+    if let Some(traceparent) = request.headers().get("traceparent").and_then(|value| value.to_str().ok()) {
+        telemetry::link(&span, traceparent);
+    }
     let refused = too_large(&api, &request).or_else(|| foreign_host(&api, &request));
+    let refused = refused.or_else(|| too_long(&request));
     let mut response = match refused {
         Some(problem) => problem.into_response(),
         None => next.run(request).instrument(span.clone()).await,
@@ -41,8 +58,9 @@ pub(super) async fn observe(
     set_security_fields(response.headers_mut(), &api.site);
     let duration = api.clock.monotonic().saturating_sub(start);
     let status = response.status().as_u16();
+    span.record("http.response.status_code", status);
     tracing::debug!(status, millis = duration.as_secs_f64() * 1e3, "answered");
-    api.door.count_http(matched.as_ref().map_or(NO_ROUTE, MatchedPath::as_str), status, duration);
+    api.door.count_http(route, status, duration);
     response
 }
 
@@ -54,6 +72,14 @@ fn too_large(api: &Api, request: &Request) -> Option<Problem> {
     let field_bytes: usize =
         request.headers().iter().map(|(name, value)| name.as_str().len() + value.len()).sum();
     (field_bytes > api.limits.field_bytes).then(|| Problem::fields_too_large(api.limits.field_bytes))
+}
+
+/// A body that is announced longer than any route takes is refused before any of it comes.
+fn too_long(request: &Request) -> Option<Problem> {
+    let length = request.headers().get(header::CONTENT_LENGTH).and_then(|length| length.to_str().ok());
+    let is_too_long =
+        length.and_then(|length| length.parse().ok()).is_some_and(|length: u64| length > MAX_ANY_BYTES);
+    is_too_long.then(Problem::content_too_large)
 }
 
 /// A page of somebody else's whose name was made to lead here would be taken by the browser for the daemon's own, and

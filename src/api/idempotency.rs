@@ -1,21 +1,17 @@
 //! `Idempotency-Key`: who asks for a job again, not knowing whether it was heard, gets the answer of the first time, and no
 //! second job.
 //!
-//! A layer around routes that make something. Keys are of a caller (with the rights it has: who was given others is another
+//! Around what routes do that make something. Keys are of a caller (with the rights it has: who was given others is another
 //! caller) and of a route. The answer to a request that went well is kept for a day, within bounds, and in memory: a daemon that
 //! was started anew has forgotten it. A request that came to nothing leaves its key free.
 
 use super::Api;
-use super::content::Content;
 use super::error::Problem;
-use super::identity::Identity;
 use super::tune::refuse_foreign;
 use crate::access::Grants;
 use crate::error::{ErrorKind, Fault};
 use axum::body::{Body, Bytes, to_bytes};
-use axum::extract::{FromRequest, Request, State};
-use axum::http::{HeaderMap, HeaderName, HeaderValue, Method, StatusCode, header};
-use axum::middleware::Next;
+use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
@@ -52,7 +48,7 @@ struct KeyOf {
     user: Option<String>,
     grants: Arc<Grants>,
     /// Method and path.
-    route: String,
+    route: &'static str,
     key: String,
 }
 
@@ -145,42 +141,31 @@ impl Answered {
     }
 }
 
-/// Where jobs are asked for.
-const JOBS: [&str; 2] = ["/api/v1/exports", "/api/v1/snapshots"];
-
-/// Answers what was answered before, if the request has a key that was heard already.
-pub(super) async fn once(State(api): State<Api>, request: Request, next: Next) -> Response {
-    match guarded(&api, request, next).await {
-        Ok(response) => response,
-        Err(problem) => problem.into_response(),
-    }
+/// A request that may have a key.
+pub(super) struct Wanted<'a> {
+    /// Method and path, as the caller's words for what it asks for.
+    pub(super) route: &'static str,
+    pub(super) headers: &'a HeaderMap,
+    pub(super) query: Option<&'a str>,
+    pub(super) body: &'a [u8],
 }
 
-async fn guarded(api: &Api, request: Request, next: Next) -> Result<Response, Problem> {
-    let is_job = *request.method() == Method::POST && JOBS.contains(&request.uri().path());
-    let Some(key) = key_of(request.headers())?.filter(|_| is_job) else {
-        return Ok(next.run(request).await);
-    };
-    refuse_foreign(request.headers())?;
-    let identity = request.extensions().get::<Identity>().cloned();
-    let caller = identity.map(|identity| identity.caller);
-    let Some(caller) = caller else {
-        return Err(Problem::new(ErrorKind::Internal, "nobody looked up who asks"));
-    };
-    let (parts, body) = request.into_parts();
-    let Content(body) = Content::from_request(Request::from_parts(parts.clone(), body), api).await?;
-    let of = KeyOf {
-        user: caller.user,
-        grants: caller.grants,
-        route: format!("{} {}", parts.method, parts.uri.path()),
-        key,
-    };
-    let asked = digest(parts.uri.query().unwrap_or_default(), &body);
+/// What was answered before, if the request has a key that was heard already; else what `answering` comes to.
+pub(super) async fn once(
+    api: &Api,
+    Wanted { route, headers, query, body }: Wanted<'_>,
+    answering: impl Future<Output = Result<Response, Problem>>,
+) -> Result<Response, Problem> {
+    let Some(key) = key_of(headers)? else { return answering.await };
+    refuse_foreign(headers)?;
+    let caller = api.identity.caller.clone();
+    let of = KeyOf { user: caller.user, grants: caller.grants, route, key };
+    let asked = digest(query.unwrap_or_default(), body);
     let held = match api.answered.begin(of, asked, api.clock.monotonic())? {
         Turn::Again(kept) => return Ok(replayed(kept)),
         Turn::First(held) => held,
     };
-    let response = next.run(Request::from_parts(parts, Body::from(body))).await;
+    let response = answering.await?;
     if !response.status().is_success() {
         return Ok(response);
     }
@@ -237,7 +222,7 @@ mod tests {
 
     fn of(user: &str, key: &str) -> KeyOf {
         let grants = Arc::new(Grants::nothing());
-        KeyOf { user: Some(user.to_owned()), grants, route: "POST /x".to_owned(), key: key.to_owned() }
+        KeyOf { user: Some(user.to_owned()), grants, route: "POST /x", key: key.to_owned() }
     }
 
     fn kept(bytes: usize) -> Kept {

@@ -20,14 +20,22 @@ use std::sync::Arc;
 /// The cookie of a page that logged in.
 pub(super) const COOKIE: &str = "videofields_session";
 
+/// The cookie of a screen that was given a token.
+pub(super) const SCREEN_COOKIE: &str = "videofields_screen";
+
 /// The field in which a page that logged in proves that a change is its own.
 pub(super) const CSRF_FIELD: &str = "x-csrf-token";
+
+/// Of a token that lets nobody in.
+pub(super) const NOBODYS_TOKEN: &str = "the token is nobody's: revoked, expired or mistyped";
 
 /// What a caller showed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Credential {
     Token(String),
     Session(String),
+    /// A token that a browser keeps, as that of a wall's screen: with it nothing can be changed.
+    Screen(String),
 }
 
 /// Who asks, and by what.
@@ -49,43 +57,53 @@ impl Identity {
         Self { caller, credential: None }
     }
 
+    /// Whose screen a token makes a browser; none if the token is nobody's.
+    pub(super) fn screen(accounts: &Accounts, token: String) -> Option<Self> {
+        Self::of(accounts, Credential::Screen(token))
+    }
+
     /// Who that is now; none once the token or session is nobody's any more.
     fn of(accounts: &Accounts, credential: Credential) -> Option<Self> {
         let caller = match &credential {
-            Credential::Token(token) => accounts.by_token(token),
+            Credential::Token(token) | Credential::Screen(token) => accounts.by_token(token),
             Credential::Session(key) => accounts.by_session(key),
         }?;
         Some(Self { caller, credential: Some(credential) })
     }
 }
 
-/// The token or session that a request shows; of both, the token.
-fn credential(headers: &HeaderMap) -> Option<Credential> {
+/// What a request shows: a token, or else what its browser keeps, the session before a screen's token.
+fn credentials(headers: &HeaderMap) -> Vec<Credential> {
     let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
     if let Some((scheme, token)) = text(header::AUTHORIZATION).and_then(|value| value.split_once(' '))
         && scheme.eq_ignore_ascii_case("bearer")
     {
-        return Some(Credential::Token(token.trim().to_owned()));
+        return vec![Credential::Token(token.trim().to_owned())];
     }
     let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
-    let mut pairs = cookies.flat_map(|all| all.split(';')).filter_map(|pair| pair.trim().split_once('='));
-    pairs.find(|(name, _)| *name == COOKIE).map(|(_, key)| Credential::Session(key.to_owned()))
+    let pairs = cookies.flat_map(|all| all.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    let (mut session, mut screen) = (None, None);
+    for (name, value) in pairs {
+        match name {
+            COOKIE if session.is_none() => session = Some(Credential::Session(value.to_owned())),
+            SCREEN_COOKIE if screen.is_none() => screen = Some(Credential::Screen(value.to_owned())),
+            _ => {}
+        }
+    }
+    session.into_iter().chain(screen).collect()
 }
 
 /// Looks up who asks. A token that is nobody's is refused at once; an old cookie counts as none.
 pub(super) async fn identify(State(api): State<Api>, mut request: Request, next: Next) -> Response {
     let identity = match &api.accounts {
-        Some(accounts) if !accounts.is_open() => match credential(request.headers()) {
-            Some(credential) => match (Identity::of(accounts, credential.clone()), credential) {
-                (Some(identity), _) => identity,
-                (None, Credential::Session(_)) => Identity::stranger(),
-                (None, Credential::Token(_)) => {
-                    let detail = "the token is nobody's: revoked, expired or mistyped";
-                    return Problem::new(ErrorKind::Unauthenticated, detail).into_response();
-                }
-            },
-            None => Identity::stranger(),
-        },
+        Some(accounts) if !accounts.is_open() => {
+            let shown = credentials(request.headers());
+            let known = shown.iter().find_map(|credential| Identity::of(accounts, credential.clone()));
+            if let (None, Some(Credential::Token(_))) = (&known, shown.first()) {
+                return Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN).into_response();
+            }
+            known.unwrap_or_else(Identity::stranger)
+        }
         _ => Identity::everybody(),
     };
     request.extensions_mut().insert(identity);
@@ -102,6 +120,11 @@ pub(super) async fn require(request: Request, next: Next) -> Response {
         return Problem::new(ErrorKind::Unauthenticated, detail).into_response();
     }
     let is_safe = matches!(*request.method(), Method::GET | Method::HEAD | Method::OPTIONS);
+    if !is_safe && matches!(identity.credential, Some(Credential::Screen(_))) {
+        let detail =
+            "a screen's token may look and change nothing: log in, or send the token as Authorization";
+        return Problem::new(ErrorKind::Forbidden, detail).into_response();
+    }
     let proof = request.headers().get(CSRF_FIELD).and_then(|value| value.to_str().ok());
     if !is_safe && identity.caller.csrf_token.as_deref().is_some_and(|token| proof != Some(token)) {
         let detail = format!("with a session, a change needs {CSRF_FIELD}: what GET /api/v1/session tells");

@@ -8,10 +8,13 @@ use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::{Routes, Tag};
+use super::operation::{Answer, Operation};
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
-use super::{Api, scenes};
+use super::{Api, scenes, schema};
 use crate::access::Role;
 use crate::catalog::{CatalogError, Condition};
 use crate::error::{ErrorKind, Fault};
@@ -19,7 +22,7 @@ use crate::frame::is_id;
 use crate::store::{DocumentKind, DocumentRecord};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value};
 
@@ -32,7 +35,20 @@ pub(super) trait Kind: Sized + Send + 'static {
     /// The name of the list of them.
     const LIST: &'static str;
     /// Parameters by which the list can be narrowed down.
-    const FILTERS: &'static [&'static str] = &[];
+    const FILTERS: &'static [Parameter] = NONE;
+    /// What routes about it are about.
+    const TAG: Tag;
+    /// What segments of their paths mean.
+    const SEGMENTS: &'static [Parameter];
+    /// Its schema's name.
+    const SCHEMA: &'static str;
+    /// Paths of all, of one, of its versions, of one of these, and of making that the newest.
+    const PATHS: [&'static str; 5];
+    /// What the contract calls listing, showing, putting, changing and removing, listing and showing versions, and restoring.
+    const OPERATIONS: [&'static str; 8];
+
+    /// The schema of the list of all.
+    fn list_schema() -> Value;
 
     /// Reads a document; answers its normal form too.
     ///
@@ -56,6 +72,44 @@ pub(super) trait Kind: Sized + Send + 'static {
     fn listed(_query: &mut Query, all: Vec<Kept<Self>>) -> Vec<Kept<Self>> {
         all
     }
+}
+
+/// Routes about documents of a kind.
+pub(super) fn routes<K: Kind>() -> Routes {
+    let [list_id, show_id, put_id, change_id, remove_id, versions_id, version_id, restore_id] = K::OPERATIONS;
+    let [all, one, versions, version, restored] = K::PATHS;
+    let document = || schema::named(K::SCHEMA);
+    let kept = |status, meaning| Answer::json(status, meaning, document()).tagged();
+    let changing =
+        |id, summary| Operation::new(id, summary).role(Role::Operator).conditional().may_fail(&[409]);
+    let list = Operation::new(list_id, "All of them that the caller may know of")
+        .parameters(K::FILTERS)
+        .answers(Answer::json(200, "The list", K::list_schema()));
+    let show = Operation::new(show_id, "Its document").answers(kept(200, "The document"));
+    let put = changing(put_id, "Makes it or replaces it")
+        .takes(document())
+        .answers(kept(200, "It is replaced"))
+        .answers(kept(201, "It is made"));
+    let change = changing(change_id, "Changes the members of its document that come")
+        .about("Lists are replaced whole, null takes a member away (JSON Merge Patch, RFC 7396).")
+        .takes_patch(schema::anything())
+        .answers(kept(200, "It is changed"));
+    let remove = changing(remove_id, "Takes it away").answers(Answer::nothing(204, "It is gone"));
+    let restore = Operation::new(restore_id, "Makes a version of before the newest")
+        .role(Role::Admin)
+        .conditional()
+        .may_fail(&[409])
+        .answers(kept(200, "It is so again"))
+        .answers(kept(201, "It is there again"));
+    Routes::of(K::TAG, K::SEGMENTS)
+        .get(all, self::list::<K>, list)
+        .get(one, self::one::<K>, show)
+        .put(one, self::put::<K>, put)
+        .patch(one, self::change::<K>, change)
+        .delete(one, self::remove::<K>, remove)
+        .get(versions, self::versions::<K>, documents::list_versions(versions_id))
+        .get(version, self::version::<K>, documents::show_version(version_id, document()))
+        .post(restored, self::restore::<K>, restore)
 }
 
 /// A document that is kept, in one of its versions.
@@ -91,7 +145,7 @@ fn read<K: Kind>(api: &Api, record: &DocumentRecord) -> Option<Kept<K>> {
     is_seen.then(|| Kept { id: record.id.clone(), version: record.version, content, document })
 }
 
-fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
+pub(super) fn all<K: Kind>(api: &Api) -> Vec<Kept<K>> {
     let records = api.catalog.as_ref().map(|catalog| catalog.all(K::KIND)).unwrap_or_default();
     records.iter().filter_map(|record| read(api, record)).collect()
 }
@@ -111,7 +165,7 @@ pub(super) async fn one<K: Kind>(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let Kept { version, document, .. } = find::<K>(&api, &id)?;
     Ok(answer(StatusCode::OK, version, document))
 }
@@ -124,8 +178,9 @@ pub(super) async fn put<K: Kind>(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
+    check_free::<K>(&api, &id)?;
     let condition = seen::<K>(&api, &id, required(&headers)?);
     keep::<K>(&api, &id, read_body(&body)?, condition).await
 }
@@ -146,7 +201,7 @@ pub(super) async fn change<K: Kind>(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     let Kept { version, document, .. } = find::<K>(&api, &id)?;
     let mut document = read_body(document.as_bytes())?;
@@ -166,7 +221,7 @@ pub(super) async fn remove<K: Kind>(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     if api.check_admin("what is of other scenes").is_err() {
         find::<K>(&api, &id)?;
@@ -181,10 +236,10 @@ pub(super) async fn remove<K: Kind>(
 pub(super) async fn versions<K: Kind>(
     Asked(api): Asked,
     Segments(id): Segments<String>,
-    RawQuery(raw): RawQuery,
+    uri: Uri,
 ) -> Result<Response, Problem> {
     check_versions::<K>(&api)?;
-    documents::versions(&api, (K::KIND, &id), raw.as_deref()).await
+    documents::versions(&api, (K::KIND, &id), &uri).await
 }
 
 /// One version of a document.
@@ -204,7 +259,7 @@ pub(super) async fn restore<K: Kind>(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     check_versions::<K>(&api)?;
     let condition = required(&headers)?;
@@ -230,9 +285,14 @@ fn check<K: Kind>(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Proble
         let message = format!("a {kind}'s name is 1 to 64 of a-z, 0-9, - and _, the first a letter or digit");
         return Err(CatalogError::Faults(vec![Fault::new("id", message)]).into());
     }
+    Ok(())
+}
+
+/// Refuses to make what is there already, of a scene that is hidden from the caller: by trying to take a name one may learn that it
+/// is taken, and by nothing else.
+fn check_free<K: Kind>(api: &Api, id: &str) -> Result<(), Problem> {
     let is_kept = api.catalog()?.state(K::KIND, id).is_there;
     if is_kept && find::<K>(api, id).is_err() && api.check_admin("this").is_err() {
-        // Its scene is hidden from the caller.
         return Err(Problem::new(ErrorKind::Forbidden, format!("the name {id} is taken")));
     }
     Ok(())

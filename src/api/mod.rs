@@ -4,13 +4,11 @@
 //! encoded off the async threads (`picture`); every failure leaves as a problem document (`error`). GET and
 //! HEAD show; what changes something has a method of its own, and is refused where a page of another site asks for it.
 
-mod snapshot_making;
-mod snapshots;
-mod which_cameras;
-
 mod accuracy;
+mod activity;
 mod alignment;
 mod audit;
+mod calibrations;
 mod cameras;
 mod compress;
 mod conditions;
@@ -21,30 +19,40 @@ mod documents;
 mod effort;
 mod encoding;
 mod error;
+mod event_stream;
 mod events;
 mod exports;
+mod foreground;
+mod foreground_writer;
 mod frames;
 mod guard;
+mod guests;
 mod health;
 mod idempotency;
 mod identity;
+mod jobs;
 mod kept;
 mod locate;
 mod metrics;
 mod openapi;
 mod operation;
 mod page;
+mod pages;
 mod parameters;
 mod picture;
 mod plan;
 mod playheads;
+mod present;
 mod privacy;
 mod query;
+mod scene_exchange;
 mod scenes;
 mod schema;
 mod segments;
 mod serve;
 mod session;
+mod snapshot_making;
+mod snapshots;
 mod sockets;
 mod streams;
 mod strip;
@@ -61,6 +69,7 @@ mod views;
 mod wall_rounds;
 mod wall_tiles;
 mod walls;
+mod which_cameras;
 
 pub use serve::{ConnectionTimes, serve, serve_within};
 pub use tls::{Tls, TlsError};
@@ -68,7 +77,7 @@ pub use view::read_view_request;
 
 use crate::access::Grants;
 use crate::accounts::{Accounts, Audit};
-use crate::catalog::{Catalog, NamedView};
+use crate::catalog::Catalog;
 use crate::clock::Clock;
 use crate::engine::{EngineError, Handle};
 use crate::error::ErrorKind;
@@ -79,7 +88,6 @@ use axum::extract::DefaultBodyLimit;
 use axum::http::Uri;
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::Response;
-use axum::routing::{get, post};
 use error::Problem;
 use identity::Identity;
 use openapi::Routes;
@@ -136,23 +144,29 @@ struct Api {
     /// What people keep as evidence; without, no snapshots are made.
     snapshots: Option<Arc<Snapshots>>,
     clock: Arc<dyn Clock>,
+    /// By the clock's monotonic time.
+    started: Duration,
     limits: Limits,
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
     encoding_pace: Arc<encoding::EncodingPace>,
     strips: Arc<Semaphore>,
     streams: Arc<Semaphore>,
+    listeners: Arc<Semaphore>,
     /// One permit for each `picture::ANSWER_UNIT_BYTES` of `Limits::answer_bytes`.
     answers: Arc<Semaphore>,
     site: Arc<Site>,
     frames: Arc<FrameLock>,
     rounds: Arc<wall_rounds::Rounds>,
+    feeds: Arc<foreground::Feeds>,
     /// What the request came by.
     connection: connection::Connection,
     /// Of pictures that were shown.
     tags: Arc<tags::KnownTags>,
     /// Answers to jobs that were asked for with a key.
     answered: Arc<idempotency::Answered>,
+    /// Scenes of other programs that are taken in at once.
+    imports: Arc<Semaphore>,
 }
 
 impl Api {
@@ -222,6 +236,7 @@ pub fn router_within(
         audit: trust.as_ref().map(|trust| Arc::clone(&trust.audit)),
         snapshots: trust.as_ref().and_then(|trust| trust.snapshots.clone()),
         catalog: trust.map(|trust| trust.catalog),
+        started: clock.monotonic(),
         clock,
         limits,
         requests,
@@ -229,22 +244,24 @@ pub fn router_within(
         encoding_pace: Arc::default(),
         strips,
         streams: frames::places(),
+        listeners: Arc::new(Semaphore::new(guests::LISTENERS)),
         answers,
         site: Arc::new(site),
         frames: frame_lock,
         rounds: Arc::default(),
+        feeds: Arc::default(),
         connection: connection::Connection::default(),
         tags: Arc::default(),
         answered: Arc::default(),
+        imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
     };
     let limited = resources()
         .router()
-        .merge(undescribed().layer(from_fn(identity::require)))
-        .layer(from_fn_with_state(api.clone(), idempotency::once))
-        .layer(from_fn(compress::never_compressed))
         .merge(page::routes())
         .layer(DefaultBodyLimit::max(content::MAX_BODY_BYTES))
         .layer(from_fn(tags::spare))
+        .layer(from_fn_with_state(api.clone(), guests::bound_listeners))
+        .layer(from_fn(compress::mark))
         .layer(compress::layer())
         .layer(from_fn(compress::tell_compressed))
         // Within the limits: what is noted of a change is what came of it, though its caller heard that it takes too long.
@@ -264,21 +281,35 @@ pub fn router_within(
 fn resources() -> Routes {
     let all = [
         contract::routes(),
+        system::routes(),
         cameras::routes(),
         locate::routes(),
         tune::routes(),
+        privacy::routes(),
+        calibrations::routes(),
         strip::routes(),
         events::routes(),
         scenes::routes(),
+        scene_exchange::routes(),
         view::routes(),
         plan::routes(),
         timeline::routes(),
+        activity::routes(),
         tracks::routes(),
         alignment::routes(),
         walls::routes(),
         wall_tiles::routes(),
+        views::routes(),
+        streams::routes(),
+        sockets::routes(),
+        foreground::routes(),
+        event_stream::routes(),
+        present::routes(),
         playheads::routes(),
         exports::routes(),
+        jobs::routes(),
+        snapshots::routes(),
+        which_cameras::routes(),
         accuracy::routes(),
         session::routes(),
         users::routes(),
@@ -286,29 +317,6 @@ fn resources() -> Routes {
         audit::routes(),
     ];
     all.into_iter().fold(Routes::of(system::TAG, parameters::NONE), Routes::merge)
-}
-
-/// Routes that the contract does not describe yet.
-fn undescribed() -> Router<Api> {
-    Router::new()
-        .route("/api/v1/scenes/{id}/view.mjpeg", get(streams::of_view))
-        .route("/api/v1/scenes/{id}/frames", get(sockets::of_view))
-        .route("/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg", get(streams::of_tile))
-        .route("/api/v1/walls/{id}/tiles/{tile}/frames", get(sockets::of_tile))
-        .merge(kept_routes::<NamedView>("/api/v1/views"))
-        .route("/api/v1/views/{id}/picture.mjpeg", get(streams::of_named))
-        .route("/api/v1/views/{id}/frames", get(sockets::of_named))
-        .route("/api/v1/views/{id}/{picture}", get(views::picture))
-        .merge(snapshots::routes())
-        .route(
-            "/api/v1/cameras/{id}/privacy",
-            get(privacy::one)
-                .put(privacy::put)
-                .patch(privacy::change)
-                .delete(privacy::remove)
-                .fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
-        )
-        .merge(which_cameras::routes())
 }
 
 /// Routes for who watches the daemon: answered also while it has too much to do.
@@ -319,23 +327,6 @@ fn probes() -> Routes {
 /// All that the contract describes.
 fn described() -> Routes {
     resources().merge(probes())
-}
-
-/// The routes of documents of a kind beneath `path`.
-fn kept_routes<K: kept::Kind>(path: &str) -> Router<Api> {
-    let one = get(kept::one::<K>).put(kept::put::<K>).patch(kept::change::<K>).delete(kept::remove::<K>);
-    Router::new()
-        .route(path, get(kept::list::<K>))
-        .route(
-            &format!("{path}/{{id}}"),
-            one.fallback(|| async { error::only(&["GET", "HEAD", "PUT", "PATCH", "DELETE"]) }),
-        )
-        .route(&format!("{path}/{{id}}/versions"), get(kept::versions::<K>))
-        .route(&format!("{path}/{{id}}/versions/{{number}}"), get(kept::version::<K>))
-        .route(
-            &format!("{path}/{{id}}/versions/{{number}}/restore"),
-            post(kept::restore::<K>).fallback(|| async { error::only(&["POST"]) }),
-        )
 }
 
 async fn no_route(uri: Uri) -> Problem {

@@ -33,7 +33,7 @@ impl Verb {
     }
 
     /// What it answers, as `Allow` has it.
-    const fn names(self) -> &'static [&'static str] {
+    pub(super) const fn names(self) -> &'static [&'static str] {
         match self {
             Self::Get => &["GET", "HEAD"],
             Self::Post => &["POST"],

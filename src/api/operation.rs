@@ -23,6 +23,8 @@ pub(super) struct Operation {
     pub(super) role: Role,
     pub(super) rights: Vec<Right>,
     pub(super) is_open: bool,
+    /// Whether `Idempotency-Key` is heard.
+    pub(super) is_once: bool,
 }
 
 /// Which conditions (RFC 9110, section 13) a method reads.
@@ -32,8 +34,12 @@ pub(super) enum Conditions {
     None,
     /// `If-Match` or `If-None-Match: *` must come.
     Change,
+    /// They may come.
+    MayChange,
     /// `If-None-Match` may come.
     Look,
+    /// `Last-Event-ID` may come.
+    Resume,
 }
 
 /// An answer of success.
@@ -45,17 +51,25 @@ pub(super) struct Answer {
     pub(super) contents: Vec<(&'static str, Option<Value>)>,
     /// Header fields that always come, by name, with their meaning.
     pub(super) fields: Vec<(&'static str, &'static str)>,
+    /// Those that come at times.
+    pub(super) optional_fields: Vec<(&'static str, &'static str)>,
 }
 
 impl Answer {
     /// Without a body.
     pub(super) const fn nothing(status: u16, meaning: &'static str) -> Self {
-        Self { status, meaning, contents: Vec::new(), fields: Vec::new() }
+        Self { status, meaning, contents: Vec::new(), fields: Vec::new(), optional_fields: Vec::new() }
     }
 
     /// JSON of that schema.
     pub(super) fn json(status: u16, meaning: &'static str, schema: Value) -> Self {
         Self::nothing(status, meaning).media("application/json", Some(schema))
+    }
+
+    /// A page of a list, of that schema.
+    pub(super) fn page(meaning: &'static str, schema: Value) -> Self {
+        Self::json(200, meaning, schema)
+            .may_have("Link", "The question for the next page, where there is one")
     }
 
     /// Bytes of one of these media types.
@@ -72,6 +86,12 @@ impl Answer {
     /// With a header field.
     pub(super) fn field(mut self, name: &'static str, meaning: &'static str) -> Self {
         self.fields.push((name, meaning));
+        self
+    }
+
+    /// With a header field that comes at times.
+    pub(super) fn may_have(mut self, name: &'static str, meaning: &'static str) -> Self {
+        self.optional_fields.push((name, meaning));
         self
     }
 
@@ -98,6 +118,7 @@ impl Operation {
             role: Role::Viewer,
             rights: Vec::new(),
             is_open: false,
+            is_once: false,
         }
     }
 
@@ -141,10 +162,28 @@ impl Operation {
         self.may_fail(&[412, 428])
     }
 
+    /// A change that `If-Match` or `If-None-Match: *` may stand before.
+    pub(super) fn may_be_conditional(mut self) -> Self {
+        self.conditions = Conditions::MayChange;
+        self.may_fail(&[412])
+    }
+
+    /// A job that is made once however often it is asked for with one `Idempotency-Key`.
+    pub(super) fn once(mut self) -> Self {
+        self.is_once = true;
+        self.may_fail(&[409, 422])
+    }
+
     /// An answer that `If-None-Match` spares who has it already.
     pub(super) fn revalidated(mut self) -> Self {
         self.conditions = Conditions::Look;
         self.answers(Answer::nothing(304, "What `If-None-Match` names is still the newest"))
+    }
+
+    /// A stream of events that goes on after the one that `Last-Event-ID` names.
+    pub(super) fn resumed(mut self) -> Self {
+        self.conditions = Conditions::Resume;
+        self
     }
 
     /// How it is answered when all goes well.

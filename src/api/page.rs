@@ -1,4 +1,4 @@
-//! `/`: a page for people, made of a few files in `page/`; it uses nothing but the interface beside it.
+//! `/` and `/wall`: a page for people and one for a wall's screens, made of a few files in `page/`; they use nothing but the interface beside it.
 
 use super::Api;
 use axum::Router;
@@ -11,7 +11,7 @@ const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; i
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Path, content type and text of every file.
-const FILES: [(&str, &str, &str); 9] = [
+const FILES: [(&str, &str, &str); 13] = [
     ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("/app.css", "text/css; charset=utf-8", include_str!("page/app.css")),
     ("/app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
@@ -20,6 +20,10 @@ const FILES: [(&str, &str, &str); 9] = [
     ("/view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
     ("/orbit.js", "text/javascript; charset=utf-8", include_str!("page/orbit.js")),
     ("/cameras.js", "text/javascript; charset=utf-8", include_str!("page/cameras.js")),
+    ("/wall", "text/html; charset=utf-8", include_str!("page/wall.html")),
+    ("/wall.css", "text/css; charset=utf-8", include_str!("page/wall.css")),
+    ("/wall.js", "text/javascript; charset=utf-8", include_str!("page/wall.js")),
+    ("/frames.js", "text/javascript; charset=utf-8", include_str!("page/frames.js")),
     ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
 ];
 

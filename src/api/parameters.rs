@@ -8,6 +8,13 @@ use std::ops::RangeInclusive;
 /// What names of cameras, scenes, walls, users and the like look like.
 pub(super) const ID_PATTERN: &str = "^[a-z0-9][a-z0-9_-]{0,63}$";
 
+/// Several of them with commas between.
+pub(super) const IDS_PATTERN: &str = "^[a-z0-9][a-z0-9_-]{0,63}(,[a-z0-9][a-z0-9_-]{0,63})*$";
+
+/// Three and nine numbers within [`MAX_COORDINATE_M`](super::query::MAX_COORDINATE_M), as far as a pattern can say it.
+const POINT_PATTERN: &str = r"^[-+]?[0-9]{1,8}(\.[0-9]{1,17})?([eE]-[0-9]{1,2})?(,[-+]?[0-9]{1,8}(\.[0-9]{1,17})?([eE]-[0-9]{1,2})?){2}$";
+const POINTS_PATTERN: &str = r"^[-+]?[0-9]{1,8}(\.[0-9]{1,17})?([eE]-[0-9]{1,2})?(,[-+]?[0-9]{1,8}(\.[0-9]{1,17})?([eE]-[0-9]{1,2})?){8}$";
+
 /// A parameter of a query, or a named segment of a path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Parameter {
@@ -26,11 +33,15 @@ enum Shape {
     Number(f64, f64),
     /// One of a few words.
     Word(fn() -> Vec<&'static str>),
+    /// `true` or `false`.
+    Flag,
     /// One of a few files.
     File(fn() -> Vec<String>),
     Id,
     Instant,
     Moment,
+    /// Any text of so many characters.
+    Free(usize, usize),
     /// Text of that pattern, and one that is allowed.
     Text(&'static str, &'static str),
 }
@@ -85,6 +96,11 @@ impl Parameter {
         Self::new(name, Shape::Word(words), meaning)
     }
 
+    /// `true` or `false`, which is meant where it is left out.
+    pub(super) const fn flag(name: &'static str, meaning: &'static str) -> Self {
+        Self::new(name, Shape::Flag, meaning).default_is("false")
+    }
+
     /// One of a few files.
     pub(super) const fn files(name: &'static str, files: fn() -> Vec<String>, meaning: &'static str) -> Self {
         Self::new(name, Shape::File(files), meaning)
@@ -92,12 +108,12 @@ impl Parameter {
 
     /// A point in the world: three numbers of metres with commas between.
     pub(super) const fn point(name: &'static str, meaning: &'static str) -> Self {
-        Self::text(name, ("^[-+0-9.eE]+(,[-+0-9.eE]+){2}$", "12,-18,7"), meaning)
+        Self::text(name, (POINT_PATTERN, "12,-18,7"), meaning)
     }
 
     /// Three points in the world: nine numbers of metres with commas between.
     pub(super) const fn points(name: &'static str, meaning: &'static str) -> Self {
-        Self::text(name, ("^[-+0-9.eE]+(,[-+0-9.eE]+){8}$", "-1,3,0,1,3,0,-1,3,1.5"), meaning)
+        Self::text(name, (POINTS_PATTERN, "-1,3,0,1,3,0,-1,3,1.5"), meaning)
     }
 
     /// The id of something.
@@ -113,6 +129,15 @@ impl Parameter {
     /// Which time is asked for: `live`, an instant or a playhead.
     pub(super) const fn moment(name: &'static str, meaning: &'static str) -> Self {
         Self::new(name, Shape::Moment, meaning).default_is("live")
+    }
+
+    /// Any text of so many characters, least and most.
+    pub(super) const fn free(
+        name: &'static str,
+        (least, most): (usize, usize),
+        meaning: &'static str,
+    ) -> Self {
+        Self::new(name, Shape::Free(least, most), meaning)
     }
 
     /// Text that a regular expression describes, with an example.
@@ -139,19 +164,28 @@ impl Parameter {
         let mut schema = match self.shape {
             Shape::Whole(least, most) => json!({"type": "integer", "minimum": least, "maximum": most}),
             Shape::Number(least, most) => json!({"type": "number", "minimum": least, "maximum": most}),
-            Shape::Word(words) => json!({"type": "string", "enum": words()}),
+            Shape::Word(words) => {
+                let words = words();
+                let numbers: Option<Vec<u64>> = words.iter().map(|word| word.parse().ok()).collect();
+                match numbers {
+                    Some(numbers) => json!({"type": "integer", "enum": numbers}),
+                    None => json!({"type": "string", "enum": words}),
+                }
+            }
+            Shape::Flag => json!({"type": "boolean"}),
             Shape::File(files) => json!({"type": "string", "enum": files()}),
             Shape::Id => json!({"type": "string", "pattern": ID_PATTERN}),
             Shape::Instant => json!({"$ref": "#/components/schemas/Instant"}),
             Shape::Moment => json!({"$ref": "#/components/schemas/Moment"}),
+            Shape::Free(least, most) => json!({"type": "string", "minLength": least, "maxLength": most}),
             Shape::Text(pattern, example) => {
                 json!({"type": "string", "pattern": pattern, "examples": [example]})
             }
         };
         if let Some(default) = self.default {
-            let is_number = matches!(self.shape, Shape::Whole(..) | Shape::Number(..));
-            let number = is_number.then(|| serde_json::from_str(default).ok()).flatten();
-            schema["default"] = number.unwrap_or_else(|| json!(default));
+            let is_text = schema["type"] == "string" || schema["$ref"].is_string();
+            let value = if is_text { None } else { serde_json::from_str(default).ok() };
+            schema["default"] = value.unwrap_or_else(|| json!(default));
         }
         schema
     }

@@ -5,7 +5,7 @@ use super::Api;
 use super::error::Problem;
 use super::operation::Answer;
 use super::query::Moment;
-use super::tags::{Had, Key, Tag, not_modified};
+use super::tags::{EntityTag, Had, Key, not_modified};
 use crate::clock::Timestamp;
 use crate::encode::{self, EncodeError, PictureFormat};
 use crate::error::ErrorKind;
@@ -73,7 +73,8 @@ pub(super) fn files<T>(names: &[(&str, T)]) -> Vec<String> {
 pub(super) fn pictured(meaning: &'static str) -> Answer {
     Answer::bytes(200, meaning, &["image/jpeg", "image/png"])
         .field("Videofields-Time", "The instant shown, RFC 3339")
-        .field("Cache-Control", "`no-store` of the newest there is, ten seconds of a fixed time")
+        .field("Cache-Control", "`no-store` of the newest there is, `private, no-cache` of a fixed time")
+        .field("ETag", "A digest of its bytes; `If-None-Match` takes it")
 }
 
 /// Bytes that a permit of `Api::answers` stands for.
@@ -95,7 +96,7 @@ impl AsRef<[u8]> for HeldFile {
 pub(super) struct Encoded {
     pub(super) bytes: Bytes,
     /// Its entity tag.
-    pub(super) tag: Tag,
+    pub(super) tag: EntityTag,
     /// What encoding took.
     pub(super) took: Duration,
 }
@@ -143,7 +144,7 @@ impl Api {
             let start = clock.monotonic();
             let bytes = work()?;
             let took = clock.monotonic().saturating_sub(start);
-            let tag = Tag::of(&bytes);
+            let tag = EntityTag::of(&bytes);
             drop(permit);
             Ok::<_, EncodeError>((bytes, tag, took))
         };
@@ -166,7 +167,7 @@ pub(super) struct Picture {
     /// The file.
     pub(super) bytes: Bytes,
     /// Its entity tag.
-    pub(super) tag: Tag,
+    pub(super) tag: EntityTag,
     /// Which time was asked for.
     pub(super) moment: Moment,
     /// The instant shown.
@@ -196,8 +197,9 @@ fn field_value(text: &str) -> HeaderValue {
     HeaderValue::try_from(visible).unwrap_or(HeaderValue::from_static("?"))
 }
 
-/// A `Server-Timing` value: stages and their milliseconds.
+/// A `Server-Timing` value: stages and their milliseconds; a trace of the request tells of them too.
 pub(super) fn server_timing(stages: &[(&str, Duration)]) -> String {
+    crate::telemetry::tell_stages(stages);
     let stage = |(name, duration): &(&str, Duration)| {
         let token = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-', "_");
         format!("{token};dur={:.3}", duration.as_secs_f64() * 1e3)

@@ -28,6 +28,7 @@ pub(super) fn routes() -> Routes {
         .right(Right::Live)
         .parameters(view::PARAMETERS)
         .parameters(&effort::PARAMETERS)
+        .may_fail(&[422])
         .answers(Answer::json(200, "The plan", schema::named("Plan")));
     Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/plan", self::show, show)
 }

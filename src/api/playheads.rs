@@ -31,9 +31,13 @@ const BEAT: Duration = Duration::from_secs(1);
 
 const SEGMENTS: &[Parameter] = &[Parameter::id("id", "A playhead")];
 
+/// What its entity tag says.
+const VERSION: &str = "The version, where playheads are kept; `If-Match` of a change takes it";
+
 /// Routes about places in scene time.
 pub(super) fn routes() -> Routes {
-    let shown = |status, meaning| Answer::json(status, meaning, schema::named("Playhead"));
+    let shown =
+        |status, meaning| Answer::json(status, meaning, schema::named("Playhead")).may_have("ETag", VERSION);
     let list = Operation::new("list_playheads", "Every playhead").answers(Answer::json(
         200,
         "The playheads",
@@ -43,21 +47,26 @@ pub(super) fn routes() -> Routes {
     let put = Operation::new("put_playhead", "Makes a playhead, or changes it where it is there")
         .role(Role::Operator)
         .takes(schema::named("PlayheadChange"))
-        .may_fail(&[409, 412])
+        .may_be_conditional()
+        .may_fail(&[409])
         .answers(shown(200, "It is changed"))
         .answers(shown(201, "It is made"));
     let change = Operation::new("change_playhead", "Changes a playhead by the members that come")
         .role(Role::Operator)
         .takes_patch(schema::named("PlayheadChange"))
-        .may_fail(&[409, 412])
+        .may_be_conditional()
+        .may_fail(&[409])
         .answers(shown(200, "It is changed"));
     let remove = Operation::new("remove_playhead", "Removes a playhead")
         .role(Role::Operator)
-        .may_fail(&[412])
+        .may_be_conditional()
         .answers(Answer::nothing(204, "It is gone"));
     let events = Operation::new("follow_playhead", "A playhead's state as it changes, and once a second")
         .about("Server-sent events `playhead`, each with the object that `show_playhead` answers.")
-        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
+        .answers(Answer::nothing(200, "Events without end").media(
+            "text/event-stream",
+            Some(schema::sent(&["playhead"], "What `show_playhead` answers, as JSON")),
+        ));
     Routes::of(("Playheads", "Places in scene time that operators and walls share"), SEGMENTS)
         .get("/api/v1/playheads", self::list, list)
         .get("/api/v1/playheads/{id}", self::one, one)

@@ -1,16 +1,21 @@
 //! `/api/v1/cameras/{id}/privacy`: what nobody may see of a camera's pictures. Who may manage the camera reads and changes it;
 //! a change is kept and in force before it is answered.
 
-use super::Api;
+use super::audit::Noted;
 use super::cameras::problem_of;
 use super::conditions::{etag, required};
 use super::content::Content;
 use super::documents::merge;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::NONE;
 use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
+use super::{Api, cameras, schema};
+use crate::access::{Right, Role};
 use crate::catalog::{Condition, KeptPrivacy};
 use crate::engine::LiftedZone;
 use crate::error::{ErrorKind, Gatherer};
@@ -21,6 +26,36 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
+
+const PATH: &str = "/api/v1/cameras/{id}/privacy";
+
+/// Routes about what nobody may see of cameras.
+pub(super) fn routes() -> Routes {
+    let zones = |meaning| Answer::json(200, meaning, schema::named("PrivacyZones")).tagged();
+    let changes = |id, summary| {
+        Operation::new(id, summary)
+            .about("On the disk and in force when it is answered: now, in memory and in what was recorded.")
+            .role(Role::Operator)
+            .right(Right::Manage)
+            .conditional()
+            .may_fail(&[409])
+            .answers(zones("What then holds"))
+    };
+    let show = Operation::new("show_privacy", "What nobody may see of a camera's pictures")
+        .right(Right::Manage)
+        .answers(zones("The zones"));
+    let put = changes("put_privacy", "Puts zones in the place of those there are")
+        .takes(schema::cameras::privacy_asked());
+    let change = changes("change_privacy", "Changes the zones by a merge patch")
+        .takes_patch(schema::cameras::privacy_patch());
+    let forget =
+        changes("forget_privacy", "Takes back what was changed: the configuration's zones hold again");
+    Routes::of(cameras::TAG, cameras::SEGMENTS)
+        .get(PATH, one, show)
+        .put(PATH, self::put, put)
+        .patch(PATH, self::change, change)
+        .delete(PATH, remove, forget)
+}
 
 /// What is changed.
 #[derive(Deserialize)]
@@ -35,7 +70,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let in_force = api.door.privacy(&id).map_err(|error| problem_of(&api, error))?;
     let kept = match &api.catalog {
         Some(catalog) => catalog.privacy(&id),
@@ -52,7 +87,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let zones = read(read_body(&body)?)?;
     keep(&api, &id, Some(zones), required(&headers)?).await
@@ -66,7 +101,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     let kept = api.catalog()?.privacy(&id);
     let mut document = json!({ "zones": kept.in_force });
@@ -86,7 +121,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     check(&api, &id, &headers)?;
     keep(&api, &id, None, required(&headers)?).await
 }
@@ -117,7 +152,9 @@ async fn keep(
     let kept = api.catalog()?.put_privacy(&api.whole, (id, zones), condition, by.clone()).await?;
     let (version, zones) = (kept.version, kept.in_force.len());
     tracing::info!(camera = id, version, zones, by, "privacy zones changed");
-    Ok(answer(&kept))
+    let mut response = answer(&kept);
+    response.extensions_mut().insert(Noted(format!("zones={zones}&version={version}")));
+    Ok(response)
 }
 
 fn answer(kept: &KeptPrivacy) -> Response {

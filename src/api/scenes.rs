@@ -1,6 +1,6 @@
 //! `/api/v1/scenes`: the scenes and their documents, what they were before, and changing them.
 
-use super::conditions::{etag, required};
+use super::conditions::{etag, optional, required};
 use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
@@ -11,7 +11,7 @@ use super::parameters::{NONE, Parameter};
 use super::picture::files;
 use super::query::Query;
 use super::segments::Segments;
-use super::tags::Tag;
+use super::tags::EntityTag;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, schema};
 use crate::access::Role;
@@ -23,7 +23,7 @@ use crate::scene::{MAX_DOCUMENT_BYTES, Scene};
 use crate::store::DocumentKind;
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -41,12 +41,8 @@ pub(super) const SEGMENTS: &[Parameter] = &[
     Parameter::files("picture", || files(&[("view", ())]), "The view, and how it is written"),
 ];
 
-const CHANGE_PARAMETERS: &[Parameter] = &[Parameter::word(
-    "validate_only",
-    || vec!["false", "true"],
-    "Keeps nothing, needs no condition, and says what would be kept",
-)
-.default_is("false")];
+const CHANGE_PARAMETERS: &[Parameter] =
+    &[Parameter::flag("validate_only", "Keeps nothing, needs no condition, and says what would be kept")];
 
 /// Routes about scenes and their documents.
 pub(super) fn routes() -> Routes {
@@ -57,7 +53,8 @@ pub(super) fn routes() -> Routes {
         schema::scenes::all(),
     ));
     let one = Operation::new("show_scene", "A scene's document in its normal form")
-        .about("Without the cameras of which the caller has no right.")
+        .about("Without the cameras of which the caller has no right; its tag is the version for admins, else a digest of it.")
+        .revalidated()
         .answers(kept(200, "The document").tagged());
     let put = Operation::new("put_scene", "Makes a scene or replaces one")
         .role(Role::Admin)
@@ -133,7 +130,7 @@ pub(super) async fn one(
     // Versions count changes of hidden cameras too, and only admins change scenes: others are told whether what they may see has
     // changed.
     let is_admin = api.identity.caller.grants.role() == Role::Admin;
-    let tag = if is_admin { etag(version) } else { Tag::of(document.as_bytes()).text() };
+    let tag = if is_admin { etag(version) } else { EntityTag::of(document.as_bytes()).text() };
     let fields = [
         (header::CONTENT_TYPE, "application/json".to_owned()),
         (header::CACHE_CONTROL, "no-store".to_owned()),
@@ -158,6 +155,8 @@ pub(super) async fn put(
         Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
     })?;
     if validates_only {
+        // It needs none, but one that cannot be read is told.
+        optional(&headers)?;
         return validated(&api, id, document).await;
     }
     keep(&api, id, document, required(&headers)?).await
@@ -178,6 +177,8 @@ pub(super) async fn change(
     merge(&mut document, read_body(&body)?);
     let document = document.to_string();
     if validates_only {
+        // It needs none, but one that cannot be read is told.
+        optional(&headers)?;
         return validated(&api, id, document).await;
     }
     // What was patched is what is replaced, even where any version may be.
@@ -207,11 +208,11 @@ pub(super) async fn remove(
 pub(super) async fn versions(
     Asked(api): Asked,
     Segments(id): Segments<String>,
-    RawQuery(raw): RawQuery,
+    uri: Uri,
 ) -> Result<Response, Problem> {
     // Of all cameras, those of then too.
     api.check_admin("the versions of scenes")?;
-    documents::versions(&api, (DocumentKind::Scene, &id), raw.as_deref()).await
+    documents::versions(&api, (DocumentKind::Scene, &id), &uri).await
 }
 
 /// One version of a scene's document.
@@ -246,7 +247,7 @@ fn read_change(raw: Option<&str>) -> Result<bool, Problem> {
 }
 
 /// Refuses who may not change scenes, and names that none can have.
-fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
+pub(super) fn check(api: &Api, id: &str, headers: &HeaderMap) -> Result<(), Problem> {
     refuse_foreign(headers)?;
     api.check_admin("changing scenes")?;
     if is_id(id) {

@@ -1,17 +1,19 @@
 //! The server under the routes: takes connections, bounds them in number, header and time, and lets them finish
-//! when the daemon stops.
+//! when the daemon stops. Who only waits makes room for who comes ([`super::guests`]).
 //!
 //! A connection's age counts for requests and answers. One that carries a stream goes on for as long as its client reads.
 
 use super::connection::Connection;
+use super::guests::{Attended, Guests, Seat, Watched};
 use super::tls::Tls;
 use axum::Router;
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
-use hyper::service::{Service, service_fn};
+use hyper::service::{Service as _, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::convert::Infallible;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -21,17 +23,17 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
-/// Connections held at once; more wait in the kernel's queue.
-const MAX_CONNECTIONS: usize = 256;
+/// Connections held at once; one more waits until one of these goes, the others in the kernel's queue.
+pub(super) const MAX_CONNECTIONS: usize = 256;
 
 /// Time for a request's head to arrive, for which a connection may stay idle, and to agree on its encryption.
-const HEAD_TIME: Duration = Duration::from_secs(10);
+pub(super) const HEAD_TIME: Duration = Duration::from_secs(10);
 
 /// Bytes of a request's head before the connection is refused outright; `guard` has the finer limits.
-const HEAD_BYTES: usize = 65_536;
+pub(super) const HEAD_BYTES: usize = 65_536;
 
 /// Header fields in a request's head.
-const HEAD_FIELDS: usize = 64;
+pub(super) const HEAD_FIELDS: usize = 64;
 
 /// How long connections last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +52,9 @@ impl Default for ConnectionTimes {
 
 /// Time for requests in flight to finish when the daemon stops, or when a connection's time is over.
 const FINISH_TIME: Duration = Duration::from_secs(2);
+
+/// How often it is looked for somebody who may leave while somebody waits.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Pause after the machine refused a connection (it has no descriptors left, mostly).
 const REFUSED_PAUSE: Duration = Duration::from_millis(100);
@@ -74,15 +79,20 @@ pub async fn serve_within(
 ) {
     let slots = Arc::new(Semaphore::new(MAX_CONNECTIONS));
     let mut rest = None;
+    let guests = Arc::new(Guests::default());
+    let mut at_the_door = None;
     let (stopping, _) = watch::channel(false);
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);
     loop {
         tokio::select! {
             () = &mut shutdown => break,
-            (stream, slot) = next_connection(&listener, &slots, &mut rest) => {
+            stream = next_connection(&listener, &mut rest), if at_the_door.is_none() => at_the_door = Some(stream),
+            slot = room(&slots, &guests), if at_the_door.is_some() => {
+                let Some(stream) = at_the_door.take() else { continue };
+                let seat = (slot, guests.seat());
                 let conversation = (router.clone(), stopping.subscribe(), times);
-                connections.spawn(welcome(stream, slot, tls.clone(), conversation));
+                connections.spawn(welcome(stream, seat, tls.clone(), conversation));
             }
             Some(ended) = connections.join_next() => note_end(ended),
         }
@@ -103,25 +113,32 @@ pub async fn serve_within(
     }
 }
 
-/// The next connection, once there is room for it. After the machine refused one, none is asked for until `rest` is over,
-/// also where this is begun anew meanwhile: connections that end must not make it ask without pause.
-async fn next_connection(
-    listener: &TcpListener,
-    slots: &Arc<Semaphore>,
-    rest: &mut Option<Instant>,
-) -> (TcpStream, OwnedSemaphorePermit) {
-    let slot = Arc::clone(slots).acquire_owned().await.expect("the semaphore is never closed");
+/// The next connection. After the machine refused one, none is asked for until `rest` is over, also where this is begun anew
+/// meanwhile: connections that end must not make it ask without pause.
+async fn next_connection(listener: &TcpListener, rest: &mut Option<Instant>) -> TcpStream {
     loop {
         if let Some(until) = *rest {
             tokio::time::sleep_until(until).await;
             *rest = None;
         }
         match listener.accept().await {
-            Ok((stream, _)) => return (stream, slot),
+            Ok((stream, _)) => return stream,
             Err(error) => {
                 tracing::warn!(%error, "a connection could not be taken");
                 *rest = Some(Instant::now() + REFUSED_PAUSE);
             }
+        }
+    }
+}
+
+/// Room for one more; who only waits is asked to leave where there is none.
+async fn room(slots: &Arc<Semaphore>, guests: &Guests) -> OwnedSemaphorePermit {
+    loop {
+        if slots.available_permits() == 0 {
+            guests.make_room();
+        }
+        if let Ok(slot) = tokio::time::timeout(LOOK, Arc::clone(slots).acquire_owned()).await {
+            return slot.expect("the semaphore is never closed");
         }
     }
 }
@@ -134,38 +151,45 @@ fn note_end(ended: Result<(), tokio::task::JoinError>) {
 
 async fn welcome(
     stream: TcpStream,
-    _slot: OwnedSemaphorePermit,
+    (_slot, seat): (OwnedSemaphorePermit, Seat),
     tls: Option<Arc<Tls>>,
     (router, mut stopping, times): (Router, watch::Receiver<bool>, ConnectionTimes),
 ) {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "small answers may be delayed");
     }
-    let Some(tls) = tls else { return converse(stream, router, stopping, times).await };
+    let Some(tls) = tls else { return converse((stream, &seat), router, stopping, times).await };
     let agreed = tokio::select! {
+        () = seat.guest.asked_to_leave() => return,
         agreed = tokio::time::timeout(HEAD_TIME, tls.accept(stream)) => agreed,
         _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => return,
     };
     match agreed {
-        Ok(Ok(stream)) => converse(stream, router, stopping, times).await,
+        Ok(Ok(stream)) => converse((stream, &seat), router, stopping, times).await,
         Ok(Err(error)) => tracing::debug!(%error, "no agreement on a connection's encryption"),
         Err(_elapsed) => tracing::debug!("a connection took too long to agree on its encryption"),
     }
 }
 
-async fn converse<S>(stream: S, router: Router, mut stopping: watch::Receiver<bool>, times: ConnectionTimes)
-where
+async fn converse<S>(
+    (stream, seat): (S, &Seat),
+    router: Router,
+    mut stopping: watch::Receiver<bool>,
+    times: ConnectionTimes,
+) where
     S: AsyncRead + AsyncWrite + Unpin + Send + 'static,
 {
     let own = Connection::new(stopping.clone());
     let routes = TowerToHyperService::new(router);
     let service = {
-        let own = own.clone();
+        let (own, guest) = (own.clone(), Arc::clone(&seat.guest));
         service_fn(move |mut request: Request<Incoming>| {
             request.extensions_mut().insert(own.clone());
-            routes.call(request)
+            let (held, answered) = (guest.answer(), routes.call(request));
+            async move { Ok::<_, Infallible>(answered.await?.map(|body| Attended { body, _held: held })) }
         })
     };
+    let stream = Watched { stream, guest: Arc::clone(&seat.guest) };
     let connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD_TIME)
@@ -176,6 +200,7 @@ where
     let mut connection = pin!(connection);
     let is_stopping = tokio::select! {
         outcome = connection.as_mut() => return note_outcome(Some(outcome)),
+        () = seat.guest.asked_to_leave() => return note_left(),
         // Or the daemon is gone altogether.
         _stopped_or_gone = stopping.wait_for(|is_stopping| *is_stopping) => true,
         () = tokio::time::sleep(times.age) => false,
@@ -193,8 +218,13 @@ where
     let outcome = tokio::select! {
         outcome = connection => Some(outcome),
         () = over => None,
+        () = seat.guest.asked_to_leave() => return note_left(),
     };
     note_outcome(outcome);
+}
+
+fn note_left() {
+    tracing::debug!("a connection that only waited made room for another");
 }
 
 fn note_outcome(outcome: Option<hyper::Result<()>>) {

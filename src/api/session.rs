@@ -1,9 +1,9 @@
-//! `/api/v1/session`: who the caller is, and logging a page in and out.
+//! `/api/v1/session`: who the caller is, and logging a page or a wall's screen in and out.
 
 use super::Site;
 use super::content::Content;
 use super::error::Problem;
-use super::identity::{Asked, COOKIE, Credential, Identity};
+use super::identity::{Asked, COOKIE, Credential, Identity, NOBODYS_TOKEN, SCREEN_COOKIE};
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::NONE;
@@ -12,29 +12,35 @@ use super::schema;
 use super::tune::{read_members, refuse_foreign};
 use super::users;
 use crate::accounts::{Caller, SESSION_TIME};
+use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use std::time::Duration;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
-/// What logs in.
+/// For how long a browser keeps a screen's token: the longest that browsers do. The token may end sooner.
+const SCREEN_TIME: Duration = Duration::from_secs(400 * 24 * 3600);
+
+/// What logs in: a user, or a screen that was given a token.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Credentials {
-    user: String,
-    password: String,
+    user: Option<String>,
+    password: Option<String>,
+    token: Option<String>,
 }
 
 /// Routes about who asks.
 pub(super) fn routes() -> Routes {
     let who = |status, meaning| Answer::json(status, meaning, schema::users::caller());
     let show = Operation::new("show_session", "Who the caller is").open().answers(who(200, "The caller"));
-    let log_in = Operation::new("log_in", "Logs a page in for 12 hours")
-        .about("Its key is in a cookie that no script reads. After four wrong passwords it is throttled.")
+    let log_in = Operation::new("log_in", "Logs a page in for 12 hours, or a screen for as long as its token holds")
+        .about("What it is known by is in a cookie that no script reads. After four wrong passwords it is throttled. With a token, as a wall's screen has it, the page may look and change nothing.")
         .open()
         .takes(schema::users::credentials())
         .may_fail(&[401, 429, 501])
@@ -70,15 +76,32 @@ pub(super) async fn log_in(
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let Credentials { user, password } = read_members(&body)?;
-    let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
-        tracing::warn!(?user, %error, "a log-in failed");
-    })?;
-    tracing::info!(user, "logged in");
-    let identity =
-        Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session.clone())) };
+    let (identity, cookie) = match read_members(&body)? {
+        Credentials { user: Some(user), password: Some(password), token: None } => {
+            let logged = api.accounts()?.log_in(&user, &password).await.inspect_err(|error| {
+                tracing::warn!(?user, %error, "a log-in failed");
+            })?;
+            tracing::info!(user, "logged in");
+            let cookie = cookie(COOKIE, &logged.session, SESSION_TIME, &api.site);
+            (
+                Identity { caller: logged.caller, credential: Some(Credential::Session(logged.session)) },
+                cookie,
+            )
+        }
+        Credentials { user: None, password: None, token: Some(token) } => {
+            let Some(identity) = Identity::screen(api.accounts()?, token.clone()) else {
+                tracing::warn!("a screen's log-in failed");
+                return Err(Problem::new(ErrorKind::Unauthenticated, NOBODYS_TOKEN));
+            };
+            tracing::info!(user = identity.caller.user, "a screen logged in");
+            (identity, cookie(SCREEN_COOKIE, &token, SCREEN_TIME, &api.site))
+        }
+        _ => {
+            let detail = "must be user and password, or token alone";
+            return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("", detail)]));
+        }
+    };
     let mut response = ([NO_STORE], Json(document(&identity))).into_response();
-    let cookie = cookie(&logged.session, SESSION_TIME.as_secs(), &api.site);
     response.headers_mut().insert(header::SET_COOKIE, cookie);
     Ok(response)
 }
@@ -95,13 +118,16 @@ pub(super) async fn log_out(
         api.accounts()?.log_out(key);
     }
     let mut response = (StatusCode::NO_CONTENT, [NO_STORE]).into_response();
-    response.headers_mut().insert(header::SET_COOKIE, cookie("", 0, &api.site));
+    for name in [COOKIE, SCREEN_COOKIE] {
+        response.headers_mut().append(header::SET_COOKIE, cookie(name, "", Duration::ZERO, &api.site));
+    }
     Ok(response)
 }
 
 /// A cookie that goes to this daemon alone, is sent by its own pages alone and is read by no script.
-fn cookie(key: &str, secs: u64, site: &Site) -> HeaderValue {
+fn cookie(name: &str, key: &str, time: Duration, site: &Site) -> HeaderValue {
+    let secs = time.as_secs();
     let secure = if site.is_encrypted { "; Secure" } else { "" };
-    let text = format!("{COOKIE}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict{secure}");
+    let text = format!("{name}={key}; Max-Age={secs}; Path=/; HttpOnly; SameSite=Strict{secure}");
     HeaderValue::try_from(text).unwrap_or(HeaderValue::from_static(""))
 }

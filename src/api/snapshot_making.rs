@@ -1,14 +1,16 @@
 //! `POST /api/v1/snapshots`: a view or a camera's picture is kept as evidence.
 
+use super::audit::{Noted, people_noted};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
+use super::parameters::NONE;
 use super::query::Query;
 use super::snapshots::{summary, within};
 use super::tune::{read_members, refuse_foreign};
-use super::{Api, cameras, scenes, view};
+use super::{Api, cameras, idempotency, scenes, view};
 use crate::encode::PictureFormat;
-use crate::engine::EngineError;
+use crate::engine::{BlurAsked, EngineError};
 use crate::error::{ErrorKind, Fault};
 use crate::evidence::{EvidenceError, Maker, Subject, Wanted};
 use axum::Json;
@@ -37,6 +39,9 @@ struct Body {
     tags: Vec<String>,
     #[serde(default)]
     hold: bool,
+    /// Whether people are made unrecognisable, and who is not.
+    #[serde(default)]
+    blur_people: Option<BlurAsked>,
 }
 
 /// Makes a snapshot.
@@ -46,17 +51,26 @@ pub(super) async fn make(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
-    let body: Body = read_members(&body)?;
-    let subject = subject(&api, &body)?;
-    let wanted = Wanted { subject, note: body.note, tags: body.tags, hold: body.hold };
+    let route = "POST /api/v1/snapshots";
+    let keyed = idempotency::Wanted { route, headers: &headers, query: raw.as_deref(), body: &body };
+    idempotency::once(&api, keyed, begin(&api, &body)).await
+}
+
+async fn begin(api: &Api, body: &[u8]) -> Result<Response, Problem> {
+    let body: Body = read_members(body)?;
+    let subject = subject(api, &body)?;
+    let people = people_noted(body.blur_people.as_ref());
+    let Body { note, tags, hold, blur_people, .. } = &body;
+    let (note, tags, blur_people) = (note.clone(), tags.clone(), blur_people.clone());
+    let wanted = Wanted { subject, note, tags, hold: *hold, blur_people };
     let caller = &api.identity.caller;
     let maker = Maker { user: caller.user.as_deref(), schedule: None, grants: &caller.grants };
     let made = api.evidence()?.make(&api.door, maker, wanted).await;
     let made = made.map_err(|error| match error {
-        EvidenceError::Engine(error @ EngineError::NoScene { .. }) => scenes::problem_of(&api, error),
-        EvidenceError::Engine(error @ EngineError::NoCamera { .. }) => cameras::problem_of(&api, error),
+        EvidenceError::Engine(error @ EngineError::NoScene { .. }) => scenes::problem_of(api, error),
+        EvidenceError::Engine(error @ EngineError::NoCamera { .. }) => cameras::problem_of(api, error),
         EvidenceError::Engine(EngineError::Request(fault)) => {
             let pointer = if body.scene.is_some() { "/parameters" } else { "/t" };
             within(pointer, Problem::at(ErrorKind::Invalid, vec![fault]))
@@ -69,7 +83,9 @@ pub(super) async fn make(
         (header::CACHE_CONTROL, "no-store".to_owned()),
         (header::ETAG, super::conditions::etag(made.annotation.version)),
     ];
-    Ok((StatusCode::CREATED, fields, Json(summary(&made))).into_response())
+    let mut response = (StatusCode::CREATED, fields, Json(summary(&made))).into_response();
+    response.extensions_mut().insert(Noted(format!("snapshot={}&{people}", made.id)));
+    Ok(response)
 }
 
 /// What a body asks to be kept.

@@ -1,43 +1,36 @@
 //! `/api/v1/snapshots`: snapshots that were kept as evidence: found, read, taken away, annotated, verified and removed.
 
 use super::Api;
+use super::audit::Noted;
 use super::conditions::{etag, required};
 use super::content::Content;
-use super::error::{self, Problem};
+use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::pages;
+use super::parameters::{NONE, Parameter};
 use super::query::Query;
+use super::schema;
 use super::segments::Segments;
 use super::tune::{read_members, refuse_foreign};
+use crate::access::{Right, Role};
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault};
 use crate::evidence::{Annotated, EvidenceError, Reader, Snapshots};
 use crate::media::descriptor_path;
 use crate::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
+use axum::Json;
 use axum::body::Body;
 use axum::extract::{RawQuery, Request};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
-use axum::{Json, Router};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::fs::File;
 use tower_http::services::ServeFile;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
-
-/// Routes at which somebody looks at what was kept.
-pub(super) const LOOKS: [&str; 5] = [
-    "/api/v1/snapshots/{id}",
-    "/api/v1/snapshots/{id}/record.json",
-    "/api/v1/snapshots/{id}/picture.png",
-    "/api/v1/snapshots/{id}/cameras/{file}",
-    "/api/v1/snapshots/{id}/archive.tar",
-];
-
-/// Snapshots of one answer.
-const LIMIT: u32 = 100;
-const MAX_LIMIT: u32 = 1000;
 
 /// Characters of what is looked for in notes and tags.
 const MAX_TEXT_CHARS: usize = 200;
@@ -56,36 +49,96 @@ impl Api {
     }
 }
 
-/// What is answered here.
-pub(super) fn routes() -> Router<Api> {
-    Router::new()
-        .route(
-            "/api/v1/snapshots",
-            get(list)
-                .post(super::snapshot_making::make)
-                .fallback(|| async { error::only(&["GET", "HEAD", "POST"]) }),
-        )
-        .route(
-            "/api/v1/snapshots/{id}",
-            get(one)
-                .patch(change)
-                .delete(remove)
-                .fallback(|| async { error::only(&["GET", "HEAD", "PATCH", "DELETE"]) }),
-        )
-        .route("/api/v1/snapshots/{id}/record.json", get(record))
-        .route("/api/v1/snapshots/{id}/picture.png", get(picture))
-        .route("/api/v1/snapshots/{id}/cameras/{file}", get(camera_picture))
-        .route("/api/v1/snapshots/{id}/archive.tar", get(archive))
-        .route("/api/v1/snapshots/{id}/verification", get(verification))
+const SEGMENTS: &[Parameter] = &[
+    Parameter::text("id", ("^[0-9a-f]{32}$", "5f0c6a1e9b3d4c7f8a2e1d0b9c8f7e6a"), "A snapshot"),
+    Parameter::text("file", ("^[a-z0-9][a-z0-9_-]{0,63}\\.png$", "north.png"), "A camera's id and `.png`"),
+];
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::instant("from", "The earliest scene time shown"),
+    Parameter::instant("to", "Scene time before which it lies"),
+    Parameter::id("scene", "Of a view of this scene"),
+    Parameter::id("camera", "With this camera in it"),
+    Parameter::free("made_by", (1, MAX_TEXT_CHARS), "Who asked for it"),
+    Parameter::free("text", (1, MAX_TEXT_CHARS), "A part of its note or of a tag"),
+    pages::LIMIT,
+    pages::CURSOR,
+];
+
+/// Routes about what is kept as evidence.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_snapshots", "The newest snapshots, or those that are looked for")
+        .parameters(PARAMETERS)
+        .answers(Answer::page("The snapshots", schema::evidence::all()));
+    let make = Operation::new("make_snapshot", "Keeps a view or a camera's picture as evidence")
+        .about("Once it is answered the snapshot is on the disk, whole.")
+        .once()
+        .role(Role::Operator)
+        .right(Right::Export)
+        .takes(schema::evidence::asked())
+        .may_fail(&[404, 422, 507])
+        .answers(
+            Answer::json(201, "It is kept", schema::named("Snapshot"))
+                .tagged()
+                .field("Location", "Where it can be read"),
+        );
+    let one = Operation::new("show_snapshot", "A snapshot with its record and what was said of it")
+        .right(Right::Export)
+        .answers(Answer::json(200, "The snapshot", schema::evidence::one()).tagged());
+    let annotate =
+        Operation::new("annotate_snapshot", "Says something else of a snapshot; what was sealed stays")
+            .role(Role::Operator)
+            .right(Right::Export)
+            .conditional()
+            .takes_patch(schema::evidence::said())
+            .answers(Answer::json(200, "What is said of it now", schema::named("Snapshot")).tagged());
+    let removed = Operation::new("remove_snapshot", "Removes a snapshot that is not held; its digest stays")
+        .role(Role::Operator)
+        .right(Right::Export)
+        .conditional()
+        .may_fail(&[409])
+        .answers(Answer::nothing(204, "It is gone"));
+    let sealed = Operation::new("load_snapshot_record", "The record, byte for byte as it was sealed")
+        .right(Right::Export)
+        .answers(Answer::json(200, "The record", schema::anything()));
+    let picture = |id, summary| {
+        Operation::new(id, summary)
+            .about("Of one that was made before something was hidden that it shows: 409 to all but admins.")
+            .right(Right::Export)
+            .may_fail(&[409, 416])
+            .answers(Answer::bytes(200, "The picture", &["image/png"]))
+            .answers(Answer::bytes(206, "Bytes of it", &["image/png"]))
+            .answers(Answer::nothing(304, "It is as old as the caller's"))
+    };
+    let shown = picture("load_snapshot_picture", "What was shown, pixel for pixel");
+    let frame = picture("load_snapshot_frame", "The original frame of a camera that took part");
+    let tar = Operation::new("load_snapshot_archive", "All of a snapshot as one file")
+        .about("Of one that was made before something was hidden that it shows: 409 to all but admins.")
+        .right(Right::Export)
+        .may_fail(&[409])
+        .answers(Answer::bytes(200, "An archive (tar)", &["application/x-tar"]));
+    let verified = Operation::new("verify_snapshot", "Whether a snapshot is as it was sealed")
+        .right(Right::Export)
+        .answers(Answer::json(200, "What was found", schema::evidence::verification()));
+    Routes::of(("Snapshots", "Views and pictures that are kept as evidence"), SEGMENTS)
+        .get("/api/v1/snapshots", self::list, list)
+        .post("/api/v1/snapshots", super::snapshot_making::make, make)
+        .get("/api/v1/snapshots/{id}", self::one, one)
+        .patch("/api/v1/snapshots/{id}", change, annotate)
+        .delete("/api/v1/snapshots/{id}", remove, removed)
+        .get("/api/v1/snapshots/{id}/record.json", record, sealed)
+        .get("/api/v1/snapshots/{id}/picture.png", self::picture, shown)
+        .get("/api/v1/snapshots/{id}/cameras/{file}", camera_picture, frame)
+        .get("/api/v1/snapshots/{id}/archive.tar", archive, tar)
+        .get("/api/v1/snapshots/{id}/verification", verification, verified)
 }
 
 /// The newest snapshots, or those that are looked for.
-pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<Response, Problem> {
-    let known = ["from", "to", "scene", "camera", "made_by", "text", "limit", "before"];
-    let mut query = Query::parse(raw.as_deref(), &known);
+pub(super) async fn list(Asked(api): Asked, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PARAMETERS);
     let is_text = |text: &str| (1..=MAX_TEXT_CHARS).contains(&text.chars().count()).then(|| text.to_owned());
     let allowed = format!("1 to {MAX_TEXT_CHARS} characters");
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT);
+    let limit = pages::limit(&mut query);
     let search = SnapshotSearch {
         from: query.instant("from"),
         to: query.instant("to"),
@@ -93,20 +146,19 @@ pub(super) async fn list(Asked(api): Asked, RawQuery(raw): RawQuery) -> Result<R
         camera: query.id("camera"),
         made_by: query.value("made_by", &allowed, is_text),
         text: query.value("text", &allowed, is_text),
-        before: query.value("before", "what an answer gave as next", cursor),
+        before: pages::cursor(&mut query, cursor),
         // One more than is told, to know whether there are more.
-        limit: limit + 1,
+        limit: limit as u32 + 1,
         ..SnapshotSearch::default()
     };
     let search = query.finish(Some(search))?;
     let mut found = api.reader()?.search(search).await?;
-    let has_more = found.len() > limit as usize;
-    found.truncate(limit as usize);
+    let has_more = pages::cut(&mut found, limit);
     let next =
         found.last().filter(|_| has_more).map(|last| format!("{}-{}", last.made_at.as_nanos(), last.id));
     let snapshots: Vec<Value> = found.iter().map(summary).collect();
-    let body = json!({ "snapshots": snapshots, "is_complete": next.is_none(), "next": next });
-    Ok(([NO_STORE], Json(body)).into_response())
+    let body = json!({ "snapshots": snapshots, "is_complete": next.is_none() });
+    Ok(pages::answer(&uri, body, next))
 }
 
 fn cursor(text: &str) -> Option<(Timestamp, String)> {
@@ -120,7 +172,7 @@ pub(super) async fn one(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let reader = api.reader()?;
     let found = reader.one(&id).await?;
     let annotations = reader.annotations(&id).await?;
@@ -141,7 +193,7 @@ pub(super) async fn record(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let record = api.reader()?.record(&id).await?;
     Ok(([NO_STORE, (header::CONTENT_TYPE, "application/json")], record).into_response())
 }
@@ -153,9 +205,12 @@ pub(super) async fn picture(
     RawQuery(raw): RawQuery,
     request: Request,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
-    let opened = api.reader()?.picture(&id, None).await?;
-    serve(opened, &format!("{id}.png"), request).await
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    let reader = api.reader()?;
+    reader.one(&id).await?;
+    let noted = check_unhidden(&api, &id).await?;
+    let opened = reader.picture(&id, None).await?;
+    Ok(with(noted, serve(opened, &format!("{id}.png"), request).await?))
 }
 
 /// The original frame of a camera that took part.
@@ -165,13 +220,33 @@ pub(super) async fn camera_picture(
     RawQuery(raw): RawQuery,
     request: Request,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let missing = EvidenceError::NoFile { file: format!("cameras/{file}") };
     let reader = api.reader()?;
     reader.one(&id).await?;
     let camera = file.strip_suffix(".png").ok_or(missing)?;
     let opened = reader.picture(&id, Some(camera)).await?;
-    serve(opened, &format!("{id}-{camera}.png"), request).await
+    let noted = check_unhidden(&api, &id).await?;
+    Ok(with(noted, serve(opened, &format!("{id}-{camera}.png"), request).await?))
+}
+
+/// Refuses pictures that show what is hidden by now. What was sealed is not changed, and whoever must look at evidence all the
+/// same can: admins, whose look stands in the audit log as one at what is hidden.
+async fn check_unhidden(api: &Api, id: &str) -> Result<Option<Noted>, Problem> {
+    let Some(camera) = api.reader()?.shows_hidden(id, &api.whole).await? else { return Ok(None) };
+    if api.identity.caller.grants.role() >= Role::Admin {
+        return Ok(Some(Noted(format!("shows_hidden={camera}"))));
+    }
+    let message =
+        format!("this was made before something of camera {camera} was hidden: admins alone may see it");
+    Err(Problem::new(ErrorKind::Conflict, message))
+}
+
+fn with(noted: Option<Noted>, mut response: Response) -> Response {
+    if let Some(noted) = noted {
+        response.extensions_mut().insert(noted);
+    }
+    response
 }
 
 async fn serve(opened: File, name: &str, request: Request) -> Result<Response, Problem> {
@@ -199,15 +274,18 @@ pub(super) async fn archive(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
-    let bundle = api.reader()?.bundle(&id).await?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    let reader = api.reader()?;
+    reader.one(&id).await?;
+    let noted = check_unhidden(&api, &id).await?;
+    let bundle = reader.bundle(&id).await?;
     let fields = [
         (header::CONTENT_TYPE, "application/x-tar".to_owned()),
         (header::CONTENT_LENGTH, bundle.len_bytes().to_string()),
         (header::CONTENT_DISPOSITION, format!("attachment; filename=\"{}\"", bundle.name)),
         (header::CACHE_CONTROL, "no-store".to_owned()),
     ];
-    Ok((fields, Body::from_stream(bundle.into_stream())).into_response())
+    Ok(with(noted, (fields, Body::from_stream(bundle.into_stream())).into_response()))
 }
 
 /// Whether a snapshot is as it was sealed.
@@ -216,7 +294,7 @@ pub(super) async fn verification(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let found = api.reader()?.verify(&id).await?;
     Ok(([NO_STORE], Json(found)).into_response())
 }
@@ -241,7 +319,7 @@ pub(super) async fn change(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;
@@ -259,7 +337,7 @@ pub(super) async fn remove(
     RawQuery(raw): RawQuery,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     refuse_foreign(&headers)?;
     let reader = api.reader()?;
     reader.one(&id).await?;
@@ -302,8 +380,8 @@ impl From<EvidenceError> for Problem {
     fn from(error: EvidenceError) -> Self {
         match error {
             EvidenceError::Engine(error) => error.into(),
+            EvidenceError::Store(error) => (&*error).into(),
             EvidenceError::Faults(faults) => Self::at(ErrorKind::Invalid, faults),
-            EvidenceError::Full(detail) => Self::full(detail),
             EvidenceError::None { id } => {
                 let fault = super::query::shown(&id);
                 Self::new(ErrorKind::NotFound, format!("there is no snapshot {fault}"))

@@ -5,12 +5,16 @@
 //! Who it is and what it may see is looked at before every picture, and once a second.
 
 use super::error::Problem;
-use super::frames::{MAX_FAILURES, PAUSE, Shown, Source, split_off};
+use super::frames::{MAX_FAILURES, PAUSE, RATE, Shown, Source, split_off};
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::{Parameter, words};
 use super::query::Query;
 use super::segments::Segments;
 use super::wall_tiles::Wishes;
-use super::{Api, Site};
+use super::{Api, Site, effort, scenes, view, views, walls};
+use crate::access::Right;
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
 use crate::error::ErrorKind;
@@ -27,8 +31,16 @@ use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
 
 /// Frames that may be on their way to a client at once.
-const CREDITS: std::ops::RangeInclusive<u32> = 1..=4;
-const DEFAULT_CREDITS: u32 = 2;
+const CREDITS: std::ops::RangeInclusive<u64> = 1..=4;
+const DEFAULT_CREDITS: u64 = 2;
+
+const CREDIT: &[Parameter] =
+    &[Parameter::whole("credits", &CREDITS, "Pictures that may be on their way at once").default_is("2")];
+
+const FORMATS: [(&str, PictureFormat); 2] = [("jpeg", PictureFormat::Jpeg), ("png", PictureFormat::Png)];
+
+const FORMAT: &[Parameter] =
+    &[Parameter::word("format", || words(&FORMATS), "How pictures are written").default_is("jpeg")];
 
 /// Most bytes of a message that a client sends.
 const MAX_SAID_BYTES: usize = 1024;
@@ -48,6 +60,41 @@ const FAREWELL_TIME: Duration = Duration::from_secs(1);
 const GONE: u16 = 4404;
 const SILENT: u16 = 4408;
 
+/// Describes a WebSocket.
+pub(super) fn described(id: &'static str, summary: &'static str, about: &str) -> Operation {
+    Operation::new(id, summary)
+        .about(about)
+        .right(Right::Live)
+        .answers(Answer::nothing(101, "The protocol is that of WebSockets (RFC 6455) from here on"))
+}
+
+/// Routes that answer pictures by WebSocket.
+pub(super) fn routes() -> Routes {
+    let about = "Each binary message is a header (`VFF1`) and a picture; the client acknowledges frames with `{\"ack\": number}`.";
+    let viewed = |operation: Operation| {
+        let operation = operation.parameters(view::PARAMETERS).parameters(&effort::PARAMETERS);
+        operation.parameters(RATE).parameters(CREDIT)
+    };
+    let of_view = viewed(described("follow_view", "Pictures of a view by WebSocket", about));
+    let of_named = viewed(described("follow_named_view", "Pictures of a named view by WebSocket", about));
+    let of_tile = described("follow_tile", "Frames of a wall's tile by WebSocket", about)
+        .parameters(Wishes::PARAMETERS)
+        .parameters(FORMAT)
+        .parameters(CREDIT);
+    Routes::of(scenes::TAG, scenes::SEGMENTS)
+        .get("/api/v1/scenes/{id}/frames", self::of_view, of_view)
+        .merge(Routes::of(views::TAG, views::SEGMENTS).get(
+            "/api/v1/views/{id}/frames",
+            self::of_named,
+            of_named,
+        ))
+        .merge(Routes::of(walls::TAG, walls::SEGMENTS).get(
+            "/api/v1/walls/{id}/tiles/{tile}/frames",
+            self::of_tile,
+            of_tile,
+        ))
+}
+
 type Upgrade = Result<WebSocketUpgrade, WebSocketUpgradeRejection>;
 
 /// Frames of a wall's tile.
@@ -58,10 +105,8 @@ pub(super) async fn of_tile(
     headers: HeaderMap,
     upgrade: Upgrade,
 ) -> Result<Response, Problem> {
-    let known = [Wishes::PARAMETERS.as_slice(), &["format", "credits"]].concat();
-    let mut query = Query::parse(raw.as_deref(), &known);
-    let formats = [("jpeg", PictureFormat::Jpeg), ("png", PictureFormat::Png)];
-    let format = query.choice("format", &formats).unwrap_or(PictureFormat::Jpeg);
+    let mut query = Query::parse(raw.as_deref(), &[Wishes::PARAMETERS, FORMAT, CREDIT].concat());
+    let format = query.choice("format", &FORMATS).unwrap_or(PictureFormat::Jpeg);
     let n_credits = query.whole("credits", &CREDITS).unwrap_or(DEFAULT_CREDITS);
     let source = Source::tile(&api, ids, &mut query, format);
     query.finish(Some(()))?;
@@ -94,9 +139,9 @@ pub(super) async fn of_named(
 }
 
 /// Takes `credits` out of a query string.
-fn credits(raw: Option<&str>) -> Result<(u32, String), Problem> {
+fn credits(raw: Option<&str>) -> Result<(u64, String), Problem> {
     let (own, rest) = split_off(raw, "credits");
-    let mut query = Query::parse(Some(&own), &["credits"]);
+    let mut query = Query::parse(Some(&own), CREDIT);
     let n_credits = query.whole("credits", &CREDITS).unwrap_or(DEFAULT_CREDITS);
     Ok((query.finish(Some(n_credits))?, rest))
 }
@@ -105,7 +150,7 @@ fn begin(
     api: Api,
     (headers, upgrade): (&HeaderMap, Upgrade),
     source: Source,
-    n_credits: u32,
+    n_credits: u64,
 ) -> Result<Response, Problem> {
     let upgrade = accept(&api.site, headers, upgrade)?;
     source.check(&api)?;

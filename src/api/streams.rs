@@ -2,14 +2,18 @@
 //! nothing newer.
 
 use super::error::Problem;
-use super::frames::{MAX_FAILURES, PAUSE, Shown, Source};
+use super::frames::{MAX_FAILURES, PAUSE, RATE, Shown, Source};
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
 use super::picture::Picture;
 use super::query::Query;
 use super::segments::Segments;
 
 use super::Api;
 use super::wall_tiles::Wishes;
+use super::{effort, scenes, view, views, walls};
+use crate::access::Right;
 use crate::encode::PictureFormat;
 use axum::body::{Body, Bytes};
 use axum::extract::RawQuery;
@@ -22,6 +26,36 @@ use tokio::sync::OwnedSemaphorePermit;
 const BOUNDARY: &str = "videofields-picture";
 const CONTENT_TYPE: HeaderValue =
     HeaderValue::from_static("multipart/x-mixed-replace; boundary=videofields-picture");
+
+/// Routes that answer pictures without end.
+pub(super) fn routes() -> Routes {
+    let of = |id, summary| {
+        let streamed = Answer::bytes(200, "JPEG pictures without end", &["multipart/x-mixed-replace"]);
+        Operation::new(id, summary)
+            .about("A picture is drawn when the client has taken the one before; a slow client gets fewer, always the newest.")
+            .right(Right::Live)
+            .may_fail(&[422])
+            .answers(streamed)
+    };
+    let viewed = |operation: Operation| {
+        operation.parameters(view::PARAMETERS).parameters(&effort::PARAMETERS).parameters(RATE)
+    };
+    let of_view = viewed(of("stream_view", "A view again and again"));
+    let of_named = viewed(of("stream_named_view", "A named view again and again"));
+    let of_tile = of("stream_tile", "A tile of a wall, frame after frame").parameters(Wishes::PARAMETERS);
+    Routes::of(scenes::TAG, scenes::SEGMENTS)
+        .get("/api/v1/scenes/{id}/view.mjpeg", self::of_view, of_view)
+        .merge(Routes::of(views::TAG, views::SEGMENTS).get(
+            "/api/v1/views/{id}/picture.mjpeg",
+            self::of_named,
+            of_named,
+        ))
+        .merge(Routes::of(walls::TAG, walls::SEGMENTS).get(
+            "/api/v1/walls/{id}/tiles/{tile}/frame.mjpeg",
+            self::of_tile,
+            of_tile,
+        ))
+}
 
 /// A view, again and again; its parameters and `rate`, pictures a second.
 pub(super) async fn of_view(
@@ -48,7 +82,7 @@ pub(super) async fn of_tile(
     Segments(ids): Segments<(String, String)>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &Wishes::PARAMETERS);
+    let mut query = Query::parse(raw.as_deref(), Wishes::PARAMETERS);
     let source = Source::tile(&api, ids, &mut query, PictureFormat::Jpeg);
     query.finish(Some(()))?;
     begin(api, source?).await

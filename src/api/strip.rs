@@ -77,6 +77,7 @@ const PARAMETERS: &[Parameter] = &[
 pub(super) fn routes() -> Routes {
     let show = Operation::new("show_strip", "A stretch of a camera's time as one row of small pictures")
         .right(Right::History)
+        .revalidated()
         .parameters(PARAMETERS)
         .answers(
             Answer::bytes(200, "The pictures beside one another", &["image/jpeg"])

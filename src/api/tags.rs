@@ -86,9 +86,9 @@ impl Key {
 
 /// A strong entity tag, with its quotation marks.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Tag(String);
+pub(super) struct EntityTag(String);
 
-impl Tag {
+impl EntityTag {
     /// The tag of these bytes.
     pub(super) fn of(bytes: &[u8]) -> Self {
         let digest = Sha256::digest(bytes);
@@ -107,17 +107,17 @@ impl Tag {
 
 /// The tags of pictures that were shown.
 #[derive(Debug, Default)]
-pub(super) struct KnownTags(Mutex<VecDeque<(Key, Tag)>>);
+pub(super) struct KnownTags(Mutex<VecDeque<(Key, EntityTag)>>);
 
 impl KnownTags {
     /// The tag of the picture that `key` decides, if it was shown.
-    pub(super) fn find(&self, key: &Key) -> Option<Tag> {
+    pub(super) fn find(&self, key: &Key) -> Option<EntityTag> {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         known.iter().find(|(other, _)| other.is(key)).map(|(_, tag)| tag.clone())
     }
 
     /// Remembers the tag of a picture.
-    pub(super) fn note(&self, key: Key, tag: Tag) {
+    pub(super) fn note(&self, key: Key, tag: EntityTag) {
         if !key.can_be_met() {
             return;
         }
@@ -156,7 +156,7 @@ impl Had {
     }
 
     /// Whether what `tag` stands for is among them.
-    pub(super) fn has(&self, tag: &Tag) -> bool {
+    pub(super) fn has(&self, tag: &EntityTag) -> bool {
         self.same(&tag.0).is_some()
     }
 }
@@ -168,7 +168,7 @@ pub(super) fn uncompressed(tag: &str) -> String {
 }
 
 /// The answer to who has this picture already.
-pub(super) fn not_modified(tag: &Tag, instant: Timestamp, caching: HeaderValue) -> Response {
+pub(super) fn not_modified(tag: &EntityTag, instant: Timestamp, caching: HeaderValue) -> Response {
     let mut response = StatusCode::NOT_MODIFIED.into_response();
     let headers = response.headers_mut();
     headers.insert(header::ETAG, tag.value());
@@ -228,10 +228,10 @@ mod tests {
 
     #[test]
     fn tags_are_of_bytes_alone() {
-        assert_eq!(Tag::of(b"abc"), Tag::of(b"abc"));
-        assert_ne!(Tag::of(b"abc"), Tag::of(b"abd"));
+        assert_eq!(EntityTag::of(b"abc"), EntityTag::of(b"abc"));
+        assert_ne!(EntityTag::of(b"abc"), EntityTag::of(b"abd"));
         // SHA-256 of "abc" begins ba7816bf 8f01cfea 414140de 5dae2223.
-        assert_eq!(Tag::of(b"abc").0, "\"ungWv48Bz-pBQUDeXa4iIw\"");
+        assert_eq!(EntityTag::of(b"abc").0, "\"ungWv48Bz-pBQUDeXa4iIw\"");
     }
 
     #[test]
@@ -240,15 +240,15 @@ mod tests {
             || Arc::new(YuvImage::filled(4, 2, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Limited));
         let (first, second, known) = (image(), image(), KnownTags::default());
         let key = |of: &Arc<YuvImage>, format| Key::Picture(Arc::downgrade(of), format);
-        known.note(key(&first, PictureFormat::Png), Tag::of(b"first"));
-        assert_eq!(known.find(&key(&first, PictureFormat::Png)), Some(Tag::of(b"first")));
+        known.note(key(&first, PictureFormat::Png), EntityTag::of(b"first"));
+        assert_eq!(known.find(&key(&first, PictureFormat::Png)), Some(EntityTag::of(b"first")));
         assert_eq!(known.find(&key(&first, PictureFormat::Jpeg)), None, "another format is another picture");
         assert_eq!(known.find(&key(&second, PictureFormat::Png)), None, "equal pixels elsewhere may change");
         drop(first);
-        known.note(key(&second, PictureFormat::Png), Tag::of(b"second"));
+        known.note(key(&second, PictureFormat::Png), EntityTag::of(b"second"));
         assert_eq!(known.0.lock().unwrap().len(), 1, "what has gone from memory is forgotten");
         for number in 0..2 * MAX_KNOWN {
-            known.note(key(&second, PictureFormat::Png), Tag::of(&number.to_le_bytes()));
+            known.note(key(&second, PictureFormat::Png), EntityTag::of(&number.to_le_bytes()));
         }
         assert_eq!(known.0.lock().unwrap().len(), 1);
     }

@@ -98,7 +98,7 @@ fn camera(of: &CameraTimeline) -> Value {
     let activity = of.activity.iter().map(|record| {
         json!({
             "at": record.at.to_string(),
-            "moving_share": record.moving_sum / record.n_frames.max(1) as f64,
+            "moving_share": record.moving_share(),
             "max_tracks": record.max_tracks,
             "new_tracks": record.new_tracks,
         })

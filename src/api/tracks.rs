@@ -4,7 +4,8 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
-use super::parameters::Parameter;
+use super::pages;
+use super::parameters::{IDS_PATTERN, Parameter};
 use super::query::{MAX_COORDINATE_M, Query};
 use super::scenes;
 use super::scenes::problem_of;
@@ -15,18 +16,10 @@ use crate::engine::{FoundPoint, FoundTrack, TrackQuery};
 use crate::error::{ErrorKind, Fault};
 use crate::frame::CameraId;
 use crate::geometry::GroundPolygon;
-use axum::Json;
-use axum::extract::RawQuery;
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
+use axum::http::Uri;
+use axum::response::Response;
 use glam::DVec2;
 use serde_json::{Value, json};
-
-/// Most tracks of one answer.
-const MAX_LIMIT: u32 = 1000;
-
-/// Tracks of one answer, unless more or fewer are asked for.
-const LIMIT: u32 = 100;
 
 /// Most corners of a region.
 const MAX_CORNERS: usize = 64;
@@ -36,21 +29,20 @@ const PARAMETERS: &[Parameter] = &[
     Parameter::instant("to", "Where it ends").required(),
     Parameter::text(
         "cameras",
-        ("^[a-z0-9_-]+(,[a-z0-9_-]+)*$", "north,east"),
+        (IDS_PATTERN, "north,east"),
         "Cameras of the scene, with commas between them; all without it",
     ),
     Parameter::text(
         "region",
-        ("^[-+0-9.eE]+,[-+0-9.eE]+(;[-+0-9.eE]+,[-+0-9.eE]+){2,63}$", "0,0;6,0;6,4;0,4"),
+        (REGION_PATTERN, "0,0;6,0;6,4;0,4"),
         "Corners x,y of a part of the ground, metres in the world; everywhere without it",
     ),
-    Parameter::whole("limit", &(1..=MAX_LIMIT as u64), "Most tracks of the answer").default_is("100"),
-    Parameter::text(
-        "before",
-        ("^-?[0-9]+:[a-z0-9_-]+:[0-9]+$", "1772369883200000000:north:412"),
-        "`next` of an answer",
-    ),
+    pages::LIMIT,
+    pages::CURSOR,
 ];
+
+/// 3 to [`MAX_CORNERS`] corners.
+const REGION_PATTERN: &str = r"^[-+]?[0-9]{1,7}(\.[0-9]{1,17})?,[-+]?[0-9]{1,7}(\.[0-9]{1,17})?(;[-+]?[0-9]{1,7}(\.[0-9]{1,17})?,[-+]?[0-9]{1,7}(\.[0-9]{1,17})?){2,63}$";
 
 /// Routes about what moved.
 pub(super) fn routes() -> Routes {
@@ -58,7 +50,7 @@ pub(super) fn routes() -> Routes {
         .about("The track that began last first.")
         .right(Right::History)
         .parameters(PARAMETERS)
-        .answers(Answer::json(200, "The tracks", schema::past::tracks()));
+        .answers(Answer::page("The tracks", schema::past::tracks()));
     Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/tracks", self::list, list)
 }
 
@@ -66,9 +58,9 @@ pub(super) fn routes() -> Routes {
 pub(super) async fn list(
     Asked(api): Asked,
     Segments(id): Segments<String>,
-    RawQuery(raw): RawQuery,
+    uri: Uri,
 ) -> Result<Response, Problem> {
-    let query = read(raw.as_deref())?;
+    let query = read(uri.query())?;
     let (from, to) = query.span;
     let found = api.ask("searching tracks", move |door| door.search_tracks(&id, &query)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
@@ -77,9 +69,8 @@ pub(super) async fn list(
         "to": to.to_string(),
         "tracks": found.tracks.iter().map(track).collect::<Vec<_>>(),
         "is_complete": found.next.is_none(),
-        "next": found.next.map(|next| next.to_string()),
     });
-    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+    Ok(pages::answer(&uri, body, found.next.map(|next| next.to_string())))
 }
 
 fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
@@ -93,8 +84,8 @@ fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
          area of at least 1e-6 m2 and without edges that cross"
     );
     let region = query.value("region", &around, region);
-    let limit = query.whole("limit", &(1..=MAX_LIMIT)).unwrap_or(LIMIT) as usize;
-    let before = query.value("before", "what an answer gave as next", |text| text.parse().ok());
+    let limit = pages::limit(&mut query);
+    let before = pages::cursor(&mut query, |text| text.parse().ok());
     let span = query.finish(from.zip(to))?;
     if span.0 >= span.1 {
         let fault = Fault::new("to", format!("must be after from, which is {}", span.0));
@@ -103,7 +94,8 @@ fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
     Ok(TrackQuery { span, cameras, region, before, limit })
 }
 
-fn cameras(text: &str) -> Option<Vec<CameraId>> {
+/// Ids of cameras with commas between them.
+pub(super) fn cameras(text: &str) -> Option<Vec<CameraId>> {
     text.split(',').map(|id| CameraId::new(id).ok()).collect()
 }
 

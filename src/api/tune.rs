@@ -14,6 +14,7 @@ use super::{Api, cameras, schema};
 use crate::access::{Right, Role};
 use crate::catalog::{CameraAsked, CatalogError};
 use crate::error::{ErrorKind, Fault, Gatherer};
+use crate::scene::json_tree;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -36,8 +37,9 @@ pub(super) fn routes() -> Routes {
             .may_fail(&[409])
             .answers(Answer::nothing(204, "What the configuration says holds again"))
     };
-    let show =
-        Operation::new("show_segment", "How a camera's foreground is found").answers(segment("The settings"));
+    let show = Operation::new("show_segment", "How a camera's foreground is found")
+        .right(Right::Manage)
+        .answers(segment("The settings"));
     let change = Operation::new("change_segment", "Changes how a camera's foreground is found")
         .about("From the camera's next frame on, and after a restart.")
         .role(Role::Operator)
@@ -45,8 +47,9 @@ pub(super) fn routes() -> Routes {
         .conditional()
         .takes_patch(schema::named("SegmentSettings"))
         .answers(segment("What then holds"));
-    let show_source =
-        Operation::new("show_source", "What feeds a camera, and its clock").answers(source("What feeds it"));
+    let show_source = Operation::new("show_source", "What feeds a camera, and its clock")
+        .right(Right::Manage)
+        .answers(source("What feeds it"));
     let change_source = Operation::new("change_source", "Changes what feeds a camera, or its clock")
         .about("After a restart too. Other cameras do not notice.")
         .role(Role::Operator)
@@ -222,13 +225,16 @@ pub(super) async fn accept_place(
     Ok((StatusCode::NO_CONTENT, [(header::CACHE_CONTROL, "no-store")]).into_response())
 }
 
-/// The JSON that a request brings.
+/// The JSON that a request brings; a member that is written twice is a fault.
 pub(super) fn read_body(body: &[u8]) -> Result<Value, Problem> {
-    serde_json::from_slice(body).map_err(|error| {
-        let place = format!("line {}, column {}", error.line(), error.column());
-        let message = format!("the body is no JSON ({place}): {error}");
+    let text = std::str::from_utf8(body).map_err(|error| {
+        let message = format!("the body must be UTF-8, but byte {} is not", error.valid_up_to());
         Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
-    })
+    })?;
+    let mut gatherer = Gatherer::default();
+    let tree = json_tree(text, &mut gatherer).map_err(CatalogError::from)?;
+    let faults = gatherer.into_faults();
+    if faults.is_empty() { Ok(tree) } else { Err(Problem::at(ErrorKind::Invalid, faults)) }
 }
 
 /// The members of the JSON object that a request brings; refused with every fault, each at its JSON pointer.

@@ -99,6 +99,7 @@ fn answered() -> Answer {
 /// Routes to views of scenes.
 pub(super) fn routes() -> Routes {
     let picture = Operation::new("show_view", "The fused picture of a scene from anywhere")
+        .revalidated()
         .about("Of the cameras that the caller may see at that time, as if the scene had no others.")
         .right(Right::Live)
         .parameters(PARAMETERS)
@@ -260,6 +261,7 @@ fn read(
         session: query.id("session"),
         effort: effort::read(&mut query, style),
         horizon: None,
+        blur_people: None,
         scope: Scope::all(),
     };
     query.finish(Some((request, moment)))

@@ -3,11 +3,15 @@
 use super::error::Problem;
 use super::identity::Asked;
 use super::kept::{self, Kept};
-use super::picture::{Picture, split};
+use super::openapi::{Routes, Tag};
+use super::operation::Operation;
+use super::parameters::Parameter;
+use super::picture::{Picture, files, pictured, split};
 use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::tags::Finish;
-use super::{Api, view};
+use super::{Api, documents, effort, schema, view};
+use crate::access::Right;
 use crate::catalog::NamedView;
 use crate::encode::PictureFormat;
 use crate::engine::ViewRequest;
@@ -20,10 +24,66 @@ use serde_json::{Value, json};
 /// Most characters of a group or tag that is asked for.
 const MAX_WORD_CHARS: usize = 100;
 
+/// What these routes are about.
+pub(super) const TAG: Tag = ("Named views", "Places from which scenes are looked at, kept under a name");
+
+/// What their paths name.
+pub(super) const SEGMENTS: &[Parameter] = &[
+    Parameter::id("id", "A named view"),
+    documents::NUMBER,
+    Parameter::files("picture", || files(&[("picture", ())]), "Its picture, and how it is written"),
+];
+
+const FILTERS: &[Parameter] = &[
+    Parameter::id("scene", "Only views of that scene"),
+    Parameter::free("group", (0, MAX_WORD_CHARS), "Only views of that group"),
+    Parameter::free("tag", (0, MAX_WORD_CHARS), "Only views with that tag"),
+];
+
+/// Routes about named views and their documents.
+pub(super) fn routes() -> Routes {
+    let picture = Operation::new("show_named_view", "What a named view shows")
+        .about("A parameter of the request's stands in the place of the view's own.")
+        .right(Right::Live)
+        .parameters(view::PARAMETERS)
+        .parameters(&effort::PARAMETERS)
+        .may_fail(&[422])
+        .answers(pictured("The picture").field("Videofields-View-Version", "The view's version"));
+    kept::routes::<NamedView>().merge(Routes::of(TAG, SEGMENTS).get(
+        "/api/v1/views/{id}/{picture}",
+        self::picture,
+        picture,
+    ))
+}
+
 impl kept::Kind for NamedView {
     const KIND: DocumentKind = DocumentKind::View;
     const LIST: &'static str = "views";
-    const FILTERS: &'static [&'static str] = &["scene", "group", "tag"];
+    const FILTERS: &'static [Parameter] = FILTERS;
+    const TAG: Tag = TAG;
+    const SEGMENTS: &'static [Parameter] = SEGMENTS;
+    const SCHEMA: &'static str = "NamedView";
+    const PATHS: [&'static str; 5] = [
+        "/api/v1/views",
+        "/api/v1/views/{id}",
+        "/api/v1/views/{id}/versions",
+        "/api/v1/views/{id}/versions/{number}",
+        "/api/v1/views/{id}/versions/{number}/restore",
+    ];
+    const OPERATIONS: [&'static str; 8] = [
+        "list_named_views",
+        "show_named_view_document",
+        "put_named_view",
+        "change_named_view",
+        "remove_named_view",
+        "list_named_view_versions",
+        "show_named_view_version",
+        "restore_named_view",
+    ];
+
+    fn list_schema() -> Value {
+        schema::walls::views()
+    }
 
     fn read(document: Value) -> Result<(Self, Value), Vec<Fault>> {
         let view = Self::read(document)?;

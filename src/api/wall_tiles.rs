@@ -8,17 +8,15 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
-use super::parameters::{Parameter, words};
+use super::parameters::{NONE, Parameter, words};
 use super::picture::{Encoded, Picture, pictured, split};
 use super::query::{Moment, Query};
-use super::schema;
 use super::segments::Segments;
 use super::tags::Finish;
 use super::view::{self, drawn};
 use super::wall_rounds::Turn;
-use super::walls;
 use super::walls::Kept;
-use super::{Api, kept, playheads, scenes};
+use super::{Api, kept, playheads, scenes, schema, walls};
 use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
@@ -70,27 +68,8 @@ const PATTERNS: [(&str, Option<Pattern>); 3] =
 /// The values of `blend`.
 const EDGES: [(&str, Edges); 2] = [("on", Edges::Faded), ("off", Edges::Whole)];
 
-impl Wishes {
-    /// The parameters that say them.
-    pub(super) const PARAMETERS: [&str; 2] = ["pattern", "blend"];
-
-    /// What `query` says.
-    pub(super) fn read(query: &mut Query) -> Self {
-        Self {
-            pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
-            edges: query.choice("blend", &EDGES).unwrap_or_default(),
-        }
-    }
-}
-
-/// What a picture of a tile takes.
-const PICTURE_PARAMETERS: &[Parameter] = &[
-    Parameter::whole("at", &(0..=MAX_FRAME), "The number of a frame; the one that is due without it"),
-    Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
-        .default_is("none"),
-    Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
-        .default_is("on"),
-];
+const AT: &[Parameter] =
+    &[Parameter::whole("at", &(0..=MAX_FRAME), "The number of a frame; the one that is due without it")];
 
 /// Routes about what screens show.
 pub(super) fn routes() -> Routes {
@@ -102,7 +81,8 @@ pub(super) fn routes() -> Routes {
              that is due within a second is waited for.",
         )
         .right(Right::Live)
-        .parameters(PICTURE_PARAMETERS)
+        .parameters(AT)
+        .parameters(Wishes::PARAMETERS)
         .revalidated()
         .may_fail(&[422])
         .answers(
@@ -112,11 +92,32 @@ pub(super) fn routes() -> Routes {
         );
     let events = Operation::new("follow_wall", "What a wall shows as it changes, and once a second")
         .about("Server-sent events `wall`.")
-        .answers(Answer::nothing(200, "Events without end").media("text/event-stream", Some(schema::text())));
+        .answers(Answer::nothing(200, "Events without end").media(
+            "text/event-stream",
+            Some(schema::sent(&["wall"], "The wall, its version and the frame that is due, as JSON")),
+        ));
     Routes::of(walls::TAG, walls::SEGMENTS)
         .get("/api/v1/walls/{id}/tiles", self::list, list)
         .get("/api/v1/walls/{id}/tiles/{tile}/{picture}", self::picture, picture)
         .get("/api/v1/walls/{id}/events", self::events, events)
+}
+
+impl Wishes {
+    /// The parameters that say them.
+    pub(super) const PARAMETERS: &[Parameter] = &[
+        Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
+            .default_is("none"),
+        Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
+            .default_is("on"),
+    ];
+
+    /// What `query` says.
+    pub(super) fn read(query: &mut Query) -> Self {
+        Self {
+            pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
+            edges: query.choice("blend", &EDGES).unwrap_or_default(),
+        }
+    }
 }
 
 /// Every tile of a wall, with the window in the world that it shows.
@@ -125,7 +126,7 @@ pub(super) async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     let Kept { id, version, content: wall, .. } = kept::find(&api, &id)?;
     let tile = |tile: &Tile| {
         json!({
@@ -153,7 +154,7 @@ pub(super) async fn picture(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let ((), format) = split(&file, &[("frame", ())])?;
-    let mut query = Query::parse(raw.as_deref(), PICTURE_PARAMETERS);
+    let mut query = Query::parse(raw.as_deref(), &[AT, Wishes::PARAMETERS].concat());
     let wishes = Wishes::read(&mut query);
     let asked = query.whole("at", &(0..=MAX_FRAME));
     query.finish(Some(()))?;
@@ -370,7 +371,7 @@ pub(super) async fn events(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), super::parameters::NONE).finish(Some(()))?;
+    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
     kept::find::<Wall>(&api, &id)?;
     let connection = api.connection.clone();
     let states = futures_util::stream::unfold(Following { api, id, told: None }, Following::next);

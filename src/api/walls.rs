@@ -2,11 +2,9 @@
 
 use super::error::Problem;
 use super::openapi::{Routes, Tag};
-use super::operation::{Answer, Operation};
 use super::parameters::Parameter;
 use super::picture::files;
 use super::{documents, kept, schema, view};
-use crate::access::Role;
 use crate::engine::ViewKind;
 use crate::error::{ErrorKind, Fault};
 use crate::store::DocumentKind;
@@ -32,60 +30,36 @@ pub(super) const SEGMENTS: &[Parameter] = &[
 
 /// Routes about walls and their documents.
 pub(super) fn routes() -> Routes {
-    let kept = |status, meaning| Answer::json(status, meaning, schema::named("Wall")).tagged();
-    let list = Operation::new("list_walls", "Every wall, in the order of names").answers(Answer::json(
-        200,
-        "The walls",
-        schema::walls::all(),
-    ));
-    let one = Operation::new("show_wall", "A wall's document").answers(kept(200, "The document"));
-    let put = Operation::new("put_wall", "Makes a wall or replaces one")
-        .role(Role::Operator)
-        .conditional()
-        .takes(schema::named("Wall"))
-        .may_fail(&[409])
-        .answers(kept(200, "It is replaced"))
-        .answers(kept(201, "It is made"));
-    let change = Operation::new("change_wall", "Changes the members of a wall's document that come")
-        .about("Lists are replaced whole, null takes a member away (JSON Merge Patch, RFC 7396).")
-        .role(Role::Operator)
-        .conditional()
-        .takes_patch(schema::walls::patch())
-        .may_fail(&[409])
-        .answers(kept(200, "It is changed"));
-    let remove = Operation::new("remove_wall", "Takes a wall away")
-        .role(Role::Operator)
-        .conditional()
-        .may_fail(&[409])
-        .answers(Answer::nothing(204, "It is gone"));
-    let restore = Operation::new("restore_wall", "Makes a version of before the newest")
-        .role(Role::Admin)
-        .conditional()
-        .may_fail(&[409])
-        .answers(kept(200, "It is the newest"))
-        .answers(kept(201, "It is there again"));
-    Routes::of(TAG, SEGMENTS)
-        .get("/api/v1/walls", kept::list::<Wall>, list)
-        .get("/api/v1/walls/{id}", kept::one::<Wall>, one)
-        .put("/api/v1/walls/{id}", kept::put::<Wall>, put)
-        .patch("/api/v1/walls/{id}", kept::change::<Wall>, change)
-        .delete("/api/v1/walls/{id}", kept::remove::<Wall>, remove)
-        .get(
-            "/api/v1/walls/{id}/versions",
-            kept::versions::<Wall>,
-            documents::list_versions("list_wall_versions"),
-        )
-        .get(
-            "/api/v1/walls/{id}/versions/{number}",
-            kept::version::<Wall>,
-            documents::show_version("show_wall_version", schema::named("Wall")),
-        )
-        .post("/api/v1/walls/{id}/versions/{number}/restore", kept::restore::<Wall>, restore)
+    kept::routes::<Wall>()
 }
 
 impl kept::Kind for Wall {
     const KIND: DocumentKind = DocumentKind::Wall;
     const LIST: &'static str = "walls";
+    const TAG: Tag = TAG;
+    const SEGMENTS: &'static [Parameter] = SEGMENTS;
+    const SCHEMA: &'static str = "Wall";
+    const PATHS: [&'static str; 5] = [
+        "/api/v1/walls",
+        "/api/v1/walls/{id}",
+        "/api/v1/walls/{id}/versions",
+        "/api/v1/walls/{id}/versions/{number}",
+        "/api/v1/walls/{id}/versions/{number}/restore",
+    ];
+    const OPERATIONS: [&'static str; 8] = [
+        "list_walls",
+        "show_wall",
+        "put_wall",
+        "change_wall",
+        "remove_wall",
+        "list_wall_versions",
+        "show_wall_version",
+        "restore_wall",
+    ];
+
+    fn list_schema() -> Value {
+        schema::walls::all()
+    }
 
     fn read(document: Value) -> Result<(Self, Value), Vec<Fault>> {
         let (wall, document) = Self::read(document)?;

@@ -1,27 +1,34 @@
 //! `/api/v1/scenes/{id}/which-cameras`: which cameras see a place, the best first, and why the others do not.
 
-use super::Api;
 use super::error::Problem;
 use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
 use super::query::Query;
-use super::scenes;
 use super::segments::Segments;
-use crate::engine::{CameraSight, Handle, Sight, which_cameras};
-use crate::frame::CameraId;
+use super::{scenes, schema};
+use crate::engine::{At, CameraSight, Handle, Sight, which_cameras};
+use crate::frame::{CameraId, polygon_holds};
 use crate::timeline::EventKind;
+use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
-use axum::{Json, Router};
 use serde_json::{Value, json};
 
 /// Events of a camera that are looked through for whether it has moved.
 const MAX_EVENTS: usize = 512;
 
-/// What is answered here.
-pub(super) fn routes() -> Router<Api> {
-    Router::new().route("/api/v1/scenes/{id}/which-cameras", get(list))
+const PARAMETERS: &[Parameter] = &[Parameter::point("point", "The place, metres").required()];
+
+/// The route from a place to the cameras that see it.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("which_cameras", "Which cameras see a place, and why the others do not")
+        .about("By calibrations, surfaces and privacy zones alone, the best first.")
+        .parameters(PARAMETERS)
+        .answers(Answer::json(200, "What every camera makes of it", schema::evidence::sights()));
+    Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/which-cameras", self::list, list)
 }
 
 /// What every camera makes of a place.
@@ -30,7 +37,7 @@ async fn list(
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
-    let mut query = Query::parse(raw.as_deref(), &["point"]);
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
     query.require("point");
     let point = query.point("point");
     let point = query.finish(point)?;
@@ -39,7 +46,8 @@ async fn list(
     // Rays against every surface.
     let found = api.ask("looking for cameras", move |_door| {
         let states = door.cameras();
-        Ok(which_cameras(&scene, &states, |camera| has_moved(&door, camera), point))
+        let is_masked = |camera: &CameraId, place: [f64; 2]| is_masked(&door, camera, place);
+        Ok(which_cameras(&scene, &states, |camera| has_moved(&door, camera), is_masked, point))
     });
     let found = found.await?;
     let body = json!({
@@ -54,6 +62,12 @@ fn has_moved(door: &Handle, camera: &CameraId) -> bool {
     let events = door.events(Some(camera.as_str()), 0, MAX_EVENTS).unwrap_or_default();
     let last = events.iter().rev().find(|logged| logged.event.kind == EventKind::Moved);
     last.is_some_and(|logged| !logged.event.is_end)
+}
+
+/// Whether nobody may see a place in a camera's picture now.
+fn is_masked(door: &Handle, camera: &CameraId, place: [f64; 2]) -> bool {
+    let hidden = door.hidden(camera.as_str(), At::Live).unwrap_or_default();
+    hidden.iter().any(|polygon| polygon_holds(polygon, place))
 }
 
 fn document(of: &CameraSight) -> Value {
@@ -72,6 +86,12 @@ fn document(of: &CameraSight) -> Value {
         Sight::Outside { texture: at } => {
             let mut more = texture(at);
             more["why"] = json!("outside");
+            (false, more)
+        }
+        Sight::Masked { texture: at, distance_m } => {
+            let mut more = texture(at);
+            more["why"] = json!("masked");
+            more["distance_m"] = json!(distance_m);
             (false, more)
         }
         Sight::Hidden { surface, surface_idx, point_m, distance_m } => (

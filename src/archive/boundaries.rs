@@ -61,6 +61,11 @@ impl Boundaries {
         Self { segment_nanos, open: None, barred: None, needs_key: true }
     }
 
+    /// From now on files end after so many seconds, the open one too.
+    pub(super) fn set_segment_secs(&mut self, segment_secs: u32) {
+        self.segment_nanos = i64::from(segment_secs) * 1_000_000_000;
+    }
+
     /// What is done with a frame, and whether the open segment ends before it.
     pub(super) fn judge(&mut self, moment: Moment) -> (Verdict, bool) {
         let has_ended = self.open.as_ref().is_some_and(|span| span.ends_before(moment, self.segment_nanos));

@@ -31,7 +31,7 @@ pub use check::{Checked, check, repair};
 pub use error::ArchiveError;
 pub use export::{
     Clip, ExportCamera, ExportFile, ExportRequest, ExportState, ExportStatus, ExportedCamera, Exports,
-    Manifest, Unreadable,
+    Manifest, Redraw, Redrawing, Unreadable,
 };
 pub use lane::{CameraRecording, RecordingState};
 pub use reading::Reading;
@@ -109,6 +109,12 @@ impl Archive {
     #[must_use]
     pub fn recorder(&self, camera: &CameraId) -> Recorder {
         Recorder::new(Arc::clone(&self.shared), self.shared.lane(camera))
+    }
+
+    /// From now on these settings hold, in the folder of before: files that are being written end after the new time, and
+    /// what may be kept and must be left free counts from the next look on.
+    pub fn reconfigure(&self, settings: ArchiveSettings) {
+        self.shared.set_settings(settings);
     }
 
     /// How recording goes.

@@ -57,7 +57,7 @@ pub(super) fn enter(shared: &Arc<Shared>) -> Result<Arc<Folder>, ArchiveError> {
 
 /// Claims the folder and finishes what was left.
 pub(super) fn claim(shared: &Shared) -> Result<Arc<Folder>, ArchiveError> {
-    let path = &shared.settings.folder;
+    let path = &shared.settings().folder.clone();
     let folder = Folder::claim(path).map_err(ArchiveError::files("record into", path))?;
     let n_removed = retention::finish_removals(shared, &folder)?;
     shared.count_reconciled(|done| done.n_removed += n_removed);

@@ -18,7 +18,7 @@ const MAX_AGED: u32 = 16;
 /// When a file cannot be removed, the database fails, or nothing is left that may go.
 pub(super) fn make_room(shared: &Shared, folder: &Folder, more: u64) -> Result<(), ArchiveError> {
     let max_bytes = shared.max_bytes();
-    let max_age_nanos = (shared.settings.max_age_days * 86_400e9) as i64;
+    let max_age_nanos = (shared.settings().max_age_days * 86_400e9) as i64;
     let mut n_aged = 0;
     loop {
         let bytes = shared.kept_bytes().saturating_add(more);

@@ -31,7 +31,8 @@ pub(super) enum Watch {
 
 /// What the archive's threads and its callers share.
 pub(super) struct Shared {
-    pub settings: ArchiveSettings,
+    /// As they are now: they may be changed while all runs, but for the folder.
+    settings: Mutex<Arc<ArchiveSettings>>,
     pub store: Store,
     pub runtime: Runtime,
     pub metrics: Arc<Metrics>,
@@ -63,7 +64,7 @@ impl Shared {
     ) -> (Self, Receiver<()>) {
         let (alive, have_ended) = sync_channel(1);
         let shared = Self {
-            settings,
+            settings: Mutex::new(Arc::new(settings)),
             store,
             runtime: Runtime::current(),
             metrics,
@@ -81,6 +82,18 @@ impl Shared {
             fails_rows: AtomicBool::new(false),
         };
         (shared, have_ended)
+    }
+
+    /// The settings as they are now.
+    pub(super) fn settings(&self) -> Arc<ArchiveSettings> {
+        Arc::clone(&lock(&self.settings))
+    }
+
+    /// From now on these settings hold, in the folder of before.
+    pub(super) fn set_settings(&self, settings: ArchiveSettings) {
+        let mut now = lock(&self.settings);
+        let folder = now.folder.clone();
+        *now = Arc::new(ArchiveSettings { folder, ..settings });
     }
 
     /// The folder, if it can be used.
@@ -197,7 +210,7 @@ impl Shared {
             Some(folder) => folder,
             // What was recorded can be read where nothing can be written.
             None => {
-                let path = &self.settings.folder;
+                let path = &self.settings().folder;
                 Arc::new(Folder::look(path).map_err(ArchiveError::files("read", path))?)
             }
         };
@@ -218,13 +231,13 @@ impl Shared {
     }
 
     pub(super) fn max_bytes(&self) -> u64 {
-        (self.settings.max_gib * (1_u64 << 30) as f64) as u64
+        (self.settings().max_gib * (1_u64 << 30) as f64) as u64
     }
 }
 
 impl fmt::Debug for Shared {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.debug_struct("Shared").field("settings", &self.settings).finish_non_exhaustive()
+        formatter.debug_struct("Shared").field("settings", &self.settings()).finish_non_exhaustive()
     }
 }
 

@@ -131,7 +131,7 @@ impl Writer {
     }
 
     fn record(&mut self, lane: &Arc<Lane>, frame: &EncodedFrame, at: Timestamp) -> Result<(), ArchiveError> {
-        let secs = self.shared.settings.segment_secs;
+        let secs = self.shared.settings().segment_secs;
         let recording = self.recordings.entry(lane.camera().clone()).or_insert_with(|| Recording {
             lane: Arc::clone(lane),
             boundaries: Boundaries::new(secs),
@@ -141,6 +141,7 @@ impl Writer {
         });
         let fits = recording.open.as_ref().is_none_or(|open| open.fits(&frame.format));
         let format = if fits { Format::Same } else { Format::Changed };
+        recording.boundaries.set_segment_secs(secs);
         let (verdict, has_ended) = recording.boundaries.judge(Moment { at, is_key: frame.is_key, format });
         if has_ended {
             self.close(lane.camera())?;
@@ -224,7 +225,7 @@ impl Writer {
         let folder = reconcile::enter(&self.shared)?;
         let path = folder.path();
         let free_mib = folder.free_bytes().map_err(ArchiveError::files("look at the disk of", path))? >> 20;
-        let least_mib = u64::from(self.shared.settings.min_free_mib);
+        let least_mib = u64::from(self.shared.settings().min_free_mib);
         if free_mib < least_mib {
             return Err(ArchiveError::NearlyFull { free_mib, least_mib, path: path.to_owned() });
         }

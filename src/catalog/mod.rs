@@ -5,6 +5,7 @@
 //! disk before it is acknowledged. Scenes of the configuration are the layer beneath: what is kept here covers them, and
 //! taking it away brings them back; their files are never written.
 
+mod calibrations;
 mod cameras;
 mod error;
 mod playheads;
@@ -21,11 +22,14 @@ pub use view::NamedView;
 
 use crate::clock::{Clock, Timestamp};
 use crate::config::CameraSettings;
+use crate::engine::Privacy;
+use crate::frame::CameraId;
+use crate::scene::Scene;
 use crate::store::{DocumentKind, DocumentRecord, Store};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 use tokio::sync::Semaphore;
 
 /// Most documents of a kind; of scenes, those of the configuration count too. As many that were removed are remembered.
@@ -83,15 +87,29 @@ pub struct Catalog {
     playhead_changes: tokio::sync::Mutex<()>,
     /// The cameras as the configuration has them.
     cameras: RwLock<Vec<CameraSettings>>,
-    configured: BTreeMap<String, ConfiguredScene>,
+    configured: RwLock<Configured>,
     /// What nobody may see of the cameras.
     zones: privacy::Zones,
     /// Where scenes of no file find their models and pictures.
     folder: PathBuf,
+}
+
+/// What the configuration says of scenes.
+struct Configured {
+    scenes: BTreeMap<String, ConfiguredScene>,
+    /// Beneath which scenes find their models and pictures.
     media_roots: Vec<PathBuf>,
 }
 
 impl Catalog {
+    /// Bytes of the database's files.
+    ///
+    /// # Errors
+    /// When they cannot be looked at.
+    pub fn file_bytes(&self) -> std::io::Result<u64> {
+        self.store.file_bytes()
+    }
+
     /// What `store` keeps, over the scenes of the configuration; scenes of no file find models and pictures beneath `folder`
     /// and `media_roots`.
     ///
@@ -108,7 +126,7 @@ impl Catalog {
             let records = store.newest_documents(kind).await?;
             newest.extend(records.into_iter().map(|record| ((kind, record.id.clone()), Arc::new(record))));
         }
-        let configured = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
+        let scenes = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
         let zones = privacy::Zones::read(&store).await?;
         Ok(Self {
             store,
@@ -119,11 +137,43 @@ impl Catalog {
             camera_changes: tokio::sync::Mutex::default(),
             playhead_changes: tokio::sync::Mutex::default(),
             cameras: RwLock::default(),
-            configured,
+            configured: RwLock::new(Configured { scenes, media_roots }),
             zones,
             folder,
-            media_roots,
         })
+    }
+
+    /// From now on the configuration has these cameras and scenes, and these media roots. `apply` has the engine go on with the
+    /// cameras, their zones and the scenes, as they were changed through the API; nothing is changed meanwhile, so that no change
+    /// is lost. What `apply` answers.
+    ///
+    /// # Errors
+    /// When it cannot be kept which zones are in force: nothing is changed then.
+    pub async fn reconfigure<T>(
+        &self,
+        (cameras, scenes, media_roots): (&[CameraSettings], Vec<ConfiguredScene>, Vec<PathBuf>),
+        order: &[String],
+        apply: impl FnOnce(Vec<CameraSettings>, &BTreeMap<CameraId, Privacy>, Vec<Arc<Scene>>) -> T,
+    ) -> Result<T, CatalogError> {
+        let _of_scenes = self.changes.lock().await;
+        let _of_cameras = self.camera_changes.lock().await;
+        let _of_zones = self.zones.all_turns(cameras).await;
+        let zones = self.begin_privacy_in_turn(cameras).await?;
+        let scenes = scenes.into_iter().map(|of| (of.id.clone(), of)).collect();
+        *self.configured.write().unwrap_or_else(PoisonError::into_inner) = Configured { scenes, media_roots };
+        self.set_cameras(cameras);
+        let mut cameras = self.cameras();
+        for camera in &mut cameras {
+            if let Some(privacy) = zones.get(&camera.id) {
+                camera.privacy_zones = privacy.zones.to_vec();
+            }
+        }
+        Ok(apply(cameras, &zones, self.scenes(order)))
+    }
+
+    fn configured(&self) -> RwLockReadGuard<'_, Configured> {
+        // It is replaced whole.
+        self.configured.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// How the document of that name stands.
@@ -292,9 +342,10 @@ impl Catalog {
     }
 
     fn count(&self, kind: DocumentKind) -> usize {
-        let configured = if kind == DocumentKind::Scene { self.configured.len() } else { 0 };
+        let scenes = &self.configured().scenes;
+        let configured = if kind == DocumentKind::Scene { scenes.len() } else { 0 };
         let is_covered =
-            |record: &DocumentRecord| kind == DocumentKind::Scene && self.configured.contains_key(&record.id);
+            |record: &DocumentRecord| kind == DocumentKind::Scene && scenes.contains_key(&record.id);
         self.all(kind).iter().filter(|record| !is_covered(record)).count() + configured
     }
 

@@ -11,9 +11,9 @@ mod witness;
 use super::{Catalog, CatalogError, Condition, State};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
-use crate::engine::{Handle, LiftedZone, Privacy};
+use crate::engine::{EngineError, Handle, LiftedZone, Privacy};
 use crate::frame::{CameraId, Zone};
-use crate::store::{PrivacyRecord, Store};
+use crate::store::{AuditEntry, PrivacyRecord, Store};
 use document::{in_words, lifted_from_json, lifted_to_json, zones_from_json, zones_to_json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -134,6 +134,19 @@ impl Zones {
         lock(&self.configured).get(camera).cloned().unwrap_or_default()
     }
 
+    /// The turns of all these cameras, one after the other in the order of their names.
+    pub(super) async fn all_turns(
+        &self,
+        cameras: &[CameraSettings],
+    ) -> Vec<tokio::sync::OwnedMutexGuard<()>> {
+        let ids: BTreeSet<&str> = cameras.iter().map(|camera| camera.id.as_str()).collect();
+        let mut turns = Vec::with_capacity(ids.len());
+        for id in ids {
+            turns.push(self.turn(id).lock_owned().await);
+        }
+        turns
+    }
+
     fn turn(&self, camera: &str) -> Arc<tokio::sync::Mutex<()>> {
         Arc::clone(lock(&self.turns).entry(camera.to_owned()).or_default())
     }
@@ -171,6 +184,15 @@ impl Catalog {
         &self,
         cameras: &[CameraSettings],
     ) -> Result<BTreeMap<CameraId, Privacy>, CatalogError> {
+        let _turns = self.zones.all_turns(cameras).await;
+        self.begin_privacy_in_turn(cameras).await
+    }
+
+    /// As [`Self::begin_privacy`], by whoever has the turns of all these cameras.
+    pub(super) async fn begin_privacy_in_turn(
+        &self,
+        cameras: &[CameraSettings],
+    ) -> Result<BTreeMap<CameraId, Privacy>, CatalogError> {
         let witness = Witness::read(self.store.path());
         let mut begun = BTreeMap::new();
         for camera in cameras {
@@ -189,9 +211,36 @@ impl Catalog {
                     ..now
                 };
                 self.write_privacy(id, &now).await?;
+                self.note_privacy(id, &now).await;
             }
             begun.insert(camera.id.clone(), now.privacy());
         }
+        Ok(begun)
+    }
+
+    /// As [`Self::begin_privacy`] while `engine` runs, after the configuration was read again: what it hides of cameras that run
+    /// is in force when this answers, so their sources may be changed then. Cameras that are new get the zones of the answer.
+    ///
+    /// # Errors
+    /// As [`Self::begin_privacy`], and where the engine does not take it: then no source may be changed.
+    pub async fn follow_privacy(
+        &self,
+        engine: &Handle,
+        cameras: &[CameraSettings],
+    ) -> Result<BTreeMap<CameraId, Privacy>, CatalogError> {
+        let begun = self.begin_privacy(cameras).await?;
+        let (engine, to_hold) = (engine.clone(), begun.clone());
+        let held = tokio::task::spawn_blocking(move || {
+            let hold = |(camera, privacy): (CameraId, Privacy)| match engine
+                .hold_privacy(camera.as_str(), privacy)
+            {
+                // It comes with its zones.
+                Err(EngineError::NoCamera { .. }) => Ok(()),
+                held => held,
+            };
+            to_hold.into_iter().try_for_each(hold)
+        });
+        held.await.map_err(|error| CatalogError::Internal(format!("hiding zones: {error}")))??;
         Ok(begun)
     }
 
@@ -252,6 +301,21 @@ impl Catalog {
         let held = tokio::task::spawn_blocking(move || engine.hold_privacy(&of, privacy)).await;
         held.map_err(|error| CatalogError::Internal(format!("hiding zones: {error}")))??;
         Ok(after)
+    }
+
+    /// Notes in the audit log that the zones are others by the configuration or the witness, and not by a request.
+    async fn note_privacy(&self, camera: &str, now: &KeptPrivacy) {
+        let (zones, version) = (now.in_force.len(), now.version);
+        let entry = AuditEntry {
+            at: self.now(),
+            user: None,
+            action: "privacy zones of the configuration".to_owned(),
+            target: format!("/api/v1/cameras/{camera}/privacy#zones={zones}&version={version}"),
+            status: 200,
+        };
+        if let Err(error) = self.store.append_audit(&entry).await {
+            tracing::error!(%error, ?entry, "other privacy zones could not be noted in the audit log");
+        }
     }
 
     /// Writes a version, and what the witness says of it.

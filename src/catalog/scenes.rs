@@ -29,7 +29,7 @@ impl Catalog {
     }
 
     fn scene_at_start(&self, id: &str) -> Option<Arc<Scene>> {
-        let configured = || self.configured_scene(id).cloned();
+        let configured = || self.configured_scene(id);
         let Ok(record) = self.get(DocumentKind::Scene, id) else { return configured() };
         let parsed = self.parse(id, record.document.as_deref().unwrap_or_default());
         match parsed {
@@ -44,8 +44,8 @@ impl Catalog {
     }
 
     /// The configuration's scene of that name, if it was ever good.
-    pub(super) fn configured_scene(&self, id: &str) -> Option<&Arc<Scene>> {
-        self.configured.get(id)?.scene.as_ref()
+    pub(super) fn configured_scene(&self, id: &str) -> Option<Arc<Scene>> {
+        self.configured().scenes.get(id)?.scene.clone()
     }
 
     /// What a scene's document says. Models and pictures are read from beside the configuration's file of that scene, or beneath
@@ -54,9 +54,12 @@ impl Catalog {
     /// # Errors
     /// [`CatalogError::Faults`] with every fault; [`CatalogError::Scene`] of one that is too large.
     fn parse(&self, id: &str, document: &str) -> Result<ParsedScene, CatalogError> {
-        let imports = match self.configured.get(id) {
-            Some(configured) => FolderImports::beside(&configured.file, &self.media_roots),
-            None => FolderImports::beneath(&self.folder, &self.media_roots),
+        let imports = {
+            let configured = self.configured();
+            match configured.scenes.get(id) {
+                Some(of) => FolderImports::beside(&of.file, &configured.media_roots),
+                None => FolderImports::beneath(&self.folder, &configured.media_roots),
+            }
         };
         Ok(scene::parse(id, document, imports)?)
     }
@@ -120,10 +123,10 @@ impl Catalog {
         let _turn = self.changes.lock().await;
         if let Err(error) = self.get(DocumentKind::Scene, id) {
             let of_file = |_| CatalogError::Configured { id: id.to_owned() };
-            return Err(self.configured.get(id).map_or(error, of_file));
+            return Err(self.configured().scenes.get(id).map_or(error, of_file));
         }
         let record = self.added(engine, id, None, condition, by.clone()).await?;
-        let configured = self.configured_scene(id).cloned();
+        let configured = self.configured_scene(id);
         let is_gone = configured.is_none();
         show(engine, id, configured)?;
         self.publish(DocumentKind::Scene, record);
@@ -134,7 +137,7 @@ impl Catalog {
     }
 
     /// As [`Catalog::add`]; what another process made of a scene is shown from now on.
-    async fn added(
+    pub(super) async fn added(
         &self,
         engine: &Handle,
         id: &str,

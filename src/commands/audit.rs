@@ -4,7 +4,7 @@ use super::operator::{self, Configured};
 use anyhow::{Context, Result, bail};
 use serde_json::json;
 use std::path::Path;
-use videofields::store::{AuditRecord, ReadOnly};
+use videofields::store::{AuditCheck, AuditRecord, ReadOnly};
 use videofields::telemetry::{self, LogFormat};
 
 /// Shows the daemon's audit log, or says whether it is whole.
@@ -105,15 +105,32 @@ fn write_json(record: &AuditRecord) -> Result<()> {
     super::say(&line.to_string())
 }
 
+/// How many were removed for their age, where any were.
+pub(super) fn removed(found: &AuditCheck) -> String {
+    match found.n_removed {
+        0 => String::new(),
+        n => format!(" after the {n} that were removed for their age"),
+    }
+}
+
 async fn verify(database: &mut ReadOnly, path: &Path, noted: &[(i64, String)]) -> Result<()> {
     let found = database.check_audit().await?;
-    let head = found.head.map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
-    super::say(&format!("{}: {} entries as they were written{head}", path.display(), found.n_whole))?;
+    let head =
+        found.head.as_ref().map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
+    let removed = removed(&found);
+    super::say(&format!(
+        "{}: {} entries as they were written{removed}{head}",
+        path.display(),
+        found.n_whole
+    ))?;
     if let Some(fault) = found.fault {
         bail!("{fault}");
     }
     for (number, digest) in noted {
         let entry = database.audit(number - 1, 1).await?.pop().filter(|entry| entry.number == *number);
+        if *number <= found.n_removed {
+            bail!("entry {number} was removed for its age; those that are left are chained to it");
+        }
         let entry = entry.with_context(|| format!("entry {number} is not there"))?;
         if entry.digest_text() != *digest {
             bail!("entry {number} has the digest {} and not the one that was noted", entry.digest_text());

@@ -11,17 +11,20 @@ pub(crate) mod bench;
 pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
+pub(crate) mod doctor;
 mod given;
 pub(crate) mod manual;
 mod operator;
 pub(crate) mod progress;
 pub(crate) mod restore;
+pub(crate) mod scene;
 pub(crate) mod segment;
 pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod snapshot;
 pub(crate) mod store;
 pub(crate) mod view;
+pub(crate) mod wall_client;
 
 /// Writes a line to standard output, or says that whoever reads it has left.
 pub(crate) fn say(line: &str) -> Result<()> {

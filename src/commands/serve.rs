@@ -3,9 +3,10 @@
 use anyhow::{Context, Result, bail};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
-use videofields::config::{self, Config};
-use videofields::daemon;
-use videofields::telemetry::{self, LogFormat};
+use std::sync::Arc;
+use videofields::config::{self, Config, ConfigError};
+use videofields::daemon::{self, Load};
+use videofields::telemetry::{self, LogFormat, Traces};
 
 /// The demo's configuration, from the project's root.
 const DEMO_CONFIG: &str = "config/demo/plaza.toml";
@@ -38,7 +39,7 @@ pub(crate) struct Demo {
 
 #[derive(Debug, clap::Args)]
 struct Log {
-    /// Writes logs as JSON lines.
+    /// Writes logs as JSON lines, whatever `log.format` says.
     #[arg(long)]
     log_json: bool,
     /// What is logged: a level, or directives such as `info,videofields::ingest=debug`.
@@ -47,18 +48,26 @@ struct Log {
 }
 
 impl Log {
-    fn init(&self) -> Result<()> {
-        let format = if self.log_json { LogFormat::Json } else { LogFormat::Text };
-        Ok(telemetry::init(format, self.log.as_deref())?)
+    /// Begins to tell of the daemon; traces are sent for as long as what comes back is there.
+    fn init(&self, config: &Config) -> Result<Option<Traces>> {
+        let settings = config.settings();
+        let format = if self.log_json { LogFormat::Json } else { settings.log.format };
+        Ok(telemetry::init_with(format, self.log.as_deref(), &settings.telemetry)?)
     }
 }
 
-fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config> {
+fn load(path: &Path, listen: Option<SocketAddr>) -> Result<Config, ConfigError> {
     let config = config::load(path)?;
     Ok(match listen {
         Some(listen) => config.with_listen(listen)?,
         None => config,
     })
+}
+
+/// Reads the configuration again as it was read at the start.
+fn loader(path: &Path, listen: Option<SocketAddr>) -> Load {
+    let path = path.to_owned();
+    Arc::new(move || load(&path, listen))
 }
 
 /// Prints where the daemon is found. A daemon that nobody listens to is still a daemon.
@@ -70,14 +79,14 @@ fn announce(lines: &[String]) {
 
 impl Serve {
     pub(crate) fn run(&self) -> Result<()> {
-        self.log.init()?;
-        daemon::serve(&load(&self.config, self.listen)?, |url| announce(&[url.to_owned()]))
+        let config = load(&self.config, self.listen)?;
+        let _traces = self.log.init(&config)?;
+        daemon::serve(&config, loader(&self.config, self.listen), |url| announce(&[url.to_owned()]))
     }
 }
 
 impl Demo {
     pub(crate) fn run(&self) -> Result<()> {
-        self.log.init()?;
         let path = &self.config;
         if !path.try_exists().with_context(|| format!("cannot look for {}", path.display()))? {
             bail!(
@@ -86,8 +95,9 @@ impl Demo {
             );
         }
         let config = load(path, Some(self.listen))?;
+        let _traces = self.log.init(&config)?;
         let scene = config.settings().scene.first().map_or_else(String::new, |scene| scene.id.clone());
-        daemon::serve(&config, |url| {
+        daemon::serve(&config, loader(path, Some(self.listen)), |url| {
             announce(&[
                 format!("the page      {url}"),
                 format!("a fused view  {url}api/v1/scenes/{scene}/view.jpg"),

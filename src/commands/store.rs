@@ -79,8 +79,10 @@ fn check(settings: &ArchiveSettings, store: &Store) -> Result<()> {
     }
     super::say(&summary(store.path(), settings, &checked))?;
     let audit = Runtime::current().block_on(store.check_audit())?;
-    let head = audit.head.map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
-    super::say(&format!("audit log: {} entries as they were written{head}", audit.n_whole))?;
+    let head =
+        audit.head.as_ref().map(|head| format!(", the last one's digest is {head}")).unwrap_or_default();
+    let removed = super::audit::removed(&audit);
+    super::say(&format!("audit log: {} entries as they were written{removed}{head}", audit.n_whole))?;
     if let Some(fault) = &audit.fault {
         super::complain(&format!("audit log: {fault}"));
     }

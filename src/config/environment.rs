@@ -9,10 +9,11 @@ use std::ffi::OsString;
 use toml::de::DeValue;
 
 const PREFIX: &str = "VIDEOFIELDS_";
-const SECTIONS: [&str; 7] = ["server", "storage", "archive", "media", "timeline", "render", "accuracy"];
+const SECTIONS: [&str; 9] =
+    ["server", "storage", "archive", "media", "timeline", "render", "accuracy", "log", "telemetry"];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
-const TEXTS: [&str; 7] = [
+const TEXTS: [&str; 10] = [
     "server.listen",
     "server.certificate",
     "server.private_key",
@@ -20,6 +21,9 @@ const TEXTS: [&str; 7] = [
     "storage.snapshot_folder",
     "archive.folder",
     "render.adapter",
+    "log.format",
+    "telemetry.otlp_endpoint",
+    "telemetry.service_name",
 ];
 
 /// Lays the variables over the document. Variables without the prefix, or without `__` after it (such as

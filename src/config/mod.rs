@@ -13,10 +13,12 @@ mod error;
 mod feed;
 mod network;
 mod resolution;
+mod restart;
 mod settings;
 mod snapshot;
 mod source;
 mod storage;
+mod telling;
 mod url;
 mod validate;
 
@@ -27,10 +29,12 @@ pub use error::{ConfigError, ConfigFault, Origin};
 pub use feed::FeedSettings;
 pub use network::{Network, NetworkError};
 pub use resolution::Resolution;
+pub use restart::{ChangedKey, Effect, KEYS, changed_keys};
 pub use settings::*;
 pub use snapshot::{SnapshotScheduleSettings, check_annotation};
 pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
 pub use storage::StorageSettings;
+pub use telling::{LogFormat, LogSettings, TelemetrySettings};
 pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
 
 use crate::error::{Fault, Gatherer};
@@ -186,6 +190,8 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         timeline: section!("timeline"),
         render: section!("render"),
         accuracy: section!("accuracy"),
+        log: section!("log"),
+        telemetry: section!("telemetry"),
         camera: Vec::new(),
         scene: Vec::new(),
         snapshot: Vec::new(),

@@ -7,6 +7,7 @@ use super::resolution::Resolution;
 use super::snapshot::SnapshotScheduleSettings;
 use super::source::SourceSettings;
 use super::storage::StorageSettings;
+use super::telling::{LogSettings, TelemetrySettings};
 use crate::frame::{CameraId, Zone};
 use serde::de::{self, Deserializer};
 use serde::{Deserialize, Serialize};
@@ -31,6 +32,10 @@ pub struct Settings {
     pub render: RenderSettings,
     /// What is measured of the machine.
     pub accuracy: AccuracySettings,
+    /// The log.
+    pub log: LogSettings,
+    /// Traces of requests.
+    pub telemetry: TelemetrySettings,
     /// The cameras, in any order; ids are unique; at most 256.
     pub camera: Vec<CameraSettings>,
     /// The scenes, the default one first; ids are unique; at most 64.

@@ -33,6 +33,9 @@ pub struct SnapshotScheduleSettings {
     /// Minutes between two, 1 to 10080; they fall on whole multiples of it since 1970-01-01, UTC. Default 60.
     #[serde(default = "default_interval")]
     pub interval_mins: f64,
+    /// Whether everybody is made unrecognisable who is found, before anything is kept. Default false.
+    #[serde(default)]
+    pub blur_people: bool,
     /// A text for people, at most 2000 characters. Default empty.
     #[serde(default)]
     pub note: String,

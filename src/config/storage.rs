@@ -20,6 +20,8 @@ pub struct StorageSettings {
     /// Most MiB of the backgrounds that are kept of all cameras for looking back, 1 to 1048576; the oldest go first,
     /// but never a camera's newest. Default 512.
     pub background_history_mib: u32,
+    /// Days after which entries of the audit log are removed, the oldest first, 0 (never) to 36500. Default 0.
+    pub audit_max_age_days: f64,
     /// The folder that snapshots lie in; made if it is not there. Empty (default): beside the database, with its name and
     /// the ending `.snapshots`.
     pub snapshot_folder: PathBuf,
@@ -29,6 +31,13 @@ pub struct StorageSettings {
     pub snapshot_max_age_days: f64,
     /// MiB of the disk that are left free, 0 to 1073741824: with less, no snapshot is made. Default 1024.
     pub snapshot_min_free_mib: u32,
+    /// Days after which those backgrounds go, and the last ones of cameras that are not configured any more, 0.01 to 36500.
+    /// Default 400.
+    pub background_history_max_age_days: f64,
+    /// Days after which tracks go, 0.01 to 400. Default 400.
+    pub tracks_max_age_days: f64,
+    /// Days after which it goes how much moved, 0.01 to 400. Default 400.
+    pub activity_max_age_days: f64,
 }
 
 impl Default for StorageSettings {
@@ -39,10 +48,14 @@ impl Default for StorageSettings {
             background_history_interval_mins: 60.0,
             background_history_count: 48,
             background_history_mib: 512,
+            audit_max_age_days: 0.0,
             snapshot_folder: PathBuf::new(),
             snapshot_max_gib: 10.0,
             snapshot_max_age_days: 365.0,
             snapshot_min_free_mib: 1024,
+            background_history_max_age_days: 400.0,
+            tracks_max_age_days: 400.0,
+            activity_max_age_days: 400.0,
         }
     }
 }
@@ -63,7 +76,11 @@ pub(super) fn check(storage: &StorageSettings, gatherer: &mut Gatherer) {
             "minutes",
         ),
         ("background_history_count", count, 1.0, 10_000.0, "backgrounds"),
+        ("background_history_max_age_days", storage.background_history_max_age_days, 0.01, 36_500.0, "days"),
+        ("tracks_max_age_days", storage.tracks_max_age_days, 0.01, 400.0, "days"),
+        ("activity_max_age_days", storage.activity_max_age_days, 0.01, 400.0, "days"),
         ("background_history_mib", f64::from(storage.background_history_mib), 1.0, 1_048_576.0, "MiB"),
+        ("audit_max_age_days", storage.audit_max_age_days, 0.0, 36_500.0, "days"),
         ("snapshot_max_gib", storage.snapshot_max_gib, 0.001, 1_048_576.0, "GiB"),
         ("snapshot_max_age_days", storage.snapshot_max_age_days, 0.001, 36_500.0, "days"),
         ("snapshot_min_free_mib", f64::from(storage.snapshot_min_free_mib), 0.0, 1_073_741_824.0, "MiB"),

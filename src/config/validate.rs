@@ -32,6 +32,7 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     check_path(&settings.storage.database, "/storage/database", gatherer);
     super::storage::check(&settings.storage, gatherer);
     super::archive::check(&settings.archive, gatherer);
+    super::telling::check(&settings.telemetry, gatherer);
     if !(1..=MAX_ROOTS).contains(&settings.media.roots.len()) {
         let message = format!("expected 1 to {MAX_ROOTS} folders, got {}", settings.media.roots.len());
         gatherer.fault("/media/roots", message);

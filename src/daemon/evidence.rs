@@ -3,10 +3,10 @@
 use crate::api;
 use crate::clock::{Clock, Timestamp};
 use crate::config::{Config, SnapshotScheduleSettings};
-use crate::engine::{At, Handle};
+use crate::engine::{At, BlurAsked, Handle};
 use crate::error::join_faults;
 use crate::evidence::{Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted};
-use crate::store::Store;
+use crate::store::{AuditEntry, Store};
 use crate::telemetry::Metrics;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -47,7 +47,9 @@ pub(super) fn schedule(config: &Config, now: Timestamp) -> Schedule {
         };
         match subject {
             Ok(subject) => {
-                let wanted = Wanted { subject, note: of.note.clone(), tags: of.tags.clone(), hold: false };
+                let blur_people = of.blur_people.then(BlurAsked::default);
+                let (note, tags) = (of.note.clone(), of.tags.clone());
+                let wanted = Wanted { subject, note, tags, hold: false, blur_people };
                 let period_nanos = (of.interval_mins * 60e9) as i64;
                 Some(Scheduled { id: of.id.clone(), period_nanos, wanted })
             }
@@ -65,12 +67,13 @@ pub(super) fn schedule(config: &Config, now: Timestamp) -> Schedule {
     Schedule::new(config.settings().snapshot.iter().filter_map(read).collect(), now)
 }
 
-/// Makes what falls due and removes what is old, until the daemon ends.
+/// Makes what falls due and removes what is old, until the daemon ends. What is made stands in the audit log, as if somebody had
+/// asked for it.
 pub(super) async fn keep(
     snapshots: Weak<Snapshots>,
     door: Handle,
     mut schedule: Schedule,
-    clock: Arc<dyn Clock>,
+    (store, clock): (Store, Arc<dyn Clock>),
 ) {
     let mut n_looks = 0_u32;
     // Until the daemon lets go of them.
@@ -82,7 +85,20 @@ pub(super) async fn keep(
         }
         n_looks = n_looks.wrapping_add(1);
         // What comes to nothing is counted and told where it is made.
-        schedule.make_due(&snapshots, &door, clock.now()).await;
+        for (id, made) in schedule.make_due(&snapshots, &door, clock.now()).await {
+            let Ok(made) = made else { continue };
+            let people = if schedule.blurs_people(&id) { "blurred" } else { "seen" };
+            let entry = AuditEntry {
+                at: clock.now(),
+                user: None,
+                action: "snapshot by schedule".to_owned(),
+                target: format!("/api/v1/snapshots#snapshot={made}&schedule={id}&people={people}"),
+                status: 201,
+            };
+            if let Err(error) = store.append_audit(&entry).await {
+                tracing::error!(%error, ?entry, "a snapshot could not be noted in the audit log");
+            }
+        }
         drop(snapshots);
         tokio::time::sleep(DUE_PERIOD).await;
     }

@@ -1,8 +1,13 @@
 //! What goes on beside answering: users and certificates are read again, the service manager hears that all is well.
 
+use super::reload::Reload;
 use crate::accounts::Accounts;
 use crate::api::Tls;
+use crate::clock::Clock;
+use crate::config::{CameraSettings, Config};
 use crate::engine::Handle;
+use crate::frame::CameraId;
+use crate::store::{AgeLimits, Store};
 use sd_notify::NotifyState;
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -13,6 +18,14 @@ const ACCOUNTS_PERIOD: Duration = Duration::from_secs(20);
 
 /// How often the certificate is read again.
 const CERTIFICATE_PERIOD: Duration = Duration::from_secs(60);
+
+/// How often it is looked for what is too old.
+const FORGET_PERIOD: Duration = Duration::from_secs(3600);
+/// How often the audit log is looked at for what is too old.
+const AUDIT_PERIOD: Duration = Duration::from_secs(3600);
+
+/// How often cameras without a thread are looked for.
+const MEND_PERIOD: Duration = Duration::from_secs(10);
 
 /// Longest time in which the engine must answer before it counts as hung.
 const ANSWER_TIME: Duration = Duration::from_secs(5);
@@ -29,8 +42,14 @@ pub(super) async fn follow_accounts(accounts: Weak<Accounts>) {
     }
 }
 
-/// Reads the certificate again once a minute and, with the users, whenever SIGHUP asks for it.
-pub(super) async fn follow_certificate(tls: Option<Arc<Tls>>, accounts: Weak<Accounts>, mut hangup: Signal) {
+/// Reads the certificate again once a minute and, with the configuration and the users, whenever SIGHUP asks for it. The service
+/// manager hears when that begins and when it is done.
+pub(super) async fn follow_signals(
+    tls: Option<Arc<Tls>>,
+    accounts: Weak<Accounts>,
+    configuration: Arc<Reload>,
+    mut hangup: Signal,
+) {
     loop {
         let is_asked = tokio::select! {
             received = hangup.recv() => match received {
@@ -41,14 +60,47 @@ pub(super) async fn follow_certificate(tls: Option<Arc<Tls>>, accounts: Weak<Acc
         };
         let Some(accounts) = accounts.upgrade() else { return };
         if is_asked {
-            tracing::info!("reading users and certificate again on SIGHUP");
+            tracing::info!("reading configuration, users and certificate again on SIGHUP");
+            tell_reloading();
             if let Err(error) = accounts.reload().await {
                 tracing::error!(%error, "users and tokens cannot be read again; those known hold on");
             }
+            configuration.read_again().await;
         }
         if let Some(tls) = tls.clone() {
             reload(tls).await;
         }
+        if is_asked {
+            notify(&[NotifyState::Ready]);
+        }
+    }
+}
+
+/// Tries again, every few seconds, to start cameras whose thread could not be started.
+pub(super) async fn mend(configuration: Weak<Reload>) {
+    // Until the daemon lets go of it.
+    while let Some(configuration) = configuration.upgrade() {
+        if let Err(error) = tokio::task::spawn_blocking(move || configuration.mend()).await {
+            tracing::error!(%error, "starting cameras broke off");
+        }
+        tokio::time::sleep(MEND_PERIOD).await;
+    }
+}
+
+/// Removes what is too old of the audit log, at the start and every hour.
+pub(super) async fn shorten_audit(configuration: Weak<Reload>) {
+    // Until the daemon lets go of it.
+    while let Some(configuration) = configuration.upgrade() {
+        configuration.shorten_audit().await;
+        drop(configuration);
+        tokio::time::sleep(AUDIT_PERIOD).await;
+    }
+}
+
+fn tell_reloading() {
+    match NotifyState::monotonic_usec_now() {
+        Ok(now) => notify(&[NotifyState::Reloading, now]),
+        Err(error) => tracing::warn!(%error, "the service manager cannot be told"),
     }
 }
 
@@ -89,6 +141,32 @@ async fn beat(door: Handle, period: Duration) -> ! {
             Err(_elapsed) => tracing::error!("the engine did not answer within {ANSWER_TIME:?}"),
         }
         tokio::time::sleep(period).await;
+    }
+}
+
+/// Removes what is older than the configuration allows, at the start and once an hour.
+pub(super) async fn forget_old(store: Store, config: Config, clock: Weak<dyn Clock>) {
+    let settings = config.settings();
+    let nanos = |days: f64| (days * 86_400e9) as i64;
+    let limits = AgeLimits {
+        tracks_nanos: nanos(settings.storage.tracks_max_age_days),
+        activity_nanos: nanos(settings.storage.activity_max_age_days),
+        backgrounds_nanos: nanos(settings.storage.background_history_max_age_days),
+    };
+    let ids = |wanted: fn(&&CameraSettings) -> bool| -> Vec<CameraId> {
+        settings.camera.iter().filter(wanted).map(|camera| camera.id.clone()).collect()
+    };
+    // The time of a film with a beginning of its own is not the clock's.
+    let (configured, steady) = (ids(|_| true), ids(|camera| camera.source.start.is_some()));
+    // Until the daemon lets go of it.
+    while let Some(clock) = clock.upgrade() {
+        match store.forget_old(&limits, clock.now(), (&configured, &steady)).await {
+            Ok(0) => {}
+            Ok(n_rows) => tracing::info!(n_rows, "what was too old was removed"),
+            Err(error) => tracing::error!(%error, "what is too old is not removed"),
+        }
+        drop(clock);
+        tokio::time::sleep(FORGET_PERIOD).await;
     }
 }
 

@@ -1,12 +1,17 @@
-//! Pictures to bytes: JPEG and PNG.
+//! Pictures to bytes: JPEG and PNG, and what moves in them.
 //!
 //! In: sRGB pictures, masks, camera frames. Out: whole files in memory, written fast rather than small, since most
 //! are looked at once. Knows nothing of who asks for them.
 
+mod foreground;
 mod jpeg;
 mod png;
 
 pub use self::png::{png_gray, png_rgb};
+pub use foreground::{
+    ForegroundHeader, ForegroundMessage, ForegroundPart, MovingRectangle, background_message,
+    foreground_message, read_foreground,
+};
 pub use jpeg::{jpeg, jpeg_yuv};
 
 use crate::error::ErrorKind;

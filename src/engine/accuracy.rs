@@ -41,6 +41,9 @@ pub struct AccuracyStatus {
     /// The table measured last on this machine; it stays while another is made.
     #[serde(serialize_with = "shared")]
     pub table: Option<Arc<CostTable>>,
+    /// Who asked for what is measured or was measured last; none where the daemon did by itself.
+    #[serde(skip)]
+    pub asked_by: Option<String>,
 }
 
 /// A shared table as the table itself.
@@ -96,11 +99,11 @@ impl AccuracyBoard {
         self.inner().status.clone()
     }
 
-    /// Asks for everything to be measured anew; while it is being measured, for nothing more.
+    /// Asks for everything to be measured anew, in the name of that user; while it is being measured, for nothing more.
     ///
     /// # Errors
     /// [`EngineError::Unavailable`] where nobody measures.
-    pub fn refresh(&self) -> Result<(), EngineError> {
+    pub fn refresh(&self, by: Option<&str>) -> Result<(), EngineError> {
         let mut inner = self.inner();
         if !inner.is_attended {
             return Err(EngineError::Unavailable("nothing measures on this machine now".to_owned()));
@@ -109,6 +112,7 @@ impl AccuracyBoard {
             inner.is_wanted = true;
             inner.status.state = AccuracyState::Pending;
             inner.status.reason = None;
+            inner.status.asked_by = by.map(str::to_owned);
         }
         Ok(())
     }
@@ -137,8 +141,9 @@ impl AccuracyBoard {
 
     /// Puts a table up; from now on it is what was measured.
     pub fn put(&self, table: CostTable) {
-        let table = Some(Arc::new(table));
-        self.inner().status = AccuracyStatus { state: AccuracyState::Measured, reason: None, table };
+        let mut inner = self.inner();
+        inner.status.table = Some(Arc::new(table));
+        (inner.status.state, inner.status.reason) = (AccuracyState::Measured, None);
     }
 
     /// A view was asked for.
@@ -199,14 +204,15 @@ mod tests {
     #[test]
     fn a_wish_is_taken_once_and_only_where_somebody_measures() {
         let board = AccuracyBoard::new(Arc::new(SimulatedClock::new(Timestamp::from_nanos(0))));
-        assert!(matches!(board.refresh(), Err(EngineError::Unavailable(_))));
+        assert!(matches!(board.refresh(None), Err(EngineError::Unavailable(_))));
         board.attend();
-        board.refresh().unwrap();
+        board.refresh(Some("ann")).unwrap();
         assert_eq!(board.status().state, AccuracyState::Pending);
         assert!(board.take_wish() && !board.take_wish());
         board.set_state(AccuracyState::Measuring, None);
-        board.refresh().unwrap();
+        board.refresh(Some("bob")).unwrap();
         assert_eq!(board.status().state, AccuracyState::Measuring);
+        assert_eq!(board.status().asked_by.as_deref(), Some("ann"), "he asked for nothing more");
         assert!(!board.take_wish(), "it is being measured already");
     }
 }

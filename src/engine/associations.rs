@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 /// Scenes whose entities and gains are remembered, those asked for last: both are small, a scene's document may not be.
-const MAX_SCENES: usize = 32;
+pub(super) const MAX_SCENES: usize = 32;
 
 /// What pictures of one scene remember.
 #[derive(Debug, Default)]
@@ -37,6 +37,13 @@ impl Associations {
         self.0.push(own);
         let last = self.0.len() - 1;
         &mut self.0[last].1
+    }
+}
+
+impl Associations {
+    /// Has gains reckoned anew from what is to be seen now.
+    pub(super) fn forget_gains(&mut self) {
+        self.0.iter_mut().for_each(|(_, remembered)| remembered.exposure = None);
     }
 }
 

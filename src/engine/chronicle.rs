@@ -45,24 +45,31 @@ impl Shared {
         let mut cameras = Vec::new();
         for camera in self.members(scene) {
             let mut ranges = Vec::new();
-            let mut activity = Vec::new();
             if let Some(past) = &self.past {
                 let kept_from = camera.timeline.range().map(|(first, _)| first);
                 ranges = past.recorded(&camera.id, (from, to), kept_from).map_err(unavailable)?;
-                activity = past.activity(&camera.id, from, to, minutes_each).map_err(unavailable)?;
             }
+            let activity = self.activity_of(&camera.id, (from, to), minutes_each)?;
             ranges.extend(camera.timeline.range());
-            cameras.push(CameraTimeline {
-                camera: camera.id.clone(),
-                ranges: joined(ranges, (from, to)),
-                activity,
-            });
+            let ranges = joined(ranges, (from, to));
+            cameras.push(CameraTimeline { camera: camera.id.clone(), ranges, activity });
         }
         let is_asked = |camera: &CameraId| cameras.iter().any(|of| of.camera == *camera);
         let is_within = |time: Timestamp| (from..=to).contains(&time);
         let events =
             self.events.after(0, MAX_EVENTS, |event| is_asked(&event.camera) && is_within(event.time));
         Ok(SceneTimeline { cameras, events })
+    }
+
+    /// How much moved before a camera between `from` and `to`. Blocks for the database.
+    pub(super) fn activity_of(
+        &self,
+        camera: &CameraId,
+        (from, to): (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError> {
+        let Some(past) = &self.past else { return Ok(Vec::new()) };
+        past.activity(camera, from, to, minutes_each).map_err(unavailable)
     }
 }
 

@@ -1,15 +1,26 @@
 //! Clips of what was recorded: what a caller may ask for, and what is put down of each camera.
 
 use super::EngineError;
+use super::blurring::{BlurAsked, MAX_TRACKS, Shown, TrackAsked, unknown_track};
+use super::past::Past;
+use super::redraw::{Redrawn, hidden_by};
 use super::shared::Shared;
 use crate::access::{Grants, Right};
-use crate::archive::{Archive, ArchiveError, ExportCamera, ExportFile, ExportRequest, ExportStatus};
+use crate::archive::{
+    Archive, ArchiveError, ExportCamera, ExportFile, ExportRequest, ExportStatus, Exports, Manifest,
+    Redrawing,
+};
 use crate::calibrate::CameraDocument;
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault, Gatherer};
+use crate::frame::CameraId;
 use serde::Deserialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs::File;
+use std::sync::Arc;
+
+/// An export's own description.
+const MANIFEST: &str = "manifest.json";
 
 /// Cameras of one export.
 const MAX_CAMERAS: usize = 256;
@@ -34,6 +45,9 @@ pub struct ExportAsked {
     /// What is to be known of it, at most 1000 characters.
     #[serde(default)]
     pub note: String,
+    /// Whether people are made unrecognisable, and who is not. Default: nobody is.
+    #[serde(default)]
+    pub blur_people: Option<BlurAsked>,
 }
 
 /// What was asked for, once it was read.
@@ -42,6 +56,7 @@ struct Asked {
     cameras: Vec<String>,
     span: (Timestamp, Timestamp),
     note: String,
+    blur: Option<BlurAsked>,
 }
 
 impl Asked {
@@ -61,11 +76,11 @@ impl Asked {
     }
 
     fn of(asked: ExportAsked, gatherer: &mut Gatherer) -> Option<Self> {
-        let ExportAsked { scene, cameras, from, to, note } = asked;
-        let mut instant = |text: &str, place: &str| {
+        let ExportAsked { scene, cameras, from, to, note, blur_people } = asked;
+        let instant = |gatherer: &mut Gatherer, text: &str, place: &str| {
             text.parse::<Timestamp>().map_err(|error| gatherer.fault(place, error.to_string())).ok()
         };
-        let span = (instant(&from, "/from"), instant(&to, "/to"));
+        let span = (instant(gatherer, &from, "/from"), instant(gatherer, &to, "/to"));
         if let (Some(from), Some(to)) = span
             && from >= to
         {
@@ -85,7 +100,10 @@ impl Asked {
         if note.chars().count() > MAX_NOTE_CHARS {
             gatherer.fault("/note", format!("at most {MAX_NOTE_CHARS} characters"));
         }
-        Some(Self { scene, cameras, span: (span.0?, span.1?), note })
+        if let Some(blur) = &blur_people {
+            blur.check(gatherer);
+        }
+        Some(Self { scene, cameras, span: (span.0?, span.1?), note, blur: blur_people })
     }
 }
 
@@ -98,37 +116,62 @@ impl Shared {
     }
 
     /// Asks for clips.
-    pub(super) fn asked_export(&self, body: Value, grants: &Grants) -> Result<ExportStatus, EngineError> {
-        let Asked { scene, mut cameras, span: (from, to), note } = Asked::read(body)?;
+    pub(super) fn asked_export(
+        &self,
+        body: Value,
+        by: Option<&str>,
+        grants: &Grants,
+    ) -> Result<ExportStatus, EngineError> {
+        let Asked { scene, mut cameras, span: (from, to), note, blur } = Asked::read(body)?;
         if let Some(scene) = &scene {
             let scene = self.scene_within(scene, &self.known_scope(grants))?;
             if cameras.is_empty() {
-                cameras = self.members(&scene).map(|camera| camera.id.to_string()).collect();
+                cameras = self.members(&scene).iter().map(|camera| camera.id.to_string()).collect();
             }
         }
         for camera in &cameras {
             self.allowed(grants, camera, Right::Export)?;
         }
-        for camera in &cameras {
-            self.check_unhidden(camera, from)?;
+        if let Some(blur) = &blur {
+            blur.check_cameras(|camera| cameras.iter().any(|own| own == camera), "exported")?;
         }
-        let cameras = cameras.iter().map(|camera| self.exported_camera(camera)).collect::<Result<_, _>>()?;
-        let request = ExportRequest { cameras, from, to, note };
+        let exported = |camera: &String| {
+            let redrawing = self.redrawing(camera, from, blur.as_ref())?;
+            Ok::<_, EngineError>(ExportCamera { redrawing, ..self.exported_camera(camera)? })
+        };
+        let cameras = cameras.iter().map(exported).collect::<Result<_, _>>()?;
+        let request = ExportRequest { cameras, from, to, note, asked_by: by.map(str::to_owned) };
         let asked = self.archive()?.export(request).map_err(|error| failure(&error))?;
         asked.ok_or_else(|| {
             EngineError::Unavailable("too many exports wait already, or the archive is not ready".to_owned())
         })
     }
 
-    /// Refuses what would show originals of which something is hidden.
-    fn check_unhidden(&self, camera: &str, from: Timestamp) -> Result<(), EngineError> {
-        let hides = self.privacies.of(camera).is_ok_and(|own| own.now().hides_from(from));
-        let message = || {
-            format!(
-                "of camera {camera} nobody may see all of that time: its recordings are not given out as they are"
-            )
-        };
-        if hides { Err(EngineError::Conflict(message())) } else { Ok(()) }
+    /// Refuses files of an export that show what is hidden by now: it was made before, or under other zones.
+    fn check_unhidden(&self, exports: &Exports, status: &ExportStatus) -> Result<(), EngineError> {
+        let from = status.from.parse().unwrap_or(Timestamp::from_nanos(i64::MIN));
+        let hidden: Vec<(&String, String)> = status
+            .cameras
+            .iter()
+            .filter_map(|camera| Some((camera, self.privacies.of(camera).ok()?.now())))
+            .filter(|(_, own)| own.hides_from(from))
+            .map(|(camera, own)| (camera, hidden_by(&own)))
+            .collect();
+        if hidden.is_empty() {
+            return Ok(());
+        }
+        let manifest = exports.open(&status.id, MANIFEST).map_err(|error| failure(&error))?;
+        let manifest: Option<Manifest> = manifest.and_then(|(file, _)| serde_json::from_reader(file).ok());
+        for (camera, now) in hidden {
+            let of = manifest.as_ref().and_then(|of| of.cameras.iter().find(|own| own.id == *camera));
+            let then = of.and_then(|of| of.redrawn.as_ref()?.get("hidden_by")?.as_str());
+            if then != Some(now.as_str()) {
+                let message =
+                    format!("this was made before something of camera {camera} was hidden: ask for it again");
+                return Err(EngineError::Conflict(message));
+            }
+        }
+        Ok(())
     }
 
     /// What is put down of a camera.
@@ -154,7 +197,31 @@ impl Shared {
             name: entry.name.clone(),
             clock: serde_json::to_value(clock).map_err(written)?,
             calibrations,
+            redrawing: None,
         })
+    }
+
+    /// Who draws a camera's pictures anew, where they may not be given out as they were recorded.
+    fn redrawing(
+        &self,
+        camera: &str,
+        from: Timestamp,
+        blur: Option<&BlurAsked>,
+    ) -> Result<Option<Redrawing>, EngineError> {
+        let own = self.privacies.of(camera)?.now();
+        let Some(past) = self.past.as_ref().filter(|_| blur.is_some() || own.hides_from(from)) else {
+            return Ok(None);
+        };
+        let id = &self.camera(camera)?.id;
+        let shown = match blur {
+            Some(blur) => {
+                let own = blur.except.iter().enumerate().filter(|(_, who)| who.camera == camera);
+                Some(own.map(|(idx, who)| shown(past, id, (idx, who))).collect::<Result<_, _>>()?)
+            }
+            None => None,
+        };
+        let redrawn = Redrawn::new(id.clone(), past, &self.privacies, shown);
+        Ok(Some(Redrawing(Arc::new(redrawn))))
     }
 
     /// Every export; none where nothing is recorded.
@@ -172,14 +239,21 @@ impl Shared {
     pub(super) fn file_of_export(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError> {
         let exports = self.archive()?.exports();
         let status = exports.one(id).ok_or_else(|| EngineError::NoExport { id: id.to_owned() })?;
-        // It may have been made before something was hidden.
-        let from = status.from.parse().unwrap_or(Timestamp::from_nanos(i64::MIN));
-        for camera in &status.cameras {
-            self.check_unhidden(camera, from)?;
-        }
+        self.check_unhidden(exports, &status)?;
         let found = exports.open(id, file).map_err(|error| failure(&error))?;
         found.ok_or_else(|| EngineError::NoExportFile { id: id.to_owned(), file: file.to_owned() })
     }
+}
+
+/// Somebody who is to be seen, by a track of theirs.
+fn shown(past: &Past, camera: &CameraId, (idx, who): (usize, &TrackAsked)) -> Result<Shown, EngineError> {
+    let at = who.at.parse::<Timestamp>().unwrap_or_default();
+    let found = past.tracks(camera, (at, at), None, MAX_TRACKS);
+    let found = found.map_err(|error| EngineError::Unavailable(error.to_string()))?;
+    let record = found.into_iter().find(|record| record.number == who.track);
+    let name = json!({ "track": who.track, "at": who.at });
+    let shown = record.and_then(|record| Shown::of(name, record.began_at, &record.path));
+    shown.ok_or_else(|| unknown_track(idx, who))
 }
 
 fn failure(error: &ArchiveError) -> EngineError {

@@ -142,6 +142,7 @@ mod tests {
             session: None,
             effort: Effort::default(),
             horizon: None,
+            blur_people: None,
             scope: crate::access::Scope::all(),
         };
         let limits = (limits_of(&RenderSettings::default()), 4);
@@ -157,6 +158,7 @@ mod tests {
             sources: subject.sources.clone(),
             frames: Vec::new(),
             gaps: Vec::new(),
+            blurs: None,
             settings: Settings::default(),
             expected: None,
             plan: Arc::new(Plan {

@@ -1,8 +1,9 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, EngineError, FoundTracks, PlannedView, PlayheadState, Privacy, PrivacySummary,
-    SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyStatus, BlurAsked, CameraBlur, EngineError, FoundTracks, MapSummary, PlannedView, PlayheadState,
+    Present, Privacy, PrivacySummary, SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer,
+    ViewIdentity, ViewRequest,
 };
 use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
@@ -11,6 +12,7 @@ use crate::config::{FeedSettings, SegmentSettings};
 use crate::frame::{CameraId, YuvImage};
 use crate::geometry::SurfaceId;
 use crate::scene::Scene;
+use crate::store::ActivityRecord;
 use crate::timeline::{LoggedEvent, Observation};
 use glam::DVec2;
 use serde::Serialize;
@@ -127,6 +129,21 @@ impl SceneSummary {
     }
 }
 
+/// The device that pictures are drawn on, and what it can do at most.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DeviceSummary {
+    /// The adapter's name, as its driver gives it.
+    pub adapter: String,
+    /// Whether it draws on the processor.
+    pub is_software: bool,
+    /// Most columns and rows of a texture.
+    pub max_texture_side_px: u32,
+    /// Most bytes of a buffer.
+    pub max_buffer_bytes: u64,
+    /// Whether passes can be timed.
+    pub has_timestamps: bool,
+}
+
 /// Where a texture coordinate lies in the world.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Located {
@@ -179,7 +196,7 @@ pub struct Readiness {
 }
 
 /// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`],
-/// [`Door::scene_timeline`], [`Door::search_tracks`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
+/// [`Door::scene_timeline`], [`Door::activity`], [`Door::search_tracks`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
 pub trait Door: Send + Sync {
     /// The same door for a caller with `grants`: what the caller may not see is not there, and nothing that is answered is
     /// concluded from it.
@@ -265,6 +282,21 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoCamera`].
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError>;
+
+    /// What is hidden of what a camera saw at a time, in the texture: of now where it is live, of all that ever was in force
+    /// at the earliest of times. Whoever knows of the camera sees it in its pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError>;
+
+    /// What is to be blurred of what a camera saw, so that nobody can be told but those who are excepted. Blocks for a
+    /// question of the database for each of these.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`] without the right to exports, [`EngineError::Faults`] where
+    /// somebody is excepted who is not known.
+    fn blur(&self, seen: &Observation, asked: &BlurAsked) -> Result<CameraBlur, EngineError>;
 
     /// Whether a caller may change what nobody may see of a camera's pictures.
     ///
@@ -365,6 +397,18 @@ pub trait Door: Send + Sync {
         minutes_each: u32,
     ) -> Result<SceneTimeline, EngineError>;
 
+    /// How much moved before a camera between two instants, in stretches of `minutes_each` minutes that begin at whole
+    /// multiples of that since 1970; those in which nothing was looked at are left out. Blocks for the database.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`]; [`EngineError::Unavailable`] where the database fails.
+    fn activity(
+        &self,
+        camera: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError>;
+
     /// What moved before a scene's cameras in a span of time, and where in the world it went by their present
     /// calibrations; what began last first. Blocks for the database, and for up to some seconds of work.
     ///
@@ -378,6 +422,18 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoScene`].
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
+
+    /// Who is before a scene's cameras now. Takes some milliseconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
+
+    /// Changes with every frame that a camera has seen.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError>;
 
     /// Every playhead, in the order in which they were made.
     fn playheads(&self) -> Vec<PlayheadState>;
@@ -422,12 +478,13 @@ pub trait Door: Send + Sync {
     /// Changes with every change of any playhead; [`ENDED`](super::ENDED) once the engine stops.
     fn watch_playheads(&self) -> watch::Receiver<u64>;
 
-    /// Asks for clips of what was recorded, as [`ExportAsked`](super::ExportAsked) has it. Blocks for the disk.
+    /// Asks for clips of what was recorded, as [`ExportAsked`](super::ExportAsked) has it, in the name of that user. Blocks for
+    /// the disk.
     ///
     /// # Errors
     /// [`EngineError::Faults`], [`EngineError::NoCamera`], [`EngineError::NoScene`]; [`EngineError::Unavailable`] where
     /// nothing is recorded, too many wait, or the disk does not take it.
-    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError>;
+    fn ask_export(&self, body: serde_json::Value, by: Option<&str>) -> Result<ExportStatus, EngineError>;
 
     /// Every export, in the order in which they were asked for.
     fn exports(&self) -> Vec<ExportStatus>;
@@ -447,11 +504,17 @@ pub trait Door: Send + Sync {
     /// What each step of accuracy costs on this machine, as far as it was measured.
     fn accuracy(&self) -> AccuracyStatus;
 
-    /// Asks for that to be measured anew, which takes a while.
+    /// Asks for that to be measured anew, which takes a while, in the name of that user.
     ///
     /// # Errors
     /// [`EngineError::Unavailable`] where nothing measures.
-    fn refresh_accuracy(&self) -> Result<(), EngineError>;
+    fn refresh_accuracy(&self, by: Option<&str>) -> Result<(), EngineError>;
+
+    /// How the texture-to-world map of every camera in every scene stands.
+    fn maps(&self) -> Vec<MapSummary>;
+
+    /// The device that pictures are drawn on; none while there is none.
+    fn device(&self) -> Option<DeviceSummary>;
 
     /// Whether everything is ready to answer.
     fn readiness(&self) -> Readiness;

@@ -2,6 +2,7 @@
 //! told before anything is drawn.
 
 use super::EngineError;
+use super::blurring::CameraBlur;
 use super::picture::{Memory, Subject};
 use super::shared::Shared;
 use super::view::{SourceTime, ViewKind, ViewRequest};
@@ -26,6 +27,7 @@ pub struct ViewIdentity {
     sources: Vec<SourceTime>,
     gaps: Vec<CameraId>,
     seen: Vec<Memory>,
+    blurs: Option<Arc<[CameraBlur]>>,
     session: Option<String>,
 }
 
@@ -41,6 +43,7 @@ impl PartialEq for ViewIdentity {
             && self.deadline == other.deadline
             && self.sources == other.sources
             && self.gaps == other.gaps
+            && self.blurs == other.blurs
             && self.session == other.session
             && self.seen.len() == other.seen.len()
             && self.seen.iter().zip(&other.seen).all(is_same)
@@ -60,6 +63,7 @@ impl ViewIdentity {
             sources: subject.sources.clone(),
             gaps: subject.gaps.clone(),
             seen: subject.seen.clone(),
+            blurs: subject.blurs.clone(),
             session: subject.session.clone(),
         }
     }

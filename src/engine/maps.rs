@@ -13,6 +13,46 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use tokio::runtime::Handle as Runtime;
 
+/// How a camera's texture-to-world map of a scene stands.
+#[derive(Clone, Debug)]
+pub struct MapSummary {
+    /// The scene's id.
+    pub scene: String,
+    /// The camera.
+    pub camera: CameraId,
+    /// How far it is.
+    pub progress: MapProgress,
+}
+
+/// How far a map is.
+#[derive(Clone, Debug)]
+pub enum MapProgress {
+    /// It is being built, or waits for others.
+    Building,
+    /// It is there.
+    Ready,
+    /// It came to nothing, and why.
+    Failed(EngineError),
+}
+
+impl Shared {
+    /// How the maps of the cameras of these scenes stand.
+    pub(super) fn map_summaries(&self, scenes: &[Arc<Scene>]) -> Vec<MapSummary> {
+        let members = scenes.iter().flat_map(|scene| scene.cameras.iter().map(move |of| (scene, &of.id)));
+        members
+            .map(|(scene, camera)| MapSummary {
+                scene: scene.id.clone(),
+                camera: camera.clone(),
+                progress: match self.map_state(&scene.id, camera) {
+                    None | Some(MapState::Building) => MapProgress::Building,
+                    Some(MapState::Ready(_)) => MapProgress::Ready,
+                    Some(MapState::Failed(error)) => MapProgress::Failed(error),
+                },
+            })
+            .collect()
+    }
+}
+
 /// How maps are made: exactly. The grid is the cheap form, measured against this one.
 const BUILDER: Builder = Builder::Ray;
 

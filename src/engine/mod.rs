@@ -5,6 +5,7 @@ mod accuracy;
 mod activity;
 mod alignment;
 mod associations;
+mod blurring;
 mod camera;
 mod checkpoint;
 mod chronicle;
@@ -24,8 +25,11 @@ mod permitted;
 mod picture;
 mod planned;
 mod playheads;
+mod presence;
 mod privacy;
 mod queue;
+mod redraw;
+mod reload;
 mod renderer;
 mod resolve;
 mod roster;
@@ -42,27 +46,31 @@ mod view;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
+pub use blurring::{BlurAsked, CameraBlur, TrackAsked};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
 pub use forecaster::Expected;
 pub use handle::{
-    At, CameraSummary, Door, Handle, LocateMethod, Located, Preview, Readiness, RecordingSummary,
-    SceneSummary,
+    At, CameraSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview, Readiness,
+    RecordingSummary, SceneSummary,
 };
 pub use identity::ViewIdentity;
+pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
+pub use presence::{Present, PresentEntity};
 pub use privacy::{LiftedZone, Privacy, PrivacySummary};
+pub use reload::Reloader;
 pub use seeing::{CameraSight, Sight, which_cameras};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
 use crate::archive::Archive;
 use crate::clock::Clock;
-use crate::config::{CameraSettings, Config};
-use crate::ingest::{IngestError, MediaRoots, StopFlag};
+use crate::config::Config;
+use crate::ingest::{IngestError, StopFlag};
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::telemetry::Metrics;
@@ -70,9 +78,9 @@ use crate::timeline::{EventLog, Replay};
 use checkpoint::StoreHealth;
 use past::Past;
 use privacy::Privacies;
-use roster::{Roster, Surroundings};
-use shared::{CameraEntry, Shared};
-use std::sync::{Arc, OnceLock};
+use roster::{Allotment, Roster, Surroundings};
+use shared::Shared;
+use std::sync::{Arc, OnceLock, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
@@ -145,41 +153,32 @@ impl Engine {
     ) -> Result<Self, StartError> {
         let settings = config.settings();
         let runtime = Runtime::current();
-        let roots = MediaRoots::usable(&settings.media.roots).with_networks(&settings.media.networks);
-        let capacity_bytes = settings.timeline.mib_per_camera as usize * 1024 * 1024;
         let stop = StopFlag::default();
         let store_health = Arc::new(StoreHealth::default());
         let events = Arc::new(EventLog::new(MAX_EVENTS));
         let privacies = Arc::new(Privacies::new(&settings.camera));
         let surroundings = Surroundings {
-            roots,
             privacies: Arc::clone(&privacies),
+            allotment: RwLock::new(Allotment::of(settings)),
             clock: Arc::clone(&clock),
             metrics: Arc::clone(&metrics),
             store: store.clone(),
             runtime: runtime.clone(),
             store_health: Arc::clone(&store_health),
-            storage: settings.storage.clone(),
             archive: archive.clone(),
             events: Arc::clone(&events),
             stop: stop.clone(),
             origin: (clock.now(), clock.monotonic()),
         };
-        let roster = Arc::new(Roster::start(&settings.camera, surroundings, capacity_bytes)?);
-        let entry = |(camera, (timeline, tuning, status)): (&CameraSettings, _)| CameraEntry {
-            id: camera.id.clone(),
-            name: if camera.name.is_empty() { camera.id.to_string() } else { camera.name.clone() },
-            timeline,
-            tuning,
-            status,
-        };
-        let cameras = settings.camera.iter().zip(roster.shared()).map(entry).collect();
+        let roster = Arc::new(Roster::start(&settings.camera, surroundings)?);
+        let cameras = roster.entries();
         let replay = archive.map(|archive| {
             let max_bytes = settings.timeline.replay_mib as usize * 1024 * 1024;
             Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
         });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
         let past = Past::new(replay, store.clone(), runtime.clone(), (recorded, &privacies));
+        let past = Arc::new(past);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
@@ -213,6 +212,12 @@ impl Engine {
     #[must_use]
     pub fn handle(&self) -> Handle {
         Handle::new(Arc::clone(&self.shared) as Arc<dyn Door>)
+    }
+
+    /// What has the engine go on with other settings.
+    #[must_use]
+    pub fn reloader(&self) -> Reloader {
+        Reloader::new(Arc::clone(&self.shared))
     }
 
     /// The board on which measured costs are put up and asked for.

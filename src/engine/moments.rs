@@ -7,21 +7,23 @@ use crate::access::Scope;
 use crate::clock::Timestamp;
 use crate::scene::Scene;
 use crate::timeline::Extent;
+use std::sync::Arc;
 
 impl Shared {
     /// What there is of a scene's time.
     fn extent(&self, scene: &Scene) -> Extent {
         let live = self.live_instant(scene).unwrap_or_else(|_nothing_yet| self.clock.now());
-        let first = |camera: &CameraEntry| {
+        let first = |camera: &Arc<CameraEntry>| {
             let recorded = self.past.as_ref().and_then(|past| past.first(&camera.id));
             [recorded, camera.timeline.range().map(|(first, _)| first)].into_iter().flatten().min()
         };
-        Extent { first: self.members(scene).filter_map(first).min(), live }
+        Extent { first: self.members(scene).iter().filter_map(first).min(), live }
     }
 
     /// The frame nearest to `from` on one side of it, of any of the scene's cameras. Blocks where memory does not hold it.
     fn stepped(&self, scene: &Scene, step: Step, from: Timestamp) -> Option<Timestamp> {
-        let times = self.members(scene).filter_map(|camera| self.neighbour(camera, step, from));
+        let times = self.members(scene);
+        let times = times.iter().filter_map(|camera| self.neighbour(camera, step, from));
         match step {
             Step::On => times.min(),
             Step::Back => times.max(),

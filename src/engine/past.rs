@@ -6,13 +6,13 @@ use super::playheads::Step;
 use super::privacy::Privacies;
 use crate::archive::{Archive, ArchiveError, CameraRecording};
 use crate::clock::Timestamp;
-use crate::config::CameraSettings;
+use crate::config::{CameraSettings, SegmentSettings};
 use crate::frame::{CameraId, Frame, Mask, Zone};
 use crate::ingest::Pipeline;
 use crate::store::{ActivityRecord, SegmentRecord, SegmentState, Store, StoreError, TrackRecord};
 use crate::timeline::{Observation, PastFrame, Replay, ReplayError};
 use std::collections::{BTreeMap, HashMap};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
@@ -25,7 +25,7 @@ pub(super) struct Past {
     replay: Option<Replay>,
     store: Store,
     runtime: Runtime,
-    cameras: HashMap<CameraId, Mutex<PastCamera>>,
+    cameras: RwLock<HashMap<CameraId, Arc<Mutex<PastCamera>>>>,
     /// What nobody may see of them.
     privacies: Arc<Privacies>,
     /// When the oldest recorded frame of each camera was seen.
@@ -38,8 +38,37 @@ struct PastCamera {
     pipeline: Pipeline,
     /// When the background in use was saved.
     background_of: Option<Timestamp>,
-    /// What was asked for last, under the zones of that number: several views of one instant ask for the same.
-    last: Option<(u64, Observation)>,
+    /// What was hidden of the frame before.
+    zones: Arc<[Zone]>,
+    /// What was asked for last, under the zones of that number, and whether it is known what moved: several views of one
+    /// instant ask for the same.
+    last: Option<(u64, Observation, bool)>,
+}
+
+impl PastCamera {
+    fn shared(settings: CameraSettings) -> Arc<Mutex<Self>> {
+        let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
+        let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
+        let zones = Arc::from([]);
+        Arc::new(Mutex::new(Self { settings, pipeline, background_of: None, zones, last: None }))
+    }
+
+    /// Whether its past would look the same with other settings.
+    fn looks_as(&self, other: &CameraSettings) -> bool {
+        let of = |settings: &CameraSettings| {
+            (settings.background.clone(), settings.segment.clone(), settings.vision)
+        };
+        of(&self.settings) == of(other)
+    }
+}
+
+fn lock_camera(camera: &Mutex<PastCamera>) -> MutexGuard<'_, PastCamera> {
+    // After a panic the pipeline's background is loaded anew.
+    camera.lock().unwrap_or_else(|poisoned: PoisonError<_>| {
+        let mut of = poisoned.into_inner();
+        of.background_of = None;
+        of
+    })
 }
 
 impl Past {
@@ -50,14 +79,33 @@ impl Past {
         runtime: Runtime,
         (cameras, privacies): (impl Iterator<Item = CameraSettings>, &Arc<Privacies>),
     ) -> Self {
-        let camera = |settings: CameraSettings| {
-            let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
-            let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
-            let id = settings.id.clone();
-            (id, Mutex::new(PastCamera { settings, pipeline, background_of: None, last: None }))
-        };
-        let (cameras, privacies) = (cameras.map(camera).collect(), Arc::clone(privacies));
+        let camera = |settings: CameraSettings| (settings.id.clone(), PastCamera::shared(settings));
+        let cameras = RwLock::new(cameras.map(camera).collect());
+        let privacies = Arc::clone(privacies);
         Self { replay, store, runtime, cameras, privacies, firsts: Mutex::default() }
+    }
+
+    /// From now on these cameras are recorded, and their past is looked at with these settings.
+    pub(super) fn set_cameras(&self, recorded: impl Iterator<Item = CameraSettings>) {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        let mut before = std::mem::take(&mut *cameras);
+        for settings in recorded {
+            let id = settings.id.clone();
+            let known = before.remove(&id).filter(|known| lock_camera(known).looks_as(&settings));
+            cameras.insert(id, known.unwrap_or_else(|| PastCamera::shared(settings)));
+        }
+    }
+
+    /// From now on a camera's past is looked at with these settings of how its foreground is found.
+    pub(super) fn set_segment(&self, camera: &CameraId, segment: &SegmentSettings) {
+        let Some(known) = self.camera(camera) else { return };
+        let settings = CameraSettings { segment: segment.clone(), ..lock_camera(&known).settings.clone() };
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.insert(camera.clone(), PastCamera::shared(settings));
+    }
+
+    fn camera(&self, camera: &CameraId) -> Option<Arc<Mutex<PastCamera>>> {
+        self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
     }
 
     /// What is recorded, where anything is.
@@ -77,9 +125,9 @@ impl Past {
     pub(super) fn look(&self) {
         let Some(replay) = &self.replay else { return };
         replay.give_back_memory();
-        let mut cameras: Vec<&CameraId> = self.cameras.keys().collect();
-        cameras.sort_unstable();
-        for camera in cameras {
+        let cameras: Vec<CameraId> =
+            self.cameras.read().unwrap_or_else(PoisonError::into_inner).keys().cloned().collect();
+        for camera in &cameras {
             let first = replay.archive().next_segment(camera, Timestamp::from_nanos(i64::MIN));
             match self.runtime.block_on(first) {
                 Ok(Some(segment)) => drop(self.lock_firsts().insert(camera.clone(), segment.first_at)),
@@ -98,7 +146,7 @@ impl Past {
 
     /// Time of the recorded frame that follows `at`, or that is before it.
     pub(super) fn neighbour(&self, camera: &CameraId, at: Timestamp, step: Step) -> Option<Timestamp> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
         let found = match step {
             Step::On => replay.next_after(camera, at),
             Step::Back => replay.last_before(camera, at),
@@ -166,16 +214,43 @@ impl Past {
         camera: &CameraId,
         at: Timestamp,
     ) -> Option<Result<Observation, ReplayError>> {
-        let (of, replay) = (self.cameras.get(camera)?, self.replay.as_ref()?);
-        Some(replay.frame_at(camera, at).map(|frame| {
-            // After a panic the pipeline's background is loaded anew.
-            let mut of = of.lock().unwrap_or_else(|poisoned: PoisonError<_>| {
-                let mut of = poisoned.into_inner();
-                of.background_of = None;
-                of
-            });
-            self.segmented(&mut of, frame)
-        }))
+        Some(self.looked_at(camera, at)?.map(|(seen, _)| seen))
+    }
+
+    /// As [`Self::observation`], and whether it is known what moved: not where there is no background of that time.
+    pub(super) fn looked_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Option<Result<(Observation, bool), ReplayError>> {
+        let (of, replay) = (self.camera(camera)?, self.replay.as_ref()?);
+        Some(replay.frame_at(camera, at).map(|frame| self.segmented(&mut lock_camera(&of), frame)))
+    }
+
+    /// The recorded frame of `camera` nearest to `at`, with what is hidden of it filled; none where it is not recorded.
+    pub(super) fn frame_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Option<Result<PastFrame, ReplayError>> {
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
+        Some(replay.frame_at(camera, at).map(|found| self.hidden(camera, found)))
+    }
+
+    /// Time of the recorded frame that follows `after`.
+    pub(super) fn recorded_after(
+        &self,
+        camera: &CameraId,
+        after: Timestamp,
+    ) -> Result<Option<Timestamp>, ReplayError> {
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some());
+        replay.map_or(Ok(None), |replay| replay.next_after(camera, after))
+    }
+
+    fn hidden(&self, camera: &CameraId, found: PastFrame) -> PastFrame {
+        let privacy = self.privacies.of_known(camera);
+        let image = privacy.hide(&privacy.now(), &found.image, found.timestamp);
+        PastFrame { image, ..found }
     }
 
     /// A recorded frame of `camera` within `reach` of `at`, or the nearest; none where it is not recorded.
@@ -185,25 +260,26 @@ impl Past {
         at: Timestamp,
         reach: Duration,
     ) -> Option<Result<PastFrame, ReplayError>> {
-        let replay = self.replay.as_ref().filter(|_| self.cameras.contains_key(camera))?;
-        let privacy = self.privacies.of_known(camera);
-        let found = replay.frame_near(camera, at, reach);
-        Some(found.map(|found| {
-            let image = privacy.hide(&privacy.now(), &found.image, found.timestamp);
-            PastFrame { image, ..found }
-        }))
+        let replay = self.replay.as_ref().filter(|_| self.camera(camera).is_some())?;
+        Some(replay.frame_near(camera, at, reach).map(|found| self.hidden(camera, found)))
     }
 
-    fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> Observation {
+    fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> (Observation, bool) {
         let of = self.privacies.of_known(&camera.settings.id);
         let (privacy, number) = of.numbered();
-        let is_it =
-            |(of, last): &&(u64, Observation)| *of == number && last.frame.timestamp == frame.timestamp;
-        if let Some((_, last)) = camera.last.as_ref().filter(is_it) {
-            return last.clone();
+        let is_it = |(of, last, _): &&(u64, Observation, bool)| {
+            *of == number && last.frame.timestamp == frame.timestamp
+        };
+        if let Some((_, last, is_known)) = camera.last.as_ref().filter(is_it) {
+            return (last.clone(), *is_known);
         }
         // Those in force, and those that were lifted since.
         let zones: Arc<[Zone]> = privacy.at(frame.timestamp).cloned().collect();
+        if camera.zones != zones {
+            // What was taken from a picture where another zone ended is no background: whoever stood there would be in it.
+            camera.background_of = None;
+            camera.zones = Arc::clone(&zones);
+        }
         camera.pipeline.set_zones(&zones);
         let id = camera.settings.id.clone();
         let has_background = self.load_background(camera, &frame).unwrap_or_else(|error| {
@@ -218,8 +294,9 @@ impl Past {
             let image = of.hide(&privacy, &shown.image, shown.timestamp);
             without_background(Frame { image, ..shown })
         };
-        camera.last = Some((number, observation.clone()));
-        observation
+        let is_known = has_background && camera.pipeline.has_vision();
+        camera.last = Some((number, observation.clone(), is_known));
+        (observation, is_known)
     }
 
     /// Makes the background in use that of the frame's time: the last one saved until then, else the first one after.

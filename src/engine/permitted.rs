@@ -7,11 +7,16 @@
 use super::EngineError;
 use super::accuracy::AccuracyStatus;
 use super::alignment::SceneAlignment;
+use super::blurring::{BlurAsked, CameraBlur};
 use super::chronicle::SceneTimeline;
-use super::handle::{At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary};
+use super::handle::{
+    At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
+};
 use super::identity::ViewIdentity;
+use super::maps::MapSummary;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
+use super::presence::Present;
 use super::privacy::Privacy;
 use super::shared::{CameraEntry, Shared};
 use super::track_search::{FoundTracks, TrackQuery};
@@ -22,6 +27,7 @@ use crate::clock::Timestamp;
 use crate::config::{FeedSettings, SegmentSettings};
 use crate::frame::CameraId;
 use crate::scene::Scene;
+use crate::store::ActivityRecord;
 use crate::timeline::{Event, LoggedEvent, Observation};
 use glam::DVec2;
 use std::fs::File;
@@ -45,7 +51,7 @@ impl Shared {
         grants: &Grants,
         camera: &str,
         right: Right,
-    ) -> Result<&CameraEntry, EngineError> {
+    ) -> Result<Arc<CameraEntry>, EngineError> {
         let entry = self.camera(camera)?;
         match grants.has(camera, right) {
             true => Ok(entry),
@@ -256,6 +262,18 @@ impl Door for Permitted {
         self.shared.privacy(camera)
     }
 
+    fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
+        if !self.grants.knows(camera) {
+            return Err(EngineError::NoCamera { id: camera.to_owned() });
+        }
+        self.shared.hidden(camera, at)
+    }
+
+    fn blur(&self, seen: &Observation, asked: &BlurAsked) -> Result<CameraBlur, EngineError> {
+        self.check(seen.frame.camera.as_str(), Right::Export)?;
+        self.shared.blur(seen, asked)
+    }
+
     fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
         self.check_change(camera)
     }
@@ -344,6 +362,16 @@ impl Door for Permitted {
         self.shared.chronicle(&scene, span, minutes_each)
     }
 
+    fn activity(
+        &self,
+        camera: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError> {
+        self.check(camera, Right::History)?;
+        self.shared.activity(camera, span, minutes_each)
+    }
+
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
         let scene = self.scene_with(scene, &self.having(Right::History), "history")?;
         self.shared.find_tracks(&scene, query)
@@ -352,6 +380,16 @@ impl Door for Permitted {
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         let scene = self.scene_with(scene, &self.having(Right::Manage), "manage")?;
         self.shared.align_scene(&scene)
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        let scene = self.scene_with(scene, &self.seeing(At::Live), "live")?;
+        self.shared.present_of(&scene)
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        self.check(camera, Right::Live)?;
+        self.shared.watch_camera(camera)
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {
@@ -401,9 +439,9 @@ impl Door for Permitted {
         self.shared.watch_playheads()
     }
 
-    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+    fn ask_export(&self, body: serde_json::Value, by: Option<&str>) -> Result<ExportStatus, EngineError> {
         self.check_role(Role::Operator, "asking for an export")?;
-        self.shared.asked_export(body, &self.grants)
+        self.shared.asked_export(body, by, &self.grants)
     }
 
     fn exports(&self) -> Vec<ExportStatus> {
@@ -425,13 +463,26 @@ impl Door for Permitted {
         Door::accuracy(&*self.shared)
     }
 
-    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+    fn refresh_accuracy(&self, by: Option<&str>) -> Result<(), EngineError> {
         self.check_role(Role::Admin, "measuring costs anew")?;
-        self.shared.refresh_accuracy()
+        self.shared.refresh_accuracy(by)
+    }
+
+    fn maps(&self) -> Vec<MapSummary> {
+        let known = self.known();
+        let all = self.shared.scenes.all();
+        let seen: Vec<_> =
+            all.iter().filter_map(|scene| self.shared.scene_within(&scene.id, &known).ok()).collect();
+        self.shared.map_summaries(&seen)
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        self.shared.device()
     }
 
     fn readiness(&self) -> Readiness {
-        let cameras = self.shared.cameras.iter().filter(|camera| self.grants.knows(camera.id.as_str()));
+        let cameras = self.shared.all_cameras();
+        let cameras = cameras.iter().filter(|camera| self.grants.knows(camera.id.as_str()));
         let (n, n_with) = cameras
             .fold((0, 0), |(n, with), camera| (n + 1, with + usize::from(camera.timeline.range().is_some())));
         Readiness { cameras_with_frames: [n_with, n], ..self.shared.readiness() }

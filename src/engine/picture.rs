@@ -2,6 +2,7 @@
 
 use super::EngineError;
 use super::associations::{Overlaps, Remembered};
+use super::blurring::CameraBlur;
 use super::forecaster::{Decision, Forecaster, NoneFits};
 use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
@@ -37,6 +38,8 @@ pub(super) struct Subject {
     /// What the cameras saw, told by its memory: frames of one time may still differ, after a file was changed or its
     /// background learned anew. Weak, so that nothing is held; no other can take its address meanwhile.
     pub(super) seen: Vec<Memory>,
+    /// What of each camera is blurred, where people are.
+    pub(super) blurs: Option<Arc<[CameraBlur]>>,
     /// The session that smooths it, if one does.
     pub(super) session: Option<String>,
 }
@@ -56,6 +59,7 @@ impl PartialEq for Subject {
             && self.instant == other.instant
             && self.sources == other.sources
             && self.gaps == other.gaps
+            && self.blurs == other.blurs
             && self.session == other.session
             && self.seen.len() == other.seen.len()
             && self
@@ -106,7 +110,21 @@ impl Subject {
         let session = request.session.clone();
         let deadline = request.effort.deadline().map(|deadline| (deadline, request.effort.named));
         let (scene, gaps) = (Arc::clone(scene), Vec::new());
-        Ok(Self { scene, from, kind, picture, wishes, deadline, instant, sources, gaps, seen, session })
+        let blurs = None;
+        Ok(Self {
+            scene,
+            from,
+            kind,
+            picture,
+            wishes,
+            deadline,
+            instant,
+            sources,
+            gaps,
+            seen,
+            blurs,
+            session,
+        })
     }
 
     /// Whether a later request can mean the same: not once what was seen has gone from memory.
@@ -138,6 +156,12 @@ impl Subject {
         let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
+        }
+        // Last, so that who is who and where follows from what was seen.
+        if let Some(blurs) = &self.blurs {
+            for camera in &mut state.cameras {
+                camera.observation = CameraBlur::applied(blurs, &camera.id, &camera.observation);
+            }
         }
         state
     }
@@ -214,6 +238,7 @@ impl Subject {
             sources: self.sources.clone(),
             frames: self.seen.iter().map(|(frame, ..)| frame.clone()).collect(),
             gaps: self.gaps.clone(),
+            blurs: self.blurs.clone(),
             settings: decision.settings,
             expected: Some(decision.expected),
             plan: Arc::new(plan),

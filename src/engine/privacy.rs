@@ -13,7 +13,7 @@ use crate::timeline::{Event, EventLog, Observation, Timeline};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 
 /// A zone that is no longer in force, and until when what was seen stays hidden by it.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,10 +135,10 @@ impl CameraPrivacy {
     }
 }
 
-/// The zones of all cameras.
+/// The zones of all cameras. One that comes later brings its own.
 #[derive(Debug)]
 pub(super) struct Privacies {
-    cameras: BTreeMap<CameraId, Arc<CameraPrivacy>>,
+    cameras: RwLock<BTreeMap<CameraId, Arc<CameraPrivacy>>>,
     changes: AtomicU64,
 }
 
@@ -152,20 +152,37 @@ pub(super) struct Remains<'a> {
 impl Privacies {
     /// Those of the configuration.
     pub(super) fn new(cameras: &[CameraSettings]) -> Self {
-        let of = |camera: &CameraSettings| {
-            (camera.id.clone(), Arc::new(CameraPrivacy::new(Privacy::configured(camera))))
-        };
-        Self { cameras: cameras.iter().map(of).collect(), changes: AtomicU64::new(0) }
+        let privacies = Self { cameras: RwLock::default(), changes: AtomicU64::new(0) };
+        for camera in cameras {
+            privacies.of_camera(camera);
+        }
+        privacies
     }
 
-    pub(super) fn of(&self, camera: &str) -> Result<&Arc<CameraPrivacy>, EngineError> {
-        self.cameras.get(camera).ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
+    /// Those of a camera that is about to run: what is in force of it, or else what its settings say.
+    pub(super) fn of_camera(&self, camera: &CameraSettings) -> Arc<CameraPrivacy> {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        let own = cameras.entry(camera.id.clone());
+        Arc::clone(own.or_insert_with(|| Arc::new(CameraPrivacy::new(Privacy::configured(camera)))))
     }
 
-    /// Those of a camera that runs; of one that is not known here, none.
+    /// Those of a camera that is still to begin: what is given, or else the configuration's.
+    pub(super) fn add(&self, camera: &CameraSettings, privacy: Option<Privacy>) {
+        let privacy = privacy.unwrap_or_else(|| Privacy::configured(camera));
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.insert(camera.id.clone(), Arc::new(CameraPrivacy::new(privacy)));
+        drop(cameras);
+        self.changes.fetch_add(1, Ordering::SeqCst);
+    }
+
+    pub(super) fn of(&self, camera: &str) -> Result<Arc<CameraPrivacy>, EngineError> {
+        let known = self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned();
+        known.ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
+    }
+
+    /// Those of a camera that ran or runs; of one that never did, none.
     pub(super) fn of_known(&self, camera: &CameraId) -> Arc<CameraPrivacy> {
-        let known = self.cameras.get(camera).cloned();
-        known.unwrap_or_else(|| Arc::new(CameraPrivacy::new(Privacy::default())))
+        self.of(camera.as_str()).unwrap_or_else(|_unknown| Arc::new(CameraPrivacy::new(Privacy::default())))
     }
 
     /// How often any camera's were changed: what was drawn while this changed may show what is hidden by now.

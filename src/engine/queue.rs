@@ -424,6 +424,7 @@ mod tests {
             session: None,
             effort: Effort::default(),
             horizon: None,
+            blur_people: None,
             scope: crate::access::Scope::all(),
         }
     }
@@ -437,6 +438,7 @@ mod tests {
             sources: Vec::new(),
             frames: Vec::new(),
             gaps: Vec::new(),
+            blurs: None,
             settings: Settings::default(),
             expected: None,
             plan: Arc::new(Plan {

@@ -9,6 +9,7 @@ mod warm_up;
 use super::EngineError;
 use super::associations::{Associations, Remembered};
 use super::frame_cache::FrameCache;
+use super::handle::DeviceSummary;
 use super::identity::ViewIdentity;
 use super::pace::Backoff;
 use super::picture::{HOST_STAGES, Subject, failure_of, none_fits};
@@ -85,6 +86,8 @@ struct RenderThread<'a> {
     warm_up: WarmUp,
     /// How often scenes had been exchanged when that was last looked at.
     scene_changes: u64,
+    /// How often privacy zones had been.
+    privacy_changes: u64,
 }
 
 /// A picture, and what it is of.
@@ -121,6 +124,7 @@ impl<'a> RenderThread<'a> {
             associations: Associations::default(),
             warm_up: WarmUp::default(),
             scene_changes: 0,
+            privacy_changes: 0,
         }
     }
 
@@ -151,6 +155,7 @@ impl<'a> RenderThread<'a> {
     /// Answers the picture in hand, and all that turn out to be the same.
     fn serve(&mut self, request: &ViewRequest, asked_at: Duration) {
         self.forget_changed_scenes();
+        self.forget_hidden();
         let queue = &self.shared.queue;
         let (subject, answer) = match self.contained(|thread| thread.answer_unhidden(request, asked_at)) {
             Ok(Some((subject, answer))) => {
@@ -184,7 +189,7 @@ impl<'a> RenderThread<'a> {
             if self.shared.privacies.changes() == changes {
                 return Ok(answered);
             }
-            self.cache.clear();
+            self.forget_hidden();
         }
         Err(EngineError::Unavailable("privacy zones are being changed".to_owned()))
     }
@@ -362,6 +367,16 @@ impl<'a> RenderThread<'a> {
         }
     }
 
+    /// Lets go of what was drawn before something was hidden, and of gains that were reckoned from it.
+    fn forget_hidden(&mut self) {
+        let changes = self.shared.privacies.changes();
+        if self.privacy_changes != changes {
+            self.privacy_changes = changes;
+            self.drop_kept();
+            self.associations.forget_gains();
+        }
+    }
+
     fn drop_kept(&mut self) {
         self.cache.clear();
         self.shared.metrics.render_cache.set(0);
@@ -370,6 +385,7 @@ impl<'a> RenderThread<'a> {
     fn drop_renderer(&mut self, reason: &str) {
         self.renderer = None;
         self.shared.set_device_loss(None);
+        self.shared.set_device(None);
         self.shared.set_renderer_state(Err(reason.to_owned()));
         let now = self.shared.clock.monotonic();
         self.backoff.note_lost(now);
@@ -395,6 +411,7 @@ impl<'a> RenderThread<'a> {
                     self.shared.metrics.render_devices_rebuilt.inc();
                 }
                 self.shared.set_renderer_state(Ok(adapter));
+                self.shared.set_device(Some(summary_of(renderer.gpu())));
                 self.shared.set_device_loss(Some(Box::new(renderer.gpu().loss())));
                 self.shared.forecaster.forget_programs();
                 self.warm_up.forget_device();
@@ -413,6 +430,18 @@ impl<'a> RenderThread<'a> {
 
 fn no_renderer(shared: &Shared, reason: String) -> EngineError {
     EngineError::NoRenderer { reason, retry_after: shared.queue.retry_after() }
+}
+
+/// What is told of a device.
+fn summary_of(gpu: &Gpu) -> DeviceSummary {
+    let limits = gpu.limits();
+    DeviceSummary {
+        adapter: gpu.name().to_owned(),
+        is_software: gpu.is_software(),
+        max_texture_side_px: limits.max_texture_dimension_2d,
+        max_buffer_bytes: limits.max_buffer_size,
+        has_timestamps: gpu.has_timestamps(),
+    }
 }
 
 /// The GPU that the settings name and a renderer on it, with the adapter's name.
@@ -469,6 +498,7 @@ mod tests {
             session: None,
             effort: crate::plan::Effort::default(),
             horizon: None,
+            blur_people: None,
             scope: crate::access::Scope::all(),
         };
         shared.queue.push(request, reply).expect("there is room");

@@ -57,7 +57,11 @@ impl Shared {
     ) -> Result<Subject, EngineError> {
         let limits = (limits_of(&self.render_settings), self.render_settings.samples);
         let subject = Subject::of(request, scene, instant, observations, limits)?;
-        Ok(Subject { gaps: gaps.clone(), ..subject })
+        let blurs = match &request.blur_people {
+            Some(asked) => Some(self.blurs(asked, scene, observations)?),
+            None => None,
+        };
+        Ok(Subject { gaps: gaps.clone(), blurs, ..subject })
     }
 
     /// What every camera of the scene saw at `instant` as far as it was known at `horizon`, and which of them saw nothing

@@ -10,18 +10,20 @@ use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
 use super::privacy::{Privacies, Privacy, Remains};
+use super::shared::CameraEntry;
 use super::sightings::{Seen, Sightings};
 use super::tracks::Tracks;
 use super::tuning::Tuning;
 use crate::archive::Archive;
 use crate::clock::{Clock, Timestamp};
-use crate::config::{CameraSettings, ClockSettings, FeedSettings, StorageSettings};
+use crate::config::{CameraSettings, ClockSettings, FeedSettings, Settings, StorageSettings};
 use crate::frame::CameraId;
 use crate::ingest::{CameraWorker, Feed, IngestError, MediaRoots, StatusReader, StopFlag};
 use crate::store::Store;
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Timeline};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 
@@ -30,13 +32,13 @@ const STOP_TIME: Duration = Duration::from_secs(3);
 
 /// What every camera's thread is made from.
 pub(super) struct Surroundings {
-    pub(super) roots: MediaRoots,
+    /// What cameras that begin are given.
+    pub(super) allotment: RwLock<Allotment>,
     pub(super) clock: Arc<dyn Clock>,
     pub(super) metrics: Arc<Metrics>,
     pub(super) store: Store,
     pub(super) runtime: Runtime,
     pub(super) store_health: Arc<StoreHealth>,
-    pub(super) storage: StorageSettings,
     pub(super) archive: Option<Arc<Archive>>,
     pub(super) events: Arc<EventLog>,
     /// What nobody may see of the cameras.
@@ -48,10 +50,37 @@ pub(super) struct Surroundings {
     pub(super) origin: (Timestamp, Duration),
 }
 
+/// What a camera's thread is given when it begins, as the configuration was read last.
+#[derive(Clone)]
+pub(super) struct Allotment {
+    /// Where it may read from.
+    roots: MediaRoots,
+    /// Most bytes of its timeline.
+    timeline_bytes: usize,
+    /// How often its state is kept, and how much of it.
+    storage: StorageSettings,
+}
+
+impl Allotment {
+    pub(super) fn of(settings: &Settings) -> Self {
+        Self {
+            roots: MediaRoots::usable(&settings.media.roots).with_networks(&settings.media.networks),
+            timeline_bytes: settings.timeline.mib_per_camera as usize * 1024 * 1024,
+            storage: settings.storage.clone(),
+        }
+    }
+
+    fn checkpoint_interval(&self) -> Duration {
+        let interval = Duration::try_from_secs_f64(self.storage.checkpoint_interval_secs);
+        interval.unwrap_or(Duration::from_secs(60))
+    }
+}
+
 /// Every camera's thread.
 pub(super) struct Roster {
     surroundings: Surroundings,
-    posts: Vec<Post>,
+    /// In the configuration's order.
+    posts: RwLock<Vec<Arc<Post>>>,
 }
 
 /// A camera's place, whether it runs or not.
@@ -75,8 +104,17 @@ struct Anew<'a> {
     is_elsewhere: bool,
 }
 
+/// Whether a camera looks at another place than before.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Elsewhere {
+    No,
+    Yes,
+}
+
 struct Held {
     settings: CameraSettings,
+    /// Whether it looks at another place than the last thread that ran.
+    is_elsewhere: bool,
     /// Scene time of its zero, if it names no start.
     origin: Timestamp,
     worker: Option<CameraWorker>,
@@ -84,46 +122,113 @@ struct Held {
 
 impl Roster {
     /// Starts every camera.
-    pub(super) fn start(
-        cameras: &[CameraSettings],
-        surroundings: Surroundings,
-        timeline_bytes: usize,
-    ) -> Result<Self, IngestError> {
-        let interval = surroundings.checkpoint_interval();
+    pub(super) fn start(cameras: &[CameraSettings], surroundings: Surroundings) -> Result<Self, IngestError> {
+        let interval = surroundings.allotment().checkpoint_interval();
         let n_cameras = cameras.len() as u32;
         let mut posts = Vec::with_capacity(cameras.len());
         for (camera, place) in cameras.iter().zip(0..) {
-            surroundings.metrics.announce_camera(camera.id.as_str());
-            surroundings.tell_zones(camera.id.as_str(), camera.privacy_zones.len());
-            let timeline = Arc::new(Timeline::new(timeline_bytes));
-            let tuning = Arc::new(Tuning::new(&camera.segment));
-            let sightings = Arc::<Sightings>::default();
             // One after the other over the interval, not all at once: they share one database.
-            let sooner = interval * place / n_cameras;
-            let worker = if camera.enabled {
-                Some(surroundings.spawn(camera, (&timeline, &tuning, &sightings), sooner, None)?)
-            } else {
-                None
-            };
-            let switched_off = || StatusReader::switched_off(surroundings.clock.now());
-            posts.push(Post {
-                id: camera.id.clone(),
-                timeline,
-                tuning,
-                sightings,
-                status: worker.as_ref().map_or_else(switched_off, CameraWorker::status_reader),
-                sooner,
-                held: Mutex::new(Held { settings: camera.clone(), origin: surroundings.origin.0, worker }),
-            });
+            let post = Post::new(camera, interval * place / n_cameras, &surroundings);
+            let status = surroundings.begin(&post, &mut post.lock(), None)?;
+            posts.push(Arc::new(Post { status, ..post }));
         }
-        Ok(Self { surroundings, posts })
+        Ok(Self { surroundings, posts: RwLock::new(posts) })
     }
 
-    /// Each camera's timeline, thresholds and status, in the configuration's order.
-    pub(super) fn shared(&self) -> impl Iterator<Item = (Arc<Timeline>, Arc<Tuning>, StatusReader)> {
-        let shared =
-            |post: &Post| (Arc::clone(&post.timeline), Arc::clone(&post.tuning), post.status.clone());
-        self.posts.iter().map(shared)
+    /// What callers see of each camera, in the configuration's order.
+    pub(super) fn entries(&self) -> Vec<CameraEntry> {
+        let entry = |post: &Arc<Post>| {
+            let name = post.lock().settings.name.clone();
+            CameraEntry {
+                id: post.id.clone(),
+                name: if name.is_empty() { post.id.to_string() } else { name },
+                timeline: Arc::clone(&post.timeline),
+                tuning: Arc::clone(&post.tuning),
+                status: post.status.clone(),
+            }
+        };
+        self.posts().iter().map(entry).collect()
+    }
+
+    /// From now on there are these cameras, with these settings: others end, and those whose settings are the same do not
+    /// notice. Each camera's zones hold before a frame of its new source is looked at, and those of before as long as one of
+    /// the old may come. Blocks for up to some seconds for each that ends. Those whose thread cannot be started, and why; it is
+    /// tried again by [`Self::mend`].
+    pub(super) fn apply(
+        &self,
+        cameras: &[CameraSettings],
+        zones: &BTreeMap<CameraId, Privacy>,
+        allotment: Allotment,
+    ) -> Vec<(CameraId, String)> {
+        self.surroundings.set_allotment(allotment);
+        let before = self.posts();
+        let is_gone = |post: &&Arc<Post>| !cameras.iter().any(|camera| camera.id == post.id);
+        let gone: Vec<_> =
+            before.iter().filter(is_gone).filter_map(|post| post.lock().worker.take()).collect();
+        for worker in &gone {
+            worker.request_stop();
+        }
+        for worker in gone {
+            tracing::info!(camera = %worker.id(), "a camera is taken away");
+            self.end(worker);
+        }
+        let (mut posts, mut failed) = (Vec::with_capacity(cameras.len()), Vec::new());
+        for camera in cameras {
+            let known = before.iter().find(|post| post.id == camera.id).cloned();
+            let settled = known.map_or_else(
+                || {
+                    tracing::info!(camera = %camera.id, "a camera is added");
+                    self.surroundings.privacies.add(camera, zones.get(&camera.id).cloned());
+                    self.add(camera)
+                },
+                |post| {
+                    let zones = zones.get(&camera.id).cloned();
+                    let settled = self.settle(&post, &mut post.lock(), camera.clone(), zones);
+                    (post, settled)
+                },
+            );
+            let (post, settled) = settled;
+            failed.extend(settled.err().map(|error| (camera.id.clone(), error.to_string())));
+            posts.push(post);
+        }
+        *self.posts.write().unwrap_or_else(PoisonError::into_inner) = posts;
+        failed
+    }
+
+    fn add(&self, camera: &CameraSettings) -> (Arc<Post>, Result<(), EngineError>) {
+        let post = Post::new(camera, Duration::ZERO, &self.surroundings);
+        let clock = &self.surroundings.clock;
+        let now = (clock.now(), clock.monotonic());
+        post.lock().origin = now.0;
+        let anew = Anew { origin: now, status: &post.status, is_elsewhere: false };
+        let begun = self.surroundings.begin(&post, &mut post.lock(), Some(anew));
+        (Arc::new(post), begun.map(|_status| ()).map_err(|error| EngineError::Internal(error.to_string())))
+    }
+
+    /// Starts cameras that are to run and have no thread, since it could not be started.
+    pub(super) fn mend(&self) {
+        for post in self.posts() {
+            // One that is being changed is looked at the next time.
+            let Ok(mut held) = post.held.try_lock() else { continue };
+            if held.worker.is_some() || !held.settings.enabled || self.surroundings.stop.is_raised() {
+                continue;
+            }
+            match self.begin_anew(&post, &mut held, Elsewhere::No) {
+                Ok(()) => tracing::info!(camera = %post.id, "a camera's thread is started after all"),
+                Err(error) => {
+                    tracing::warn!(camera = %post.id, %error, "a camera's thread cannot be started");
+                }
+            }
+        }
+    }
+
+    fn posts(&self) -> Vec<Arc<Post>> {
+        self.posts.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The settings of every camera as they are in force.
+    pub(super) fn settings(&self) -> Vec<CameraSettings> {
+        self.posts().iter().map(|post| post.now(&post.lock())).collect()
     }
 
     /// What feeds a camera.
@@ -140,65 +245,101 @@ impl Roster {
         let post = self.post(camera)?;
         let mut held = post.lock();
         let changed = held.feed().changed(change).map_err(EngineError::Faults)?;
-        self.feed_anew(post, &mut held, changed)
+        self.feed_anew(&post, &mut held, changed)
     }
 
     /// Has a camera fed so. Blocks as [`Self::change_feed`] does.
     pub(super) fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         let post = self.post(camera)?;
-        self.feed_anew(post, &mut post.lock(), feed)
+        self.feed_anew(&post, &mut post.lock(), feed)
     }
 
     fn feed_anew(
         &self,
         post: &Post,
         held: &mut Held,
-        changed: FeedSettings,
+        feed: FeedSettings,
     ) -> Result<FeedSettings, EngineError> {
         let (camera, before) = (post.id.as_str(), held.feed());
-        if changed == before {
+        if feed == before && (held.worker.is_some() || !feed.enabled) {
             return Ok(before);
         }
         if self.surroundings.stop.is_raised() {
             return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
         }
-        tracing::info!(camera, feed = %changed.shown(), "what feeds a camera is changed");
-        held.settings.clock = changed.clock;
-        if let Some(worker) = &held.worker
-            && (changed.enabled, &changed.source) == (before.enabled, &before.source)
+        tracing::info!(camera, feed = %feed.shown(), "what feeds a camera is changed");
+        let FeedSettings { enabled, source, clock } = feed.clone();
+        let settings = CameraSettings { enabled, source, clock, ..post.now(held) };
+        self.settle(post, held, settings, None)?;
+        Ok(feed)
+    }
+
+    /// Has a camera run with these settings, and these zones where they are given: all of them from the same frame on. What can
+    /// be changed under a running thread is; anything else ends the thread before another begins, and the zones hold in between,
+    /// so that no frame meets half a change.
+    fn settle(
+        &self,
+        post: &Post,
+        held: &mut Held,
+        settings: CameraSettings,
+        zones: Option<Privacy>,
+    ) -> Result<(), EngineError> {
+        let before = post.now(held);
+        let is_running = held.worker.is_some();
+        if settings == before && (is_running || !settings.enabled) {
+            return self.hold_zones(post, zones);
+        }
+        let CameraSettings { name, clock, segment, privacy_zones, .. } = settings.clone();
+        let under_way = CameraSettings { name, clock, segment, privacy_zones, ..before.clone() };
+        if under_way == settings
+            && settings.segment.resolution == before.segment.resolution
+            && (is_running || !settings.enabled)
         {
-            worker.set_clock(changed.clock);
-            post.sightings.clear();
-            return Ok(changed);
+            if settings.segment != before.segment {
+                post.tuning.set_segment(settings.segment.clone());
+            }
+            if settings.clock != before.clock {
+                if let Some(worker) = &held.worker {
+                    worker.set_clock(settings.clock);
+                }
+                post.sightings.clear();
+            }
+            held.settings = settings;
+            return self.hold_zones(post, zones);
         }
         if let Some(worker) = held.worker.take() {
             self.end(worker);
         }
+        self.hold_zones(post, zones)?;
         post.sightings.clear();
-        let is_elsewhere = held.settings.source.place() != changed.source.place();
-        held.settings.source = changed.source.clone();
-        held.settings.segment = post.tuning.segment();
-        held.settings.enabled = changed.enabled;
-        if changed.enabled {
-            // What begins now begins at its beginning.
-            let now = (self.surroundings.clock.now(), self.surroundings.clock.monotonic());
-            held.origin = now.0;
-            let spawned = self.surroundings.spawn(
-                &held.settings,
-                (&post.timeline, &post.tuning, &post.sightings),
-                post.sooner,
-                Some(Anew { origin: now, status: &post.status, is_elsewhere }),
-            );
-            held.worker = Some(spawned.map_err(|error| EngineError::Internal(error.to_string()))?);
-        } else {
-            post.status.switch_off(self.surroundings.clock.now());
-        }
-        Ok(changed)
+        let elsewhere =
+            if before.source.place() == settings.source.place() { Elsewhere::No } else { Elsewhere::Yes };
+        post.tuning.begin_with(settings.segment.clone());
+        held.settings = settings;
+        self.begin_anew(post, held, elsewhere)
+    }
+
+    fn begin_anew(&self, post: &Post, held: &mut Held, elsewhere: Elsewhere) -> Result<(), EngineError> {
+        // What begins now begins at its beginning.
+        let clock = &self.surroundings.clock;
+        let now = (clock.now(), clock.monotonic());
+        held.origin = now.0;
+        let is_elsewhere = elsewhere == Elsewhere::Yes || held.is_elsewhere;
+        // Kept until a thread has begun: another try must know of it.
+        held.is_elsewhere = is_elsewhere;
+        let anew = Anew { origin: now, status: &post.status, is_elsewhere };
+        let begun = self.surroundings.begin(post, held, Some(anew));
+        begun.map(|_status| ()).map_err(|error| EngineError::Internal(error.to_string()))
     }
 
     /// Puts a camera's zones in force, and hides what memory has of it, before this returns.
     pub(super) fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError> {
-        let post = self.post(camera)?;
+        self.hold_zones(&*self.post(camera)?, Some(privacy))
+    }
+
+    fn hold_zones(&self, post: &Post, zones: Option<Privacy>) -> Result<(), EngineError> {
+        let Some(privacy) = zones else { return Ok(()) };
+        let camera = post.id.as_str();
         let n_zones = privacy.zones.len();
         let Surroundings { privacies, events, .. } = &self.surroundings;
         let remains = Remains { timeline: &post.timeline, sightings: &post.sightings, events };
@@ -220,7 +361,8 @@ impl Roster {
         now: Timestamp,
         ahead: (f64, f64),
     ) -> Option<ClockSettings> {
-        let held = self.post(camera).ok()?.lock();
+        let post = self.post(camera).ok()?;
+        let held = post.lock();
         let source = &held.settings.source;
         let since = source.start.or(source.path.as_ref().map(|_file| held.origin));
         Some(held.settings.clock.corrected(now, ahead, since))
@@ -229,8 +371,10 @@ impl Roster {
     /// Asks every camera to end and returns at once.
     pub(super) fn request_stop(&self) {
         // One whose feed is being changed sees the flag that all share.
-        for held in self.posts.iter().filter_map(|post| post.held.try_lock().ok()) {
-            if let Some(worker) = &held.worker {
+        for post in self.posts() {
+            if let Ok(held) = post.held.try_lock()
+                && let Some(worker) = &held.worker
+            {
                 worker.request_stop();
             }
         }
@@ -238,7 +382,7 @@ impl Roster {
 
     /// Ends every camera, and leaves those that have not ended when the monotonic clock says `until`.
     pub(super) fn stop(&self, until: Duration) {
-        let workers: Vec<_> = self.posts.iter().filter_map(|post| post.lock().worker.take()).collect();
+        let workers: Vec<_> = self.posts().iter().filter_map(|post| post.lock().worker.take()).collect();
         for worker in &workers {
             worker.request_stop();
         }
@@ -253,13 +397,38 @@ impl Roster {
         self.surroundings.end_until(worker, until);
     }
 
-    fn post(&self, camera: &str) -> Result<&Post, EngineError> {
-        let found = self.posts.iter().find(|post| post.id.as_str() == camera);
+    fn post(&self, camera: &str) -> Result<Arc<Post>, EngineError> {
+        let found = self.posts().into_iter().find(|post| post.id.as_str() == camera);
         found.ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
     }
 }
 
 impl Post {
+    /// A camera without a thread.
+    fn new(camera: &CameraSettings, sooner: Duration, surroundings: &Surroundings) -> Self {
+        surroundings.metrics.announce_camera(camera.id.as_str());
+        surroundings.tell_zones(camera.id.as_str(), camera.privacy_zones.len());
+        Self {
+            id: camera.id.clone(),
+            timeline: Arc::new(Timeline::new(surroundings.allotment().timeline_bytes)),
+            tuning: Arc::new(Tuning::new(&camera.segment)),
+            sightings: Arc::default(),
+            status: StatusReader::switched_off(surroundings.clock.now()),
+            sooner,
+            held: Mutex::new(Held {
+                settings: camera.clone(),
+                is_elsewhere: false,
+                origin: surroundings.origin.0,
+                worker: None,
+            }),
+        }
+    }
+
+    /// Its settings as they are in force.
+    fn now(&self, held: &Held) -> CameraSettings {
+        CameraSettings { segment: self.tuning.segment(), ..held.settings.clone() }
+    }
+
     fn lock(&self) -> MutexGuard<'_, Held> {
         // A change that panicked leaves a camera without a thread, which the next one starts.
         self.held.lock().unwrap_or_else(PoisonError::into_inner)
@@ -273,9 +442,34 @@ impl Held {
 }
 
 impl Surroundings {
-    fn checkpoint_interval(&self) -> Duration {
-        let interval = Duration::try_from_secs_f64(self.storage.checkpoint_interval_secs);
-        interval.unwrap_or(Duration::from_secs(60))
+    /// Where cameras that begin now may read from, and the bytes of their timelines.
+    fn allotment(&self) -> Allotment {
+        self.allotment.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn set_allotment(&self, allotment: Allotment) {
+        *self.allotment.write().unwrap_or_else(PoisonError::into_inner) = allotment;
+    }
+
+    /// Starts a camera's thread if it is to run; where its status is read from then on.
+    fn begin(
+        &self,
+        post: &Post,
+        held: &mut Held,
+        anew: Option<Anew<'_>>,
+    ) -> Result<StatusReader, IngestError> {
+        let now = self.clock.now();
+        if !held.settings.enabled {
+            post.status.switch_off(now);
+            return Ok(post.status.clone());
+        }
+        let shared = (&post.timeline, &post.tuning, &post.sightings);
+        let worker = self.spawn(&held.settings, shared, post.sooner, anew).inspect_err(|error| {
+            post.status.fail(format!("its thread cannot be started: {error}"), now);
+        })?;
+        let status = worker.status_reader();
+        (held.worker, held.is_elsewhere) = (Some(worker), false);
+        Ok(status)
     }
 
     /// Starts a camera's thread, for the first time or anew.
@@ -286,16 +480,18 @@ impl Surroundings {
         sooner: Duration,
         anew: Option<Anew<'_>>,
     ) -> Result<CameraWorker, IngestError> {
+        let allotment = self.allotment();
+        let Allotment { roots, storage, .. } = &allotment;
         let checkpoints = Checkpoints::new(
             camera,
-            (self.checkpoint_interval(), sooner),
+            (allotment.checkpoint_interval(), sooner),
             self.store.clone(),
             self.runtime.clone(),
             Arc::clone(&self.store_health),
             Arc::clone(&self.metrics),
             Arc::clone(&self.clock),
         )
-        .with_history(History::new(&self.storage));
+        .with_history(History::new(storage));
         let checkpoints = if anew.as_ref().is_some_and(|anew| anew.is_elsewhere) {
             checkpoints.afresh()
         } else {
@@ -304,10 +500,10 @@ impl Surroundings {
         let recorder = self.archive.as_ref().filter(|_| camera.record);
         let consumer = CameraConsumer::new(
             camera.clone(),
-            self.roots.clone(),
+            roots.clone(),
             (Arc::clone(timeline), Arc::clone(&self.events), Arc::clone(tuning), Arc::clone(sightings)),
             (checkpoints, self.activity(&camera.id), self.tracks(&camera.id)),
-            (Arc::clone(&self.metrics), self.privacies.of_known(&camera.id)),
+            (Arc::clone(&self.metrics), self.privacies.of_camera(camera)),
             Arc::clone(&self.clock),
             self.stop.clone(),
         )
@@ -317,7 +513,7 @@ impl Surroundings {
         CameraWorker::spawn(
             camera.id.clone(),
             feed,
-            self.roots.clone(),
+            roots.clone(),
             Arc::clone(&self.clock),
             anew.map_or(self.origin, |anew| anew.origin),
             Box::new(consumer),

@@ -8,8 +8,6 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 /// The scenes, the default one first.
 #[derive(Debug)]
 pub(super) struct SceneList {
-    /// The configured cameras.
-    cameras: Vec<CameraId>,
     now: Mutex<Listed>,
     changed: Condvar,
 }
@@ -22,14 +20,16 @@ pub(super) struct Listed {
     pub(super) scenes: Arc<[Arc<Scene>]>,
     /// Every camera that is configured or part of a scene, in the order of ids.
     pub(super) camera_ids: Arc<[CameraId]>,
+    /// The configured cameras.
+    cameras: Arc<[CameraId]>,
 }
 
 impl SceneList {
     pub(super) fn new<'a>(scenes: Vec<Arc<Scene>>, cameras: impl Iterator<Item = &'a CameraId>) -> Self {
-        let cameras: Vec<_> = cameras.cloned().collect();
+        let cameras: Arc<[CameraId]> = cameras.cloned().collect();
         let camera_ids = camera_ids(&cameras, &scenes);
-        let now = Mutex::new(Listed { changes: 0, scenes: scenes.into(), camera_ids });
-        Self { cameras, now, changed: Condvar::new() }
+        let now = Mutex::new(Listed { changes: 0, scenes: scenes.into(), camera_ids, cameras });
+        Self { now, changed: Condvar::new() }
     }
 
     fn lock(&self) -> MutexGuard<'_, Listed> {
@@ -71,12 +71,25 @@ impl SceneList {
         is_there
     }
 
+    /// From now on these cameras are configured.
+    pub(super) fn set_cameras(&self, cameras: Arc<[CameraId]>) {
+        self.lock().cameras = cameras;
+        self.change(|_| ());
+    }
+
+    /// Puts those of `order` first, in that order, and leaves the others behind them as they are.
+    pub(super) fn order(&self, order: &[String]) {
+        let place = |scene: &Arc<Scene>| order.iter().position(|id| *id == scene.id).unwrap_or(usize::MAX);
+        self.change(|scenes| scenes.sort_by_key(place));
+    }
+
     fn change(&self, change: impl FnOnce(&mut Vec<Arc<Scene>>)) {
         let mut now = self.lock();
         let mut scenes = now.scenes.to_vec();
         change(&mut scenes);
-        let camera_ids = camera_ids(&self.cameras, &scenes);
-        *now = Listed { changes: now.changes + 1, scenes: scenes.into(), camera_ids };
+        let cameras = Arc::clone(&now.cameras);
+        let camera_ids = camera_ids(&cameras, &scenes);
+        *now = Listed { changes: now.changes + 1, scenes: scenes.into(), camera_ids, cameras };
         self.changed.notify_all();
     }
 

@@ -44,6 +44,13 @@ pub enum Sight {
         /// Where it would be: outside of 0 to 1 in one of both.
         texture: DVec2,
     },
+    /// It lies in its picture, where nobody may see it: in a privacy zone.
+    Masked {
+        /// Where in its picture.
+        texture: DVec2,
+        /// From the camera, metres.
+        distance_m: f64,
+    },
     /// Something stands before it.
     Hidden {
         /// Which kind of surface.
@@ -69,12 +76,14 @@ pub struct CameraSight {
 }
 
 /// What every camera of `scene` makes of `point`: first those that see it, of these those that are live, then those with more
-/// pixels a metre. `states` are the cameras as the caller may know of them; whether one has `moved`, the caller says.
+/// pixels a metre. `states` are the cameras as the caller may know of them; whether one has `moved`, and whether it hides a
+/// place in its texture, the caller says.
 #[must_use]
 pub fn which_cameras(
     scene: &Scene,
     states: &[CameraSummary],
     has_moved: impl Fn(&CameraId) -> bool,
+    is_masked: impl Fn(&CameraId, [f64; 2]) -> bool,
     point: DVec3,
 ) -> Vec<CameraSight> {
     let mut found: Vec<CameraSight> = scene
@@ -87,7 +96,12 @@ pub fn which_cameras(
                 state => state.to_owned(),
             });
             let size_px = summary.and_then(|state| state.size_px);
-            let sight = sight(&member.camera, size_px, &scene.surfaces, point);
+            let sight = match sight(&member.camera, size_px, &scene.surfaces, point) {
+                Sight::Seen { texture, distance_m, .. } if is_masked(&member.id, texture.to_array()) => {
+                    Sight::Masked { texture, distance_m }
+                }
+                sight => sight,
+            };
             CameraSight { camera: member.id.clone(), state, sight }
         })
         .collect();
@@ -99,9 +113,10 @@ pub fn which_cameras(
 fn better(a: &CameraSight, b: &CameraSight) -> Ordering {
     let rank = |of: &CameraSight| match of.sight {
         Sight::Seen { .. } => (0, of.state.as_deref() != Some("live")),
-        Sight::Hidden { .. } => (1, false),
-        Sight::Outside { .. } => (2, false),
-        Sight::Behind | Sight::AtCamera => (3, false),
+        Sight::Masked { .. } => (1, false),
+        Sight::Hidden { .. } => (2, false),
+        Sight::Outside { .. } => (3, false),
+        Sight::Behind | Sight::AtCamera => (4, false),
     };
     let pixels = |of: &CameraSight| match of.sight {
         Sight::Seen { pixels_per_m, .. } => pixels_per_m,
@@ -202,7 +217,7 @@ mod tests {
     }
 
     fn ask(point: [f64; 3]) -> Vec<CameraSight> {
-        which_cameras(&yard(), &[], |_| false, DVec3::from(point))
+        which_cameras(&yard(), &[], |_| false, |_, _| false, DVec3::from(point))
     }
 
     #[test]
@@ -265,18 +280,41 @@ mod tests {
             [summary("near", near), summary("far", "live")]
         };
         let order = |near: &str, moved: &str| {
-            let found =
-                which_cameras(&yard(), &states(near), |id| id.as_str() == moved, DVec3::new(0.0, 10.0, 3.0));
+            let has_moved = |id: &CameraId| id.as_str() == moved;
+            let point = DVec3::new(0.0, 10.0, 3.0);
+            let found = which_cameras(&yard(), &states(near), has_moved, |_, _| false, point);
             found.into_iter().map(|of| format!("{}={}", of.camera, of.state.unwrap())).collect::<Vec<_>>()
         };
         assert_eq!(order("live", ""), ["near=live", "far=live"]);
         assert_eq!(order("stalled", ""), ["far=live", "near=stalled"]);
         assert_eq!(order("live", "near"), ["far=live", "near=moved"]);
         // Twice as many pixels as were calibrated are twice as many a metre.
-        let found = which_cameras(&yard(), &states("live"), |_| false, DVec3::new(0.0, 10.0, 3.0));
+        let point = DVec3::new(0.0, 10.0, 3.0);
+        let found = which_cameras(&yard(), &states("live"), |_| false, |_, _| false, point);
         assert!(
             matches!(found[0].sight, Sight::Seen { pixels_per_m, .. } if (pixels_per_m - 100.0).abs() < 0.5)
         );
+    }
+
+    #[test]
+    fn one_that_hides_the_place_comes_after_those_that_see_it() {
+        let order = |point: [f64; 3]| {
+            // The right half of what is near.
+            let is_masked = |id: &CameraId, at: [f64; 2]| id.as_str() == "near" && at[0] > 0.55;
+            let found = which_cameras(&yard(), &[], |_| false, is_masked, DVec3::from(point));
+            found.into_iter().map(|of| (of.camera.to_string(), of.sight)).collect::<Vec<_>>()
+        };
+        let found = order([1.0, 10.0, 3.0]);
+        assert!(matches!(&found[0], (id, Sight::Seen { .. }) if id == "far"), "{found:?}");
+        let (near, Sight::Masked { texture, distance_m }) = &found[1] else { panic!("{found:?}") };
+        assert!(
+            (texture.x - 370.0 / 640.0).abs() < 1e-9 && (distance_m - 101_f64.sqrt()).abs() < 1e-9,
+            "{near}"
+        );
+        // Beside the zone it is the first, and what stands before a place hides it in any case.
+        assert!(matches!(&order([-1.0, 10.0, 3.0])[0], (id, Sight::Seen { .. }) if id == "near"));
+        let behind = order([0.9, 30.0, 2.0]);
+        assert!(behind.iter().all(|(_, sight)| matches!(sight, Sight::Hidden { .. })), "{behind:?}");
     }
 
     fn is_finite(sight: &Sight) -> bool {
@@ -286,6 +324,7 @@ mod tests {
                 texture.is_finite() && all.iter().all(|value| value.is_finite()) && *pixels_per_m > 0.0
             }
             Sight::Outside { texture } => texture.is_finite(),
+            Sight::Masked { texture, distance_m } => texture.is_finite() && distance_m.is_finite(),
             Sight::Hidden { point_m, distance_m, .. } => {
                 point_m.iter().all(|value| value.is_finite()) && distance_m.is_finite()
             }

@@ -7,9 +7,10 @@ use super::accuracy::AccuracyBoard;
 use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
 use super::forecaster::Forecaster;
-use super::handle::{At, Door};
+use super::handle::{At, DeviceSummary, Door};
 use super::past::Past;
 use super::playheads::Playheads;
+use super::presence::Presences;
 use super::privacy::Privacies;
 use super::queue::RenderQueue;
 use super::roster::Roster;
@@ -29,7 +30,7 @@ use crate::scene::{Scene, SceneCamera};
 use crate::telemetry::Metrics;
 use crate::timeline::{EventLog, Horizon, Observation, ReplayError, Timeline, TimelineError};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
 /// A live camera that lags behind the newest of its scene by more than this does not decide what "live" is.
 const MAX_LAG_NANOS: i64 = 1_500_000_000;
@@ -73,25 +74,27 @@ pub(super) enum MapState {
 pub(super) struct Shared {
     pub(super) clock: Arc<dyn Clock>,
     pub(super) metrics: Arc<Metrics>,
-    pub(super) cameras: Vec<CameraEntry>,
+    cameras: RwLock<Arc<[Arc<CameraEntry>]>>,
     pub(super) events: Arc<EventLog>,
     /// What nobody may see of the cameras.
     pub(super) privacies: Arc<Privacies>,
     /// What runs the cameras, where something does.
-    roster: Option<Arc<Roster>>,
+    pub(super) roster: Option<Arc<Roster>>,
     /// What was recorded, if anything is.
-    pub(super) past: Option<Past>,
+    pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
     pub(super) playheads: Playheads,
+    pub(super) presences: Presences,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// Scenes as callers may see them.
     scopes: Scopes,
     /// The adapter's name, or why there is none.
     renderer: Mutex<Result<String, String>>,
+    device: Mutex<Option<DeviceSummary>>,
     /// What loses the device in use, for tests.
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
@@ -112,7 +115,7 @@ impl Shared {
         clock: Arc<dyn Clock>,
         metrics: Arc<Metrics>,
         (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
-        (events, past): (Arc<EventLog>, Option<Past>),
+        (events, past): (Arc<EventLog>, Option<Arc<Past>>),
         (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
         store_health: Arc<StoreHealth>,
     ) -> Self {
@@ -133,7 +136,7 @@ impl Shared {
             accuracy,
             clock,
             metrics,
-            cameras,
+            cameras: RwLock::new(cameras.into_iter().map(Arc::new).collect()),
             events,
             privacies,
             roster,
@@ -142,9 +145,11 @@ impl Shared {
             render_settings,
             store_health,
             playheads: Playheads::new(),
+            presences: Presences::default(),
             maps: Mutex::new(maps),
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),
+            device: Mutex::new(None),
             device_loss: Mutex::new(None),
             queue,
             overlaps: Overlaps::default(),
@@ -159,6 +164,11 @@ impl Shared {
     /// Loses the device in use, if there is one.
     pub(super) fn lose_device(&self) -> bool {
         lock(&self.device_loss).as_ref().map(|lose| lose()).is_some()
+    }
+
+    /// Notes the device in use; none once it is gone.
+    pub(super) fn set_device(&self, device: Option<DeviceSummary>) {
+        *lock(&self.device) = device;
     }
 
     pub(super) fn set_renderer_state(&self, state: Result<String, String>) {
@@ -188,6 +198,11 @@ impl Shared {
         }
     }
 
+    /// How a camera's map of a scene stands.
+    pub(super) fn map_state(&self, scene: &str, camera: &CameraId) -> Option<MapState> {
+        lock(&self.maps).get(&(scene.to_owned(), camera.clone())).cloned()
+    }
+
     /// Whether a camera's map of a scene is still to be brought in.
     pub(super) fn needs_map(&self, scene: &Scene, camera: &CameraId) -> bool {
         let key = (scene.id.clone(), camera.clone());
@@ -195,7 +210,7 @@ impl Shared {
     }
 
     /// Puts a scene in the place of the one of its id, or after the others; its maps are brought in anew.
-    fn exchange_scene(&self, scene: Arc<Scene>) {
+    pub(super) fn exchange_scene(&self, scene: Arc<Scene>) {
         let id = scene.id.clone();
         let members: Vec<_> = scene.cameras.iter().map(|member| member.id.clone()).collect();
         // Held over both: who builds maps must not find the new scene with the old one's.
@@ -207,7 +222,7 @@ impl Shared {
         self.scopes.retain(|whole| self.scenes.is_current(whole));
     }
 
-    fn take_scene_out(&self, id: &str) -> bool {
+    pub(super) fn take_scene_out(&self, id: &str) -> bool {
         let was_there = self.scenes.remove(id);
         lock(&self.maps).retain(|(of, _), _| of != id);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
@@ -215,8 +230,20 @@ impl Shared {
         was_there
     }
 
-    pub(super) fn camera(&self, id: &str) -> Result<&CameraEntry, EngineError> {
-        let found = self.cameras.iter().find(|camera| camera.id.as_str() == id);
+    /// The cameras as they are at one moment, in the configuration's order.
+    pub(super) fn all_cameras(&self) -> Arc<[Arc<CameraEntry>]> {
+        Arc::clone(&self.cameras.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// From now on there are these cameras.
+    pub(super) fn set_cameras(&self, cameras: Vec<CameraEntry>) {
+        self.scenes.set_cameras(cameras.iter().map(|camera| camera.id.clone()).collect());
+        let cameras = cameras.into_iter().map(Arc::new).collect();
+        *self.cameras.write().unwrap_or_else(PoisonError::into_inner) = cameras;
+    }
+
+    pub(super) fn camera(&self, id: &str) -> Result<Arc<CameraEntry>, EngineError> {
+        let found = self.all_cameras().iter().find(|camera| camera.id.as_str() == id).cloned();
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() })
     }
 
@@ -276,8 +303,8 @@ impl Shared {
             At::Live => self.live_instant(scene)?,
             At::Time(instant) => instant,
         };
-        let newest = |camera: &CameraEntry| Some((camera.id.clone(), camera.timeline.range()?.1));
-        let horizon = Horizon::new(self.members(scene).filter_map(newest));
+        let newest = |camera: &Arc<CameraEntry>| Some((camera.id.clone(), camera.timeline.range()?.1));
+        let horizon = Horizon::new(self.members(scene).iter().filter_map(newest));
         let cameras = scene.cameras.iter().map(|member| member.id.clone()).collect();
         Ok(SceneMoment { instant, cameras, horizon })
     }
@@ -301,16 +328,17 @@ impl Shared {
             (Ok(seen), _) => Ok(seen),
             // Recorded is also what has come since.
             (Err(error), Some(past)) if newest.is_none_or(|newest| instant <= newest) => {
-                past_or(entry, past, instant, &error)
+                past_or(&entry, past, instant, &error)
             }
             (Err(error), _) => Err(entry.failure(&error)),
         }
     }
 
     /// The scene's cameras; those that are not configured are left out.
-    pub(super) fn members(&self, scene: &Scene) -> impl Iterator<Item = &CameraEntry> {
-        let members = scene.cameras.iter().map(|member| member.id.clone()).collect::<Vec<_>>();
-        self.cameras.iter().filter(move |camera| members.contains(&camera.id))
+    pub(super) fn members(&self, scene: &Scene) -> Vec<Arc<CameraEntry>> {
+        let is_member =
+            |camera: &&Arc<CameraEntry>| scene.cameras.iter().any(|member| member.id == camera.id);
+        self.all_cameras().iter().filter(is_member).cloned().collect()
     }
 
     /// What was known of a camera at `instant`: its newest observation until then, however old.

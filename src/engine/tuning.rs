@@ -32,6 +32,13 @@ impl Tuning {
         state.is_segment_new = true;
     }
 
+    /// As [`Self::set_segment`], of a thread that is still to be made, with these settings.
+    pub(super) fn begin_with(&self, segment: SegmentSettings) {
+        let mut state = self.lock();
+        state.segment = segment;
+        state.is_segment_new = false;
+    }
+
     pub(super) fn accept_place(&self) {
         self.lock().is_place_accepted = true;
     }

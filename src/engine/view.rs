@@ -1,5 +1,6 @@
 //! What a picture of a scene is asked for by, and what the answer says of it.
 
+use super::blurring::{BlurAsked, CameraBlur};
 use super::forecaster::Expected;
 use super::handle::At;
 use super::identity::ViewIdentity;
@@ -87,6 +88,8 @@ pub struct ViewRequest {
     /// How far cameras had been seen when the instant was chosen: what came since is not looked at, so that the same instant
     /// shows the same. None: all there is.
     pub horizon: Option<Horizon>,
+    /// Whether people are made unrecognisable, and who is not. None: nobody is.
+    pub blur_people: Option<BlurAsked>,
     /// Which cameras it may show, and anything be concluded from. A caller's door sets it.
     pub scope: Scope,
 }
@@ -109,6 +112,7 @@ impl ViewRequest {
             session: None,
             effort,
             horizon: None,
+            blur_people: None,
             scope: Scope::all(),
         }
     }
@@ -162,6 +166,8 @@ pub struct ViewAnswer {
     pub frames: Vec<Weak<YuvImage>>,
     /// Those of them that saw nothing near the instant: of these the background alone is shown.
     pub gaps: Vec<CameraId>,
+    /// What of each camera was blurred, where people were to be.
+    pub blurs: Option<Arc<[CameraBlur]>>,
     /// How exactly it was drawn.
     pub settings: Settings,
     /// What was expected of it before it was drawn.

@@ -73,7 +73,7 @@ pub enum EvidenceError {
 }
 
 impl EvidenceError {
-    /// What the caller can do about it. That there is no room has a status of its own.
+    /// What the caller can do about it.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
@@ -82,7 +82,8 @@ impl EvidenceError {
             Self::Held => ErrorKind::Conflict,
             Self::Forbidden(_) => ErrorKind::Forbidden,
             Self::Faults(_) => ErrorKind::Invalid,
-            Self::Full(_) | Self::Busy(_) | Self::Gone(_) => ErrorKind::Unavailable,
+            Self::Full(_) => ErrorKind::StorageFull,
+            Self::Busy(_) | Self::Gone(_) => ErrorKind::Unavailable,
             Self::Engine(error) => error.kind(),
             Self::Encode(error) => error.kind(),
             Self::Files { .. } | Self::Internal(_) => ErrorKind::Internal,

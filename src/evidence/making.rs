@@ -8,7 +8,7 @@ use crate::access::Grants;
 use crate::clock::Timestamp;
 use crate::config::check_annotation;
 use crate::encode;
-use crate::engine::{At, Handle, ViewRequest};
+use crate::engine::{At, BlurAsked, Handle, ViewRequest};
 use crate::error::Gatherer;
 use crate::store::{SnapshotAnnotation, SnapshotRecord};
 use crate::telemetry::SnapshotFailure;
@@ -44,6 +44,8 @@ pub struct Wanted {
     pub tags: Vec<String>,
     /// Whether it stays, however old.
     pub hold: bool,
+    /// Whether people are made unrecognisable before anything is kept, and who is not. None: nobody is.
+    pub blur_people: Option<BlurAsked>,
 }
 
 /// Who wants a snapshot.
@@ -127,7 +129,7 @@ impl Snapshots {
             };
         self.check_disk().await?;
         let made_at = self.clock.now();
-        let taken = picture::take(door, maker.grants, wanted.subject).await?;
+        let taken = picture::take(door, maker.grants, wanted.subject, wanted.blur_people).await?;
         let written = self.write(taken).await?;
         let sealing = Sealing {
             made_at,

@@ -11,6 +11,7 @@ mod check;
 mod error;
 mod folder;
 mod making;
+mod people;
 mod picture;
 mod record;
 mod retention;

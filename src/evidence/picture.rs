@@ -1,12 +1,16 @@
 //! What is put down of a view or a camera's picture: pixels, and everything that tells what they show and where from.
+//!
+//! What may not be seen is gone before anything is written: zones by the engine, and people here where that is asked for, in
+//! the very frames that a view was drawn from.
 
 use super::EvidenceError;
 use super::making::Subject;
+use super::people::{Hidden, blur_document, people_document};
 use super::record::{PICTURE, camera_file};
 use crate::access::{Grants, Right, Role};
 use crate::calibrate::CameraDocument;
 use crate::clock::Timestamp;
-use crate::engine::{At, CameraSummary, EngineError, Handle, ViewAnswer, ViewKind, ViewRequest};
+use crate::engine::{At, BlurAsked, CameraSummary, EngineError, Handle, ViewAnswer, ViewKind, ViewRequest};
 use crate::frame::{CameraId, RgbImage, YuvImage};
 use crate::scene::{Scene, SceneView};
 use serde_json::{Map, Value, json};
@@ -32,13 +36,20 @@ pub(super) enum Pixels {
 }
 
 /// Asks the engine for what is to be kept.
-pub(super) async fn take(door: &Handle, grants: &Grants, subject: Subject) -> Result<Taken, EvidenceError> {
+pub(super) async fn take(
+    door: &Handle,
+    grants: &Grants,
+    subject: Subject,
+    blur: Option<BlurAsked>,
+) -> Result<Taken, EvidenceError> {
     if grants.role() < Role::Operator {
         return Err(EvidenceError::Forbidden("making a snapshot is for operator and above".to_owned()));
     }
     match subject {
-        Subject::View { request, parameters } => take_view(door, grants, *request, parameters).await,
-        Subject::Camera { camera, at } => take_camera(door, grants, camera, at).await,
+        Subject::View { request, parameters } => {
+            take_view(door, grants, ViewRequest { blur_people: blur, ..*request }, parameters).await
+        }
+        Subject::Camera { camera, at } => take_camera(door, grants, (camera, at), blur).await,
     }
 }
 
@@ -63,6 +74,8 @@ async fn take_view(
     members.filter(|id| is_allowed(id)).try_for_each(|id| check_export(grants, id.as_str()))?;
     let is_left_out = door.leaves_out(&id, at);
     let size_px = [request.width_px, request.height_px];
+    let people = people_document(request.blur_people.as_ref());
+    let hidden = Hidden::of(door, scene.cameras.iter().map(|member| member.id.as_str()));
     let answer = door.view(request).await?;
     // At once: what was drawn is held by nobody else.
     let held: Vec<Option<Arc<YuvImage>>> = answer.frames.iter().map(|frame| frame.upgrade()).collect();
@@ -70,6 +83,7 @@ async fn take_view(
     if door.scene(&id)?.document != scene.document {
         return Err(EvidenceError::Gone(format!("the scene {id} was changed meanwhile")));
     }
+    hidden.check_unchanged(door)?;
     // And those that took part though the caller may see no more than now of them.
     let took_part = |camera: &CameraId| answer.sources.iter().any(|source| source.camera == *camera);
     let scene = scene.with_cameras(|camera| is_allowed(camera) || took_part(camera));
@@ -91,6 +105,14 @@ async fn take_view(
                     None => "none",
                 }),
             );
+            let blur = answer.blurs.iter().flat_map(|blurs| blurs.iter()).find(|of| of.camera == member.id);
+            if let Some(place) = place {
+                let time = answer.sources[place].timestamp;
+                let hidden = hidden.at(&door, member.id.as_str(), time)?;
+                document.insert("seen_at".to_owned(), json!(time.to_string()));
+                document.insert("hidden".to_owned(), json!(hidden));
+                document.insert("blurred".to_owned(), json!(blur.map(blur_document)));
+            }
             if let Some(place) = place.filter(|_| !is_gap) {
                 let time = answer.sources[place].timestamp;
                 let (frame, is_same) = match held.get(place).cloned().flatten() {
@@ -104,7 +126,7 @@ async fn take_view(
                 document.insert("frame_file".to_owned(), json!(file));
                 document
                     .insert("frame_from".to_owned(), json!(if is_same { "memory" } else { "decoded_again" }));
-                frames.push((file, frame));
+                frames.push((file, blur.map_or_else(|| Arc::clone(&frame), |blur| blur.blurred(&frame))));
             }
             documents.push(Value::Object(document));
         }
@@ -115,6 +137,7 @@ async fn take_view(
     let mut about = Map::new();
     let mut put = |name: &str, value: Value| drop(about.insert(name.to_owned(), value));
     put("asked", json!({ "scene": id, "parameters": parameters, "t": asked_time(at) }));
+    put("people", people);
     put("view", view_document(answer.kind, answer.view, size_px));
     put("plan", plan_document(&answer));
     put("cameras", Value::Array(documents));
@@ -136,11 +159,26 @@ fn seen_again(door: &Handle, camera: &CameraId, time: Timestamp) -> Result<Arc<Y
     )))
 }
 
-async fn take_camera(door: &Handle, grants: &Grants, camera: String, at: At) -> Result<Taken, EvidenceError> {
-    let asked = (door.clone(), camera.clone());
-    let looked = tokio::task::spawn_blocking(move || asked.0.observation(&asked.1, at)).await;
+async fn take_camera(
+    door: &Handle,
+    grants: &Grants,
+    (camera, at): (String, At),
+    blur: Option<BlurAsked>,
+) -> Result<Taken, EvidenceError> {
+    let people = people_document(blur.as_ref());
+    let hidden = Hidden::of(door, std::iter::once(camera.as_str()));
+    let (asked, of) = (door.clone(), camera.clone());
+    let looked = tokio::task::spawn_blocking(move || asked.observation(&of, at)).await;
     let seen = looked.map_err(EvidenceError::broken_off("looking back"))??;
     check_export(grants, &camera)?;
+    let (asked, of) = (door.clone(), seen.clone());
+    let blurred = tokio::task::spawn_blocking(move || {
+        let blur = blur.map(|blur| asked.blur(&of, &blur)).transpose()?;
+        let image = blur.as_ref().map(|blur| blur.blurred(&of.frame.image));
+        Ok::<_, EvidenceError>((blur, image))
+    });
+    let (blur, blurred) = blurred.await.map_err(EvidenceError::broken_off("blurring"))??;
+    hidden.check_unchanged(door)?;
     let time = seen.frame.timestamp;
     let id = seen.frame.camera.clone();
     let mut document = camera_document(&id, &door.cameras(), time);
@@ -153,6 +191,9 @@ async fn take_camera(door: &Handle, grants: &Grants, camera: String, at: At) -> 
         }
     }
     document.insert("calibrations".to_owned(), json!(calibrations));
+    document.insert("seen_at".to_owned(), json!(time.to_string()));
+    document.insert("hidden".to_owned(), json!(hidden.at(door, &camera, time)?));
+    document.insert("blurred".to_owned(), json!(blur.as_ref().map(blur_document)));
     document.insert("part".to_owned(), json!("frame"));
     document.insert("frame_time".to_owned(), json!(time.to_string()));
     document.insert("frame_before_secs".to_owned(), json!(0.0));
@@ -161,9 +202,10 @@ async fn take_camera(door: &Handle, grants: &Grants, camera: String, at: At) -> 
     let about = Map::from_iter([
         ("asked".to_owned(), json!({ "camera": camera, "t": asked_time(at) })),
         ("cameras".to_owned(), json!([document])),
+        ("people".to_owned(), people),
     ]);
     Ok(Taken {
-        picture: Pixels::Frame(seen.frame.image),
+        picture: Pixels::Frame(blurred.unwrap_or(seen.frame.image)),
         frames: Vec::new(),
         shown_at: time,
         subject: ("camera", camera.clone()),

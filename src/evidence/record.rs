@@ -66,6 +66,23 @@ pub(super) struct ReadRecord {
 #[derive(Debug, Deserialize)]
 pub(super) struct ReadCamera {
     pub(super) id: String,
+    #[serde(default)]
+    pub(super) part: Option<String>,
+    /// When what is shown of it was seen.
+    #[serde(default)]
+    pub(super) seen_at: Option<String>,
+    #[serde(default)]
+    pub(super) frame_time: Option<String>,
+    /// What was hidden of it, in the texture.
+    #[serde(default)]
+    pub(super) hidden: Vec<Vec<[f64; 2]>>,
+}
+
+impl ReadCamera {
+    /// Whether anything of it is shown.
+    pub(super) fn takes_part(&self) -> bool {
+        self.part.as_deref() != Some("none")
+    }
 }
 
 /// What opens a record's link to the one before. Whoever has it learns how many there are: it is for who may see all.

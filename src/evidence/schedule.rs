@@ -53,6 +53,12 @@ impl Schedule {
         due
     }
 
+    /// Whether people are blurred in what is made by that name.
+    #[must_use]
+    pub fn blurs_people(&self, id: &str) -> bool {
+        self.entries.iter().any(|(of, _)| of.id == id && of.wanted.blur_people.is_some())
+    }
+
     /// Makes what has fallen due; what came of each.
     pub async fn make_due(
         &mut self,
@@ -83,7 +89,8 @@ mod tests {
 
     fn scheduled(id: &str, period_nanos: i64) -> Scheduled {
         let subject = Subject::Camera { camera: "north".to_owned(), at: At::Live };
-        let wanted = Wanted { subject, note: String::new(), tags: Vec::new(), hold: false };
+        let wanted =
+            Wanted { subject, note: String::new(), tags: Vec::new(), hold: false, blur_people: None };
         Scheduled { id: id.to_owned(), period_nanos, wanted }
     }
 

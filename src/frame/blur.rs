@@ -9,20 +9,20 @@ use super::{BufferPool, YuvImage, YuvLayout};
 use std::sync::Arc;
 
 /// Cells along the longer side of a person: a face is about one of them.
-const CELLS: u32 = 8;
+pub const BLUR_CELLS: u32 = 8;
 
 /// Least side of a cell, pixels: of who is far away hardly more is left than that somebody is there.
-const LEAST_CELL_PX: u32 = 8;
+pub const LEAST_BLUR_CELL_PX: u32 = 8;
 
 /// Greatest side of a cell, pixels: no picture is larger than a few of these.
 const MOST_CELL_PX: u32 = 2048;
 
-/// Least share of a region's longer side, over its share by [`CELLS`], by which it is larger than the person on every side:
+/// Least share of a region's longer side, over its share by [`BLUR_CELLS`], by which it is larger than the person on every side:
 /// what was found of somebody may lack hair, a hand, the hem of a coat.
-const MARGIN_SHARE: f64 = 0.15;
+pub const BLUR_MARGIN_SHARE: f64 = 0.15;
 
 /// Least margin, pixels.
-const LEAST_MARGIN_PX: u32 = 6;
+pub const LEAST_BLUR_MARGIN_PX: u32 = 6;
 
 /// Cells along the longer side of a picture that is blurred whole.
 const CELLS_OF_ALL: u32 = 24;
@@ -72,7 +72,8 @@ impl YuvImage {
         let size = [layout.width, layout.height];
         match blur {
             Blur::Whole => {
-                let cell = size[0].max(size[1]).div_ceil(CELLS_OF_ALL).clamp(LEAST_CELL_PX, MOST_CELL_PX);
+                let cell =
+                    size[0].max(size[1]).div_ceil(CELLS_OF_ALL).clamp(LEAST_BLUR_CELL_PX, MOST_CELL_PX);
                 blur_part(&layout, &mut data, [0, 0], size, cell);
             }
             Blur::Parts(regions) => {
@@ -84,7 +85,7 @@ impl YuvImage {
                         &mut data,
                         from,
                         to,
-                        longer.div_ceil(CELLS).clamp(LEAST_CELL_PX, MOST_CELL_PX),
+                        longer.div_ceil(BLUR_CELLS).clamp(LEAST_BLUR_CELL_PX, MOST_CELL_PX),
                     );
                 }
             }
@@ -102,7 +103,7 @@ impl YuvImage {
 fn with_margin(region: &BlurRegion, size: [u32; 2]) -> Option<([u32; 2], [u32; 2])> {
     let longer = region.size_px[0].max(region.size_px[1]);
     // A cast from float saturates.
-    let margin = ((f64::from(longer) * MARGIN_SHARE).ceil() as u32).max(LEAST_MARGIN_PX);
+    let margin = ((f64::from(longer) * BLUR_MARGIN_SHARE).ceil() as u32).max(LEAST_BLUR_MARGIN_PX);
     let from = region.left_top.map(|at| at.saturating_sub(margin));
     let end = |axis: usize| {
         let end = region.left_top[axis].saturating_add(region.size_px[axis]).saturating_add(margin);

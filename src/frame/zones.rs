@@ -40,8 +40,14 @@ impl Zone {
     /// Whether a texture coordinate lies in it.
     #[must_use]
     pub fn holds(&self, texture: [f64; 2]) -> bool {
-        shape::holds(&self.polygon, texture)
+        polygon_holds(&self.polygon, texture)
     }
+}
+
+/// Whether a texture coordinate lies in a zone of these corners.
+#[must_use]
+pub fn polygon_holds(polygon: &[[f64; 2]], texture: [f64; 2]) -> bool {
+    shape::holds(polygon, texture)
 }
 
 /// Checks a camera's zones; what is wrong is noted at its place beneath `place`, a JSON pointer.

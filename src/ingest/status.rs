@@ -131,6 +131,11 @@ impl StatusReader {
         status.reason = Some("switched off".to_owned());
     }
 
+    /// Tells that the camera's thread could not be started.
+    pub fn fail(&self, reason: String, now: Timestamp) {
+        self.0.fail(reason, now, None);
+    }
+
     /// What is read here, to be told on.
     pub(super) fn shared(self) -> SharedStatus {
         self.0

@@ -16,6 +16,7 @@ mod jpeg;
 mod losses;
 mod muxer;
 mod planes;
+mod plugins;
 mod tap;
 
 pub use clip::{ClipContainer, ClipWriter};
@@ -28,6 +29,7 @@ pub use fault::{ConnectionFault, Fault};
 pub use input::{Input, descriptor_path};
 pub use muxer::{Muxer, TICK_NANOS};
 pub use planes::{PlaneReader, SampleError, Times};
+pub use plugins::{Codec, decoded_codecs, missing_elements};
 
 use crate::frame::YuvImage;
 

@@ -9,7 +9,16 @@ use std::fmt;
 
 /// The tree of a whole document.
 pub(crate) fn tree(text: &str, gatherer: &mut Gatherer) -> Result<Value, SceneError> {
-    if text.len() > MAX_DOCUMENT_BYTES {
+    tree_within(text, MAX_DOCUMENT_BYTES, gatherer)
+}
+
+/// The tree of a text of at most so many bytes.
+pub(super) fn tree_within(
+    text: &str,
+    most_bytes: usize,
+    gatherer: &mut Gatherer,
+) -> Result<Value, SceneError> {
+    if text.len() > most_bytes {
         return Err(SceneError::TooLarge { bytes: text.len() as u64 });
     }
     let mut deserializer = serde_json::Deserializer::from_str(text);

@@ -5,6 +5,7 @@
 //! Knows nothing of pictures, time or the GPU.
 
 mod document;
+pub mod exchange;
 mod import;
 mod json;
 mod model;

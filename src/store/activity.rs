@@ -25,6 +25,14 @@ pub struct ActivityRecord {
     pub new_tracks: u32,
 }
 
+impl ActivityRecord {
+    /// Share of the picture that moved, 0 to 1, mean over the frames.
+    #[must_use]
+    pub fn moving_share(&self) -> f64 {
+        self.moving_sum / self.n_frames.max(1) as f64
+    }
+}
+
 impl Store {
     /// Adds what moved before `camera` to what is kept of that minute. A power cut may take the last minutes.
     ///

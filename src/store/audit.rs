@@ -1,4 +1,5 @@
-//! Table `audit`: who did what. Only ever added to, on disk when it is acknowledged, and chained by digests.
+//! Tables `audit` and `audit_anchor`: who did what. Only ever added to, on disk when it is acknowledged, and chained by
+//! digests. Where the oldest entries are removed for their age, the anchor keeps the digest that the next one builds on.
 
 use super::migrate::SCHEMA_VERSION;
 use super::open::open_to_add;
@@ -10,6 +11,9 @@ use std::path::{Path, PathBuf};
 
 /// The first schema that has the table.
 const FIRST_SCHEMA: i64 = 10;
+
+/// Entries that are removed at once: others wait for the database meanwhile.
+pub(super) const MAX_REMOVED: i64 = 10_000;
 
 /// Rows that are read at once when all are checked.
 const PAGE: u32 = 1000;
@@ -51,9 +55,11 @@ impl AuditRecord {
 /// What a look at all entries found.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuditCheck {
-    /// Entries that are whole, from the first on.
+    /// Entries that were removed for their age: the first that is left has the number after it.
+    pub n_removed: i64,
+    /// Entries that are whole, from the first that is left on.
     pub n_whole: i64,
-    /// The digest of the last of these: whoever noted it can tell later that nothing before it was changed.
+    /// The digest of the last of these, or of the last that was removed: whoever noted it can tell later that nothing before it was changed.
     pub head: Option<String>,
     /// What is wrong with the entry after them.
     pub fault: Option<String>,
@@ -91,9 +97,10 @@ pub(super) async fn append(
             .fetch_optional(&mut *transaction)
             .await
             .map_err(classify)?;
-    let (number, before) = last.map_or((0, vec![0; 32]), |(number, digest)| (number, digest));
-    let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
-    let before: [u8; 32] = before.try_into().map_err(|_wrong_length| unreadable())?;
+    let (number, before) = match last {
+        Some((number, digest)) => (number, as_digest(digest, path)?),
+        None => anchor(&mut transaction, path).await?,
+    };
     let number = number + 1;
     sqlx::query(
         "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
@@ -112,6 +119,30 @@ pub(super) async fn append(
     Ok(number)
 }
 
+fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreError> {
+    let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
+    bytes.try_into().map_err(|_wrong_length| unreadable())
+}
+
+/// The last entry that was removed: its number and digest; 0 and zeros where none was. A schema from before that could be has
+/// no table of it.
+async fn anchor(connection: &mut SqliteConnection, path: &Path) -> Result<(i64, [u8; 32]), StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let tables: Vec<String> =
+        sqlx::query_scalar("select name from sqlite_schema where type = 'table' and name = 'audit_anchor'")
+            .fetch_all(&mut *connection)
+            .await
+            .map_err(classify)?;
+    if tables.is_empty() {
+        return Ok((0, [0; 32]));
+    }
+    let kept: Option<(i64, Vec<u8>)> = sqlx::query_as("select number, digest from audit_anchor")
+        .fetch_optional(connection)
+        .await
+        .map_err(classify)?;
+    kept.map_or(Ok((0, [0; 32])), |(number, digest)| Ok((number, as_digest(digest, path)?)))
+}
+
 /// Adds an entry to the database at `path`, whoever has it open; its number. A database of another schema is left alone.
 ///
 /// # Errors
@@ -128,6 +159,7 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails: then it was not noted.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "append_audit"))]
     pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
         let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
         append(&mut connection, &self.path, entry).await
@@ -150,6 +182,46 @@ impl Store {
         let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
         check(&mut connection, &self.path).await
     }
+
+    /// Removes entries from before `until`, from the first on, at most 10 000, never the newest; the number and digest
+    /// of the last that went, if any did. What is left is chained to that digest.
+    ///
+    /// # Errors
+    /// When the database fails: then none is removed.
+    pub async fn shorten_audit(&self, until: Timestamp) -> Result<Option<(i64, String)>, StoreError> {
+        let classify = |error| self.classify(error);
+        let mut connection = self.durable.acquire().await.map_err(classify)?;
+        let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+        let (first, _) = anchor(&mut transaction, &self.path).await?;
+        // The first that stays: one that is young enough, or the newest, or where as many went as may at once.
+        let stays: Option<i64> = sqlx::query_scalar(
+            "select min(coalesce((select min(number) from audit where at >= ?1), max(number)), max(number), ?2) from audit",
+        )
+        .bind(until.as_nanos())
+        .bind(first + MAX_REMOVED + 1)
+        .fetch_one(&mut *transaction)
+        .await
+        .map_err(classify)?;
+        let Some(last) = stays.map(|stays| stays - 1).filter(|last| *last > first) else { return Ok(None) };
+        let digest: Vec<u8> = sqlx::query_scalar("select digest from audit where number = ?")
+            .bind(last)
+            .fetch_one(&mut *transaction)
+            .await
+            .map_err(classify)?;
+        for change in
+            ["update audit_anchor set number = ?1, digest = ?2", "delete from audit where number <= ?1"]
+        {
+            let query = sqlx::query(change).bind(last);
+            let query = if change.contains("?2") { query.bind(&digest) } else { query };
+            query.execute(&mut *transaction).await.map_err(classify)?;
+        }
+        transaction.commit().await.map_err(classify)?;
+        Ok(Some((last, hex(&as_digest(digest, &self.path)?))))
+    }
+}
+
+fn hex(digest: &[u8; 32]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 impl ReadOnly {
@@ -211,16 +283,17 @@ async fn page(
 }
 
 async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCheck, StoreError> {
-    let (mut n_whole, mut before) = (0, [0; 32]);
+    let (n_removed, anchored) = anchor(&mut *connection, path).await?;
+    let (mut last, mut before) = (n_removed, anchored);
     let mut fault = None;
     'all: loop {
-        let page = page(&mut *connection, path, n_whole, PAGE).await?;
+        let page = page(&mut *connection, path, last, PAGE).await?;
         if page.is_empty() {
             break;
         }
         for record in page {
-            if record.number != n_whole + 1 {
-                fault = Some(format!("entry {} is missing", n_whole + 1));
+            if record.number != last + 1 {
+                fault = Some(format!("entry {} is missing", last + 1));
                 break 'all;
             }
             if record.digest != digest(&before, record.number, &record.entry) {
@@ -228,9 +301,8 @@ async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCh
                 fault = Some(format!("entry {number} or one before it is not as it was written"));
                 break 'all;
             }
-            (n_whole, before) = (record.number, record.digest);
+            (last, before) = (record.number, record.digest);
         }
     }
-    let hex = |digest: [u8; 32]| digest.iter().map(|byte| format!("{byte:02x}")).collect();
-    Ok(AuditCheck { n_whole, head: (n_whole > 0).then(|| hex(before)), fault })
+    Ok(AuditCheck { n_removed, n_whole: last - n_removed, head: (last > 0).then(|| hex(&before)), fault })
 }

@@ -71,6 +71,7 @@ impl Store {
     ///
     /// # Errors
     /// When the document is no JSON or too large, or the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "add_document"))]
     pub async fn add_document(
         &self,
         kind: DocumentKind,
@@ -139,6 +140,7 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "forget_document"))]
     pub async fn forget_document(&self, kind: DocumentKind, id: &str) -> Result<(), StoreError> {
         sqlx::query("delete from document where kind = ? and id = ?")
             .bind(kind.as_str())

@@ -208,6 +208,19 @@ impl StoreError {
         }
     }
 
+    /// What went wrong, without the name of a file: for those who have no business with this machine's folders.
+    #[must_use]
+    pub fn without_path(&self) -> String {
+        match self {
+            Self::Busy { .. } => "the database is busy".to_owned(),
+            Self::DiskFull { .. } => "the disk of the database is full".to_owned(),
+            Self::Failing { .. } => "the disk of the database fails".to_owned(),
+            // Names no file.
+            Self::TooLarge { .. } => self.to_string(),
+            _ => "the database cannot be used".to_owned(),
+        }
+    }
+
     /// Finds the reason in SQLite's result code: <https://www.sqlite.org/rescode.html>.
     pub(super) fn classify(error: sqlx::Error, path: &Path) -> Self {
         let path = path.to_owned();

@@ -21,6 +21,7 @@ mod open;
 mod privacy;
 pub mod probe;
 pub mod restore;
+mod retention;
 mod scene;
 mod segment;
 mod snapshot;
@@ -36,7 +37,9 @@ pub use copy::{Contents, Depth, ReadOnly, copy, verify};
 pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTES};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
+pub use open::{file_system_of, is_network_file_system};
 pub use privacy::PrivacyRecord;
+pub use retention::AgeLimits;
 pub use scene::{SceneEntry, SceneRecord};
 pub use segment::{SegmentRecord, SegmentState};
 pub use snapshot::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
@@ -103,6 +106,18 @@ impl Store {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Bytes of the database's file and of the log beside it.
+    ///
+    /// # Errors
+    /// When the file cannot be looked at.
+    pub fn file_bytes(&self) -> std::io::Result<u64> {
+        let mut log = self.path.clone().into_os_string();
+        log.push("-wal");
+        // The log is not there at every time.
+        let log_bytes = std::fs::metadata(log).map_or(0, |log| log.len());
+        Ok(std::fs::metadata(&self.path)?.len() + log_bytes)
     }
 
     /// As [`Self::close`], but no longer than `time`: what was acknowledged is in the log, which the next start reads.

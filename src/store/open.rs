@@ -197,14 +197,26 @@ async fn tables(connection: &mut SqliteConnection) -> Result<Vec<String>, sqlx::
 }
 
 fn refuse_network(path: &Path, folder: &Path) -> Result<(), StoreError> {
-    // Where the system does not tell its mounts, nothing is known against them.
-    let Ok(mounts) = std::fs::read_to_string("/proc/self/mountinfo") else { return Ok(()) };
-    match file_system(&mounts, folder) {
-        Some(file_system) if NETWORK_FILE_SYSTEMS.contains(&file_system) => {
-            Err(StoreError::NetworkFileSystem { path: path.to_owned(), file_system: file_system.to_owned() })
+    match file_system_of(folder) {
+        Some(file_system) if is_network_file_system(&file_system) => {
+            Err(StoreError::NetworkFileSystem { path: path.to_owned(), file_system })
         }
         _ => Ok(()),
     }
+}
+
+/// The type of the file system that `folder`, all links resolved, lies on; none where the system does not tell its mounts, and
+/// nothing is known against them. Looks at no file in it.
+#[must_use]
+pub fn file_system_of(folder: &Path) -> Option<String> {
+    let mounts = std::fs::read_to_string("/proc/self/mountinfo").ok()?;
+    file_system(&mounts, folder).map(str::to_owned)
+}
+
+/// Whether a file system lacks the shared memory or the locks that a database needs.
+#[must_use]
+pub fn is_network_file_system(file_system: &str) -> bool {
+    NETWORK_FILE_SYSTEMS.contains(&file_system)
 }
 
 /// The type of the file system that `folder` lies on, from the lines of `/proc/self/mountinfo` (proc(5)): the

@@ -44,6 +44,7 @@ impl Store {
     ///
     /// # Errors
     /// When a value is not allowed, or the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "put_user"))]
     pub async fn put_user(&self, user: &UserRecord, was: i64) -> Result<bool, StoreError> {
         let done = sqlx::query(
             "insert into user (id, role, rights, password, version, created_at, updated_at)
@@ -96,6 +97,7 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "delete_user"))]
     pub async fn delete_user(&self, id: &str, version: i64) -> Result<bool, StoreError> {
         let done = sqlx::query("delete from user where id = ? and version = ?")
             .bind(id)
@@ -110,6 +112,7 @@ impl Store {
     ///
     /// # Errors
     /// When there is no such user, the id is taken, or the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "add_token"))]
     pub async fn add_token(&self, token: &TokenRecord) -> Result<(), StoreError> {
         sqlx::query(
             "insert into token (id, user, note, digest, created_at, expires_at) values (?, ?, ?, ?, ?, ?)",
@@ -156,6 +159,7 @@ impl Store {
     ///
     /// # Errors
     /// When the database fails.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "delete_token"))]
     pub async fn delete_token(&self, id: &str) -> Result<bool, StoreError> {
         let done = sqlx::query("delete from token where id = ?")
             .bind(id)

@@ -293,6 +293,10 @@ pub struct Metrics {
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
     pub api_request: HistogramVec,
+    /// 1 where the configuration was good when it was read last, 0 where it was at fault.
+    pub config_reload_success: IntGauge,
+    /// When a good one was read last, seconds since 1970.
+    pub config_reload_timestamp: Gauge,
     /// Seconds since the last good checkpoint, set when the metrics are asked for.
     pub store_checkpoint_age: Gauge,
     /// Seconds that a checkpoint of one camera's background took.
@@ -466,6 +470,16 @@ impl Metrics {
                 &["route"],
                 &REQUEST_SECONDS,
             ),
+            config_reload_success: int_gauge(
+                r,
+                "config_reload_success",
+                "1 where the configuration was good when it was read last, 0 where it was at fault.",
+            ),
+            config_reload_timestamp: gauge(
+                r,
+                "config_reload_timestamp_seconds",
+                "When a good configuration was read last, seconds since 1970.",
+            ),
             store_checkpoint_age: gauge(
                 r,
                 "store_checkpoint_age_seconds",
@@ -551,6 +565,38 @@ impl Metrics {
         for stage in Stage::ALL {
             // To ask for a series is to make it; there is nothing to observe yet.
             self.ingest_stage.with_label_values(&[camera, stage.as_str()]).get_sample_count();
+        }
+    }
+
+    /// Takes up counters that were there before: what became of traces' spans.
+    ///
+    /// # Errors
+    /// When there are others of that name.
+    pub fn adopt(&self, counters: &IntCounterVec) -> Result<(), prometheus::Error> {
+        self.registry.register(Box::new(counters.clone()))
+    }
+
+    /// Drops every series of a camera that is gone, of events those of `kinds`: what is known of it does not change any more.
+    pub fn forget_camera(&self, camera: &str, kinds: impl IntoIterator<Item = &'static str>) {
+        // A series that there never was cannot be removed, which is as good.
+        for counter in [&self.ingest_frames, &self.archive_frames, &self.archive_bytes] {
+            drop(counter.remove_label_values(&[camera]));
+        }
+        for gauge in [&self.archive_paused, &self.timeline_kept, &self.camera_privacy_zones] {
+            drop(gauge.remove_label_values(&[camera]));
+        }
+        drop(self.ingest_frame_age.remove_label_values(&[camera]));
+        for reason in DropReason::ALL {
+            drop(self.ingest_frames_dropped.remove_label_values(&[camera, reason.as_str()]));
+        }
+        for reason in RecordingDrop::ALL {
+            drop(self.archive_frames_dropped.remove_label_values(&[camera, reason.as_str()]));
+        }
+        for stage in Stage::ALL {
+            drop(self.ingest_stage.remove_label_values(&[camera, stage.as_str()]));
+        }
+        for kind in kinds {
+            drop(self.ingest_events.remove_label_values(&[camera, kind]));
         }
     }
 

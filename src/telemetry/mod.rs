@@ -1,29 +1,29 @@
-//! What the daemon tells about itself: logs through `tracing`, and every metric.
+//! What the daemon tells about itself: logs and traces through `tracing`, and every metric.
 //!
-//! Nothing flows in but events and numbers; out go lines on standard error and Prometheus text. Knows nothing of
-//! HTTP: `api` hands the text out.
+//! Nothing flows in but events and numbers; out go lines on standard error or to the journal, Prometheus text, and spans to a
+//! collector where there is one. Knows nothing of the daemon's own HTTP: `api` hands the text out.
 
 pub mod metrics;
+#[cfg(feature = "opentelemetry")]
+mod traces;
+#[cfg(not(feature = "opentelemetry"))]
+#[path = "no_traces.rs"]
+mod traces;
 
+pub use crate::config::LogFormat;
 pub use metrics::{
     DropReason, Metrics, RecordingDrop, RemovalReason, SnapshotFailure, SnapshotRemoval, Stage, ViewRefusal,
 };
+pub use traces::{Traces, link, spans, tell_stages};
 
+use crate::config::TelemetrySettings;
 use crate::error::ErrorKind;
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::{Layer, SubscriberExt};
+use tracing_subscriber::util::SubscriberInitExt;
+use tracing_subscriber::{EnvFilter, Registry, fmt};
 
 /// The filter when none is given.
 const DEFAULT_FILTER: &str = "info";
-
-/// How log lines are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum LogFormat {
-    /// For people.
-    #[default]
-    Text,
-    /// One JSON object a line.
-    Json,
-}
 
 /// Why logging could not be set up.
 #[derive(Debug, thiserror::Error)]
@@ -39,6 +39,12 @@ pub enum TelemetryError {
         /// What is wrong with it.
         source: tracing_subscriber::filter::ParseError,
     },
+    /// Traces cannot be sent.
+    #[error("traces cannot be sent: {reason}")]
+    Traces {
+        /// Why.
+        reason: String,
+    },
     /// Logging was set up before in this process.
     #[error("logging is already set up: {0}")]
     AlreadySet(tracing_subscriber::util::TryInitError),
@@ -49,32 +55,65 @@ impl TelemetryError {
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
         match self {
-            Self::Filter { .. } => ErrorKind::Invalid,
+            Self::Filter { .. } | Self::Traces { .. } => ErrorKind::Invalid,
             Self::AlreadySet(_) => ErrorKind::Internal,
         }
     }
 }
 
-/// Sends this process's logs to standard error.
+/// Lines or entries of the log, for whatever is below them.
+type Written = Box<dyn Layer<Registry> + Send + Sync>;
+
+/// Sends this process's logs where `format` says.
 ///
 /// `filter` wins over the variable `VIDEOFIELDS_LOG`, which wins over `RUST_LOG`; without any, `info`.
 ///
 /// # Errors
 /// When the filter is no filter, or logging was set up before.
 pub fn init(format: LogFormat, filter: Option<&str>) -> Result<(), TelemetryError> {
-    use tracing_subscriber::fmt;
-    use tracing_subscriber::util::SubscriberInitExt;
+    let nobody = TelemetrySettings::default();
+    init_with(format, filter, &nobody).map(|traces| assert!(traces.is_none(), "nobody is told"))
+}
 
+/// As [`init`], and tells a collector of requests where the settings name one: for as long as what comes back is there.
+///
+/// # Errors
+/// As [`init`]; and when traces cannot be sent, which a build without the feature `opentelemetry` never can.
+pub fn init_with(
+    format: LogFormat,
+    filter: Option<&str>,
+    telemetry: &TelemetrySettings,
+) -> Result<Option<Traces>, TelemetryError> {
     let filter = parse_filter(&choose_filter(filter, |name| std::env::var(name).ok()))?;
-    let subscriber = fmt().with_env_filter(filter).with_writer(std::io::stderr);
-    match format {
-        LogFormat::Text => {
-            let is_terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
-            subscriber.with_ansi(is_terminal).finish().try_init()
-        }
-        LogFormat::Json => subscriber.json().flatten_event(true).finish().try_init(),
+    let (written, complaint) = written(format);
+    let mut layers: Vec<Written> = vec![written.with_filter(filter).boxed()];
+    let mut traces = None;
+    if let Some((layer, begun)) = traces::begin(telemetry)? {
+        layers.push(layer.boxed());
+        traces = Some(begun);
     }
-    .map_err(TelemetryError::AlreadySet)
+    tracing_subscriber::registry().with(layers).try_init().map_err(TelemetryError::AlreadySet)?;
+    if let Some(error) = complaint {
+        tracing::warn!(%error, "there is no journal; the log goes to standard error");
+    }
+    Ok(traces)
+}
+
+/// What writes the log, and why not as asked.
+fn written(format: LogFormat) -> (Written, Option<std::io::Error>) {
+    let lines = || fmt::layer().with_writer(std::io::stderr);
+    let text = || {
+        let is_terminal = std::io::IsTerminal::is_terminal(&std::io::stderr());
+        lines().with_ansi(is_terminal).boxed()
+    };
+    match format {
+        LogFormat::Text => (text(), None),
+        LogFormat::Json => (lines().json().flatten_event(true).boxed(), None),
+        LogFormat::Journald => match tracing_journald::layer() {
+            Ok(journal) => (journal.with_syslog_identifier("videofields".to_owned()).boxed(), None),
+            Err(error) => (text(), Some(error)),
+        },
+    }
 }
 
 fn choose_filter(given: Option<&str>, variable: impl Fn(&str) -> Option<String>) -> String {

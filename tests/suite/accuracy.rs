@@ -171,6 +171,7 @@ fn the_demo_is_true_where_no_camera_stands() {
             session: None,
             effort: Effort::default(),
             horizon: None,
+            blur_people: None,
             scope: videofields::access::Scope::all(),
         };
         view_once(&config, &scene, &request, &SystemClock::new()).unwrap().image

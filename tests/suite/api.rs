@@ -2,14 +2,19 @@
 
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
+mod activity;
 mod contract;
-mod door;
+mod contract_held;
+mod contract_lint;
+pub(crate) mod door;
+mod event_stream;
 mod exports;
 mod idempotency;
+mod jobs;
 mod playheads;
 mod refusals;
 mod server;
-mod sockets;
+pub(crate) mod sockets;
 mod streams;
 mod strip;
 mod timeline;
@@ -22,6 +27,7 @@ mod users;
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::{HeaderMap, Request, StatusCode};
+use axum::response::Response;
 use door::{DOCUMENT, FIRST, FakeDoor, LAST, State};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
@@ -75,8 +81,13 @@ impl Bench {
         Self { router: router_within(limits, (handle, trust), clock, site), door }
     }
 
+    /// With a body that may have no end.
+    async fn send_open(&self, request: Request<Body>) -> Response {
+        self.router.clone().oneshot(request).await.unwrap()
+    }
+
     async fn send(&self, request: Request<Body>) -> Answer {
-        let response = self.router.clone().oneshot(request).await.unwrap();
+        let response = self.send_open(request).await;
         let (parts, body) = response.into_parts();
         let body = to_bytes(body, 1 << 24).await.unwrap().to_vec();
         Answer { status: parts.status, headers: parts.headers, body }

@@ -102,7 +102,9 @@ fn the_example_names_every_key() {
         assert_eq!(written, known, "{path}");
     };
     check(&example, "", "zzz = 1");
-    for section in ["server", "storage", "archive", "media", "timeline", "render", "accuracy"] {
+    for section in
+        ["server", "storage", "archive", "media", "timeline", "render", "accuracy", "log", "telemetry"]
+    {
         check(example[section].as_table().expect("a table"), section, &format!("{section}.zzz = 1"));
     }
     let camera = example["camera"][0].as_table().expect("a table");
@@ -167,7 +169,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
             "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, archive, media, \
-           timeline, render, accuracy, camera, scene, snapshot",
+           timeline, render, accuracy, log, telemetry, camera, scene, snapshot",
         ],
     );
 }
@@ -240,6 +242,9 @@ fn numbers_outside_their_range_are_refused() {
     check("storage", "background_history_count = 0", "1 to 10000 backgrounds");
     check("storage", "background_history_count = 1.5", "whole number");
     check("storage", "background_history_mib = 0", "1 to 1048576 MiB");
+    check("storage", "background_history_max_age_days = 0.0", "0.01 to 36500 days");
+    check("storage", "tracks_max_age_days = 401.0", "0.01 to 400 days");
+    check("storage", "activity_max_age_days = -1.0", "0.01 to 400 days");
     check("storage", "background_history_mib = 1048577", "1 to 1048576 MiB");
     check("archive", "segment_secs = 4", "5 to 3600 seconds, got 4");
     check("archive", "segment_secs = 7.5", "whole number");

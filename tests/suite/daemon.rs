@@ -7,6 +7,9 @@ mod copies;
 mod encrypted;
 mod kept;
 pub(crate) mod process;
+mod reload;
+#[cfg(feature = "opentelemetry")]
+mod traces;
 
 use process::{Daemon, Output, run, videofields};
 use serde_json::Value;

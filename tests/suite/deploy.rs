@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::Path;
 use videofields::config::{self, Config};
-use videofields::telemetry::{DropReason, RecordingDrop, ViewRefusal};
+use videofields::telemetry::{DropReason, RecordingDrop, SnapshotFailure, ViewRefusal};
 
 const UNIT: &str = "deploy/systemd/videofields.service";
 const CONFIG: &str = "/etc/videofields/videofields.toml";
@@ -64,6 +64,7 @@ fn alerts_ask_for_reasons_that_there_are() {
     let mut known = BTreeSet::from(DropReason::ALL.map(DropReason::as_str));
     known.extend(RecordingDrop::ALL.map(RecordingDrop::as_str));
     known.extend(ViewRefusal::ALL.map(ViewRefusal::as_str));
+    known.extend(SnapshotFailure::ALL.map(SnapshotFailure::as_str));
     let alerts = read("deploy/prometheus/alerts.yml");
     let quoted = |rest: &str| -> Option<String> {
         let rest = rest.trim_start_matches('~').strip_prefix('"')?;

@@ -2,22 +2,29 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
+mod activity;
+mod blurred;
+mod calibrations;
 mod costs;
 mod deadlines;
 mod evidence;
 mod feed;
 mod frozen;
-mod house;
+pub(crate) mod house;
+mod jobs;
 mod kept_scenes;
+mod masked;
 mod mutations;
 mod pictures;
 pub(crate) mod privacy;
 mod restart;
 mod rights;
 mod snapshots;
+mod streams;
 mod tags;
 mod tracks;
 mod views;
+mod walk;
 mod walls;
 
 use crate::support::wait_for;
@@ -47,7 +54,7 @@ const RATE_HZ: f64 = 50.0;
 const FRAME_NANOS: i64 = 20_000_000;
 
 /// Two cameras that look down on a square of ground, `north` from its north side and `south` from its south side.
-const SCENE: &str = r##"{
+pub(crate) const SCENE: &str = r##"{
     "version": 1, "name": "Yard",
     "sky": {"color_srgb": "#8090ff"},
     "ground": [{"polygon": [[-10, -10], [10, -10], [10, 10], [-10, 10]], "height_m": 0, "color_srgb": "#705030"}],
@@ -58,6 +65,13 @@ const SCENE: &str = r##"{
             "position_m": [0, -8, 6], "world_from_camera": [-0.9238795325112867, 0, 0, 0.3826834323650898]}}
     ]
 }"##;
+
+/// A whole daemon's interface over two cameras that are live and the scene `yard`.
+pub(crate) fn live_house(folder: &Path) -> house::House {
+    let house = kept_scenes::start(folder);
+    house.bench.wait_for_state("north", "live");
+    house
+}
 
 /// Whether pictures can be drawn here.
 fn has_adapter() -> bool {
@@ -111,7 +125,7 @@ fn camera(id: &str, path: impl Into<PathBuf>, end: End) -> CameraSettings {
 }
 
 /// A running engine, and all that must outlive it.
-struct Bench {
+pub(crate) struct Bench {
     runtime: Runtime,
     store: Store,
     engine: Engine,
@@ -146,7 +160,7 @@ impl Bench {
     }
 
     /// Stops it as the daemon does; the handle lives on.
-    fn stop(self) -> Handle {
+    pub(crate) fn stop(self) -> Handle {
         self.engine.stop();
         self.runtime.block_on(self.store.close()).unwrap();
         self.handle
@@ -182,6 +196,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         session: None,
         effort: Effort::default(),
         horizon: None,
+        blur_people: None,
         scope: videofields::access::Scope::all(),
     }
 }

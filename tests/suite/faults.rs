@@ -5,6 +5,7 @@
 
 mod client;
 mod engine;
+mod http;
 mod killed;
 mod nested;
 mod sources;

@@ -1,5 +1,7 @@
 //! The scene document as its authors write it: read whole, written back, and refused with places.
 
+#[path = "scene/exchange.rs"]
+mod exchange;
 #[path = "scene/models.rs"]
 mod models;
 #[path = "scene/pictures.rs"]

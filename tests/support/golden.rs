@@ -1,4 +1,4 @@
-//! Compares rendered pictures with goldens and twins. Every tolerance of a picture lives in this file.
+//! Compares rendered pictures with goldens and twins, and texts with goldens. Every tolerance of a picture lives in this file.
 //!
 //! `UPDATE_GOLDEN=<name>` (or `all`) rewrites a golden; a failure leaves the picture and its difference in
 //! `target/golden/`. Goldens are drawn by lavapipe, so that every machine can check them.
@@ -110,6 +110,41 @@ pub(crate) fn check(name: &str, actual: &RgbImage) {
     }
 }
 
+/// Holds a text to the golden `tests/golden/<file>`; `UPDATE_GOLDEN` takes the name without its ending.
+///
+/// # Panics
+/// When it differs or is missing.
+pub(crate) fn check_text(file: &str, actual: &str) {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(file);
+    let name = file.split('.').next().unwrap_or(file);
+    if std::env::var("UPDATE_GOLDEN").is_ok_and(|wanted| wanted == name || wanted == "all") {
+        fs::write(&path, actual).expect("a golden is written");
+        return;
+    }
+    let expected = fs::read_to_string(&path).unwrap_or_else(|error| {
+        panic!("{}: {error}; UPDATE_GOLDEN={name} makes it", path.display());
+    });
+    if let Some(difference) = first_difference(actual, &expected) {
+        panic!("{file}: {difference}; UPDATE_GOLDEN={name} takes it over where it is meant so");
+    }
+}
+
+/// The first line in which two texts differ.
+fn first_difference(actual: &str, expected: &str) -> Option<String> {
+    let (mut actual_lines, mut expected_lines) = (actual.lines(), expected.lines());
+    for number in 1.. {
+        let (is, was) = (actual_lines.next(), expected_lines.next());
+        if is != was {
+            let told = |line: Option<&str>| line.map_or("the end".to_owned(), |line| format!("{line:?}"));
+            return Some(format!("line {number} is {}, was {}", told(is), told(was)));
+        }
+        if is.is_none() {
+            break;
+        }
+    }
+    (actual != expected).then(|| "the ends of lines differ".to_owned())
+}
+
 /// Writes a picture, making its folder.
 ///
 /// # Panics
@@ -133,4 +168,15 @@ fn a_picture_that_differs_fails() {
     let narrow = RgbImage { width: 20, height: 50, data: vec![100; 3000] };
     assert!(compare(&narrow, &picture, GOLDEN, |_| true).is_err());
     assert!(compare(&picture, &picture, GOLDEN, |_| false).is_err());
+}
+
+#[test]
+fn the_first_line_that_differs_is_told() {
+    let check = |actual: &str, expected: &str, told: Option<&str>| {
+        assert_eq!(first_difference(actual, expected).as_deref(), told);
+    };
+    check("a\nb\n", "a\nb\n", None);
+    check("a\nc\n", "a\nb\n", Some("line 2 is \"c\", was \"b\""));
+    check("a\n", "a\nb\n", Some("line 2 is the end, was \"b\""));
+    check("a", "a\n", Some("the ends of lines differ"));
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod golden;
 pub(crate) mod rtsp;
+pub(crate) mod schema;
 pub(crate) mod small_disk;
 pub(crate) mod tls;
 pub(crate) mod video;

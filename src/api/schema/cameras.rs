@@ -1,14 +1,20 @@
 //! What is told of cameras, and how they are set.
 
 use super::{
-    Named, anything, boolean, count, exactly, id, list, named, nullable, number, number_within, object,
+    Named, anything, boolean, count, exactly, id, line, list, named, nullable, number, number_within, object,
     taken, text, time, whole_within, word,
 };
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 4] =
-    [("Camera", camera), ("SegmentSettings", segment), ("SourceSettings", source), ("ClockSettings", clock)];
+pub(in crate::api) const NAMED: [Named; 6] = [
+    ("Camera", camera),
+    ("SegmentSettings", segment),
+    ("SourceSettings", source),
+    ("ClockSettings", clock),
+    ("PrivacyZone", privacy_zone),
+    ("PrivacyZones", privacy_zones),
+];
 
 /// Every camera.
 pub(in crate::api) fn all() -> Value {
@@ -27,6 +33,11 @@ fn camera() -> Value {
         ("frames", count(), "Frames written since the daemon started"),
         ("bytes", count(), "Bytes written since the daemon started"),
         ("dropped", count(), "Frames left out since the daemon started"),
+    ]);
+    let privacy = object([
+        ("zones", count(), "How many hide something"),
+        ("version", count(), "Which version they are"),
+        ("since", nullable(time()), "Since when they hold, by the daemon's clock"),
     ]);
     object([
         ("id", id(), "Its id"),
@@ -48,7 +59,53 @@ fn camera() -> Value {
         ("first", nullable(time()), "Scene time of the earliest frame kept"),
         ("last", nullable(time()), "Scene time of the latest frame kept"),
         ("age_secs", nullable(number()), "Seconds since the latest frame came"),
+        ("privacy", privacy, "What nobody may see of its pictures"),
         ("scenes", list(id()), "Scenes that hold it"),
+    ])
+}
+
+fn privacy_zone() -> Value {
+    let corner = exactly(2, number_within(0.0, 1.0));
+    taken(
+        &["name", "reason", "polygon"],
+        [
+            ("name", line(100), "Another than the others'"),
+            ("reason", line(1000), "Why it is hidden"),
+            (
+                "polygon",
+                json!({"type": "array", "items": corner, "minItems": 3, "maxItems": 64}),
+                "Corners in the texture, from (0, 0) at the upper left; sides do not cross",
+            ),
+        ],
+    )
+}
+
+/// What a camera's zones are to be.
+pub(in crate::api) fn privacy_asked() -> Value {
+    taken(&["zones"], [("zones", some_zones(), "All of them")])
+}
+
+/// What is to be changed of them.
+pub(in crate::api) fn privacy_patch() -> Value {
+    taken(&[], [("zones", some_zones(), "All of them; as they were if absent")])
+}
+
+fn some_zones() -> Value {
+    json!({"type": "array", "items": named("PrivacyZone"), "maxItems": 32})
+}
+
+fn privacy_zones() -> Value {
+    let lifted = object([
+        ("zone", named("PrivacyZone"), "As it was"),
+        ("until", time(), "What was seen before stays hidden by it"),
+    ]);
+    object([
+        ("zones", list(named("PrivacyZone")), "Those that hold"),
+        ("is_configured", boolean(), "Whether they are the configuration's"),
+        ("version", count(), "What the entity tag says too"),
+        ("since", nullable(time()), "Since when they hold, by the daemon's clock"),
+        ("changed_by", nullable(text()), "Who made it so"),
+        ("lifted", list(lifted), "Those that held before"),
     ])
 }
 
@@ -71,7 +128,7 @@ fn segment() -> Value {
         [
             (
                 "resolution",
-                text(),
+                word(&["auto", "full", "half", "quarter"]),
                 "At which size foreground is computed; it cannot be changed while the camera runs",
             ),
             (
@@ -81,7 +138,7 @@ fn segment() -> Value {
             ),
             ("delta_high", number_within(0.0, 1.0), "Hysteresis; not above `delta` it asks for nothing"),
             ("blur_sigma_px", nullable(number_within(0.0, 16.0)), "Standard deviation of the blur, pixels"),
-            ("mixture", text(), "How the mixture's own match test counts"),
+            ("mixture", word(&["ignore", "require", "add"]), "How the mixture's own match test counts"),
             (
                 "shadow_darkest",
                 number_within(0.05, 1.0),
@@ -118,9 +175,21 @@ fn clock() -> Value {
     taken(
         &[],
         [
-            ("offset_secs", number(), "Seconds that are added to the camera's time, at most a century"),
-            ("drift_ppm", number(), "Millionths that scene time runs faster than the camera's own"),
-            ("since", nullable(text()), "When the offset alone was right, by the camera's own time"),
+            (
+                "offset_secs",
+                number_within(-3.2e9, 3.2e9),
+                "Seconds that are added to the camera's time, at most a century",
+            ),
+            (
+                "drift_ppm",
+                number_within(-58_823.0, 58_823.0),
+                "Millionths that scene time runs faster than the camera's own",
+            ),
+            (
+                "since",
+                nullable(named("Instant")),
+                "When the offset alone was right, by the camera's own time",
+            ),
         ],
     )
 }

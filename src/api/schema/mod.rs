@@ -1,6 +1,8 @@
 //! JSON Schemas of what bodies and answers are made of: few words to write them with, and those that all resources share.
 
+pub(super) mod calibrations;
 pub(super) mod cameras;
+pub(super) mod evidence;
 pub(super) mod past;
 pub(super) mod scenes;
 pub(super) mod system;
@@ -18,15 +20,31 @@ pub(super) type Named = (&'static str, fn() -> Value);
 pub(super) const SHARED: [Named; 4] =
     [("Id", id_itself), ("Instant", instant_itself), ("Moment", moment_itself), ("Problem", problem)];
 
+/// The member `next` of a page.
+pub(super) fn next() -> (&'static str, Value, &'static str) {
+    ("next", nullable(text()), "For `cursor` of the next page; null at the end")
+}
+
+/// One of a stream's server-sent events, called one of these names; its data is JSON.
+pub(super) fn sent(names: &[&str], data: &str) -> Value {
+    let event = if names.is_empty() { text() } else { word(names) };
+    let mut sent = object([("event", event, "Its name"), ("data", text(), data)]);
+    sent["properties"]["id"] = json!({"type": "string", "description": "What `Last-Event-ID` goes on after"});
+    sent["description"] = json!("Each event of the stream; comments between keep the connection");
+    sent
+}
+
 /// All schemas by name.
 pub(super) fn all_named() -> impl Iterator<Item = Named> {
     SHARED
         .into_iter()
         .chain(cameras::NAMED)
+        .chain(calibrations::NAMED)
         .chain(scenes::NAMED)
         .chain(walls::NAMED)
         .chain(system::NAMED)
         .chain(users::NAMED)
+        .chain(evidence::NAMED)
 }
 
 /// A schema as the document's types have it. What these cannot say is lost, which a test of the contract's finds.
@@ -47,6 +65,11 @@ pub(super) fn anything() -> Value {
 /// Any text.
 pub(super) fn text() -> Value {
     json!({"type": "string"})
+}
+
+/// Text of 1 to so many characters, none of them a control character.
+pub(super) fn line(most: usize) -> Value {
+    json!({"type": "string", "pattern": format!(r"^[^\u0000-\u001f\u007f-\u009f]{{1,{most}}}$")})
 }
 
 /// One of a few words.
@@ -148,10 +171,11 @@ fn id_itself() -> Value {
 
 fn instant_itself() -> Value {
     json!({
-        "description": "An instant: RFC 3339 such as 2026-03-01T12:00:00.5Z, or nanoseconds since 1970-01-01 (UTC)",
+        "description": "An instant: RFC 3339 such as 2026-03-01T12:00:00.5Z, or nanoseconds since 1970-01-01 (UTC); from the year 1678 to 2261",
         "anyOf": [
             {"type": "string", "format": "date-time"},
-            {"type": "string", "pattern": "^-?[0-9]{1,18}$"},
+            // 64 bits reach into the year 2262; what a pattern can say in few words ends in 2255.
+            {"type": "string", "pattern": "^-?([0-9]{1,18}|[0-8][0-9]{18})$"},
         ],
     })
 }

@@ -25,6 +25,26 @@ pub(in crate::api) fn timeline() -> Value {
     ])
 }
 
+/// How much moved, step by step.
+pub(in crate::api) fn activity() -> Value {
+    let share = nullable(number_within(0.0, 1.0));
+    let camera = object([
+        ("camera", id(), ""),
+        ("frames", list(nullable(count())), "Frames looked at"),
+        ("moving_share", list(share), "Share of the picture that moved, mean over the frames"),
+        ("max_tracks", list(nullable(count())), "Most things followed at once"),
+        ("new_tracks", list(nullable(count())), "Things that came"),
+    ]);
+    object([
+        ("from", time(), ""),
+        ("to", time(), ""),
+        ("step_secs", count(), "Length of a step"),
+        ("first", time(), "Where the first step begins"),
+        ("steps", count(), "How many there are: the length of every series"),
+        ("cameras", list(camera), "Null in a step in which nothing was looked at"),
+    ])
+}
+
 /// What moved.
 pub(in crate::api) fn tracks() -> Value {
     let point = object([
@@ -52,7 +72,7 @@ pub(in crate::api) fn tracks() -> Value {
         ("to", time(), ""),
         ("tracks", list(track), "The one that began last first"),
         ("is_complete", boolean(), "Whether no further track fits the question"),
-        ("next", nullable(super::text()), "Where to go on; null at the end"),
+        super::next(),
     ])
 }
 

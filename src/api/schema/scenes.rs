@@ -1,8 +1,8 @@
 //! Scenes: their documents, as [docs/scenes.md] has them, and what is told of them.
 
 use super::{
-    Named, anything, boolean, count, exactly, id, list, map, named, nullable, number, number_within, object,
-    taken, text, time, whole_within, word,
+    Named, anything, boolean, count, exactly, id, line, list, map, named, nullable, number, number_within,
+    object, taken, text, time, whole_within, word,
 };
 use serde_json::{Value, json};
 
@@ -46,6 +46,16 @@ fn metres(n: usize) -> Value {
     exactly(n, number())
 }
 
+/// A polygon on the ground.
+fn corners(most: usize) -> Value {
+    json!({"type": "array", "items": metres(2), "minItems": 3, "maxItems": most})
+}
+
+/// A file beside the scene's, or beneath its folder.
+fn path() -> Value {
+    json!({"type": "string", "minLength": 1})
+}
+
 fn color() -> Value {
     json!({"type": "string", "pattern": "^#[0-9a-fA-F]{6}$"})
 }
@@ -53,7 +63,7 @@ fn color() -> Value {
 fn texture() -> Value {
     taken(
         &["file", "size_m"],
-        [("file", text(), "The picture"), ("size_m", metres(2), "After how many metres it repeats")],
+        [("file", path(), "The picture"), ("size_m", metres(2), "After how many metres it repeats")],
     )
 }
 
@@ -74,9 +84,9 @@ fn imagery() -> Value {
     taken(
         &["file"],
         [
-            ("file", text(), "The picture"),
+            ("file", path(), "The picture"),
             ("control_points", list(point), "Where pixels lie in the world"),
-            ("transform", text(), "How the picture is bent onto them"),
+            ("transform", word(&["affine", "homography"]), "How the picture is bent onto them"),
             ("bounds", bounds, "Where its edges lie on the earth, in place of points"),
             ("residual_m", number(), "How far the points are off, told and never read"),
         ],
@@ -87,7 +97,7 @@ fn ground() -> Value {
     taken(
         &["polygon"],
         [
-            ("polygon", list(metres(2)), "3 to 4096 corners x, y; no edge crosses another"),
+            ("polygon", corners(4096), "Corners x, y; no edge crosses another"),
             ("height_m", number(), "Default 0"),
             ("color_srgb", named("Color"), "Where no camera sees it"),
             ("imagery", named("Imagery"), "A picture that lies on it"),
@@ -105,7 +115,7 @@ fn sky() -> Value {
             ("ground_srgb", named("Color"), ""),
         ],
     );
-    let picture = taken(&["file"], [("file", text(), "All around"), ("yaw_deg", number(), "Its turn")]);
+    let picture = taken(&["file"], [("file", path(), "All around"), ("yaw_deg", number(), "Its turn")]);
     taken(
         &[],
         [
@@ -139,8 +149,8 @@ fn camera() -> Value {
     let import = taken(
         &["file"],
         [
-            ("file", text(), "The file"),
-            ("format", nullable(text()), "Told from the text if absent"),
+            ("file", path(), "The file"),
+            ("format", nullable(word(&["tsai", "opencv", "json"])), "Told from the text if absent"),
             ("image_size_px", nullable(exactly(2, count())), ""),
             ("camera", nullable(text()), "Which of several"),
             ("metres_per_unit", nullable(number()), ""),
@@ -180,7 +190,7 @@ fn scene() -> Value {
         [
             ("latitude_deg", number_within(-90.0, 90.0), ""),
             ("longitude_deg", number_within(-180.0, 180.0), ""),
-            ("height_m", number(), "Above the ellipsoid"),
+            ("height_m", number_within(-20_000.0, 100_000.0), "Above the ellipsoid"),
         ],
     );
     let a_box = upright(
@@ -202,7 +212,7 @@ fn scene() -> Value {
     let footprint = upright(
         &["id", "polygon", "top_m"],
         [
-            ("polygon", list(metres(2)), "3 to 1024 corners x, y"),
+            ("polygon", corners(1024), "Corners x, y"),
             ("base_m", number(), "Height of its under side"),
             ("top_m", number(), "Height of its roof"),
         ],
@@ -224,7 +234,7 @@ fn scene() -> Value {
         &["id", "file"],
         [
             ("id", id(), ""),
-            ("file", text(), ".gltf, .glb or .ply"),
+            ("file", path(), ".gltf, .glb or .ply"),
             ("position_m", metres(3), "Where the file's origin stands"),
             ("yaw_deg", number_within(-360.0, 360.0), ""),
             ("scale", number(), "Length of the file's unit, metres"),
@@ -246,7 +256,7 @@ fn scene() -> Value {
         &["version"],
         [
             ("version", json!({"type": "integer", "enum": [1]}), "Of the document's form"),
-            ("name", text(), "For people; the scene's id if absent"),
+            ("name", line(200), "For people; the scene's id if absent"),
             ("origin", origin, "Where the scene's origin lies on the earth"),
             ("sky", sky(), "What is seen where nothing stands"),
             ("ground", list(named("Ground")), "Level ground"),
@@ -272,7 +282,7 @@ fn versions() -> Value {
     object([
         ("versions", list(version), "The newest first"),
         ("is_complete", boolean(), "Whether there are no more"),
-        ("next", nullable(count()), "For `before` of the next page; null at the end"),
+        super::next(),
     ])
 }
 

@@ -7,14 +7,73 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 6] = [
+pub(in crate::api) const NAMED: [Named; 7] = [
     ("Readiness", readiness),
     ("Accuracy", accuracy),
     ("Playhead", playhead),
     ("PlayheadChange", playhead_change),
     ("Event", event),
     ("Export", export),
+    ("Job", job),
 ];
+
+/// The daemon itself.
+pub(in crate::api) fn system() -> Value {
+    let platform = object([
+        ("os", text(), ""),
+        ("architecture", text(), ""),
+        ("n_processors", count(), "Those that the daemon may use"),
+    ]);
+    let device = object([
+        ("adapter", text(), "As its driver names it"),
+        ("is_software", boolean(), "Whether it draws on the processor"),
+        ("max_texture_side_px", count(), "Most columns and rows of a texture"),
+        ("max_buffer_bytes", count(), "Most bytes of a buffer"),
+        ("has_timestamps", boolean(), "Whether passes can be timed"),
+    ]);
+    let counts = object([
+        ("cameras", count(), ""),
+        ("scenes", count(), ""),
+        ("walls", count(), ""),
+        ("views", count(), ""),
+        ("playheads", count(), ""),
+        ("exports", count(), ""),
+    ]);
+    let database = object([("schema_version", count(), ""), ("bytes", count(), "Of its file and its log")]);
+    let accounts = object([("users", count(), ""), ("tokens", count(), "")]);
+    object([
+        ("version", text(), "The program's"),
+        ("build", word(&["release", "debug"]), "How it was built"),
+        ("uptime_secs", nullable(count()), "For how long it answers; for admins"),
+        ("platform", platform, "Where it runs"),
+        ("device", nullable(device), "What pictures are drawn on; null while there is none"),
+        ("limits", limits(), "What requests are held to"),
+        ("counts", counts, "Of what the caller may see"),
+        ("database", nullable(database), "For admins"),
+        ("accounts", nullable(accounts), "For admins"),
+    ])
+}
+
+fn limits() -> Value {
+    object([
+        ("target_bytes", count(), "Path and query together; 414 beyond"),
+        ("head_bytes", count(), "A request's head; the connection is closed beyond"),
+        ("fields", count(), "Header fields; 431 beyond"),
+        ("field_bytes", count(), "Header fields together; 431 beyond"),
+        ("body_bytes", count(), "A body where a route says nothing else; 413 beyond"),
+        ("scene_bytes", count(), "A scene's document; 413 beyond"),
+        ("body_depth", count(), "Lists and objects of a body within one another; 400 beyond"),
+        ("request_secs", number(), "Until an answer begins, and until a body has come; 503 and 408 beyond"),
+        ("requests_at_once", count(), "503 beyond"),
+        ("answer_bytes", count(), "Of pictures that were not taken yet; 503 beyond"),
+        ("encoders", count(), "Pictures that are written at once; more wait"),
+        ("streams", count(), "Streams of pictures at once; 503 beyond"),
+        ("listeners", count(), "Listeners to events at once; 503 beyond"),
+        ("connections", count(), "At once; more wait"),
+        ("connection_secs", number(), "After which a connection takes no further request"),
+        ("idle_secs", number(), "For which a connection may ask for nothing"),
+    ])
+}
 
 /// That the process answers.
 pub(in crate::api) fn health() -> Value {
@@ -88,16 +147,17 @@ pub(in crate::api) fn playheads() -> Value {
 }
 
 fn playhead_change() -> Value {
+    let live_or_instant = json!({"anyOf": [word(&["live"]), named("Instant")]});
     taken(
         &[],
         [
-            ("scene", nullable(text()), "The scene; at first the first one"),
+            ("scene", nullable(id()), "The scene; at first the first one"),
             (
                 "loop",
-                nullable(exactly(2, text())),
+                nullable(exactly(2, named("Instant"))),
                 "Two instants: the stretch that is repeated; null repeats none",
             ),
-            ("at", nullable(text()), "`live`, RFC 3339 or nanoseconds: where it goes"),
+            ("at", nullable(live_or_instant), "`live`, RFC 3339 or nanoseconds: where it goes"),
             ("rate", nullable(number_within(-8.0, 8.0)), "Seconds of scene time a second, not 0"),
             (
                 "step",
@@ -109,12 +169,15 @@ fn playhead_change() -> Value {
     )
 }
 
+/// What happens before cameras.
+pub(in crate::api) const EVENT_KINDS: [&str; 7] =
+    ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
+
 fn event() -> Value {
-    let kinds = ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
     object([
         ("id", count(), "When it was told: microseconds since 1970, or one more than the one before"),
         ("camera", id(), "Before which camera"),
-        ("kind", word(&kinds), "What happened"),
+        ("kind", word(&EVENT_KINDS), "What happened"),
         ("is_end", boolean(), "Whether that is over"),
         ("time", time(), "When"),
         ("since", time(), "Since when"),
@@ -125,7 +188,7 @@ fn event() -> Value {
 
 /// Events.
 pub(in crate::api) fn events() -> Value {
-    object([("events", list(named("Event")), "The oldest first")])
+    object([("events", list(named("Event")), "The oldest first"), super::next()])
 }
 
 fn export() -> Value {
@@ -145,14 +208,48 @@ fn export() -> Value {
         ("to", time(), "Scene time until which"),
         ("cameras", list(id()), ""),
         ("note", text(), "What is to be known of it"),
+        ("asked_by", nullable(text()), "Which user asked for it"),
         ("bytes", count(), "Of its files"),
         ("files", list(file), "The manifest first, once it is done"),
     ])
 }
 
+/// Every job.
+pub(in crate::api) fn jobs() -> Value {
+    object([("jobs", list(named("Job")), "In the order of their ids"), super::next()])
+}
+
+fn job() -> Value {
+    object([
+        ("id", text(), ""),
+        ("kind", word(&["accuracy", "export", "map"]), "What is done"),
+        ("state", word(&["waiting", "running", "done", "failed"]), "How far it is"),
+        ("reason", nullable(text()), "Why it came to nothing"),
+        ("progress", nullable(number_within(0.0, 1.0)), "Share that is done, where that is known"),
+        ("asked_by", nullable(text()), "Which user asked for it; null where the daemon did by itself"),
+        ("created_at", nullable(time()), "When it was asked for, by the daemon's clock, where that is known"),
+        ("cameras", list(id()), "Which cameras it is about"),
+        ("resource", text(), "Where it is told in full"),
+    ])
+}
+
 /// Every export.
 pub(in crate::api) fn exports() -> Value {
-    object([("exports", list(named("Export")), "")])
+    object([("exports", list(named("Export")), ""), super::next()])
+}
+
+/// Who is made unrecognisable.
+pub(in crate::api) fn blur_asked() -> Value {
+    let who = taken(
+        &["camera", "track", "at"],
+        [
+            ("camera", id(), "Which camera"),
+            ("track", count(), "Its number"),
+            ("at", named("Instant"), "A time at which it was there"),
+        ],
+    );
+    let except = json!({"type": "array", "items": who, "maxItems": 64});
+    taken(&[], [("except", except, "Tracks of those who may be seen")])
 }
 
 /// What an export is asked for with.
@@ -165,6 +262,7 @@ pub(in crate::api) fn export_asked() -> Value {
             ("cameras", list(id()), "Which cameras"),
             ("scene", nullable(id()), "For all of its cameras, where none are named"),
             ("note", json!({"type": "string", "maxLength": 1000}), "What is to be known of it"),
+            ("blur_people", nullable(blur_asked()), "Makes everybody unrecognisable who is found"),
         ],
     )
 }

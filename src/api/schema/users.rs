@@ -74,7 +74,11 @@ pub(in crate::api) fn token_asked() -> Value {
         [
             ("user", nullable(id()), "Whose it is to be; the caller's if absent"),
             ("note", note, "What it is for"),
-            ("expires_at", nullable(text()), "From when on it is not taken any more; never if absent"),
+            (
+                "expires_at",
+                nullable(named("Instant")),
+                "From when on it is not taken any more; never if absent",
+            ),
         ],
     )
 }
@@ -96,7 +100,9 @@ pub(in crate::api) fn caller() -> Value {
 
 /// What logs in.
 pub(in crate::api) fn credentials() -> Value {
-    taken(&["user", "password"], [("user", text(), "Its name"), ("password", text(), "Its password")])
+    let user =
+        taken(&["user", "password"], [("user", text(), "Its name"), ("password", text(), "Its password")]);
+    json!({"oneOf": [user, taken(&["token"], [("token", text(), "Of a screen: what it is told by")])]})
 }
 
 /// What was done.
@@ -110,8 +116,5 @@ pub(in crate::api) fn audit() -> Value {
         ("status", whole_within(100, 599), "What came of it"),
         ("digest", text(), "SHA-256 of the entry and of the digest before, hexadecimal"),
     ]);
-    object([
-        ("entries", list(entry), "The oldest first"),
-        ("next", nullable(count()), "For `after` of the next page; null at the end"),
-    ])
+    object([("entries", list(entry), "The oldest first"), super::next()])
 }

@@ -1,13 +1,12 @@
 //! Walls: their documents, and what is told of their tiles.
 
 use super::{
-    Named, anything, count, exactly, id, list, nullable, number, number_within, object, taken, text,
-    whole_within,
+    Named, count, exactly, id, list, nullable, number, number_within, object, taken, text, whole_within,
 };
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 1] = [("Wall", wall)];
+pub(in crate::api) const NAMED: [Named; 2] = [("NamedView", named_view), ("Wall", wall)];
 
 /// Every wall.
 pub(in crate::api) fn all() -> Value {
@@ -21,11 +20,36 @@ pub(in crate::api) fn all() -> Value {
     object([("walls", list(wall), "In the order of names")])
 }
 
-/// Members of a document that are to be others.
-pub(in crate::api) fn patch() -> Value {
-    let mut patch = anything();
-    patch["description"] = json!("Members of a wall's document that are to be others; null takes one away");
-    patch
+/// Every named view.
+pub(in crate::api) fn views() -> Value {
+    let view = object([
+        ("id", id(), ""),
+        ("name", text(), "For people"),
+        ("scene", id(), "What it shows"),
+        ("parameters", text(), "As a view's query string has them"),
+        ("group", text(), "Under what it is listed"),
+        ("tags", list(text()), "By what it is found"),
+        ("order", number(), "Its place in its group"),
+        ("version", count(), ""),
+    ]);
+    object([("views", list(view), "Group by group, each in its order")])
+}
+
+fn named_view() -> Value {
+    let at_most = |n: usize| json!({"type": "string", "maxLength": n});
+    let tag = json!({"type": "string", "minLength": 1, "maxLength": 64});
+    let tags = json!({"type": "array", "items": tag, "maxItems": 32, "uniqueItems": true});
+    taken(
+        &["scene"],
+        [
+            ("name", at_most(200), "For people"),
+            ("scene", id(), "What is shown"),
+            ("parameters", at_most(1024), "As a view's query string has them"),
+            ("group", at_most(100), "Under what it is listed"),
+            ("tags", tags, "By what it is found; at most 32, each once"),
+            ("order", whole_within(-1_000_000, 1_000_000), "Its place in its group; default 0"),
+        ],
+    )
 }
 
 fn side_px() -> Value {
@@ -36,23 +60,30 @@ fn metres(n: usize) -> Value {
     exactly(n, number())
 }
 
+/// A place in wall space.
+fn on_wall() -> Value {
+    exactly(3, number_within(-1000.0, 1000.0))
+}
+
 fn wall() -> Value {
+    let place = || exactly(3, number_within(-1e7, 1e7));
     let view = taken(
         &["eye_m", "target_m"],
-        [("eye_m", metres(3), "Where the viewer is"), ("target_m", metres(3), "What is straight ahead")],
+        [("eye_m", place(), "Where the viewer is"), ("target_m", place(), "What is straight ahead")],
     );
     let name = json!({"type": "string", "maxLength": 200});
+    let parameters = json!({"type": "string", "maxLength": 1024});
     taken(
         &["scene", "view", "surface"],
         [
             ("name", name, "For people"),
-            ("scene", text(), "What is shown"),
-            ("playhead", nullable(text()), "Whose time is shown; live without one"),
+            ("scene", id(), "What is shown"),
+            ("playhead", nullable(id()), "Whose time is shown; live without one"),
             ("rate_hz", number_within(0.5, 60.0), "Frames a second; default 10"),
             ("view", view, "Where the viewer stands in the world"),
-            ("viewer_m", nullable(metres(3)), "The viewer's place in wall space"),
+            ("viewer_m", nullable(on_wall()), "The viewer's place in wall space"),
             ("zoom", number_within(0.01, 100.0), "How much larger everything is shown; default 1"),
-            ("parameters", text(), "Further parameters of views, as a query string"),
+            ("parameters", parameters, "Further parameters of views, as a query string"),
             ("surface", surface(), "One of its three members"),
         ],
     )
@@ -76,18 +107,19 @@ fn surface() -> Value {
         [
             ("id", id(), ""),
             ("size_px", side_px(), "Columns and rows"),
-            ("lower_left_m", metres(3), "As the viewer sees it"),
-            ("lower_right_m", metres(3), ""),
-            ("upper_left_m", metres(3), ""),
+            ("lower_left_m", on_wall(), "As the viewer sees it"),
+            ("lower_right_m", on_wall(), ""),
+            ("upper_left_m", on_wall(), ""),
             ("blend_px", exactly(4, count()), "Pixels at each edge over which it fades out"),
         ],
     );
+    let tiles = json!({"type": "array", "items": tile, "minItems": 1, "maxItems": 64});
     taken(
         &[],
         [
             ("grid", nullable(plane), "Equal tiles on a plane"),
             ("cylinder", nullable(round), "Equal tiles on a cylinder"),
-            ("tiles", nullable(list(tile)), "Any rectangles"),
+            ("tiles", nullable(tiles), "Any rectangles"),
         ],
     )
 }

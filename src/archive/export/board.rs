@@ -55,6 +55,8 @@ pub struct ExportStatus {
     pub cameras: Vec<String>,
     /// What its maker wants to be known of it.
     pub note: String,
+    /// Which user asked for it; none where there were no users.
+    pub asked_by: Option<String>,
     /// Bytes of its files.
     pub bytes: u64,
     /// Its files, the manifest first, once it is done.
@@ -176,6 +178,7 @@ impl Exports {
             to: request.to.to_string(),
             cameras: request.cameras.iter().map(|camera| camera.id.to_string()).collect(),
             note: request.note.clone(),
+            asked_by: request.asked_by.clone(),
             bytes: 0,
             files: Vec::new(),
         };
@@ -294,7 +297,7 @@ impl Entry {
         }];
         files.extend(clips);
         let bytes = files.iter().fold(0, |sum: u64, file| sum.saturating_add(file.bytes));
-        let Manifest { id, made_at, from, to, note, cameras, .. } = manifest;
+        let Manifest { id, made_at, from, to, note, asked_by, cameras, .. } = manifest;
         let status = ExportStatus {
             id,
             state: ExportState::Done,
@@ -305,6 +308,7 @@ impl Entry {
             to,
             cameras: cameras.into_iter().map(|camera| camera.id).collect(),
             note,
+            asked_by,
             bytes,
             files,
         };

@@ -3,6 +3,7 @@
 use super::ExportError;
 use super::folder::ExportFolder;
 use super::manifest::{Clip, Unreadable};
+use super::redraw::Redraw;
 use crate::archive::ArchiveError;
 use crate::archive::shared::Shared;
 use crate::clock::Timestamp;
@@ -103,6 +104,21 @@ impl<'a> Clips<'a> {
             }
             next = self.segment_after(begins_at)?;
         }
+        self.ended()
+    }
+
+    /// Writes all of them from pictures that are drawn anew. What cannot be drawn ends the export.
+    pub(super) fn redraw(mut self, redraw: &dyn Redraw, tell: &mut Tell<'_>) -> Result<Written, ExportError> {
+        let mut after = self.from.saturating_add_nanos(-1);
+        while let Some((frame, at)) = redraw.next_after(after, self.to).map_err(ExportError::NotRedrawn)? {
+            tell(at, frame.len_bytes() as u64)?;
+            self.append((frame, at), None)?;
+            after = at;
+        }
+        self.ended()
+    }
+
+    fn ended(mut self) -> Result<Written, ExportError> {
         self.close()?;
         let gaps = gaps(&self.spans, (self.from, self.to));
         let gaps = gaps.into_iter().map(|(from, to)| [from.to_string(), to.to_string()]).collect();
@@ -186,17 +202,18 @@ impl<'a> Clips<'a> {
         }
         let earlier = std::mem::take(&mut passage.before).into_iter();
         for timed in earlier.chain(passage.held.drain(..)).chain([timed]) {
-            self.append(timed, &passage.path)?;
+            self.append(timed, Some(&passage.path))?;
         }
         Ok(())
     }
 
-    fn append(&mut self, (frame, at): Timed, path: &str) -> Result<(), ExportError> {
+    /// Adds a frame, and the recorded file that it comes from if it comes from one as it is.
+    fn append(&mut self, (frame, at): Timed, path: Option<&str>) -> Result<(), ExportError> {
         // Within a segment there is one format, and pictures build on one another.
         let goes_on = |clip: &OpenClip| {
             let reach_nanos = clip.interval_nanos.saturating_mul(2).max(GAP_NANOS);
             let is_near = at.nanos_since(clip.last_at) <= reach_nanos;
-            clip.recorded_in.last().is_some_and(|last| last == path)
+            clip.recorded_in.last().is_some_and(|last| Some(last.as_str()) == path)
                 || is_near && *clip.format == *frame.format
         };
         if self.open.as_ref().is_some_and(|clip| !goes_on(clip)) {
@@ -217,7 +234,7 @@ impl<'a> Clips<'a> {
             clip.last_at = at;
         }
         clip.n_frames += 1;
-        if clip.recorded_in.last().is_none_or(|last| last != path) {
+        if let Some(path) = path.filter(|path| clip.recorded_in.last().is_none_or(|last| last != path)) {
             clip.recorded_in.push(path.to_owned());
         }
         Ok(())

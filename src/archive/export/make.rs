@@ -113,11 +113,15 @@ fn manifest(budget: &mut Budget<'_>, folder: &ExportsFolder) -> Result<Manifest,
             budget.spend(n_bytes, share * (f64::from(place) + passed.clamp(0.0, 1.0)))
         };
         let span = (request.from, request.to);
-        let Written { clips, gaps, unreadable } =
-            Clips::new((shared, &export), span, &camera.id, &goes_on).write(&mut tell)?;
-        let ExportCamera { id, name, clock, calibrations } = camera.clone();
-        let id = id.to_string();
-        cameras.push(ExportedCamera { id, name, clock, calibrations, clips, gaps, unreadable });
+        let writing = Clips::new((shared, &export), span, &camera.id, &goes_on);
+        let written = match &camera.redrawing {
+            Some(redrawing) => writing.redraw(&*redrawing.0, &mut tell),
+            None => writing.write(&mut tell),
+        };
+        let Written { clips, gaps, unreadable } = written?;
+        let ExportCamera { id, name, clock, calibrations, redrawing } = camera.clone();
+        let (id, redrawn) = (id.to_string(), redrawing.map(|redrawing| redrawing.0.told()));
+        cameras.push(ExportedCamera { id, name, clock, calibrations, clips, gaps, unreadable, redrawn });
     }
     if cameras.iter().all(|camera| camera.clips.is_empty()) {
         let first = cameras.into_iter().flat_map(|camera| camera.unreadable).next();
@@ -134,6 +138,7 @@ fn manifest(budget: &mut Budget<'_>, folder: &ExportsFolder) -> Result<Manifest,
         from: request.from.to_string(),
         to: request.to.to_string(),
         note: request.note.clone(),
+        asked_by: request.asked_by.clone(),
         cameras,
     })
 }
@@ -201,7 +206,7 @@ impl Budget<'_> {
 }
 
 fn max_bytes(shared: &Shared) -> u64 {
-    (shared.settings.export_gib * (1_u64 << 30) as f64) as u64
+    (shared.settings().export_gib * (1_u64 << 30) as f64) as u64
 }
 
 /// MiB that the disk has and that exports leave, where it has less: twice what recording leaves, so that exports stop first.
@@ -209,7 +214,7 @@ fn lack(shared: &Arc<Shared>) -> Result<Option<(u64, u64)>, ArchiveError> {
     let archive = reconcile::enter(shared)?;
     let free_bytes =
         archive.free_bytes().map_err(ArchiveError::files("look at the disk of", archive.path()))?;
-    let (free_mib, least_mib) = (free_bytes >> 20, 2 * u64::from(shared.settings.min_free_mib));
+    let (free_mib, least_mib) = (free_bytes >> 20, 2 * u64::from(shared.settings().min_free_mib));
     Ok((free_mib < least_mib).then_some((free_mib, least_mib)))
 }
 
@@ -229,7 +234,7 @@ fn leave_room(shared: &Arc<Shared>) {
 
 /// Removes exports that are older than they may be.
 fn remove_old(shared: &Shared) {
-    let max_age_nanos = (shared.settings.export_days * 86_400e9) as i64;
+    let max_age_nanos = (shared.settings().export_days * 86_400e9) as i64;
     let now = shared.clock.now();
     for status in shared.exports.list() {
         let age_nanos = status.made_at.parse().ok().map(|made: Timestamp| now.nanos_since(made));

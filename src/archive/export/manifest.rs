@@ -27,6 +27,9 @@ pub struct Manifest {
     pub to: String,
     /// What its maker wants to be known of it.
     pub note: String,
+    /// Which user asked for it; none where there were no users, and in manifests of before this was noted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked_by: Option<String>,
     /// Each camera.
     pub cameras: Vec<ExportedCamera>,
 }
@@ -48,6 +51,10 @@ pub struct ExportedCamera {
     pub gaps: Vec<[String; 2]>,
     /// Recorded files that could not be read, and why.
     pub unreadable: Vec<Unreadable>,
+    /// What its pictures were drawn anew for: what is hidden of them, whether people are blurred. None where they are as they
+    /// were recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub redrawn: Option<Value>,
 }
 
 /// A recorded file that could not be read to its end.

@@ -1,4 +1,5 @@
-//! Clips of what was recorded, for people to keep: remuxed, never encoded anew, with a manifest that says what they are.
+//! Clips of what was recorded, for people to keep: remuxed, with a manifest that says what they are; encoded anew only where
+//! nobody may see them as they were recorded (`redraw`).
 //!
 //! In: which cameras, from when to when. Out: a folder with files that any player plays and `manifest.json`, which holds
 //! their hashes, times, gaps and calibrations. One thread makes one export after the other; a folder without a manifest is
@@ -9,12 +10,14 @@ mod clips;
 mod folder;
 mod make;
 mod manifest;
+mod redraw;
 
 #[cfg(test)]
 mod tests;
 
 pub use board::{ExportFile, ExportState, ExportStatus, Exports};
 pub use manifest::{Clip, ExportedCamera, Manifest, Unreadable};
+pub use redraw::{Redraw, Redrawing};
 
 pub(super) use make::run;
 
@@ -36,6 +39,8 @@ pub struct ExportRequest {
     pub to: Timestamp,
     /// What its maker wants to be known of it.
     pub note: String,
+    /// Which user asks for it; none where there are no users.
+    pub asked_by: Option<String>,
 }
 
 /// A camera, and what is put down of it.
@@ -49,6 +54,8 @@ pub struct ExportCamera {
     pub clock: Value,
     /// Its calibration in each scene that holds it, by the scene's id.
     pub calibrations: BTreeMap<String, Value>,
+    /// Who draws its pictures anew, where they may not be given out as they were recorded.
+    pub redrawing: Option<Redrawing>,
 }
 
 /// Why an export, or a part of it, came to nothing.
@@ -79,6 +86,9 @@ pub(super) enum ExportError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Pictures that may not be given out as they were recorded cannot be drawn anew.
+    #[error("its pictures cannot be drawn anew: {0}")]
+    NotRedrawn(String),
     /// A clip cannot be written.
     #[error("{0}")]
     Unwritable(media::Fault),

@@ -14,9 +14,20 @@ const START: i64 = 500 * SECOND;
 
 fn request(from: i64, to: i64) -> ExportRequest {
     let calibrations = BTreeMap::from([("plaza".to_owned(), serde_json::json!({"focal_px": [1, 2]}))]);
-    let camera =
-        ExportCamera { id: north(), name: "North".to_owned(), clock: serde_json::json!({}), calibrations };
-    ExportRequest { cameras: vec![camera], from: at(from), to: at(to), note: "asked by\nnobody".to_owned() }
+    let camera = ExportCamera {
+        id: north(),
+        name: "North".to_owned(),
+        clock: serde_json::json!({}),
+        calibrations,
+        redrawing: None,
+    };
+    ExportRequest {
+        cameras: vec![camera],
+        from: at(from),
+        to: at(to),
+        note: "asked by\nnobody".to_owned(),
+        asked_by: Some("ann".to_owned()),
+    }
 }
 
 /// Asks as soon as that can be done.
@@ -129,6 +140,7 @@ async fn the_manifest_says_what_the_files_are_and_where_nothing_is() {
     let camera = &manifest.cameras[0];
     let text = |nanos: i64| at(nanos).to_string();
     assert_eq!((manifest.version, &manifest.id, manifest.note.as_str()), (1, &status.id, "asked by\nnobody"));
+    assert_eq!((manifest.asked_by.as_deref(), status.asked_by.as_deref()), (Some("ann"), Some("ann")));
     assert_eq!((&manifest.from, &manifest.to), (&text(START - 5 * SECOND), &text(START + 20 * SECOND)));
     assert_eq!(
         (camera.name.as_str(), camera.calibrations["plaza"]["focal_px"][1].as_i64()),

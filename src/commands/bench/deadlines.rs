@@ -318,6 +318,7 @@ fn view(
         session: None,
         effort,
         horizon: None,
+        blur_people: None,
         scope: videofields::access::Scope::all(),
     }
 }

@@ -1,14 +1,16 @@
-//! `bench`: what the paths that run at every frame cost on this machine, beside the peer that others would use.
+//! `bench`: what the paths that run at every frame cost on this machine, beside the peer that others would use; and what a
+//! daemon answers to many at once.
 
 mod background;
 mod deadlines;
+mod load;
 mod quality;
 mod views;
 mod vision;
 
 use anyhow::Result;
 
-/// Measures what runs at every frame, beside the peer that others would use.
+/// Measures what runs at every frame, beside the peer that others would use, and what many callers at once are answered.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Bench {
     #[command(subcommand)]
@@ -19,6 +21,7 @@ pub(crate) struct Bench {
 enum What {
     Background(background::Background),
     Deadlines(deadlines::Deadlines),
+    Load(load::Load),
     Quality(quality::Quality),
     Views(views::Views),
     Vision(vision::Vision),
@@ -29,6 +32,7 @@ impl Bench {
         match &self.what {
             What::Background(background) => background.run(),
             What::Deadlines(deadlines) => deadlines.run(),
+            What::Load(load) => load.run(),
             What::Quality(quality) => quality.run(),
             What::Views(views) => views.run(),
             What::Vision(vision) => vision.run(),

@@ -3,16 +3,18 @@
 use super::super::EngineError;
 use super::super::accuracy::AccuracyStatus;
 use super::super::alignment::SceneAlignment;
+use super::super::blurring::{BlurAsked, CameraBlur};
 use super::super::chronicle::SceneTimeline;
 use super::super::handle::{
-    At, CameraSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary, SceneSummary,
-    surface_name,
+    At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary,
+    SceneSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
-use super::super::past::Past;
+use super::super::maps::MapSummary;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
 use super::super::playheads::{Change, Entry, PlayheadState};
+use super::super::presence::Present;
 use super::super::privacy::Privacy;
 use super::super::track_search::{FoundTracks, TrackQuery};
 use super::super::view::{SceneMoment, ViewAnswer, ViewRequest};
@@ -25,6 +27,7 @@ use crate::error::Fault;
 use crate::frame::CameraId;
 use crate::mapping::{self, Location};
 use crate::scene::Scene;
+use crate::store::ActivityRecord;
 use crate::timeline::{LoggedEvent, Observation, PastFrame};
 use glam::DVec2;
 use std::fs::File;
@@ -43,9 +46,9 @@ impl Door for Shared {
 
     fn cameras(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
-        let recordings = self.past.as_ref().map(Past::recordings).unwrap_or_default();
+        let recordings = self.past.as_ref().map(|past| past.recordings()).unwrap_or_default();
         let scenes = self.scenes.all();
-        let summary = |camera: &CameraEntry| {
+        let summary = |camera: &Arc<CameraEntry>| {
             let status = camera.status.read();
             let range = camera.timeline.range();
             let vision_size_px = status.size.map(|(width, height)| {
@@ -73,7 +76,7 @@ impl Door for Shared {
                 scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
             }
         };
-        self.cameras.iter().map(summary).collect()
+        self.all_cameras().iter().map(summary).collect()
     }
 
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {
@@ -81,7 +84,7 @@ impl Door for Shared {
         match at {
             At::Live => entry.timeline.latest(),
             At::Time(instant) => match (entry.timeline.at(instant), &self.past) {
-                (Err(error), Some(past)) => return past_or(entry, past, instant, &error),
+                (Err(error), Some(past)) => return past_or(&entry, past, instant, &error),
                 // Before the oldest that memory holds may lie one that is nearer, which was recorded.
                 (Ok(oldest), Some(past))
                     if oldest.frame.timestamp > instant && entry.timeline.last_before(instant).is_none() =>
@@ -117,7 +120,7 @@ impl Door for Shared {
             (Some(Ok(recorded)), _) => Ok(recorded),
             (_, Ok(kept)) => Ok(kept),
             (None, Err(kept)) => Err(entry.failure(&kept)),
-            (Some(Err(error)), Err(kept)) => Err(past_failure(entry, &error, &kept)),
+            (Some(Err(error)), Err(kept)) => Err(past_failure(&entry, &error, &kept)),
         }
     }
 
@@ -159,7 +162,11 @@ impl Door for Shared {
     ) -> Result<SegmentSettings, EngineError> {
         let changed = self.preview_segment(camera, change)?;
         tracing::info!(camera, segment = ?changed, "segmentation settings changed");
-        self.camera(camera)?.tuning.set_segment(changed.clone());
+        let entry = self.camera(camera)?;
+        entry.tuning.set_segment(changed.clone());
+        if let Some(past) = &self.past {
+            past.set_segment(&entry.id, &changed);
+        }
         Ok(changed)
     }
 
@@ -181,6 +188,15 @@ impl Door for Shared {
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {
         Ok(self.privacies.of(camera)?.now())
+    }
+
+    fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
+        let at = if let At::Time(at) = at { at } else { Timestamp::from_nanos(i64::MAX) };
+        Ok(self.privacies.of(camera)?.now().at(at).map(|zone| zone.polygon.clone()).collect())
+    }
+
+    fn blur(&self, seen: &Observation, asked: &BlurAsked) -> Result<CameraBlur, EngineError> {
+        self.blur_one(seen, asked)
     }
 
     fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
@@ -220,19 +236,15 @@ impl Door for Shared {
         let member = &scene.cameras[member];
         let found: Option<Location> = match method {
             LocateMethod::Ray => mapping::locate(&member.camera, &scene.surfaces, texture),
-            LocateMethod::Map => {
-                let key = (scene.id.clone(), member.id.clone());
-                let state = lock(&self.maps).get(&key).cloned();
-                match state {
-                    Some(MapState::Ready(map)) => map.locate(texture),
-                    Some(MapState::Failed(error)) => return Err(error),
-                    Some(MapState::Building) | None => {
-                        return Err(EngineError::Unavailable(format!(
-                            "the map of camera {camera} is being built"
-                        )));
-                    }
+            LocateMethod::Map => match self.map_state(&scene.id, &member.id) {
+                Some(MapState::Ready(map)) => map.locate(texture),
+                Some(MapState::Failed(error)) => return Err(error),
+                Some(MapState::Building) | None => {
+                    return Err(EngineError::Unavailable(format!(
+                        "the map of camera {camera} is being built"
+                    )));
                 }
-            }
+            },
         };
         let Some(location) = found else {
             let text = format!(
@@ -298,12 +310,29 @@ impl Door for Shared {
         self.chronicle(&*self.scene(scene)?, span, minutes_each)
     }
 
+    fn activity(
+        &self,
+        camera: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError> {
+        self.activity_of(&self.camera(camera)?.id, span, minutes_each)
+    }
+
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
         self.find_tracks(&*self.scene(scene)?, query)
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         self.align_scene(&*self.scene(scene)?)
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        self.present_of(&self.scene(scene)?)
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        Ok(self.camera(camera)?.timeline.subscribe())
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {
@@ -347,8 +376,8 @@ impl Door for Shared {
         self.playheads.subscribe()
     }
 
-    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
-        self.asked_export(body, &Grants::everything())
+    fn ask_export(&self, body: serde_json::Value, by: Option<&str>) -> Result<ExportStatus, EngineError> {
+        self.asked_export(body, by, &Grants::everything())
     }
 
     fn exports(&self) -> Vec<ExportStatus> {
@@ -367,26 +396,35 @@ impl Door for Shared {
         self.accuracy.status()
     }
 
-    fn refresh_accuracy(&self) -> Result<(), EngineError> {
-        self.accuracy.refresh()
+    fn refresh_accuracy(&self, by: Option<&str>) -> Result<(), EngineError> {
+        self.accuracy.refresh(by)
+    }
+
+    fn maps(&self) -> Vec<MapSummary> {
+        self.map_summaries(&self.scenes.all())
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        lock(&self.device).clone()
     }
 
     fn readiness(&self) -> Readiness {
-        let with_frames = self.cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
+        let cameras = self.all_cameras();
+        let with_frames = cameras.iter().filter(|camera| camera.timeline.range().is_some()).count();
         let renderer = lock(&self.renderer).clone();
         let (takes_backgrounds, _) = self.store_health.read();
-        let archive = self.past.as_ref().and_then(Past::archive);
+        let archive = self.past.as_ref().and_then(|past| past.archive());
         let store_is_good = takes_backgrounds && archive.is_none_or(|archive| archive.status().takes_rows);
         Readiness {
             ready: renderer.is_ok() && store_is_good,
             store: store_is_good,
             renderer: renderer.unwrap_or_else(|reason| format!("not ready: {reason}")),
-            cameras_with_frames: [with_frames, self.cameras.len()],
+            cameras_with_frames: [with_frames, cameras.len()],
         }
     }
 
     fn metrics_text(&self) -> Result<String, EngineError> {
-        for camera in &self.cameras {
+        for camera in &*self.all_cameras() {
             let id = camera.id.as_str();
             if let Some(at) = camera.status.read().last_frame_at {
                 let age = self.clock.monotonic().saturating_sub(at);

@@ -12,13 +12,14 @@ use videofields::archive::{ExportFile, ExportState, ExportStatus};
 use videofields::clock::Timestamp;
 use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
 use videofields::engine::{
-    AccuracyState, AccuracyStatus, At, CameraAlignment, CameraSummary, CameraTimeline, Door, EngineError,
-    Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located, OpenedBuilding, Origin,
-    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Preview, Privacy, PrivacySummary, Readiness,
-    RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor,
-    TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyState, AccuracyStatus, At, BlurAsked, CameraAlignment, CameraBlur, CameraSummary, CameraTimeline,
+    DeviceSummary, Door, EngineError, Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located,
+    MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView,
+    PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary, Readiness, RecordingSummary,
+    SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
+    ViewAnswer, ViewIdentity, ViewRequest,
 };
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
 use videofields::plan::{
     Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
@@ -36,21 +37,25 @@ pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
 pub(super) const LAST: Timestamp = Timestamp::from_nanos(1_790_000_000_500_000_000);
 
 /// The scene's document, as the API must answer it: byte for byte.
-pub(super) const DOCUMENT: &str = r#"{"version": 1, "id": "plaza"}"#;
+pub(super) const DOCUMENT: &str = r#"{"version": 1, "name": "Plaza"}"#;
 
 /// What a test sets and sees.
 #[derive(Default)]
-pub(super) struct State {
+pub(crate) struct State {
     /// Every question that may fail, fails with this.
     pub(super) failure: Option<EngineError>,
     /// Views are never answered; their replies are kept here.
     pub(super) keeps_views: bool,
+    /// Views that were asked for.
+    pub(crate) n_views: usize,
     /// How views say that they came about.
     pub(super) origin: Option<Origin>,
     pub(super) kept: Vec<oneshot::Sender<Result<ViewAnswer, EngineError>>>,
     pub(super) is_unready: bool,
     /// How often costs were asked for anew.
     pub(super) n_refreshed: u32,
+    /// Who asked for that last.
+    pub(super) measured_by: Option<String>,
     /// Whose door was asked for last.
     pub(super) grants: Option<Arc<Grants>>,
     /// What was asked last.
@@ -73,9 +78,14 @@ pub(super) struct State {
 }
 
 #[derive(Default)]
-pub(super) struct FakeDoor(pub(super) Mutex<State>);
+pub(crate) struct FakeDoor(pub(crate) Mutex<State>);
 
 impl FakeDoor {
+    /// A playhead `wall` that can be listened to.
+    pub(crate) fn put_a_playhead(&self) {
+        self.put_playhead("wall", serde_json::json!({})).unwrap();
+    }
+
     fn failure(&self) -> Result<(), EngineError> {
         self.0.lock().unwrap().failure.clone().map_or(Ok(()), Err)
     }
@@ -156,6 +166,21 @@ impl Door for FakeDoor {
         Ok(SceneTimeline { cameras: vec![camera], events: Vec::new() })
     }
 
+    fn activity(
+        &self,
+        camera: &str,
+        (from, to): (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError> {
+        self.failure()?;
+        Self::has_camera(camera)?;
+        let step_nanos = i64::from(minutes_each) * 60_000_000_000;
+        let at = Timestamp::from_nanos(to.as_nanos().div_euclid(step_nanos) * step_nanos);
+        let record = ActivityRecord { at, n_frames: 4, moving_sum: 0.5, max_tracks: 2, new_tracks: 1 };
+        // South saw nothing.
+        Ok(if camera == "north" && from < to { vec![record] } else { Vec::new() })
+    }
+
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
         self.failure()?;
         Self::has_scene(scene)?;
@@ -203,6 +228,23 @@ impl Door for FakeDoor {
             pairs: vec![PairAlignment { first: id("south"), second: id("north"), alignment }],
             n_left_out: 0,
         })
+    }
+
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        let entity = PresentEntity {
+            id: 3,
+            foot_in_world: DVec3::new(1.0, -2.000_04, 0.0),
+            height_m: 1.75,
+            seen_by: vec![id("north")],
+        };
+        Ok(Arc::new(Present { instant: LAST, sources: Vec::new(), entities: vec![entity] }))
+    }
+
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {
+        Self::has_camera(camera)?;
+        Ok(self.0.lock().unwrap().changes.subscribe())
     }
 
     fn playheads(&self) -> Vec<PlayheadState> {
@@ -293,7 +335,7 @@ impl Door for FakeDoor {
         Ok(Preview { image: frame.image, timestamp: frame.timestamp })
     }
 
-    fn ask_export(&self, body: serde_json::Value) -> Result<ExportStatus, EngineError> {
+    fn ask_export(&self, body: serde_json::Value, by: Option<&str>) -> Result<ExportStatus, EngineError> {
         self.failure()?;
         let gate = self.0.lock().unwrap().export_gate.take();
         if let Some((begun, may_go_on)) = gate {
@@ -310,6 +352,7 @@ impl Door for FakeDoor {
             to: LAST.to_string(),
             cameras: vec!["north".to_owned()],
             note: body["note"].as_str().unwrap_or_default().to_owned(),
+            asked_by: by.map(str::to_owned),
             bytes: 0,
             files: Vec::new(),
         };
@@ -408,6 +451,14 @@ impl Door for FakeDoor {
         Self::has_camera(camera).map(|()| Arc::default())
     }
 
+    fn hidden(&self, camera: &str, _at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError> {
+        Self::has_camera(camera).map(|()| Vec::new())
+    }
+
+    fn blur(&self, seen: &Observation, _asked: &BlurAsked) -> Result<CameraBlur, EngineError> {
+        Ok(CameraBlur { camera: seen.frame.camera.clone(), blur: Blur::Whole, n_shown: 0 })
+    }
+
     fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError> {
         Self::has_camera(camera)
     }
@@ -487,6 +538,7 @@ impl Door for FakeDoor {
         self.failure()?;
         let mut state = self.0.lock().unwrap();
         state.view = Some(request.clone());
+        state.n_views += 1;
         if state.keeps_views {
             state.kept.push(reply);
             return Ok(());
@@ -531,13 +583,35 @@ impl Door for FakeDoor {
     fn accuracy(&self) -> AccuracyStatus {
         let is_refreshed = self.0.lock().unwrap().n_refreshed > 0;
         let state = if is_refreshed { AccuracyState::Pending } else { AccuracyState::Measured };
-        AccuracyStatus { state, reason: None, table: Some(Arc::new(costs())) }
+        AccuracyStatus {
+            state,
+            reason: None,
+            table: Some(Arc::new(costs())),
+            asked_by: self.0.lock().unwrap().measured_by.clone(),
+        }
     }
 
-    fn refresh_accuracy(&self) -> Result<(), EngineError> {
+    fn maps(&self) -> Vec<MapSummary> {
+        let map = |camera, progress| MapSummary { scene: "plaza".to_owned(), camera: id(camera), progress };
+        let failed = EngineError::Internal("disk /dev/sda1 is on fire".to_owned());
+        vec![map("north", MapProgress::Building), map("south", MapProgress::Failed(failed))]
+    }
+
+    fn refresh_accuracy(&self, by: Option<&str>) -> Result<(), EngineError> {
         self.failure()?;
+        self.0.lock().unwrap().measured_by = by.map(str::to_owned);
         self.0.lock().unwrap().n_refreshed += 1;
         Ok(())
+    }
+
+    fn device(&self) -> Option<DeviceSummary> {
+        Some(DeviceSummary {
+            adapter: "llvmpipe".to_owned(),
+            is_software: true,
+            max_texture_side_px: 16_384,
+            max_buffer_bytes: 1 << 30,
+            has_timestamps: true,
+        })
     }
 
     fn readiness(&self) -> Readiness {
@@ -629,6 +703,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         ],
         frames: Vec::new(),
         gaps: vec![id("south")],
+        blurs: None,
         settings: Settings::default(),
         expected: Some(expected()),
         plan: Arc::new(plan),

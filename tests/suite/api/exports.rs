@@ -21,12 +21,13 @@ async fn an_export_is_asked_for_watched_and_taken_back() {
     let expected = json!({
         "id": "20260301t120000z", "state": "waiting", "reason": null, "progress": 0.0,
         "made_at": super::LAST.to_string(), "from": super::FIRST.to_string(), "to": super::LAST.to_string(),
-        "cameras": ["north"], "note": "case 7", "bytes": 0, "files": []
+        "cameras": ["north"], "note": "case 7", "asked_by": null, "bytes": 0, "files": []
     });
     assert_eq!(asked.json(), expected);
     assert_eq!(bench.get(ONE).await.json(), expected);
     let list = bench.get(EXPORTS).await;
-    assert_eq!((list.json(), list.field("cache-control")), (json!({"exports": [expected]}), "no-store"));
+    let listed = json!({"exports": [expected], "next": null});
+    assert_eq!((list.json(), list.field("cache-control")), (listed, "no-store"));
     assert_eq!(send(&bench, "DELETE", ONE, "").await.status.as_u16(), 204);
     send(&bench, "DELETE", ONE, "").await.problem(404, ONE);
     bench.get(ONE).await.problem(404, ONE);

@@ -14,12 +14,12 @@ use videofields::encode::PictureFormat;
 use videofields::engine::EngineError;
 use videofields::wall::FrameHeader;
 
-pub(super) type Socket = WebSocketStream<TcpStream>;
+pub(crate) type Socket = WebSocketStream<TcpStream>;
 
 const FRAMES: &str = "/api/v1/scenes/plaza/frames?width=64&height=48&rate=30";
 
 /// A conversation at `path`, with header fields of the caller's.
-pub(super) async fn dial(
+pub(crate) async fn dial(
     address: SocketAddr,
     path: &str,
     fields: &[(&'static str, String)],
@@ -33,25 +33,26 @@ pub(super) async fn dial(
 }
 
 /// The next picture's header and bytes.
-pub(super) async fn frame(socket: &mut Socket) -> (FrameHeader, Vec<u8>) {
+pub(crate) async fn frame(socket: &mut Socket) -> (FrameHeader, Vec<u8>) {
     loop {
         match socket.next().await.unwrap().unwrap() {
             Message::Binary(bytes) => {
                 let (header, picture) = FrameHeader::read(&bytes).unwrap();
                 return (header, picture.to_vec());
             }
-            Message::Ping(_) => {}
+            // On a slow machine a picture may have to be waited for.
+            Message::Ping(_) | Message::Text(_) => {}
             other => panic!("{other:?}"),
         }
     }
 }
 
-pub(super) async fn ack(socket: &mut Socket, frame: u64) {
+pub(crate) async fn ack(socket: &mut Socket, frame: u64) {
     socket.send(Message::text(format!("{{\"ack\": {frame}}}"))).await.unwrap();
 }
 
 /// Code and reason of the end.
-pub(super) async fn end(socket: &mut Socket) -> (u16, String) {
+pub(crate) async fn end(socket: &mut Socket) -> (u16, String) {
     loop {
         match socket.next().await.unwrap().unwrap() {
             Message::Close(Some(frame)) => return (frame.code.into(), frame.reason.to_string()),

@@ -59,7 +59,7 @@ async fn a_search_asks_for_what_the_query_says_and_goes_on_where_it_ended() {
     let corners = [[0.0, 0.0], [4.5, 0.0], [4.5, -3.0]].map(DVec2::from_array);
     assert_eq!(asked.region.unwrap().corners(), corners);
     for next in ["0:north:17", "0%3Anorth%3A17"] {
-        assert_eq!(bench.get(&format!("{target}&before={next}")).await.status, StatusCode::OK);
+        assert_eq!(bench.get(&format!("{target}&cursor={next}")).await.status, StatusCode::OK);
         assert_eq!(searched(&bench).before.unwrap().to_string(), "0:north:17");
     }
     let most: String = (0..64).map(|i| format!("{i},{};", i * i)).collect();
@@ -89,7 +89,7 @@ async fn what_is_wrong_with_a_search_is_named() {
         check(&format!("{SPAN}&cameras={cameras}"), "cameras", "must be ids of cameras with commas").await;
     }
     for before in ["", "1", "1:north", "1:north:2:3", "now:north:2", "1:no%20rth:2"] {
-        check(&format!("{SPAN}&before={before}"), "before", "must be what an answer gave as next").await;
+        check(&format!("{SPAN}&cursor={before}"), "cursor", "must be what an answer gave as next").await;
     }
     let too_many = "0,0;".repeat(65);
     for region in [
@@ -137,7 +137,7 @@ proptest! {
     fn no_query_makes_it_panic(region in "[0-9,;.e+-]{0,60}", before in "[0-9a-z:-]{0,30}") {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
-            let target = format!("{TRACKS}?{SPAN}&region={region}&before={before}");
+            let target = format!("{TRACKS}?{SPAN}&region={region}&cursor={before}");
             let status = Bench::new().get(&target).await.status.as_u16();
             assert!([200, 400].contains(&status), "{target}: {status}");
         });

@@ -33,6 +33,15 @@ async fn events_are_listed_and_picked() {
     assert_eq!(ids(&bench.get("/api/v1/events?camera=north").await.json()), [1]);
     assert_eq!(ids(&bench.get("/api/v1/events?after=1").await.json()), [2]);
     assert_eq!(ids(&bench.get("/api/v1/events?limit=1").await.json()), [2]);
+    // Pages go back in time, and the last has no more.
+    let newest = bench.get("/api/v1/events?limit=1").await;
+    assert_eq!(
+        (&newest.json()["next"], newest.field("link")),
+        (&json!("2"), "</api/v1/events?limit=1&cursor=2>; rel=\"next\"")
+    );
+    let older = bench.get("/api/v1/events?limit=1&cursor=2").await;
+    assert_eq!((ids(&older.json()), older.field("link")), (vec![1], "(absent)"));
+    assert!(older.json()["next"].is_null());
     bench.get("/api/v1/events?limit=0").await.problem(400, "/api/v1/events");
     bench.get("/api/v1/events?camera=east").await.problem(404, "/api/v1/events");
 }

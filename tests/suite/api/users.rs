@@ -41,8 +41,8 @@ impl Clock for StoppedClock {
 }
 
 /// The interface over a database of its own.
-struct House {
-    bench: Bench,
+pub(super) struct House {
+    pub(super) bench: Bench,
     accounts: Arc<Accounts>,
     clock: Arc<StoppedClock>,
     store: Store,
@@ -51,7 +51,7 @@ struct House {
 
 /// What a request shows.
 #[derive(Clone, Copy)]
-enum Shows<'a> {
+pub(super) enum Shows<'a> {
     Nothing,
     Token(&'a str),
     /// A cookie, and the proof beside it.
@@ -77,7 +77,7 @@ impl House {
     }
 
     /// With an admin, whose token is the answer's.
-    async fn with_admin() -> (Self, String) {
+    pub(super) async fn with_admin() -> (Self, String) {
         let house = Self::new().await;
         let body = json!({"role": "admin", "password": PASSWORD});
         let made =
@@ -87,7 +87,7 @@ impl House {
         (house, token)
     }
 
-    async fn send(
+    pub(super) async fn send(
         &self,
         method: &str,
         path: &str,
@@ -137,7 +137,7 @@ fn key(answer: &Answer) -> String {
 }
 
 /// Routes of which strangers get nothing.
-const PRIVATE: [&str; 27] = [
+const PRIVATE: [&str; 32] = [
     "/metrics",
     "/api/v1/cameras",
     "/api/v1/cameras/north",
@@ -159,6 +159,11 @@ const PRIVATE: [&str; 27] = [
     "/api/v1/snapshots/00000000000000000000000000000000/archive.tar",
     "/api/v1/events",
     "/api/v1/exports",
+    "/api/v1/calibrations",
+    "/api/v1/calibrations/north",
+    "/api/v1/activity?from=0&to=1",
+    "/api/v1/jobs",
+    "/api/v1/jobs/accuracy",
     "/api/v1/playheads",
     "/api/v1/playheads/wall/events",
     "/api/v1/accuracy",
@@ -217,6 +222,7 @@ async fn strangers_get_nothing_but_the_page_the_probes_and_the_log_in() {
         ("POST", "/api/v1/cameras/north/accept-place"),
         ("PUT", "/api/v1/playheads/wall"),
         ("POST", "/api/v1/exports"),
+        ("PUT", "/api/v1/calibrations/north"),
         ("PUT", "/api/v1/users/eve"),
         ("POST", "/api/v1/tokens"),
         ("DELETE", "/api/v1/users/root"),
@@ -270,6 +276,41 @@ async fn pages_log_in_prove_their_changes_and_log_out() {
     assert_eq!(house.get("/api/v1/cameras", Shows::Session(&key, None)).await.status, 200);
     house.clock.forward(Duration::from_secs(1));
     house.get("/api/v1/cameras", Shows::Session(&key, None)).await.problem(401, "/api/v1/cameras");
+}
+
+#[tokio::test]
+async fn a_screen_that_was_given_a_token_looks_for_as_long_as_the_token_holds_and_changes_nothing() {
+    let (house, admin) = House::with_admin().await;
+    let path = "/api/v1/session";
+    let enter = |body| house.send("POST", path, Shows::Nothing, &[], body);
+    for body in [json!({"token": "vf_nobody_s"}), json!({"token": format!("{admin}x")})] {
+        let refused = enter(body).await;
+        refused.problem(401, path);
+        assert!(refused.headers.get("set-cookie").is_none());
+    }
+    for body in
+        [json!({}), json!({"user": "root"}), json!({"user": "root", "password": PASSWORD, "token": admin})]
+    {
+        enter(body).await.problem(400, path);
+    }
+    let (made, token) = house.accounts.add_token("root", String::new(), None).await.unwrap();
+    let entered = enter(json!({"token": token})).await;
+    assert_eq!((entered.status.as_u16(), &entered.json()["csrf_token"]), (200, &Value::Null));
+    let cookie = entered.field("set-cookie").to_owned();
+    let (pair, kept) = cookie.split_once("; ").unwrap();
+    assert_eq!(kept, "Max-Age=34560000; Path=/; HttpOnly; SameSite=Strict");
+    let shown = [("cookie", pair)];
+    let screen = |method: &'static str, path: &'static str, body| {
+        house.send(method, path, Shows::Nothing, &shown, body)
+    };
+    assert_eq!(screen("GET", path, Value::Null).await.json()["user"], "root");
+    // Longer than a session, and whatever its user may do.
+    house.clock.forward(Duration::from_secs(30 * 24 * 3600));
+    assert_eq!(screen("GET", "/api/v1/cameras", Value::Null).await.status, 200);
+    let wall = "/api/v1/playheads/wall";
+    screen("PUT", wall, json!({})).await.problem(403, wall);
+    house.accounts.remove_token(&made.id, None).await.unwrap();
+    screen("GET", "/api/v1/cameras", Value::Null).await.problem(401, "/api/v1/cameras");
 }
 
 #[tokio::test]
@@ -472,8 +513,8 @@ async fn what_callers_did_is_noted_once_and_cannot_be_changed_unseen() {
         ]
     );
     assert_eq!(listed["next"], Value::Null);
-    let page = house.get("/api/v1/audit?after=2&limit=3", Shows::Token(&admin)).await.json();
-    assert_eq!((page["entries"].as_array().unwrap().len(), &page["next"]), (3, &json!(5)));
+    let page = house.get("/api/v1/audit?cursor=2&limit=3", Shows::Token(&admin)).await.json();
+    assert_eq!((page["entries"].as_array().unwrap().len(), &page["next"]), (3, &json!("5")));
     let whole = house.store.check_audit().await.unwrap();
     assert_eq!((whole.n_whole, &whole.fault), (8, &None));
     assert_eq!(whole.head.as_deref(), listed["entries"][7]["digest"].as_str());
@@ -531,4 +572,29 @@ async fn a_revoked_token_ends_a_conversation_with_its_reason() {
     assert_eq!(ended, (1008, "your rights have ended".to_owned()));
     stop.send(()).unwrap();
     served.await.unwrap();
+}
+
+#[tokio::test]
+async fn who_asked_for_a_job_is_told_to_who_may_see_it() {
+    let (house, admin) = House::with_admin().await;
+    let ann = json!({"role": "operator", "cameras": {"*": ["live", "export"]}});
+    assert_eq!(house.user(&admin, "ann", ann).await.status, 201);
+    let (_, token) = house.accounts.add_token("ann", String::new(), None).await.unwrap();
+    let asked = house.send("POST", "/api/v1/exports", Shows::Token(&token), &[], json!({})).await;
+    assert_eq!((asked.status.as_u16(), &asked.json()["asked_by"]), (202, &json!("ann")));
+    let measured = house.send("POST", "/api/v1/accuracy", Shows::Token(&admin), &[], Value::Null).await;
+    assert_eq!((measured.status.as_u16(), &measured.json()["asked_by"]), (202, &Value::Null));
+    let by = async |token: &str, job: &str| {
+        house.get(&format!("/api/v1/jobs/{job}"), Shows::Token(token)).await.json()["asked_by"].clone()
+    };
+    assert_eq!(by(&token, "export:20260301t120000z").await, "ann");
+    assert_eq!(by(&admin, "export:20260301t120000z").await, "ann");
+    // Names of admins are for admins.
+    assert_eq!(by(&admin, "accuracy").await, "root");
+    assert_eq!(by(&token, "accuracy").await, Value::Null);
+    let own = async |user: &str| {
+        let jobs = house.get(&format!("/api/v1/jobs?asked_by={user}"), Shows::Token(&token)).await.json();
+        jobs["jobs"].as_array().unwrap().len()
+    };
+    assert_eq!((own("ann").await, own("root").await), (1, 0));
 }

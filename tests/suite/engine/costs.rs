@@ -42,7 +42,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
 
     let bench = start();
     assert_eq!(
-        bench.handle.refresh_accuracy().unwrap_err().kind(),
+        bench.handle.refresh_accuracy(None).unwrap_err().kind(),
         ErrorKind::Unavailable,
         "nobody measures"
     );
@@ -69,7 +69,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
     let bench = start();
     let second = keeper(&bench, settings());
     assert_eq!(wait_for_table(&bench).table.unwrap(), measured, "as it was kept");
-    bench.handle.refresh_accuracy().unwrap();
+    bench.handle.refresh_accuracy(None).unwrap();
     let status = wait_for("a newer table", || {
         let status = bench.handle.accuracy();
         let is_newer = status.table.as_ref().is_some_and(|table| table.measured_at != measured.measured_at);
@@ -77,7 +77,7 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
     });
     assert_eq!(status.table.unwrap().rows.len(), measured.rows.len());
     second.stop(&clock, patience);
-    assert_eq!(bench.handle.refresh_accuracy().unwrap_err().kind(), ErrorKind::Unavailable);
+    assert_eq!(bench.handle.refresh_accuracy(None).unwrap_err().kind(), ErrorKind::Unavailable);
     bench.stop();
 }
 

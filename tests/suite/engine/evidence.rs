@@ -106,7 +106,13 @@ impl Vault {
 
 fn of_camera(camera: &str, frame: i64) -> Wanted {
     let subject = Subject::Camera { camera: camera.to_owned(), at: at(FRAME_NANOS * frame) };
-    Wanted { subject, note: "at the gate".to_owned(), tags: vec!["gate".to_owned()], hold: false }
+    Wanted {
+        subject,
+        note: "at the gate".to_owned(),
+        tags: vec!["gate".to_owned()],
+        hold: false,
+        blur_people: None,
+    }
 }
 
 fn sha256(bytes: &[u8]) -> String {
@@ -129,8 +135,13 @@ fn a_snapshot_of_a_view_holds_what_was_shown_and_from_what() {
     bench.runtime.block_on(async {
         let vault = Vault::open(&folder.path().join("state")).await;
         let subject = Subject::View { request: Box::new(asked), parameters: "width=40&height=30".to_owned() };
-        let wanted =
-            Wanted { subject, note: "who is it?".to_owned(), tags: vec!["case 7".to_owned()], hold: true };
+        let wanted = Wanted {
+            subject,
+            note: "who is it?".to_owned(),
+            tags: vec!["case 7".to_owned()],
+            hold: true,
+            blur_people: None,
+        };
         let made = vault.make(&bench, wanted).await.unwrap();
         let place = vault.place(&made.id);
         assert_eq!(pixels(&place.join("picture.png")), shown.image.data, "the very pixels");
@@ -578,7 +589,13 @@ fn snapshots_are_made_when_they_fall_due_and_failures_are_counted() {
         let vault = Vault::open(&folder.path().join("state")).await;
         let scheduled = |id: &str, camera: &str, period_secs: i64| {
             let subject = Subject::Camera { camera: camera.to_owned(), at: At::Live };
-            let wanted = Wanted { subject, note: format!("by {id}"), tags: Vec::new(), hold: false };
+            let wanted = Wanted {
+                subject,
+                note: format!("by {id}"),
+                tags: Vec::new(),
+                hold: false,
+                blur_people: None,
+            };
             Scheduled { id: id.to_owned(), period_nanos: period_secs * 1_000_000_000, wanted }
         };
         let all = vec![scheduled("quarter", "north", 900), scheduled("gone", "nobody", 600)];

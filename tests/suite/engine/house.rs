@@ -5,9 +5,13 @@ use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::http::{HeaderMap, Request};
 use serde_json::Value;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
+use tokio::net::TcpListener;
+use tokio::runtime::Runtime;
+use tokio::sync::oneshot;
 use tower::ServiceExt;
 use videofields::accounts::{Accounts, Audit};
 use videofields::api::{self, Limits, Site, Trust};
@@ -16,30 +20,30 @@ use videofields::clock::{Clock, SystemClock};
 use videofields::scene;
 
 /// An engine and the interface over it.
-pub(super) struct House {
-    pub(super) bench: Bench,
-    pub(super) router: Router,
+pub(crate) struct House {
+    pub(crate) bench: Bench,
+    pub(crate) router: Router,
 }
 
 /// What came back.
-pub(super) struct Answer {
-    pub(super) status: u16,
-    pub(super) headers: HeaderMap,
-    pub(super) etag: Option<String>,
+pub(crate) struct Answer {
+    pub(crate) status: u16,
+    pub(crate) headers: HeaderMap,
+    pub(crate) etag: Option<String>,
     /// The body, where it is JSON.
-    pub(super) body: Value,
-    pub(super) bytes: Vec<u8>,
+    pub(crate) body: Value,
+    pub(crate) bytes: Vec<u8>,
 }
 
 impl Answer {
-    pub(super) fn field(&self, name: &str) -> &str {
+    pub(crate) fn field(&self, name: &str) -> &str {
         self.headers.get(name).map_or("", |value| value.to_str().unwrap())
     }
 }
 
 impl House {
     /// Over an engine that has no scenes yet; `scene` is an id and the document of its file.
-    pub(super) fn over(folder: &Path, bench: Bench, (id, document): (&str, &str)) -> Self {
+    pub(crate) fn over(folder: &Path, bench: Bench, (id, document): (&str, &str)) -> Self {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         let router = bench.runtime.block_on(async {
             let scene = Arc::new(scene::parse(id, document, scene::no_imports).unwrap().scene);
@@ -67,7 +71,11 @@ impl House {
         Self { bench, router }
     }
 
-    pub(super) fn send(
+    pub(super) fn serve(&self) -> (SocketAddr, oneshot::Sender<()>) {
+        serve(&self.bench.runtime, self.router.clone())
+    }
+
+    pub(crate) fn send(
         &self,
         method: &str,
         path: &str,
@@ -82,12 +90,12 @@ impl House {
         self.bench.runtime.block_on(answered(self.router.clone(), request))
     }
 
-    pub(super) fn get(&self, path: &str) -> Answer {
+    pub(crate) fn get(&self, path: &str) -> Answer {
         self.send("GET", path, None, "")
     }
 
     /// All of them at once, in that order.
-    pub(super) fn get_all(&self, paths: &[String]) -> Vec<Answer> {
+    pub(crate) fn get_all(&self, paths: &[String]) -> Vec<Answer> {
         self.bench.runtime.block_on(async {
             let asked: Vec<_> = paths
                 .iter()
@@ -103,7 +111,16 @@ impl House {
     }
 }
 
-async fn answered(router: Router, request: Request<Body>) -> Answer {
+/// Answers requests at an address of this machine, until the other end is sent to or dropped.
+pub(super) fn serve(runtime: &Runtime, router: Router) -> (SocketAddr, oneshot::Sender<()>) {
+    let (stop, stopped) = oneshot::channel();
+    let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0")).unwrap();
+    let address = listener.local_addr().unwrap();
+    runtime.spawn(api::serve(listener, None, router, async move { drop(stopped.await) }));
+    (address, stop)
+}
+
+pub(super) async fn answered(router: Router, request: Request<Body>) -> Answer {
     let response = router.oneshot(request).await.unwrap();
     let (parts, body) = response.into_parts();
     let etag = parts.headers.get("etag").map(|tag| tag.to_str().unwrap().to_owned());

@@ -11,14 +11,19 @@ use tower::ServiceExt;
 use videofields::config::{End, Settings};
 use videofields::engine::{At, LocateMethod};
 
-fn start(folder: &Path) -> House {
+pub(super) fn start(folder: &Path) -> House {
+    House::over(folder, bench(folder), ("yard", SCENE))
+}
+
+/// An engine without scenes, over two cameras.
+pub(super) fn bench(folder: &Path) -> Bench {
     let mut settings = Settings::default();
     settings.media.roots = vec![folder.to_owned()];
     settings.camera = vec![
         camera("north", pictures(folder, "north", 0..30), End::Loop),
         camera("south", pictures(folder, "south", 0..30), End::Loop),
     ];
-    House::over(folder, Bench::start(folder, settings, &[]), ("yard", SCENE))
+    Bench::start(folder, settings, &[])
 }
 
 fn ids(house: &House) -> Vec<String> {
@@ -87,8 +92,8 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     assert_eq!(numbers, [2, 1], "{versions}");
     assert!(versions["versions"][0]["changed_at"].as_str().unwrap().ends_with('Z'), "{versions}");
     let page = house.get("/api/v1/scenes/yard/versions?limit=1").body;
-    assert_eq!((&page["is_complete"], &page["next"]), (&json!(false), &json!(2)));
-    let page = house.get("/api/v1/scenes/yard/versions?limit=1&before=2").body;
+    assert_eq!((&page["is_complete"], &page["next"]), (&json!(false), &json!("2")));
+    let page = house.get("/api/v1/scenes/yard/versions?limit=1&cursor=2").body;
     assert_eq!((&page["versions"][0]["version"], &page["is_complete"]), (&json!(1), &json!(true)));
     assert_eq!(house.get("/api/v1/scenes/yard/versions/1").body["name"], "Green yard");
     assert_eq!(house.get("/api/v1/scenes/yard/versions/9").status, 404);
@@ -139,6 +144,9 @@ fn a_bad_document_changes_nothing_and_is_told_with_its_places() {
     let tried = house.send("PUT", "/api/v1/scenes/yard?validate_only=true", None, &green());
     assert_eq!((tried.status, &tried.body["is_valid"]), (200, &json!(true)), "{}", tried.body);
     assert_eq!(tried.body["document"]["name"], "Green yard");
+    let wrong =
+        house.send("PATCH", "/api/v1/scenes/yard?validate_only=true", Some(("if-none-match", "\"1\"")), "{}");
+    assert_eq!((wrong.status, &wrong.body["errors"][0]["parameter"]), (400, &"If-None-Match".into()));
     let tried = house.send("PATCH", "/api/v1/scenes/yard?validate_only=true", None, "{\"version\": 2}");
     assert_eq!(tried.status, 400);
     assert_eq!(house.send("PUT", "/api/v1/scenes/No!", Some(("if-none-match", "*")), SCENE).status, 400);
@@ -185,5 +193,65 @@ fn of_many_who_change_one_version_at_once_one_wins() {
         assert!(statuses.iter().all(|status| matches!(status, 200 | 412)), "{statuses:?}");
     }
     assert_eq!(house.get(YARD).etag.as_deref(), Some("\"8\""));
+    house.bench.stop();
+}
+
+#[test]
+fn scenes_go_to_other_programs_and_come_back_over_http() {
+    let folder = TempDir::new().unwrap();
+    let house = start(folder.path());
+    let export = |format: &str| house.get(&format!("{YARD}/export?format={format}"));
+    let own = export("videofields");
+    assert_eq!((own.status, own.field("content-type")), (200, "application/json"));
+    assert_eq!(own.body, house.get(YARD).body);
+    let gltf = export("gltf");
+    assert_eq!((gltf.status, gltf.field("content-type")), (200, "model/gltf+json"));
+    assert_eq!(gltf.field("content-disposition"), "attachment; filename=\"yard.gltf\"");
+    assert_eq!(gltf.body["asset"]["version"], "2.0");
+    let glb = export("glb");
+    assert_eq!((glb.field("content-type"), &glb.bytes[..4]), ("model/gltf-binary", b"glTF".as_slice()));
+    let had = glb.etag.as_deref().map(|tag| ("if-none-match", tag));
+    assert_eq!(house.send("GET", &format!("{YARD}/export?format=glb"), had, "").status, 304);
+    assert_eq!(export("obj").status, 400);
+    assert_eq!(house.get("/api/v1/scenes/nowhere/export?format=gltf").status, 404);
+
+    let import = format!("{YARD}/import?format=gltf");
+    let file = String::from_utf8(gltf.bytes).unwrap().replace("\"Yard\"", "\"Imported\"");
+    // On the conditions of PUT.
+    assert_eq!(house.send("POST", &import, None, &file).status, 428);
+    assert_eq!(house.send("POST", &import, Some(("if-match", "\"7\"")), &file).status, 412);
+    assert_eq!(house.send("POST", &import, Some(("if-none-match", "*")), &file).status, 412);
+    let tried = house.send("POST", &format!("{import}&validate_only=true"), None, &file);
+    assert_eq!((tried.status, &tried.body["is_valid"]), (200, &json!(true)), "{}", tried.body);
+    assert_eq!(house.get(YARD).body["name"], "Yard", "it was only tried");
+    let taken = house.send("POST", &import, Some(("if-match", "\"0\"")), &file);
+    assert_eq!((taken.status, taken.etag.as_deref()), (200, Some("\"1\"")), "{}", taken.body);
+    assert_eq!((&taken.body["warnings"], &taken.body["document"]["name"]), (&json!([]), &json!("Imported")));
+    assert_eq!(house.bench.handle.scene("yard").unwrap().name, "Imported");
+
+    // What is at fault is told by its place in the file, and what is shown stays.
+    for (from, to, pointer) in [
+        ("\"count\":", "\"count\":2147483648,\"was\":", "/accessors/0/count"),
+        ("data:application/octet-stream;base64,", "file:///etc/passwd", "/buffers/0/uri"),
+        ("\"id\":\"north\"", "\"id\":\"No id\"", "/nodes/0/extras/videofields"),
+        ("\"asset\":", "\"asset\":{},\"asset\":", "/asset"),
+    ] {
+        assert!(file.contains(from), "{from}");
+        let bad = house.send("POST", &import, Some(("if-match", "*")), &file.replacen(from, to, 1));
+        assert_eq!(bad.status, 400, "{}", bad.body);
+        assert!(bad.body["errors"][0]["pointer"].as_str().unwrap().starts_with(pointer), "{}", bad.body);
+    }
+    assert_eq!(house.send("PUT", &import, None, "").status, 405);
+    assert_eq!(house.get(YARD).etag.as_deref(), Some("\"1\""));
+
+    // A new scene, of the paper's.
+    let paper = export("paper");
+    assert_eq!(paper.body["cameras"][0]["matrixWorld"].as_array().unwrap().len(), 16);
+    let paper = String::from_utf8(paper.bytes).unwrap().replace("\"fov\"", "\"film\": 35, \"fov\"");
+    let path = "/api/v1/scenes/copy/import?format=paper";
+    let made = house.send("POST", path, Some(("if-none-match", "*")), &paper);
+    assert_eq!((made.status, made.etag.as_deref()), (201, Some("\"1\"")), "{}", made.body);
+    assert_eq!(made.body["warnings"][0]["pointer"], "/cameras/0/film");
+    assert_eq!(ids(&house), ["yard", "copy"]);
     house.bench.stop();
 }

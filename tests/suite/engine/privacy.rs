@@ -10,6 +10,7 @@ use std::sync::Arc;
 use tempfile::TempDir;
 use videofields::access::{Grants, Right, Rights, Role};
 use videofields::accounts::{Accounts, UserChange};
+use videofields::catalog::Catalog;
 use videofields::clock::{Clock, SystemClock, Timestamp};
 use videofields::config::{CameraSettings, End, Settings};
 use videofields::engine::{At, Privacy};
@@ -257,6 +258,38 @@ fn what_a_camera_hides_others_show_and_nobody_a_grey() {
     );
     let grey = neutral.to_rgb().data;
     assert!(!both.image.data.chunks_exact(3).any(|pixel| pixel == grey), "{grey:?} is projected");
+    bench.stop();
+}
+
+/// The configuration is read again, and has another source and another zone: no picture of the one without the other.
+#[test]
+fn zones_of_a_configuration_that_is_read_again_hold_before_its_sources_are_changed() {
+    let folder = TempDir::new().unwrap();
+    let path = pictures(folder.path(), "north", 0..24);
+    let north = camera("north", path, End::Loop);
+    let settings = Settings { camera: vec![north.clone()], ..Settings::default() };
+    let bench = Bench::start(folder.path(), settings, &[]);
+    wait_for("pictures", || (bench.summary("north").frames > 10).then_some(()));
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
+    let folders = (PathBuf::from("."), Vec::new());
+    let own = zone("garden", &RIGHT);
+    let again =
+        [hiding(north, std::slice::from_ref(&own)), hiding(camera("late", "late.webm", End::Stop), &[])];
+    let followed = bench.runtime.block_on(async {
+        let catalog = Catalog::open(bench.store.clone(), clock, Vec::new(), folders).await.unwrap();
+        catalog.begin_privacy(&[camera("north", "north", End::Loop)]).await.unwrap();
+        catalog.follow_privacy(&bench.handle, &again).await.unwrap()
+    });
+    assert_eq!(followed.values().map(|of| of.zones.len()).collect::<Vec<_>>(), [0, 1]);
+    check_hidden(&bench.handle.observation("north", At::Live).unwrap(), &own);
+    let other = pictures(folder.path(), "other", 30..40);
+    let feed = json!({"source": {"path": other, "rate_hz": 50.0, "end": "loop"}});
+    bench.handle.change_feed("north", &feed).unwrap();
+    let frames = bench.summary("north").frames;
+    wait_for("more", || (bench.summary("north").frames > frames + 10).then_some(()));
+    let first = bench.summary("north").first.unwrap().parse::<Timestamp>().unwrap();
+    check_hidden(&bench.handle.observation("north", At::Time(first)).unwrap(), &own);
+    check_hidden(&bench.handle.observation("north", At::Live).unwrap(), &own);
     bench.stop();
 }
 

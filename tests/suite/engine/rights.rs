@@ -144,7 +144,7 @@ pub(super) fn told(bench: &Bench, handle: &Handle) -> Vec<String> {
         tell("place", format!("{:?}", handle.accept_place(camera)));
         let export =
             json!({"cameras": [camera], "from": "1970-01-01T00:00:00Z", "to": "1970-01-01T00:00:02Z"});
-        tell("export", format!("{:?}", handle.ask_export(export)));
+        tell("export", format!("{:?}", handle.ask_export(export, None)));
     }
     let events = handle.events(None, 0, 100).unwrap();
     tell("all events", format!("{:?}", events.into_iter().map(|e| e.event).collect::<Vec<_>>()));
@@ -429,13 +429,15 @@ fn routes() -> Vec<String> {
     routes
 }
 
-/// Two walls and two views: of each one that is live, and one that shows what a playhead does.
+/// Walls and views: of each one that is live and one that shows what a playhead does; and a wall of a scene that may be hidden.
 async fn walls(bench: &Bench, clock: &Arc<dyn Clock>) -> Catalog {
     let folders = (PathBuf::from("."), Vec::new());
     let catalog = Catalog::open(bench.store.clone(), Arc::clone(clock), Vec::new(), folders).await.unwrap();
-    for (id, playhead) in [("control", None), ("past", Some("wall"))] {
+    for (id, scene, playhead) in
+        [("control", "yard", None), ("past", "yard", Some("wall")), ("hidden", "hidden", None)]
+    {
         let wall = json!({
-            "scene": "yard",
+            "scene": scene,
             "playhead": playhead,
             "view": {"eye_m": [7, -7, 5], "target_m": [0, 0, 0]},
             "surface": {"grid": {"columns": 2, "rows": 1, "tile_px": [32, 24], "tile_m": [0.4, 0.3]}},

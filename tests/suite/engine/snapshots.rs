@@ -3,7 +3,8 @@
 
 use super::{Bench, SCENE, camera, has_adapter, pictures};
 use axum::Router;
-use axum::body::{Body, to_bytes};
+use axum::body::{Body, BodyDataStream, to_bytes};
+use axum::http::request::Builder;
 use axum::http::{HeaderMap, Request};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -14,28 +15,28 @@ use videofields::accounts::{Accounts, Audit, UserChange};
 use videofields::api;
 use videofields::catalog::Catalog;
 use videofields::clock::{Clock, SystemClock};
-use videofields::config::{End, Settings};
+use videofields::config::{CameraSettings, End, Settings};
 use videofields::evidence::{SnapshotSettings, Snapshots, check_archive};
 use videofields::telemetry::Metrics;
 
 const ALL: &str = "/api/v1/snapshots";
 
 /// A daemon's interface with users, and a token of each.
-struct House {
-    bench: Bench,
-    router: Router,
-    tokens: Vec<(&'static str, String)>,
+pub(super) struct House {
+    pub(super) bench: Bench,
+    pub(super) router: Router,
+    pub(super) tokens: Vec<(&'static str, String)>,
 }
 
-struct Answer {
-    status: u16,
-    headers: HeaderMap,
-    body: Value,
-    bytes: Vec<u8>,
+pub(super) struct Answer {
+    pub(super) status: u16,
+    pub(super) headers: HeaderMap,
+    pub(super) body: Value,
+    pub(super) bytes: Vec<u8>,
 }
 
 impl Answer {
-    fn field(&self, name: &str) -> &str {
+    pub(super) fn field(&self, name: &str) -> &str {
         self.headers.get(name).map_or("", |value| value.to_str().unwrap())
     }
 }
@@ -55,9 +56,14 @@ fn users() -> Vec<(&'static str, Value)> {
 }
 
 impl House {
-    fn new(folder: &Path) -> Self {
+    pub(super) fn new(folder: &Path) -> Self {
         let cameras = ["north", "south"].map(|id| camera(id, pictures(folder, id, 0..20), End::Stop));
-        let settings = Settings { camera: cameras.to_vec(), ..Settings::default() };
+        Self::of(folder, cameras.to_vec())
+    }
+
+    /// Over these cameras, all of which have ended.
+    pub(super) fn of(folder: &Path, cameras: Vec<CameraSettings>) -> Self {
+        let settings = Settings { camera: cameras, ..Settings::default() };
         let bench = Bench::start(folder, settings, &[("yard", SCENE)]);
         for id in ["north", "south"] {
             bench.wait_for_state(id, "ended");
@@ -93,13 +99,40 @@ impl House {
         Self { bench, router, tokens }
     }
 
-    fn send(&self, user: &str, method: &str, path: &str, tag: Option<&str>, body: Value) -> Answer {
+    pub(super) fn send(
+        &self,
+        user: &str,
+        method: &str,
+        path: &str,
+        tag: Option<&str>,
+        body: Value,
+    ) -> Answer {
+        let fields: Vec<(&str, &str)> = tag.map(|tag| ("if-match", tag)).into_iter().collect();
+        self.send_with((user, method, path), &fields, body)
+    }
+
+    fn request(&self, (user, method, path): (&str, &str, &str), fields: &[(&str, &str)]) -> Builder {
         let token = &self.tokens.iter().find(|(name, _)| *name == user).unwrap().1;
-        let mut request =
-            Request::builder().method(method).uri(path).header("authorization", format!("Bearer {token}"));
-        if let Some(tag) = tag {
-            request = request.header("if-match", tag);
-        }
+        let request = Request::builder().method(method).uri(path);
+        let request = request.header("authorization", format!("Bearer {token}"));
+        fields.iter().fold(request, |request, (name, value)| request.header(*name, *value))
+    }
+
+    /// The pieces of an answer without end.
+    pub(super) fn stream(&self, user: &str, path: &str) -> BodyDataStream {
+        let request = self.request((user, "GET", path), &[]).body(Body::empty()).unwrap();
+        let response = self.bench.runtime.block_on(self.router.clone().oneshot(request)).unwrap();
+        assert_eq!(response.status(), 200, "{path}");
+        response.into_body().into_data_stream()
+    }
+
+    pub(super) fn send_with(
+        &self,
+        asked: (&str, &str, &str),
+        fields: &[(&str, &str)],
+        body: Value,
+    ) -> Answer {
+        let request = self.request(asked, fields);
         let body = if body.is_null() { Body::empty() } else { Body::from(body.to_string()) };
         self.bench.runtime.block_on(async {
             let response = self.router.clone().oneshot(request.body(body).unwrap()).await.unwrap();
@@ -110,12 +143,12 @@ impl House {
         })
     }
 
-    fn get(&self, user: &str, path: &str) -> Answer {
+    pub(super) fn get(&self, user: &str, path: &str) -> Answer {
         self.send(user, "GET", path, None, Value::Null)
     }
 
     /// The path of a snapshot that `user` makes.
-    fn make(&self, user: &str, body: Value) -> String {
+    pub(super) fn make(&self, user: &str, body: Value) -> String {
         let made = self.send(user, "POST", ALL, None, body);
         assert_eq!(made.status, 201, "{}", made.body);
         made.field("location").to_owned()
@@ -217,7 +250,7 @@ fn a_snapshot_is_made_found_read_annotated_and_removed() {
     let page = house.get("root", &format!("{ALL}?limit=1"));
     assert_eq!(page.body["snapshots"][0]["id"], json!(second));
     let next = page.body["next"].as_str().unwrap();
-    let page = house.get("root", &format!("{ALL}?limit=1&before={next}"));
+    let page = house.get("root", &format!("{ALL}?limit=1&cursor={next}"));
     assert_eq!((&page.body["snapshots"][0]["id"], &page.body["next"]), (&json!(first), &Value::Null));
     assert_eq!(house.get("root", &format!("{ALL}?sort=up")).status, 400);
 
@@ -309,7 +342,7 @@ fn who_may_not_export_a_camera_learns_nothing_of_snapshots_with_it() {
     // Pages are full of what the caller may know of, and say no more.
     let page = house.get("half", &format!("{ALL}?limit=1"));
     assert_eq!(page.body["snapshots"].as_array().unwrap().len(), 1);
-    let rest = house.get("half", &format!("{ALL}?limit=1&before={}", page.body["next"].as_str().unwrap()));
+    let rest = house.get("half", &format!("{ALL}?limit=1&cursor={}", page.body["next"].as_str().unwrap()));
     assert_eq!(
         (rest.body["snapshots"][0]["id"].as_str(), &rest.body["next"]),
         (Some(&id_of(&own)[..]), &Value::Null)

@@ -157,12 +157,12 @@ fn mark(path: &str, found: &Value) -> String {
 
 /// Every entry of the audit log.
 fn audit(address: SocketAddr, token: &str) -> Vec<Value> {
-    let (mut entries, mut after) = (Vec::new(), Some(0));
+    let (mut entries, mut after) = (Vec::new(), Some(0_u64));
     while let Some(number) = after {
-        let path = format!("/api/v1/audit?after={number}&limit=1000");
+        let path = format!("/api/v1/audit?cursor={number}&limit=1000");
         let page = ask(address, "GET", &path, &Ask { token: Some(token), ..Ask::default() }).unwrap().json();
         entries.extend(page["entries"].as_array().unwrap().iter().cloned());
-        after = page["next"].as_i64();
+        after = page["next"].as_str().map(|next| next.parse().unwrap());
     }
     entries
 }

@@ -46,7 +46,7 @@ fn a_stretch_is_exported_and_previewed_while_the_daemon_runs() {
     let at = |number: i64| START.saturating_add_nanos(number * FRAME_NANOS);
     let asked =
         json!({"scene": "yard", "from": at(50).to_string(), "to": at(120).to_string(), "note": "case 7"});
-    let asked = running.handle.ask_export(asked).unwrap();
+    let asked = running.handle.ask_export(asked, None).unwrap();
     let done = wait_for("the export", || {
         let status = running.handle.exports().into_iter().find(|status| status.id == asked.id).unwrap();
         assert_ne!(status.state, ExportState::Failed, "{status:?}");

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
 use super::{at, folder, open, tamper};
+use sqlx::{Connection, SqliteConnection};
 use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -133,15 +134,77 @@ async fn what_is_no_good_database_is_refused_and_left_as_it_is() {
     }
 }
 
+/// Makes a database what schema 10 was.
+async fn make_older(path: &Path) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("migrations");
+    let mut undo = String::from("delete from _sqlx_migrations where version > 10; drop table document;");
+    // The one thing of then that later schemas have otherwise.
+    let of_then = std::fs::read_to_string(folder.join("0010_create_audit.sql")).unwrap();
+    let trigger = of_then.split("\n\n").find(|part| part.contains("create trigger audit_is_not_shortened"));
+    undo += &format!("drop trigger audit_is_not_shortened; {}", trigger.unwrap());
+    for file in std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()) {
+        let name = file.file_name().unwrap().to_str().unwrap().to_owned();
+        let later = name.split_once('_').unwrap().0.parse::<i64>().unwrap() > 10;
+        let text = std::fs::read_to_string(&file).unwrap();
+        for line in text.lines().filter(|_| later) {
+            if let Some(table) = line.strip_prefix("create table ") {
+                undo += &format!("drop table if exists {};", table.trim_end_matches([' ', '(']));
+            }
+        }
+    }
+    tamper(path, &undo).await;
+}
+
+#[tokio::test]
+async fn the_audit_log_is_shortened_by_age_alone_and_proved_from_its_anchor() {
+    let folder = folder();
+    let path = folder.path().join("a.sqlite");
+    let store = open(&path).await;
+    for i in 1..=10_i64 {
+        let entry = AuditEntry { at: at(i * 1000), ..entry(&format!("/{i}")) };
+        store.append_audit(&entry).await.unwrap();
+    }
+    let all = store.check_audit().await.unwrap();
+    assert_eq!((all.n_removed, all.n_whole), (0, 10));
+    assert_eq!(store.shorten_audit(at(0)).await.unwrap(), None);
+    let fourth = store.audit(3, 1).await.unwrap()[0].digest_text();
+    assert_eq!(store.shorten_audit(at(5000)).await.unwrap(), Some((4, fourth)));
+    assert_eq!(store.shorten_audit(at(5000)).await.unwrap(), None);
+    assert_eq!(store.audit(0, 99).await.unwrap()[0].number, 5);
+    let left = store.check_audit().await.unwrap();
+    assert_eq!((left.n_removed, left.n_whole, left.head, left.fault), (4, 6, all.head, None));
+    // The newest stays, however old it is, and the chain goes on.
+    store.shorten_audit(at(i64::MAX)).await.unwrap();
+    assert_eq!(store.append_audit(&entry("/11")).await.unwrap(), 11);
+    let left = store.check_audit().await.unwrap();
+    assert_eq!((left.n_removed, left.n_whole, left.fault), (9, 2, None));
+    store.close().await.unwrap();
+    // Nobody shortens it otherwise, or gives it another beginning.
+    for sql in [
+        "delete from audit where number = 10",
+        "update audit_anchor set number = 10",
+        "update audit_anchor set number = 8, digest = zeroblob(32)",
+        "delete from audit_anchor",
+    ] {
+        let url = format!("sqlite://{}", path.display());
+        let mut connection = SqliteConnection::connect(&url).await.unwrap();
+        assert!(sqlx::raw_sql(sql).execute(&mut connection).await.is_err(), "{sql}");
+        connection.close().await.unwrap();
+    }
+    // An entry that was changed behind it shows.
+    tamper(&path, "drop trigger audit_is_not_changed; update audit set target = '/x' where number = 10")
+        .await;
+    let store = open(&path).await;
+    assert!(store.check_audit().await.unwrap().fault.unwrap().contains("entry 10"));
+    store.close().await.unwrap();
+}
+
 #[tokio::test]
 async fn an_older_database_is_looked_at_without_being_changed() {
     let folder = folder();
     let path = folder.path().join("old.sqlite");
     database(&path, 3).await;
-    // As a release that did not know these tables would have left it.
-    let undo = "drop table document; drop table snapshot_annotation; drop table snapshot_camera; drop table snapshot;
-                drop table privacy; delete from _sqlx_migrations where version >= 11";
-    tamper(&path, undo).await;
+    make_older(&path).await;
     let before = std::fs::read(&path).unwrap();
     let mut old = ReadOnly::open(&path).await.unwrap();
     assert_eq!(old.schema().await.unwrap(), 10);

@@ -1,0 +1,78 @@
+//! The engine under way with other settings: cameras that come, go and change, and scenes that are read again.
+//!
+//! In: the cameras as they are to be, and scenes. Whoever changes settings through the door meanwhile is kept out by the
+//! caller, who holds the lock that all changes take.
+
+use super::privacy::Privacy;
+use super::roster::Allotment;
+use super::shared::Shared;
+use crate::config::{CameraSettings, Settings};
+use crate::frame::CameraId;
+use crate::scene::Scene;
+use crate::timeline::EventKind;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Has the engine go on with other settings. Cheap to clone.
+#[derive(Clone)]
+pub struct Reloader(Arc<Shared>);
+
+impl Reloader {
+    pub(super) const fn new(shared: Arc<Shared>) -> Self {
+        Self(shared)
+    }
+
+    /// From now on there are these cameras, with these zones; those whose settings are the same do not notice. `settings` says
+    /// where those that begin now may read from. Blocks for up to some seconds for each that ends. Those whose thread could not be started, and
+    /// why.
+    #[must_use]
+    pub fn apply_cameras(
+        &self,
+        cameras: &[CameraSettings],
+        zones: &BTreeMap<CameraId, Privacy>,
+        settings: &Settings,
+    ) -> Vec<(CameraId, String)> {
+        let Some(roster) = &self.0.roster else { return Vec::new() };
+        let before: Vec<CameraId> = self.0.all_cameras().iter().map(|camera| camera.id.clone()).collect();
+        let failed = roster.apply(cameras, zones, Allotment::of(settings));
+        self.0.set_cameras(roster.entries());
+        if let Some(past) = &self.0.past {
+            past.set_cameras(cameras.iter().filter(|camera| camera.record).cloned());
+        }
+        for gone in before.iter().filter(|id| !cameras.iter().any(|camera| camera.id == **id)) {
+            self.0.metrics.forget_camera(gone.as_str(), EventKind::ALL.map(EventKind::as_str));
+        }
+        failed
+    }
+
+    /// Tries again to start cameras that are to run and have no thread. Never blocks for one that is being changed.
+    pub fn mend(&self) {
+        if let Some(roster) = &self.0.roster {
+            roster.mend();
+        }
+    }
+
+    /// The cameras' settings as they are in force.
+    #[must_use]
+    pub fn cameras(&self) -> Vec<CameraSettings> {
+        self.0.roster.as_ref().map(|roster| roster.settings()).unwrap_or_default()
+    }
+
+    /// From now on there are these scenes, in this order; those whose documents are the same do not notice.
+    pub fn apply_scenes(&self, scenes: Vec<Arc<Scene>>) {
+        let before = self.0.scenes.all();
+        let order: Vec<String> = scenes.iter().map(|scene| scene.id.clone()).collect();
+        for gone in before.iter().filter(|scene| !order.contains(&scene.id)) {
+            tracing::info!(scene = gone.id, "a scene is taken away");
+            self.0.take_scene_out(&gone.id);
+        }
+        for scene in scenes {
+            let was = before.iter().find(|of| of.id == scene.id);
+            if was.is_none_or(|was| was.document != scene.document) {
+                tracing::info!(scene = scene.id, "a scene is shown as it was read again");
+                self.0.exchange_scene(scene);
+            }
+        }
+        self.0.scenes.order(&order);
+    }
+}
