@@ -1,12 +1,15 @@
 #!/usr/bin/env bash
 # Serves the demo plaza with the release build, asks it from many connections at once, and prints what came back as a table
-# (docs/benchmarks/load.md holds one). Arguments go to `videofields bench load`: such as --seconds 30 --clients 1,16,64.
+# (docs/benchmarks/load.md holds one). Arguments go to `videofields bench load`: such as --seconds 30 --clients 1,16,64; without
+# any, it is also measured beside slow readers and idle connections, whose descriptors both ends need.
 # VIDEOFIELDS names another binary than the release build's, LISTEN another address.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
 listen=${LISTEN:-127.0.0.1:18080}
 export NODEVICE_SELECT=1 VIDEOFIELDS_ACCURACY__MEASURE_AT_START=false
+[[ $# -gt 0 ]] || set -- --slow-readers 200 --idle 10000
+ulimit -n "$(ulimit -H -n)"
 folder=$(mktemp -d)
 # A database of its own, so that nothing of an earlier run is in the way.
 VIDEOFIELDS_STORAGE__DATABASE=$folder/load.sqlite "$videofields" demo --listen "$listen" --log warn >"$folder/out" 2>"$folder/log" &

@@ -232,6 +232,19 @@ const fn conditions(of: Conditions) -> &'static [Field] {
             ("If-None-Match", "`*`: only where there is none yet", Shape::Only("*")),
         ],
         Conditions::Look => &[("If-None-Match", "The `ETag` of what the caller has", Shape::Any)],
+        Conditions::File => &[
+            (
+                "Range",
+                "One range of bytes, as `bytes=0-1023`; what is none, or several, is as if it were not there",
+                Shape::Any,
+            ),
+            (
+                "If-Modified-Since",
+                "Only if it is younger: the `Last-Modified` of what the caller has",
+                Shape::Any,
+            ),
+            ("If-Unmodified-Since", "Only if it is no younger", Shape::Any),
+        ],
         Conditions::Resume => &[(
             "Last-Event-ID",
             "Goes on after the event of that `id`; stands above `after`",

@@ -156,6 +156,13 @@ impl Problem {
         Self::of(class, detail)
     }
 
+    /// A range that has no byte of a file of that size.
+    pub(super) fn range(size_bytes: u64) -> Self {
+        let status = StatusCode::RANGE_NOT_SATISFIABLE;
+        let class = class(status, "range", "No byte of the file lies in the range");
+        Self::of(class, format!("the file has {size_bytes} bytes"))
+    }
+
     /// A body of more bytes than its route takes.
     pub(super) fn content_too_large() -> Self {
         let class =

@@ -4,6 +4,7 @@ use super::Api;
 use super::audit::{Noted, people_noted};
 use super::content::Content;
 use super::error::Problem;
+use super::files;
 use super::idempotency::{self, Wanted};
 use super::identity::Asked;
 use super::openapi::Routes;
@@ -17,16 +18,12 @@ use super::tune::{read_body, refuse_foreign};
 use crate::access::{Right, Role};
 use crate::archive::ExportStatus;
 use crate::engine::{BlurAsked, EngineError};
-use crate::error::ErrorKind;
-use crate::media::descriptor_path;
 use axum::Json;
-use axum::body::Body;
 use axum::extract::{RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
-use tower_http::services::ServeFile;
 
 const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
 
@@ -62,12 +59,9 @@ pub(super) fn routes() -> Routes {
         .role(Role::Operator)
         .right(Right::Export)
         .answers(Answer::nothing(204, "It is gone"));
-    let file = Operation::new("load_export_file", "A file of an export, whole or in ranges")
-        .right(Right::Export)
-        .may_fail(&[416])
-        .answers(Answer::bytes(200, "The file", &["video/mp4", "video/x-matroska", "application/json"]))
-        .answers(Answer::bytes(206, "Bytes of it", &["video/mp4", "video/x-matroska", "application/json"]))
-        .answers(Answer::nothing(304, "It is as old as the caller's"));
+    let file =
+        Operation::new("load_export_file", "A file of an export, whole or in ranges").right(Right::Export);
+    let file = files::described(file, "The file", &["video/mp4", "video/x-matroska", "application/json"]);
     Routes::of(("Exports", "Clips of what was recorded, for people to keep"), SEGMENTS)
         .get("/api/v1/exports", self::list, list)
         .post("/api/v1/exports", self::ask, ask)
@@ -161,14 +155,9 @@ pub(super) async fn file(
     let asked = (id.clone(), name);
     let opened = api.ask("opening an export", move |door| door.export_file(&asked.0, &asked.1)).await;
     let (opened, file) = opened.map_err(|error| problem_of(&api, error))?;
-    let gone = |error: std::io::Error| {
-        Problem::new(ErrorKind::Unavailable, format!("the file cannot be read: {}", error.kind()))
-    };
-    // The file that was opened, whatever its name leads to by now.
-    let mut response =
-        ServeFile::new(descriptor_path(&opened)).try_call(request).await.map_err(gone)?.map(Body::new);
-    if response.status() == StatusCode::NOT_FOUND {
-        return Err(gone(std::io::ErrorKind::NotFound.into()));
+    let mut response = files::answer(&opened, request).await?;
+    if response.status() == StatusCode::RANGE_NOT_SATISFIABLE {
+        return Ok(response);
     }
     let headers = response.headers_mut();
     if let Ok(kind) = HeaderValue::try_from(&file.media_type) {

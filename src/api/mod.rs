@@ -22,6 +22,7 @@ mod error;
 mod event_stream;
 mod events;
 mod exports;
+mod files;
 mod foreground;
 mod foreground_writer;
 mod frames;

@@ -40,6 +40,8 @@ pub(super) enum Conditions {
     Look,
     /// `Last-Event-ID` may come.
     Resume,
+    /// `Range`, and conditions of time.
+    File,
 }
 
 /// An answer of success.
@@ -184,6 +186,12 @@ impl Operation {
     pub(super) fn resumed(mut self) -> Self {
         self.conditions = Conditions::Resume;
         self
+    }
+
+    /// A file, whole or in ranges, unless the caller has it.
+    pub(super) fn ranged(mut self) -> Self {
+        self.conditions = Conditions::File;
+        self.may_fail(&[412, 416])
     }
 
     /// How it is answered when all goes well.

@@ -5,6 +5,7 @@ use super::audit::Noted;
 use super::conditions::{etag, required};
 use super::content::Content;
 use super::error::Problem;
+use super::files;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
@@ -18,7 +19,6 @@ use crate::access::{Right, Role};
 use crate::clock::Timestamp;
 use crate::error::{ErrorKind, Fault};
 use crate::evidence::{Annotated, EvidenceError, Reader, Snapshots};
-use crate::media::descriptor_path;
 use crate::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
 use axum::Json;
 use axum::body::Body;
@@ -28,7 +28,6 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::fs::File;
-use tower_http::services::ServeFile;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
@@ -105,11 +104,9 @@ pub(super) fn routes() -> Routes {
         Operation::new(id, summary)
             .about("Of one that was made before something was hidden that it shows: 409 to all but admins.")
             .right(Right::Export)
-            .may_fail(&[409, 416])
-            .answers(Answer::bytes(200, "The picture", &["image/png"]))
-            .answers(Answer::bytes(206, "Bytes of it", &["image/png"]))
-            .answers(Answer::nothing(304, "It is as old as the caller's"))
+            .may_fail(&[409])
     };
+    let picture = |id, summary| files::described(picture(id, summary), "The picture", &["image/png"]);
     let shown = picture("load_snapshot_picture", "What was shown, pixel for pixel");
     let frame = picture("load_snapshot_frame", "The original frame of a camera that took part");
     let tar = Operation::new("load_snapshot_archive", "All of a snapshot as one file")
@@ -250,14 +247,9 @@ fn with(noted: Option<Noted>, mut response: Response) -> Response {
 }
 
 async fn serve(opened: File, name: &str, request: Request) -> Result<Response, Problem> {
-    let gone = |error: std::io::Error| {
-        Problem::new(ErrorKind::Unavailable, format!("the file cannot be read: {}", error.kind()))
-    };
-    // The file that was opened, whatever its name leads to by now.
-    let mut response =
-        ServeFile::new(descriptor_path(&opened)).try_call(request).await.map_err(gone)?.map(Body::new);
-    if response.status() == StatusCode::NOT_FOUND {
-        return Err(gone(std::io::ErrorKind::NotFound.into()));
+    let mut response = files::answer(&opened, request).await?;
+    if response.status() == StatusCode::RANGE_NOT_SATISFIABLE {
+        return Ok(response);
     }
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("image/png"));

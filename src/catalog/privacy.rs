@@ -11,7 +11,7 @@ mod witness;
 use super::{Catalog, CatalogError, Condition, State};
 use crate::clock::Timestamp;
 use crate::config::CameraSettings;
-use crate::engine::{EngineError, Handle, LiftedZone, Privacy};
+use crate::engine::{Handle, LiftedZone, Privacy};
 use crate::frame::{CameraId, Zone};
 use crate::store::{AuditEntry, PrivacyRecord, Store};
 use document::{in_words, lifted_from_json, lifted_to_json, zones_from_json, zones_to_json};
@@ -215,32 +215,6 @@ impl Catalog {
             }
             begun.insert(camera.id.clone(), now.privacy());
         }
-        Ok(begun)
-    }
-
-    /// As [`Self::begin_privacy`] while `engine` runs, after the configuration was read again: what it hides of cameras that run
-    /// is in force when this answers, so their sources may be changed then. Cameras that are new get the zones of the answer.
-    ///
-    /// # Errors
-    /// As [`Self::begin_privacy`], and where the engine does not take it: then no source may be changed.
-    pub async fn follow_privacy(
-        &self,
-        engine: &Handle,
-        cameras: &[CameraSettings],
-    ) -> Result<BTreeMap<CameraId, Privacy>, CatalogError> {
-        let begun = self.begin_privacy(cameras).await?;
-        let (engine, to_hold) = (engine.clone(), begun.clone());
-        let held = tokio::task::spawn_blocking(move || {
-            let hold = |(camera, privacy): (CameraId, Privacy)| match engine
-                .hold_privacy(camera.as_str(), privacy)
-            {
-                // It comes with its zones.
-                Err(EngineError::NoCamera { .. }) => Ok(()),
-                held => held,
-            };
-            to_hold.into_iter().try_for_each(hold)
-        });
-        held.await.map_err(|error| CatalogError::Internal(format!("hiding zones: {error}")))??;
         Ok(begun)
     }
 

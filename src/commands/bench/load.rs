@@ -1,9 +1,11 @@
 //! `bench load`: what a running daemon answers to many callers at once, and what memory it needs for them.
 
+mod beside;
 mod client;
 mod figures;
 
 use anyhow::{Context as _, Result, bail, ensure};
+use beside::Beside;
 use client::{Client, Connection, Place};
 use figures::{Figures, resident_mib};
 use serde_json::{Value, json};
@@ -20,6 +22,9 @@ const WALL: &str = "bench-load";
 
 /// Columns and rows of that wall.
 const WALL_TILES: (u32, u32) = (5, 3);
+
+/// Callers in the rows beside other connections.
+const CALLERS_BESIDE: u64 = 4;
 
 /// Asks a running daemon from many connections at once, and prints what came back as a table.
 ///
@@ -41,6 +46,13 @@ pub(super) struct Load {
     /// Seconds that each row is measured for; a fifth of it before goes uncounted.
     #[arg(long, value_name = "SECONDS", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
+    /// Measures two of the rows again beside so many readers that take a byte a second, of a stream of pictures and of
+    /// events in turns; 0: does not.
+    #[arg(long, value_name = "COUNT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=200))]
+    slow_readers: u64,
+    /// The same beside so many connections that ask for nothing; 0: does not.
+    #[arg(long, value_name = "COUNT", default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=50_000))]
+    idle: u64,
     /// The scene that is looked at. Default: the first.
     #[arg(long, value_name = "ID")]
     scene: Option<String>,
@@ -51,7 +63,7 @@ pub(super) struct Load {
 
 /// One row of the table.
 struct Row {
-    name: &'static str,
+    name: String,
     n_callers: u64,
     figures: Figures,
     resident_mib: Option<[u64; 2]>,
@@ -101,6 +113,9 @@ impl Load {
                 print(&row)?;
             }
         }
+        for (name, paths) in [("one live view of 640 x 360", &shared[..]), ("JSON", &told)] {
+            self.beside(&client, &scene, name, paths).await?;
+        }
         let (columns, rows) = WALL_TILES;
         make_wall(&client, &scene).await?;
         let measured =
@@ -112,17 +127,47 @@ impl Load {
         Ok(())
     }
 
+    /// A row, and the same beside connections that take little or nothing, where these are asked for.
+    async fn beside(&self, client: &Arc<Client>, scene: &str, name: &str, paths: &[String]) -> Result<()> {
+        if self.slow_readers == 0 && self.idle == 0 {
+            return Ok(());
+        }
+        let measured =
+            |beside: String| self.row(beside, CALLERS_BESIDE, self.many(client, paths, CALLERS_BESIDE));
+        print(&measured(format!("{name}, nobody beside")).await?)?;
+        if self.slow_readers > 0 {
+            let streams =
+                [format!("/api/v1/scenes/{scene}/view.mjpeg?rate=30"), "/api/v1/events/stream".to_owned()];
+            let _readers = Beside::slow(client, &streams, self.slow_readers);
+            print(
+                &measured(format!("{name}, beside {} readers of a byte a second", self.slow_readers)).await?,
+            )?;
+        }
+        if self.idle > 0 {
+            let _idle = Beside::idle(client, self.idle).await?;
+            print(
+                &measured(format!("{name}, beside {} connections that ask for nothing", self.idle)).await?,
+            )?;
+        }
+        Ok(())
+    }
+
     /// Measures one row, memory included.
     async fn row(
         &self,
-        name: &'static str,
+        name: impl Into<String>,
         n_callers: u64,
         measuring: impl Future<Output = Result<Figures>>,
     ) -> Result<Row> {
         let before = self.pid.map(resident_mib).transpose()?;
         let figures = measuring.await?;
         let after = self.pid.map(resident_mib).transpose()?;
-        Ok(Row { name, n_callers, figures, resident_mib: before.zip(after).map(|(a, b)| [a, b]) })
+        Ok(Row {
+            name: name.into(),
+            n_callers,
+            figures,
+            resident_mib: before.zip(after).map(|(a, b)| [a, b]),
+        })
     }
 
     /// So many callers, each asking for one of `paths` after the other.

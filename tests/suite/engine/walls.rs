@@ -173,21 +173,24 @@ fn tiles_of_a_frame_show_one_instant_whoever_asks_and_late_ones_get_the_next() {
     document["surface"]["grid"]["tile_m"] = json!([0.32, 0.24]);
     make(&house, &document);
     let tiles = tiles(&house);
-    let mut frame = next_frame(&house);
+    // At most two frames of a slow wall are waited for.
+    let mut frame = next_frame(&house) - 1;
     let mut times = std::collections::BTreeSet::new();
-    for _ in 0..6 {
+    for _ in 0..40 {
         let answers = house.get_all(&paths(&tiles, &format!("?at={frame}")));
-        let shown: std::collections::BTreeSet<_> = answers
-            .iter()
-            .map(|answer| {
-                (number(answer, "videofields-wall-frame"), answer.field("videofields-time").to_owned())
-            })
-            .collect();
-        assert_eq!(shown.len(), 1, "a torn wall: {shown:?}");
-        let (id, time) = shown.into_iter().next().unwrap();
-        assert!(id >= frame, "{id} before {frame}");
-        times.insert(time);
-        frame = id + 1;
+        let ids = || answers.iter().map(|answer| number(answer, "videofields-wall-frame"));
+        assert!(ids().all(|id| id >= frame), "before {frame}: {:?}", ids().collect::<Vec<_>>());
+        if ids().all(|id| id == frame) {
+            let shown: std::collections::BTreeSet<_> =
+                answers.iter().map(|answer| answer.field("videofields-time").to_owned()).collect();
+            assert_eq!(shown.len(), 1, "a torn wall: {shown:?}");
+            times.extend(shown);
+        }
+        // A machine so busy that a frame was over before all had asked for it tells nothing of that frame.
+        frame = ids().max().unwrap() + 1;
+        if times.len() > 3 {
+            break;
+        }
     }
     assert!(times.len() > 3, "time goes on: {times:?}");
 

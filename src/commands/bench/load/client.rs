@@ -6,12 +6,16 @@ use axum::http::{Request, header};
 use hyper::client::conn::http1::{SendRequest, handshake};
 use hyper_util::rt::TokioIo;
 use serde_json::Value;
+use std::io::ErrorKind;
 use std::str::FromStr;
 use std::time::Duration;
-use tokio::net::TcpStream;
+use tokio::net::{TcpSocket, TcpStream, lookup_host};
 
 /// Longest wait for an answer; the daemon's own bound is 10 s.
 const PATIENCE: Duration = Duration::from_secs(30);
+
+/// What the system keeps for a connection that is read slowly, bytes: little, so that the daemon soon has to wait for it.
+const SLOW_BUFFER_BYTES: u32 = 4096;
 
 /// Most bytes of an answer.
 const MOST_BYTES: usize = 256 << 20;
@@ -87,6 +91,32 @@ impl Client {
         let request = self.request(method, path, fields, body)?;
         let mut open = self.connect().await?;
         whole(open.send_request(request).await.context("no answer")?).await
+    }
+
+    /// A bare connection with little room for what comes, over which `path` is asked for, if any; whoever has it reads the answer.
+    pub(super) async fn open(&self, path: Option<&str>) -> Result<TcpStream> {
+        let nobody = || format!("nobody answers at {}", self.place.0);
+        let address = lookup_host(&self.place.0).await.with_context(nobody)?.next().with_context(nobody)?;
+        let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() };
+        let socket = socket.context("no socket: are there descriptors left (ulimit -n)?")?;
+        socket.set_recv_buffer_size(SLOW_BUFFER_BYTES).context("a connection with little room")?;
+        let stream = socket.connect(address).await.with_context(nobody)?;
+        let Some(path) = path else { return Ok(stream) };
+        let token = self
+            .token
+            .as_ref()
+            .map_or_else(String::new, |token| format!("authorization: Bearer {token}\r\n"));
+        let head = format!("GET {path} HTTP/1.1\r\nhost: {}\r\n{token}\r\n", self.place.0);
+        let mut left = head.as_bytes();
+        while !left.is_empty() {
+            stream.writable().await.context("the connection ended")?;
+            match stream.try_write(left) {
+                Ok(n_written) => left = &left[n_written..],
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
+                Err(error) => return Err(error).context("the connection ended"),
+            }
+        }
+        Ok(stream)
     }
 
     /// What stands at `path`, which must be JSON and there.
