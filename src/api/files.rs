@@ -34,8 +34,10 @@ pub(super) async fn answer(opened: &File, mut request: Request) -> Result<Respon
     let gone = |error: std::io::Error| {
         Problem::new(ErrorKind::Unavailable, format!("the file cannot be read: {}", error.kind()))
     };
-    if !request.headers().get(header::RANGE).is_some_and(is_one_range) {
-        request.headers_mut().remove(header::RANGE);
+    if let Some(asked) = request.headers_mut().remove(header::RANGE)
+        && let Some(range) = one_range(&asked)
+    {
+        request.headers_mut().insert(header::RANGE, range);
     }
     // The file that was opened, whatever its name leads to by now.
     let response = ServeFile::new(descriptor_path(opened)).try_call(request).await.map_err(gone)?;
@@ -56,13 +58,15 @@ pub(super) async fn answer(opened: &File, mut request: Request) -> Result<Respon
     }
 }
 
-/// Whether it is `bytes=` and one range, from a byte on or of the last bytes.
-fn is_one_range(value: &HeaderValue) -> bool {
-    let Some((unit, range)) = value.to_str().ok().and_then(|text| text.split_once('=')) else { return false };
-    let Some((first, last)) = range.trim().split_once('-') else { return false };
+/// The one range of bytes that it is, from a byte on or of the last bytes, as `bytes=` (units are of either case).
+fn one_range(value: &HeaderValue) -> Option<HeaderValue> {
+    let (unit, range) = value.to_str().ok()?.split_once('=')?;
+    let (first, last) = range.trim().split_once('-')?;
     // Longer numbers than any file has bytes are none.
-    let is_number = |text: &str| text.len() <= 19 && text.bytes().all(|byte| byte.is_ascii_digit());
-    unit.eq_ignore_ascii_case("bytes") && is_number(first) && is_number(last) && range.trim() != "-"
+    let is_number = |text: &str| text.len() <= 18 && text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_one = unit.eq_ignore_ascii_case("bytes") && is_number(first) && is_number(last);
+    let has_end = !(first.is_empty() && last.is_empty());
+    (is_one && has_end).then(|| HeaderValue::try_from(format!("bytes={first}-{last}")).ok()).flatten()
 }
 
 #[cfg(test)]
