@@ -13,6 +13,7 @@ use hyper::server::conn::http1;
 use hyper::service::{Service as _, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use socket2::SockRef;
 use std::convert::Infallible;
 use std::pin::pin;
 use std::sync::Arc;
@@ -31,6 +32,10 @@ pub(super) const HEAD_TIME: Duration = Duration::from_secs(10);
 
 /// Bytes of a request's head before the connection is refused outright; `guard` has the finer limits.
 pub(super) const HEAD_BYTES: usize = 65_536;
+
+/// What the system takes of an answer ahead of what is on its way, bytes. Without a bound it takes megabytes: a client who
+/// reads slowly would be drawn seconds of pictures that are old when they come, and others wait for them.
+const UNSENT_BYTES: u32 = 65_536;
 
 /// Header fields in a request's head.
 pub(super) const HEAD_FIELDS: usize = 64;
@@ -157,6 +162,9 @@ async fn welcome(
 ) {
     if let Err(error) = stream.set_nodelay(true) {
         tracing::debug!(%error, "small answers may be delayed");
+    }
+    if let Err(error) = SockRef::from(&stream).set_tcp_notsent_lowat(UNSENT_BYTES) {
+        tracing::debug!(%error, "more may be drawn for slow clients than they take");
     }
     let Some(tls) = tls else { return converse((stream, &seat), router, stopping, times).await };
     let agreed = tokio::select! {

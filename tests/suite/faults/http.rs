@@ -32,19 +32,30 @@ struct Server {
 impl Server {
     /// Over a stand-in for the engine.
     fn over_a_stand_in() -> Self {
+        Self::over_a_stand_in_with(Some(8192))
+    }
+
+    fn over_a_stand_in_with(send_buffer_bytes: Option<u32>) -> Self {
         let door = Arc::new(FakeDoor(State::default().into()));
         let clock = Arc::new(SystemClock::new());
         let handle = Handle::new(Arc::clone(&door) as _);
         let router = router_within(Limits::default(), (handle, None), clock, Site::default());
-        Self { door: Some(door), ..Self::over(router) }
+        Self { door: Some(door), ..Self::of(router, send_buffer_bytes) }
     }
 
     fn over(router: axum::Router) -> Self {
+        Self::of(router, Some(8192))
+    }
+
+    /// With that room for what was sent, or as much as the system gives.
+    fn of(router: axum::Router, send_buffer_bytes: Option<u32>) -> Self {
         let runtime = Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let listener = {
             let _entered = runtime.enter();
             let socket = TcpSocket::new_v4().unwrap();
-            socket.set_send_buffer_size(8192).unwrap();
+            if let Some(bytes) = send_buffer_bytes {
+                socket.set_send_buffer_size(bytes).unwrap();
+            }
             socket.bind("127.0.0.1:0".parse().unwrap()).unwrap();
             socket.listen(4096).unwrap()
         };
@@ -240,6 +251,34 @@ fn readers_of_a_byte_a_second_are_drawn_nothing_that_they_do_not_take() {
     server.answers_others("when their buffers are full");
     is_over.store(true, Ordering::Relaxed);
     drop(readers);
+}
+
+/// The system would take megabytes for a client who does not read: seconds of old pictures, all drawn for nobody.
+#[test]
+fn little_is_drawn_ahead_for_who_does_not_read_whatever_room_the_system_has() {
+    let server = Server::over_a_stand_in_with(None);
+    let path = "/api/v1/scenes/plaza/view";
+    let head = server.get(&format!("{path}.jpg?width=640&height=360")).0.text.to_lowercase();
+    let length = head.lines().find_map(|line| line.strip_prefix("content-length: ")).unwrap();
+    let picture_bytes: usize = length.trim().parse().unwrap();
+    let drawn = || server.door.as_ref().unwrap().0.lock().unwrap().n_views;
+    let before = drawn();
+    let _entered = server.runtime.enter();
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.set_recv_buffer_size(4096).unwrap();
+    let stream = server.runtime.block_on(socket.connect(server.address)).unwrap();
+    let request =
+        format!("GET {path}.mjpeg?rate=30&width=640&height=360 HTTP/1.1\r\nhost: localhost\r\n\r\n");
+    assert_eq!(stream.try_write(request.as_bytes()).unwrap(), request.len());
+    wait_for("the first picture", || (drawn() > before).then_some(()));
+    let clock = SystemClock::new();
+    wait_for("nothing to be drawn any more", || {
+        let n_drawn = drawn();
+        clock.sleep(Duration::from_secs(1));
+        (drawn() == n_drawn).then_some(())
+    });
+    let ahead_bytes = (drawn() - before) as usize * picture_bytes;
+    assert!(ahead_bytes < 300_000 + picture_bytes, "{ahead_bytes} bytes in pictures of {picture_bytes}");
 }
 
 #[test]
