@@ -277,7 +277,7 @@ fn little_is_drawn_ahead_for_who_does_not_read_whatever_room_the_system_has() {
         clock.sleep(Duration::from_secs(1));
         (drawn() == n_drawn).then_some(())
     });
-    let ahead_bytes = (drawn() - before) as usize * picture_bytes;
+    let ahead_bytes = (drawn() - before) * picture_bytes;
     assert!(ahead_bytes < 300_000 + picture_bytes, "{ahead_bytes} bytes in pictures of {picture_bytes}");
 }
 
