@@ -4,12 +4,15 @@
 //! converts into the project's conventions (metres, pixel centres at +0.5, pose of the camera in the world) and
 //! nothing is converted a second time. Knows no files, no network and no scene.
 //!
+//! Where there is no calibration yet, [`solve`] finds the camera from pairs of picture points and places.
+//!
 //! | format | what | pixel centres | lengths |
 //! | --- | --- | --- | --- |
 //! | `json` | [`CameraDocument`] | at +0.5 | metres |
 //! | `opencv` | `FileStorage` YAML or XML, or JSON with the same names; one camera or several | at integers | see [`ImportOptions::metres_per_unit`] |
 //! | `tsai` | PETS's XML | at integers | millimetres unless told otherwise |
 
+mod correspondence;
 mod json;
 mod opencv;
 mod tsai;
@@ -21,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::str::FromStr;
 
+pub use correspondence::{MAX_PAIRS, Miss, Pair, Solved, Unknowns, solve};
 pub use json::{CameraDocument, DistortionDocument};
 
 /// Most bytes that a calibration may have: a thousand times what honest ones need.
