@@ -8,12 +8,13 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup demo test check contract bench load pictures clips
+.PHONY: help setup web demo test check contract bench load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
+	@echo "make web       build the web pages, which the next build of the daemon embeds"
 	@echo "make demo      build, and serve the demo plaza on http://$(LISTEN)/"
-	@echo "make test      formatting, lints, documentation and all tests, as CI runs them"
+	@echo "make test      formatting, lints, documentation and all tests, of the pages too, as CI runs them"
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
 	@echo "make bench     the benchmarks"
@@ -24,16 +25,31 @@ help:
 setup:
 	@deploy/setup.sh
 
-demo: setup
+# The pages' tools are fetched again only when what is locked of them changed.
+web/node_modules/.installed: web/package-lock.json web/package.json web/.npmrc | setup
+	cd web && npm ci --no-progress
+	touch $@
+
+# Built only where something changed: the daemon, which embeds the pages, is built anew after that.
+web/dist/index.html: web/node_modules/.installed $(shell find web/src web/public -type f ! -name '*.gen.ts') \
+		web/index.html web/wall.html web/vite.config.ts web/tsconfig.json tests/golden/openapi.json
+	cd web && npm run --silent build
+
+web: setup web/dist/index.html
+
+demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
 # Warnings are errors here, but not in an editor.
-test: setup
+test: setup web
+	cd web && npm run --silent check && npm run --silent test
 	$(CARGO) fmt --check
 	$(CARGO) clippy --locked --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps --document-private-items --quiet
 	$(CARGO) test --locked
+	$(CARGO) build --locked
+	cd web && npm run --silent e2e
 
 check: setup
 	$(CARGO) clippy --locked --all-targets

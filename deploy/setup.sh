@@ -16,6 +16,16 @@ packages=(
   # What the README's commands call.
   curl ca-certificates git
 )
+# The web pages' tools bring the Node that they need; the system's has to run npm. Debian's own is enough, and one that came from
+# elsewhere is left alone.
+node_major=$(node --version 2>/dev/null | sed -n 's/^v\([0-9]*\).*/\1/p' || true)
+if [ "${node_major:-0}" -lt 18 ] || ! command -v npm >/dev/null 2>&1; then
+  packages+=(nodejs npm)
+fi
+# Tests of the web pages alone: a browser, but where CHROMIUM names one already.
+if [ -z "${CHROMIUM:-}" ]; then
+  packages+=(chromium)
+fi
 
 if ! command -v cargo >/dev/null 2>&1 && [ -f "${HOME:-/root}/.cargo/env" ]; then
   # shellcheck disable=SC1091

@@ -1,44 +1,98 @@
-//! `/` and `/wall`: a page for people and one for a wall's screens, made of a few files in `page/`; they use nothing but the interface beside it.
+//! `/` and `/wall`: the pages for people and for a wall's screens, as `web/` has them and `build.rs` embeds them; they use nothing
+//! but the interface beside it.
 
 use super::Api;
+use super::tags::EntityTag;
 use axum::Router;
-use axum::http::header;
+use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 
-/// The page runs its own scripts and shows its own pictures (fetched, hence `blob:`), and talks to nobody else.
+/// The pages run their own scripts and show their own pictures (fetched, hence `blob:`), and talk to nobody else.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; \
-                      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+                      connect-src 'self'; worker-src 'self' blob:; base-uri 'none'; form-action 'none'; \
+                      frame-ancestors 'none'";
 
-/// Path, content type and text of every file.
-const FILES: [(&str, &str, &str); 13] = [
-    ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
-    ("/app.css", "text/css; charset=utf-8", include_str!("page/app.css")),
-    ("/app.js", "text/javascript; charset=utf-8", include_str!("page/app.js")),
-    ("/ask.js", "text/javascript; charset=utf-8", include_str!("page/ask.js")),
-    ("/login.js", "text/javascript; charset=utf-8", include_str!("page/login.js")),
-    ("/view.js", "text/javascript; charset=utf-8", include_str!("page/view.js")),
-    ("/orbit.js", "text/javascript; charset=utf-8", include_str!("page/orbit.js")),
-    ("/cameras.js", "text/javascript; charset=utf-8", include_str!("page/cameras.js")),
-    ("/wall", "text/html; charset=utf-8", include_str!("page/wall.html")),
-    ("/wall.css", "text/css; charset=utf-8", include_str!("page/wall.css")),
-    ("/wall.js", "text/javascript; charset=utf-8", include_str!("page/wall.js")),
-    ("/frames.js", "text/javascript; charset=utf-8", include_str!("page/frames.js")),
-    ("/icon.svg", "image/svg+xml", include_str!("page/icon.svg")),
+/// Files of this folder have a digest in their names: another content is another name.
+const LASTING: &str = "/assets/";
+
+/// Path and content of every file that was built; none where the pages were not.
+const BUILT: &[(&str, &[u8])] = include!(concat!(env!("OUT_DIR"), "/web_pages.rs"));
+
+/// What stands where the pages were not built.
+const UNBUILT: &[(&str, &[u8])] = &[
+    ("/", UNBUILT_PAGE.as_bytes()),
+    ("/wall", UNBUILT_PAGE.as_bytes()),
+    ("/icon.svg", include_bytes!("../../web/public/icon.svg")),
 ];
+
+const UNBUILT_PAGE: &str = "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
+    <title>videofields</title>\n<link rel=\"icon\" href=\"/icon.svg\">\n<h1>videofields</h1>\n\
+    <p>This daemon was built without its web pages. <code>make web</code> makes them; then build it again.</p>\n\
+    <p>The interface under <code>/api/v1</code> is whole without them.</p>\n</html>\n";
 
 /// A route for every file.
 pub(super) fn routes() -> Router<Api> {
-    FILES.iter().fold(Router::new(), |router, &(path, content_type, text)| {
-        router.route(path, get(move || async move { answer(content_type, text) }))
+    let files = if BUILT.is_empty() { UNBUILT } else { BUILT };
+    files.iter().fold(Router::new(), |router, &(path, content)| {
+        let tag = EntityTag::of(content).value();
+        router.route(path, get(move || async move { answer(path, content, tag) }))
     })
 }
 
-fn answer(content_type: &'static str, text: &'static str) -> Response {
+fn answer(path: &str, content: &'static [u8], tag: HeaderValue) -> Response {
+    let caching = if path.starts_with(LASTING) { "public, max-age=31536000, immutable" } else { "no-cache" };
     let fields = [
-        (header::CONTENT_TYPE, content_type),
-        (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::CACHE_CONTROL, "no-cache"),
+        (header::CONTENT_TYPE, HeaderValue::from_static(content_type(path))),
+        (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY)),
+        (header::CACHE_CONTROL, HeaderValue::from_static(caching)),
+        (header::ETAG, tag),
     ];
-    (fields, text).into_response()
+    (fields, content).into_response()
+}
+
+/// What a file is, by its name's ending; without one it is a page.
+fn content_type(path: &str) -> &'static str {
+    match path.rsplit_once('.').map_or("html", |(_, ending)| ending) {
+        "html" => "text/html; charset=utf-8",
+        "js" => "text/javascript; charset=utf-8",
+        "css" => "text/css; charset=utf-8",
+        "svg" => "image/svg+xml",
+        "json" => "application/json",
+        "wasm" => "application/wasm",
+        "woff2" => "font/woff2",
+        "png" => "image/png",
+        _ => "application/octet-stream",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_pages_stand_whether_they_were_built_or_not() {
+        for files in [BUILT, UNBUILT].into_iter().filter(|files| !files.is_empty()) {
+            for wanted in ["/", "/wall", "/icon.svg"] {
+                let (_, content) = files.iter().find(|(path, _)| *path == wanted).expect(wanted);
+                assert!(!content.is_empty(), "{wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_a_digest_in_its_name_is_kept_and_all_else_asked_for_again() {
+        let caching = |path| {
+            let tag = EntityTag::of(b"x").value();
+            answer(path, b"x", tag).headers()[header::CACHE_CONTROL].to_str().unwrap().to_owned()
+        };
+        assert_eq!(caching("/"), "no-cache");
+        assert_eq!(caching("/wall"), "no-cache");
+        assert_eq!(caching("/icon.svg"), "no-cache");
+        assert_eq!(caching("/assets/main-B3xYz_12.js"), "public, max-age=31536000, immutable");
+        for (path, content) in BUILT {
+            let kind = content_type(path);
+            assert_ne!(kind, "application/octet-stream", "{path} ({} bytes)", content.len());
+        }
+    }
 }

@@ -205,7 +205,7 @@ async fn strangers_get_nothing_but_the_page_the_probes_and_the_log_in() {
         let known = house.get(path, Shows::Token(&admin)).await.status.as_u16();
         assert!(known != 401 && known != 403, "{path}: {known}");
     }
-    for path in ["/", "/app.js", "/healthz", "/api/v1/session"] {
+    for path in ["/", "/wall", "/icon.svg", "/healthz", "/api/v1/session"] {
         assert_eq!(house.get(path, Shows::Nothing).await.status, 200, "{path}");
     }
     let ready = house.get("/readyz", Shows::Nothing).await;

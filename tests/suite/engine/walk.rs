@@ -167,7 +167,7 @@ fn looks() -> Vec<Ask> {
         "/readyz",
         "/metrics",
         "/",
-        "/app.js",
+        "/icon.svg",
         "/api/v1/cameras",
         "/api/v1/scenes",
         "/api/v1/events",

@@ -1,0 +1,71 @@
+// Operate: a fused picture, turned by keys; cameras; time; and that the place survives going away and reloading.
+
+import { apart, digest, expect, fused, test } from "./page";
+
+test("the page shows the scene, and keys turn it", async ({ page, url }) => {
+  await page.goto(url);
+  const stage = await fused(page);
+  await expect(page).toHaveTitle("Plaza · videofields");
+  await expect(page.locator(".camera")).toHaveCount(3);
+  await expect(page.locator(".camera[data-state=live] img:not(.is-empty)")).toHaveCount(3);
+  const before = await digest(page);
+  expect(apart(before, before.replace(/\d+/g, "0"))).toBeGreaterThan(20);
+  const view = await stage.getAttribute("data-view");
+  await stage.focus();
+  for (let i = 0; i < 8; i += 1) await stage.press("ArrowRight");
+  await expect(stage).not.toHaveAttribute("data-view", view ?? "");
+  await expect.poll(async () => apart(before, await digest(page))).toBeGreaterThan(4);
+  await expect(page).toHaveURL(/eye=[-\d.,]+/);
+  await stage.press("0");
+  await expect(stage).toHaveAttribute("data-view", view ?? "");
+  await expect(page).not.toHaveURL(/eye=/);
+});
+
+test("a camera's own picture and back keep the place, and so does reloading", async ({ page, url }) => {
+  await page.goto(`${url}/#/operate?eye=12,-20,9&target=0,0,0&fov=50`);
+  const stage = await fused(page);
+  await expect(stage).toHaveAttribute("data-view", /"eye":\[12,-20,9\]/);
+  await page.getByRole("button", { name: "Show camera North side alone" }).click();
+  const alone = page.locator(".alone");
+  await expect(alone.getByRole("heading", { name: "North side" })).toBeVisible();
+  await expect(alone.locator("img:not(.is-empty)")).toBeVisible();
+  await alone.getByRole("button", { name: /^Picture of camera/ }).click({ position: { x: 200, y: 250 } });
+  await expect(alone.locator(".located")).toContainText("a pixel");
+  await alone.getByRole("button", { name: "Next camera" }).click();
+  await expect(alone.getByRole("heading", { name: "South-west corner" })).toBeVisible();
+  await page.keyboard.press("Escape");
+  await expect(await fused(page)).toHaveAttribute("data-view", /"eye":\[12,-20,9\]/);
+  await page.goBack();
+  await expect(alone).toBeVisible();
+  await page.goBack();
+  await fused(page);
+  await page.reload();
+  await expect(await fused(page)).toHaveAttribute("data-view", /"eye":\[12,-20,9\]/);
+  await page.getByRole("link", { name: "System" }).click();
+  await expect(page.getByRole("heading", { name: "System" })).toBeVisible();
+  await page.getByRole("link", { name: "Operate" }).click();
+  await expect(await fused(page)).toHaveAttribute("data-view", /"eye":\[12,-20,9\]/);
+});
+
+test("a click on the timeline goes back in time, and Live comes back", async ({ page, url }) => {
+  await page.goto(url);
+  const stage = await fused(page);
+  const strip = page.getByRole("slider");
+  await expect(strip).toHaveAttribute("data-rows", "3");
+  await strip.focus();
+  for (let i = 0; i < 12; i += 1) await strip.press("ArrowLeft");
+  await expect(page).toHaveURL(/at=2/);
+  await expect(stage).toContainText("Past");
+  const wanted = Date.parse(decodeURIComponent(/at=([^&]+)/.exec(page.url())?.[1] ?? ""));
+  await expect.poll(async () => Math.abs(Number(await stage.getAttribute("data-time")) - wanted)).toBeLessThan(200);
+  await page.reload();
+  await expect.poll(async () => Math.abs(Number(await stage.getAttribute("data-time")) - wanted)).toBeLessThan(200);
+  const span = async () => Number(await strip.getAttribute("aria-valuemax")) - Number(await strip.getAttribute("aria-valuemin"));
+  const wide = await span();
+  await strip.hover();
+  await page.mouse.wheel(0, -300);
+  await expect.poll(span).toBeLessThan(wide / 1.5);
+  await page.getByRole("button", { name: "Live", exact: true }).click();
+  await expect(stage).toContainText("Live");
+  await expect(page).not.toHaveURL(/at=/);
+});

@@ -1,0 +1,21 @@
+// The pages in Debian's Chromium without a screen or a graphics card, against the daemon itself with its demo.
+
+import { defineConfig } from "@playwright/test";
+
+export default defineConfig({
+  testDir: "e2e",
+  outputDir: "../target/web-e2e",
+  globalSetup: "./e2e/daemon.ts",
+  // One machine draws for the daemon and the browser: one test at a time.
+  workers: 1,
+  timeout: 60_000,
+  expect: { timeout: 20_000 },
+  reporter: "line",
+  use: {
+    viewport: { width: 1280, height: 800 },
+    launchOptions: {
+      executablePath: process.env["CHROMIUM"] ?? "/usr/bin/chromium",
+      args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--disable-dev-shm-usage"],
+    },
+  },
+});

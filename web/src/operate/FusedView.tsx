@@ -1,0 +1,116 @@
+// The fused view: the picture, what must be said over it, and how to move in it.
+
+import { signal } from "@preact/signals";
+import { useEffect, useRef } from "preact/hooks";
+import { lostSince } from "../connection";
+import { dependOn } from "../depend";
+import { say } from "../strings";
+import { tick } from "../tick";
+import { clock, duration } from "../units";
+import * as fused from "./fused";
+import { attach } from "./gestures";
+import { placed } from "./orbit";
+import * as state from "./state";
+
+/** A picture of now that is older than this is said to be old. */
+const OLD_MILLIS = 3_000;
+const hasPicture = signal(false);
+
+function names(ids: string[]): string {
+  return ids.map((id) => state.cameras.value?.find((camera) => camera.id === id)?.name ?? id).join(", ");
+}
+
+/** What must be said of the picture, the gravest first. */
+function sayings(): string[] {
+  dependOn(tick);
+  const shown = fused.about.value;
+  if (!shown) return [];
+  const said = [];
+  const age = performance.now() - shown.receivedAt;
+  const isOld = state.at.value === null ? age > OLD_MILLIS : fused.failingSince.value !== null;
+  if (isOld || lostSince.value !== null) said.push(say("view.old", { age: duration(age / 1e3) }));
+  const late = fused.late(shown);
+  if (late.length > 0) said.push(say("view.behind", { cameras: names(late) }));
+  if (shown.gaps.length > 0) said.push(say("view.gaps", { cameras: names(shown.gaps) }));
+  if (shown.isRestricted) said.push(say("view.restricted"));
+  return said;
+}
+
+function Mark({ aspect }: { aspect: number }) {
+  const [view, mark] = [state.view.value ?? fused.about.value?.view, state.mark.value];
+  const place = view && mark && placed(view, aspect, mark);
+  return place ? <span class="spot" style={{ left: `${place[0] * 100}%`, top: `${place[1] * 100}%` }} /> : null;
+}
+
+export function FusedView() {
+  const stage = useRef<HTMLDivElement>(null);
+  const image = useRef<HTMLImageElement>(null);
+  useEffect(() => {
+    const [element, picture] = [stage.current, image.current];
+    if (!element || !picture) return undefined;
+    const detach = attach(element, (change) => {
+      const view = state.view.value;
+      if (view) state.setView(change(view));
+    }, state.resetView);
+    const stop = fused.follow(element, picture);
+    const seenFirst = fused.about.subscribe((about) => (hasPicture.value = about !== null));
+    return () => {
+      detach();
+      stop();
+      seenFirst();
+    };
+  }, []);
+  const shown = fused.about.value;
+  const said = sayings();
+  const scene = state.scene.value;
+  const isOld = said.length > 0 && (lostSince.value !== null || fused.failingSince.value !== null);
+  const box = stage.current;
+  const isLive = state.at.value === null;
+  return (
+    <div
+      ref={stage}
+      class={`stage ${isOld ? "is-old" : ""}`}
+      // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex -- an application takes keys
+      tabIndex={0}
+      role="application"
+      aria-label={say("view.label")}
+      aria-describedby="stage-help"
+      data-time={shown?.millis}
+      data-view={shown?.view ? JSON.stringify(shown.view) : undefined}
+    >
+      <img ref={image} class={hasPicture.value ? "" : "is-empty"} alt={hasPicture.value && scene ? say("view.alt", { scene: scene.name }) : ""} draggable={false} />
+      {!hasPicture.value && <p class="waiting">{fused.trouble.value ?? say(state.scenes.value?.length === 0 ? "scene.none" : "view.waiting")}</p>}
+      <Mark aspect={box ? box.clientWidth / box.clientHeight : 16 / 9} />
+      {shown && (
+        <p class="stamp">
+          <span class={isLive && !isOld ? "is-live" : "is-past"}>{say(isLive ? "view.live" : "view.past")}</span>
+          <time dateTime={new Date(shown.millis).toISOString()}>{clock(shown.millis, !isLive)}</time>
+        </p>
+      )}
+      {said.length > 0 && <div class="veils" role="status">{said.map((text) => <p key={text.slice(0, 12)} class="veil">{text}</p>)}</div>}
+      {hasPicture.value && fused.trouble.value !== null && lostSince.value === null && <p class="veil at-top" role="status">{fused.trouble.value}</p>}
+    </div>
+  );
+}
+
+/** What the picture was made of. */
+export function AboutPicture() {
+  const shown = fused.about.value;
+  const sources = shown?.sources.map(({ camera, behindSecs }) =>
+    behindSecs > 0.05 ? say("fact.behind", { camera, seconds: behindSecs.toFixed(1) }) : camera,
+  );
+  return (
+    <details class="more">
+      <summary>{say("view.more")}</summary>
+      <dl class="facts">
+        <div><dt>{say("fact.sources")}</dt><dd>{sources?.join(", ") || say("fact.nobody")}</dd></div>
+        <div><dt>{say("fact.plan")}</dt><dd>{shown?.plan.join(", ") || say("fact.none")}</dd></div>
+        <div>
+          <dt>{say("fact.timing")}</dt>
+          <dd>{shown && say("fact.rate", { millis: shown.tookMillis.toFixed(0), rate: shown.picturesPerSecond.toFixed(1) })}</dd>
+          <dd class="quiet">{shown?.stages}</dd>
+        </div>
+      </dl>
+    </details>
+  );
+}
