@@ -8,11 +8,15 @@ import { say } from "./strings";
 
 const PATIENCE_MILLIS = 15_000;
 
+/** A place in what was sent that is wrong: a JSON pointer or a parameter, and what is allowed there. */
+export type PlacedFault = { readonly pointer?: string; readonly parameter?: string; readonly detail: string };
+
 /** What the daemon refused, or that it did not answer (status 0). */
 export class Trouble extends Error {
   constructor(
     message: string,
     readonly status: number,
+    readonly faults: readonly PlacedFault[] = [],
   ) {
     super(message);
   }
@@ -53,9 +57,9 @@ export async function send(input: Request | string, init: RequestInit = {}): Pro
 
 async function refused(response: Response): Promise<never> {
   if (response.status === 401) onStranger();
-  const problem = (await response.json().catch(() => null)) as { detail?: string } | null;
+  const problem = (await response.json().catch(() => null)) as { detail?: string; errors?: PlacedFault[] } | null;
   const message = problem?.detail ?? say("trouble.status", { status: response.status });
-  throw new Trouble(message, response.status);
+  throw new Trouble(message, response.status, problem?.errors);
 }
 
 const proof: Middleware = {
@@ -74,8 +78,8 @@ export async function content<Data>(asked: Promise<{ data?: Data; response: Resp
   const { data, error, response } = await asked;
   if (response.ok && data !== undefined) return data;
   if (response.status === 401) onStranger();
-  const detail = (error as { detail?: string } | undefined)?.detail;
-  throw new Trouble(detail ?? say("trouble.status", { status: response.status }), response.status);
+  const problem = error as { detail?: string; errors?: PlacedFault[] } | undefined;
+  throw new Trouble(problem?.detail ?? say("trouble.status", { status: response.status }), response.status, problem?.errors);
 }
 
 export type Parameters = Record<string, string | number | null | undefined>;
@@ -100,4 +104,32 @@ export async function ask(
   if (signal) init.signal = signal;
   const response = await send(address(path, parameters), init);
   return response.ok || response.status === 304 ? response : refused(response);
+}
+
+/** Changes something, or asks with a body: JSON, text or a file. `tag`: the version that is changed, null where there must be none
+ * yet. Answers what the daemon said, as JSON unless `raw`. Throws `Trouble`. */
+export async function change<Answer = unknown>(
+  method: string,
+  path: string,
+  body?: unknown,
+  given: { tag?: string | null; type?: string; raw?: boolean; signal?: AbortSignal; headers?: Record<string, string> } = {},
+): Promise<Answer> {
+  const headers = new Headers(given.headers);
+  if (csrfToken !== null && method !== "GET") headers.set("X-CSRF-Token", csrfToken);
+  if (given.tag === null) headers.set("If-None-Match", "*");
+  else if (given.tag !== undefined) headers.set("If-Match", given.tag);
+  const init: RequestInit = { method, headers };
+  if (given.signal) init.signal = given.signal;
+  if (typeof body === "string" || body instanceof Blob) {
+    init.body = body;
+    if (given.type) headers.set("Content-Type", given.type);
+  } else if (body !== undefined) {
+    init.body = JSON.stringify(body);
+    headers.set("Content-Type", "application/json");
+  }
+  const response = await send(path, init);
+  if (!response.ok) return refused(response);
+  if (given.raw) return response as Answer;
+  const text = await response.text();
+  return (text === "" ? undefined : JSON.parse(text)) as Answer;
 }

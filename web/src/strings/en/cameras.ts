@@ -1,0 +1,4 @@
+// English: calibrating cameras in Set-up.
+
+export const cameras = {
+} as const;
