@@ -1,0 +1,314 @@
+// A scene's document as objects that are drawn: ground, what stands on it, and the sky. What a change of the document leaves as it
+// was is left as it is.
+
+import { Box3, Color, Group, Mesh, type Object3D, Raycaster, type ShaderMaterial, type Texture, Vector3, Vector4 } from "three";
+import type { components } from "../contract.gen";
+import type { Point } from "../operate/orbit";
+import { Pictures, textureOf } from "./assets";
+import type { Ray } from "./lens";
+import { type ModelObject, free, freeMesh, modelObject } from "./models";
+import { mapOf, textureAt } from "./planeMap";
+import { Shading } from "./shading";
+import { type Ground, PARTS, type Shaped, boxShape, cylinderShape, footprintShape, groundShape, heightShape } from "./shapes";
+import { skyOf } from "./sky";
+import { fromThree, toThree, worldRoot } from "./world";
+
+export type SceneDocument = components["schemas"]["Scene"];
+export const KINDS = ["ground", "height_fields", "boxes", "cylinders", "footprints", "models"] as const;
+export type Kind = (typeof KINDS)[number];
+type Thing<Of extends Kind = Kind> = NonNullable<SceneDocument[Of]>[number];
+
+/** What a ray meets: the JSON pointer of the thing, where, and what way its surface faces. */
+export type Picked = { readonly key: string; readonly point_m: Point; readonly normal: Point; readonly distance_m: number };
+/** How a thing is shown beside what the document says. */
+export type Style = { readonly opacity?: number; readonly glow?: readonly [color: string, share: number] | null; readonly isHidden?: boolean };
+
+/** What may have pictures. */
+type Pictured = Pick<Thing<"boxes">, "texture" | "roof_texture"> & Pick<Thing<"ground">, "imagery">;
+
+/** Objects of this layer hide what lies behind them from cameras. */
+export const SURFACE_LAYER = 1;
+/** From so far away on, single precision no longer holds millimetres. */
+const FAR_M = 10_000;
+const COLORS = { ground: "#8a8a84", other: "#b0a080" } as const;
+
+type Drawn = Mesh<Shaped["geometry"], ShaderMaterial | ShaderMaterial[]>;
+type Made = { thing: Thing; rank: number; object: Object3D; style: Style; model: ModelObject | null };
+
+export class Surfaces {
+  /** World axes, relative to `anchor`. */
+  readonly root: Group = worldRoot();
+  /** By JSON pointer. What is moved or turned here is put back by `update` only where the document changed. */
+  readonly things = new Map<string, Object3D>();
+  readonly shading = new Shading();
+  /** What objects beneath the root are relative to: the world's origin, unless the scene is far from it. */
+  readonly anchor: Point;
+  /** One more with every change of what stands there. */
+  version = 0;
+  private readonly made = new Map<string, Made>();
+  private readonly pictures = new Pictures();
+  private readonly raycaster = new Raycaster();
+  private document: SceneDocument | null = null;
+  private sky: Mesh | null = null;
+  private extent: { is: readonly [Point, Point] | null } | null = null;
+
+  constructor(document: SceneDocument, private readonly whenChanged: () => void = () => {}) {
+    this.anchor = anchorOf(document);
+    this.update(document);
+  }
+
+  /** Follows the document. */
+  update(document: SceneDocument): void {
+    const before = this.document;
+    this.document = document;
+    const kept = new Set<string>();
+    for (const kind of KINDS) {
+      (document[kind] ?? []).forEach((thing: Thing, i: number) => {
+        const key = `/${kind}/${i}`;
+        kept.add(key);
+        const rank = kind === "ground" ? rankOf(document.ground ?? [], i) : 0;
+        const old = this.made.get(key);
+        if (old && old.rank === rank && isSame(old.thing, thing) && isSame(before?.origin, document.origin)) old.thing = thing;
+        else this.make(key, kind, thing, rank);
+      });
+    }
+    for (const key of [...this.made.keys()]) if (!kept.has(key)) this.remove(key);
+    if (!this.sky || !isSame(before?.sky, document.sky)) this.makeSky();
+    this.onChange();
+  }
+
+  /** The nearest thing that a ray of the world meets. */
+  pick({ origin, direction }: Ray): Picked | null {
+    const [ax, ay, az] = this.anchor;
+    this.root.updateMatrixWorld();
+    this.raycaster.set(toThree([origin[0] - ax, origin[1] - ay, origin[2] - az]), toThree(direction).normalize());
+    const hit = this.raycaster.intersectObjects([...this.things.values()].filter((object) => object.visible), true)[0];
+    if (!hit) return null;
+    const [x, y, z] = fromThree(hit.point);
+    const facing = hit.face?.normal.clone().transformDirection(hit.object.matrixWorld) ?? new Vector3(0, 1, 0);
+    if (facing.dot(this.raycaster.ray.direction) > 0) facing.negate();
+    return { key: keyOf(hit.object), point_m: [x + ax, y + ay, z + az], normal: fromThree(facing), distance_m: hit.distance };
+  }
+
+  /** Shows a thing otherwise than the document says, until told otherwise. */
+  style(key: string, style: Style): void {
+    const made = this.made.get(key);
+    if (!made) return;
+    made.style = style;
+    dress(made.object, style);
+    this.onChange();
+  }
+
+  /** Low and high corner of all that stands, in the world; null where there is nothing. */
+  bounds(): readonly [Point, Point] | null {
+    return (this.extent ??= { is: this.measure() }).is;
+  }
+
+  private measure(): readonly [Point, Point] | null {
+    this.root.updateMatrixWorld();
+    const box = new Box3();
+    for (const object of this.things.values()) box.expandByObject(object);
+    if (box.isEmpty()) return null;
+    const [a, b] = [fromThree(box.min), fromThree(box.max)];
+    const corner = (of: (p: number, q: number) => number): Point =>
+      [of(a[0], b[0]) + this.anchor[0], of(a[1], b[1]) + this.anchor[1], of(a[2], b[2]) + this.anchor[2]];
+    return [corner(Math.min), corner(Math.max)];
+  }
+
+  dispose(): void {
+    for (const key of [...this.made.keys()]) this.remove(key);
+    if (this.sky) free(this.sky);
+    this.sky?.removeFromParent();
+    this.pictures.dispose();
+  }
+
+  /** Makes a thing, in the object that it has already if it can be. */
+  private make(key: string, kind: Kind, thing: Thing, rank: number): void {
+    const old = this.made.get(key);
+    const style = old?.style ?? {};
+    if (kind === "models") {
+      const model = thing as Thing<"models">;
+      const isMoved = old?.model && isSame(unmoved(old.thing as Thing<"models">), unmoved(model));
+      if (!isMoved) this.remove(key);
+      const made = (isMoved ? old.model : null) ?? modelObject(model, this.shading, () => this.modelCame(key));
+      made.rescale(model.scale ?? 1);
+      this.put(made.object, pointOf(model.position_m), ((model.yaw_deg ?? 0) * Math.PI) / 180);
+      this.keep(key, { thing, rank, object: made.object, style, model: made });
+      return;
+    }
+    const mesh = (old?.object as Drawn | undefined) ?? new Mesh<Shaped["geometry"], ShaderMaterial | ShaderMaterial[]>();
+    if (old) freeMesh(mesh);
+    const color = new Color(thing.color_srgb ?? (kind === "ground" ? COLORS.ground : COLORS.other));
+    const shaped = shapeOf(kind, thing);
+    mesh.geometry = shaped.geometry;
+    mesh.material = this.shading.material({ color, rank, isOpen: isOpen(kind) });
+    mesh.layers.enable(SURFACE_LAYER);
+    // Ground after what stands on it, so that what is hidden is not drawn before.
+    mesh.renderOrder = isOpen(kind) ? 1 : 0;
+    this.put(mesh, shaped.place, shaped.yaw);
+    const made: Made = { thing, rank, object: mesh, style, model: null };
+    this.keep(key, made);
+    void this.paint(key, kind, made, mesh);
+  }
+
+  private keep(key: string, made: Made): void {
+    made.object.userData["key"] = key;
+    this.made.set(key, made);
+    this.things.set(key, made.object);
+    this.root.add(made.object);
+    dress(made.object, made.style);
+  }
+
+  private modelCame(key: string): void {
+    const made = this.made.get(key);
+    if (made) dress(made.object, made.style);
+    this.onChange();
+  }
+
+  private remove(key: string): void {
+    const made = this.made.get(key);
+    if (!made) return;
+    if (made.model) made.model.dispose();
+    else free(made.object);
+    made.object.removeFromParent();
+    this.made.delete(key);
+    this.things.delete(key);
+  }
+
+  /** To be called, too, by who moves a thing by hand. */
+  readonly onChange = (): void => {
+    this.extent = null;
+    this.version += 1;
+    this.whenChanged();
+  };
+
+  private put(object: Object3D, [x, y, z]: Point, yaw: number): void {
+    object.position.set(x - this.anchor[0], y - this.anchor[1], z - this.anchor[2]);
+    object.rotation.z = yaw;
+  }
+
+  /** Puts its pictures on a thing, once they are there. */
+  private async paint(key: string, kind: Exclude<Kind, "models">, made: Made, mesh: Drawn): Promise<void> {
+    const { thing, rank } = made;
+    const [wallFile, levelFile] = filesOf(kind, thing);
+    const picture = (file: string | undefined) => (file === undefined ? Promise.resolve(null) : this.pictures.picture(file));
+    const [wall, level] = await Promise.all([picture(wallFile), picture(levelFile)]);
+    if ((!wall && !level) || this.made.get(key) !== made) return;
+    const { imagery } = thing as Pictured;
+    const map = imagery && level ? mapOf(imagery, level.size, this.document?.origin) : null;
+    if (imagery && !map) return;
+    if (map) {
+      mesh.geometry.dispose();
+      mesh.geometry = shapeOf(kind, thing, (x, y) => textureAt(map, [x, y])).geometry;
+    }
+    const plain = [mesh.material].flat()[PARTS.wall] as ShaderMaterial;
+    const color = plain.uniforms["color"]?.value as Color;
+    const painted = (texture: Texture | null) =>
+      (texture ? this.shading.material({ color, map: texture, ends: map !== null, rank, isOpen: isOpen(kind) }) : plain);
+    const materials: ShaderMaterial[] = [];
+    materials[PARTS.wall] = painted(wall ? textureOf(wall.image, { repeats: true }) : null);
+    materials[PARTS.level] = painted(level ? textureOf(level.image, { repeats: map === null }) : null);
+    materials[PARTS.plain] = plain;
+    mesh.material = materials;
+    dress(mesh, made.style);
+    this.onChange();
+  }
+
+  private makeSky(): void {
+    const sky = this.document?.sky;
+    const replace = (map: Texture | null) => {
+      if (this.sky) free(this.sky);
+      this.sky?.removeFromParent();
+      this.sky = skyOf(sky, map);
+      this.root.add(this.sky);
+    };
+    replace(null);
+    if (!sky?.picture) return;
+    void this.pictures.picture(sky.picture.file).then((picture) => {
+      if (!picture || this.document?.sky !== sky) return;
+      replace(textureOf(picture.image, { repeats: false, turns: true }));
+      this.onChange();
+    });
+  }
+}
+
+/** The objects of a document. `onChange` is called whenever what is to be seen changed, pictures that came included. */
+export function surfacesOf(document: SceneDocument, { onChange }: { onChange?: () => void } = {}): Surfaces {
+  return new Surfaces(document, onChange);
+}
+
+const pointOf = (numbers: readonly number[] | undefined): Point => [numbers?.[0] ?? 0, numbers?.[1] ?? 0, numbers?.[2] ?? 0];
+const isSame = (a: unknown, b: unknown) => a === b || JSON.stringify(a) === JSON.stringify(b);
+
+function shapeOf(kind: Exclude<Kind, "models">, thing: Thing, map: Parameters<typeof groundShape>[1] = null): Shaped {
+  switch (kind) {
+    case "ground": return groundShape(thing as Thing<"ground">, map);
+    case "height_fields": return heightShape(thing as Thing<"height_fields">, map);
+    case "boxes": return boxShape(thing as Thing<"boxes">);
+    case "cylinders": return cylinderShape(thing as Thing<"cylinders">);
+    case "footprints": return footprintShape(thing as Thing<"footprints">);
+  }
+}
+
+/** The pictures of walls, and of roofs or ground. */
+function filesOf(kind: Exclude<Kind, "models">, thing: Thing): [string | undefined, string | undefined] {
+  const { texture, roof_texture, imagery } = thing as Pictured;
+  return isOpen(kind) ? [undefined, (imagery ?? texture)?.file] : [texture?.file, roof_texture?.file];
+}
+
+const isOpen = (kind: Kind) => kind === "ground" || kind === "height_fields";
+
+/** What of a model needs another object where it changes. */
+const unmoved = ({ id, file, up, color_srgb }: Thing<"models">) => [id, file, up, color_srgb];
+
+/** How many pieces of ground lie below this one in its plane: later ones are seen. */
+function rankOf(ground: readonly Ground[], i: number): number {
+  const extent = ({ polygon }: Ground) => [0, 1].map((axis) => {
+    const along = polygon.map((corner) => corner[axis] ?? 0);
+    return [Math.min(...along), Math.max(...along)] as const;
+  });
+  const own = ground[i];
+  if (!own) return 0;
+  const extents = extent(own);
+  const isOver = (other: Ground) => (other.height_m ?? 0) === (own.height_m ?? 0)
+    && extent(other).every(([low, high], axis) => low < (extents[axis]?.[1] ?? 0) && high > (extents[axis]?.[0] ?? 0));
+  return Math.min(15, ground.slice(0, i).filter(isOver).length);
+}
+
+/** The world's origin, or a whole place in the midst of a scene that is far from it. */
+function anchorOf(document: SceneDocument): Point {
+  const places = [
+    ...(document.ground ?? []).flatMap(({ polygon }) => polygon),
+    ...(document.boxes ?? []).map(({ center_m }) => center_m),
+    ...(document.footprints ?? []).flatMap(({ polygon }) => polygon),
+    ...(document.height_fields ?? []).map(({ low_m }) => low_m),
+    ...(document.cylinders ?? []).map(({ base_m }) => base_m),
+    ...(document.models ?? []).map(({ position_m }) => pointOf(position_m)),
+  ];
+  const middle = [0, 1].map((axis) => {
+    const along = places.map((place) => place[axis] ?? 0);
+    return along.length > 0 ? (Math.min(...along) + Math.max(...along)) / 2 : 0;
+  });
+  const [x = 0, y = 0] = middle;
+  return Math.hypot(x, y) < FAR_M ? [0, 0, 0] : [Math.round(x), Math.round(y), 0];
+}
+
+function keyOf(object: Object3D | null): string {
+  for (let at = object; at; at = at.parent) if (typeof at.userData["key"] === "string") return at.userData["key"];
+  return "";
+}
+
+function dress(object: Object3D, { opacity = 1, glow = null, isHidden = false }: Style): void {
+  object.visible = !isHidden;
+  const light = glow ? new Color(glow[0]) : new Color();
+  object.traverse((part) => {
+    if (!(part instanceof Mesh)) return;
+    for (const material of [part.material as ShaderMaterial | ShaderMaterial[]].flat()) {
+      const { uniforms } = material;
+      if (uniforms["opacity"]) uniforms["opacity"].value = opacity;
+      if (uniforms["glow"]) uniforms["glow"].value = new Vector4(light.r, light.g, light.b, glow?.[1] ?? 0);
+      material.transparent = opacity < 1;
+      material.depthWrite = opacity >= 1;
+    }
+  });
+}
