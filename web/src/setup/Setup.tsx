@@ -1,73 +1,93 @@
-// Set-up, as far as it goes: which scenes there are, what stands in them and which of their cameras are calibrated.
+// Set-up: four stages in any order, over one draft that can be undone and that is kept in this browser until it is saved.
 
-import { api, content } from "../ask";
-import { Shown, Table, useAsked } from "../parts/parts";
+import "./setup.css";
+import { effect } from "@preact/signals";
+import { useEffect, useState } from "preact/hooks";
+import { told } from "../ask";
+import { route } from "../route";
+import { session } from "../session";
+import { lookFirst } from "../spatial/served";
 import { say } from "../strings";
-import * as state from "../operate/state";
+import { areFilesUnkept, fileOf } from "./assets";
+import { changes, count } from "./changes";
+import { base, draft, isReadOnly, isUnkept, redo, undo } from "./draft";
+import { watchElsewhere } from "./elsewhere";
+import { start, takenUp } from "./load";
+import { Questions } from "./Question";
+import { changedMeanwhile, result } from "./save";
+import { Notes, SaveBar } from "./SaveBar";
+import { SceneBar } from "./SceneBar";
+import { OpenStage, StageList } from "./Stages";
 
-const AGAIN_MILLIS = 10_000;
+// Pictures and models that were not sent yet are shown all the same.
+lookFirst(fileOf);
 
-async function learnCalibrations() {
-  return (await content(api.GET("/api/v1/calibrations", { params: { query: { limit: 1000 } } }))).calibrations;
+effect(() => {
+  const role = session.value?.role;
+  if (role) isReadOnly.value = role !== "admin";
+});
+
+/** Begins a draft where there is none. */
+async function arrive(): Promise<void> {
+  if (draft.value) return;
+  await start(route.value.details["scene"]);
+  if (takenUp.value === null) return;
+  // Better told now than after an hour of work.
+  const conflict = await changedMeanwhile().catch(() => null);
+  if (conflict) result.value = { kind: "conflict", conflict };
 }
 
-async function learnScenes() {
-  const { scenes } = await content(api.GET("/api/v1/scenes"));
-  return Promise.all(scenes.map(async (scene) => ({
-    ...scene,
-    document: await content(api.GET("/api/v1/scenes/{id}", { params: { path: { id: scene.id } } })),
-  })));
+/** Whether keys go into a text: then undoing is the text's own. */
+function isText(target: EventTarget | null): boolean {
+  const types = ["checkbox", "radio", "range", "color", "button", "file"];
+  if (target instanceof HTMLInputElement) return !types.includes(target.type);
+  return target instanceof HTMLTextAreaElement || (target instanceof HTMLElement && target.isContentEditable);
 }
 
-function name(id: string): string {
-  return state.cameras.value?.find((camera) => camera.id === id)?.name ?? id;
+function onKey(event: KeyboardEvent): void {
+  if (!(event.ctrlKey || event.metaKey) || event.altKey || isText(event.target) || document.querySelector("dialog[open]")) return;
+  const key = event.key.toLowerCase();
+  const isRedo = key === "y" || (key === "z" && event.shiftKey);
+  if (!isRedo && key !== "z") return;
+  event.preventDefault();
+  if (isRedo) redo();
+  else undo();
+}
+
+/** Warns where leaving would lose what the browser could not keep. */
+function onLeave(event: BeforeUnloadEvent): void {
+  const [of, from] = [draft.value, base.value];
+  if ((isUnkept.value || areFilesUnkept.value) && of && from && count(changes(of, from)) > 0) event.preventDefault();
 }
 
 export default function Setup() {
-  const scenes = useAsked(learnScenes, AGAIN_MILLIS);
-  const calibrations = useAsked(learnCalibrations, AGAIN_MILLIS);
+  const [failure, setFailure] = useState<string | null>(null);
+  const begin = () => void arrive().then(() => setFailure(null), (error: unknown) => setFailure(told(error)));
+  useEffect(() => {
+    begin();
+    addEventListener("keydown", onKey);
+    addEventListener("beforeunload", onLeave);
+    const unwatch = watchElsewhere();
+    return () => {
+      unwatch();
+      removeEventListener("keydown", onKey);
+      removeEventListener("beforeunload", onLeave);
+    };
+  }, []);
   return (
-    <div class="column">
-      <h1>{say("setup.title")}</h1>
-      <p class="quiet">{say("setup.help")}</p>
-      <section class="card">
-        <h2>{say("setup.scenes")}</h2>
-        <Shown learnt={scenes}>
-          {(told) => (
-            <Table caption={say("setup.scenes")} none={say("setup.scene.none")}
-              columns={["column.scene", "setup.scene.cameras", "setup.scene.things"]}
-              rows={told.map(({ id, name: title, cameras, document }) => [
-                `${title} (${id})`,
-                cameras.map(name).join(", "),
-                say("setup.scene.things.text", {
-                  ground: document.ground?.length ?? 0,
-                  boxes: document.boxes?.length ?? 0,
-                  cylinders: document.cylinders?.length ?? 0,
-                  footprints: document.footprints?.length ?? 0,
-                }),
-              ])} />
-          )}
-        </Shown>
-      </section>
-      <section class="card">
-        <h2>{say("setup.calibrations")}</h2>
-        <Shown learnt={calibrations}>
-          {(told) => {
-            const bare = (state.cameras.value ?? []).filter(({ id }) => !told.some(({ camera }) => camera === id));
-            return (
-              <Table caption={say("setup.calibrations")} none={say("setup.calibrations.none")}
-                columns={["column.camera", "column.scene", "column.size", "column.lens", "column.position"]}
-                rows={[
-                  ...told.map(({ camera, scene, image_size_px, lens, position_m }) => [
-                    name(camera), scene, image_size_px.join(" × "), lens.replace("_", " "),
-                    position_m.map((metres) => metres.toFixed(2)).join(", "),
-                  ]),
-                  ...bare.map(({ id }) => [name(id), say("setup.uncalibrated"), "", "", ""]),
-                ]} />
-            );
-          }}
-        </Shown>
-      </section>
+    <div class="setup">
+      <header class="setup-head">
+        <h1>{say("setup.title")}</h1>
+        <SceneBar />
+        <SaveBar />
+      </header>
+      <StageList />
+      <Notes />
+      {failure !== null && (
+        <p class="trouble" role="alert">{failure} <button type="button" onClick={begin}>{say("setup.again")}</button></p>
+      )}
+      {draft.value ? <OpenStage /> : failure === null && <p class="quiet">{say("place.loading")} …</p>}
+      <Questions />
     </div>
   );
 }

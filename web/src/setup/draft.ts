@@ -27,8 +27,10 @@ export type DraftCamera = {
   readonly id: string;
   readonly name: string;
   readonly source: Source;
-  readonly clock: { readonly offset_secs?: number; readonly drift_ppm?: number };
+  readonly clock: { readonly offset_secs?: number; readonly drift_ppm?: number; readonly since?: string | null };
   readonly isEnabled: boolean;
+  /** How its foreground is found: not changed here, and sent back as it came. */
+  readonly segment?: Readonly<Record<string, unknown>>;
   /** `configured` cameras stand in the configuration file: here only their clock and source can be changed. */
   readonly origin: "new" | "kept" | "configured";
 };
@@ -64,7 +66,8 @@ type History = { readonly past: readonly Step[]; readonly now: Step; readonly fu
 const MOST_STEPS = 200;
 /** Changes under one key this close together are one step: a drag, typing. */
 const MERGE_MILLIS = 1_000;
-const KEPT = "videofields.setup";
+/** Under which the browser keeps the draft. */
+export const KEPT = "videofields.setup";
 const KEEP_MILLIS = 300;
 
 const history = signal<History | null>(null);
@@ -75,6 +78,9 @@ export const draft = computed(() => history.value?.now.draft ?? null);
 /** The label of what undo would take back, and redo bring again; null where there is nothing. */
 export const undoable = computed(() => (history.value && history.value.past.length > 0 ? history.value.now.label : null));
 export const redoable = computed(() => history.value?.future[0]?.label ?? null);
+
+/** Whether who looks may not change anything: then no change is taken, and nothing is kept. */
+export const isReadOnly = signal(false);
 
 let merging: { key: string; at: number } | null = null;
 
@@ -88,7 +94,7 @@ export function begin(from: Draft, of: Base): void {
 /** Changes the draft as one step, named for people; changes under the same `mergeKey` shortly after one another are one step. */
 export function edit(label: string, change: (draft: Draft) => Draft, mergeKey?: string): void {
   const before = history.value;
-  if (!before) return;
+  if (!before || isReadOnly.value) return;
   const next = change(before.now.draft);
   if (next === before.now.draft) return;
   const now = performance.now();
@@ -167,14 +173,15 @@ export const isDirty = computed(() => {
   return now.removedCameras.length > 0 || JSON.stringify([now.scene.document, now.cameras]) !== JSON.stringify([of.scene, of.cameras]);
 });
 
-type Kept = { readonly base: Base; readonly draft: Draft };
+/** `at`: when it was left, milliseconds since 1970. */
+type Kept = { readonly base: Base; readonly draft: Draft; readonly at: number };
 
 /** The draft that this browser kept; null where there is none that can be read. */
 export function kept(): Kept | null {
   try {
     const read = JSON.parse(localStorage.getItem(KEPT) ?? "null") as Partial<Kept> | null;
     // What another version of the pages kept may be anything.
-    return read?.base && read.draft && "scene" in read.draft && "cameras" in read.draft ? { base: read.base, draft: read.draft } : null;
+    return read?.base && read.draft && "scene" in read.draft && "cameras" in read.draft ? { base: read.base, draft: read.draft, at: read.at ?? 0 } : null;
   } catch {
     return null;
   }
@@ -205,9 +212,9 @@ let keeping: ReturnType<typeof setTimeout> | undefined;
 function keep(): void {
   clearTimeout(keeping);
   const [now, of] = [draft.value, base.value];
-  if (!now || !of) return;
+  if (!now || !of || isReadOnly.value) return;
   try {
-    localStorage.setItem(KEPT, JSON.stringify({ base: of, draft: now } satisfies Kept));
+    localStorage.setItem(KEPT, JSON.stringify({ base: of, draft: now, at: Date.now() } satisfies Kept));
     isUnkept.value = false;
   } catch {
     isUnkept.value = true;

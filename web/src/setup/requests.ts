@@ -69,9 +69,9 @@ export function importCalibration(text: string, options: ImportOptions): Promise
 }
 
 /** Keeps a camera: a new one without a tag, else the one of that tag. Answers the tag that it has now. */
-export async function putCamera({ id, name, source, clock, isEnabled }: DraftCamera, tag: string | null): Promise<string | null> {
+export async function putCamera({ id, name, source, clock, isEnabled, segment }: DraftCamera, tag: string | null): Promise<string | null> {
   const path = `/api/v1/cameras/${encodeURIComponent(id)}`;
-  const body = { name, source, clock, enabled: isEnabled };
+  const body = { name, source, clock, enabled: isEnabled, ...(segment ? { segment } : {}) };
   return (await change<Response>("PUT", path, body, { tag, raw: true })).headers.get("ETag");
 }
 
@@ -79,8 +79,9 @@ export async function putCamera({ id, name, source, clock, isEnabled }: DraftCam
 export async function cameraDocument(id: string): Promise<{ camera: DraftCamera; tag: string } | null> {
   try {
     const answer = await change<Response>("GET", `/api/v1/cameras/${encodeURIComponent(id)}/document`, undefined, { raw: true });
-    const read = (await answer.json()) as { name?: string; source: Source; clock?: DraftCamera["clock"]; enabled?: boolean };
-    const camera = { id, name: read.name ?? "", source: read.source, clock: read.clock ?? {}, isEnabled: read.enabled ?? true, origin: "kept" as const };
+    const read = (await answer.json()) as { name?: string; source: Source; clock?: DraftCamera["clock"]; enabled?: boolean; segment?: DraftCamera["segment"] };
+    const { name = "", source, clock = {}, enabled: isEnabled = true, segment } = read;
+    const camera = { id, name, source, clock, isEnabled, ...(segment ? { segment } : {}), origin: "kept" as const };
     return { camera, tag: answer.headers.get("ETag") ?? "" };
   } catch (error) {
     if (error instanceof Trouble && error.status === 404) return null;
@@ -92,9 +93,12 @@ export async function removeCamera(id: string, tag: string): Promise<void> {
   await change("DELETE", `/api/v1/cameras/${encodeURIComponent(id)}`, undefined, { tag });
 }
 
+/** Files are large, and lines may be slow. */
+const FILE_MILLIS = 600_000;
+
 /** Keeps a picture or model that scenes name as `assets/NAME`. */
 export async function putAsset(name: string, file: Blob): Promise<void> {
-  await change("PUT", `/api/v1/assets/${encodeURIComponent(name)}`, file, { tag: null, type: file.type });
+  await change("PUT", `/api/v1/assets/${encodeURIComponent(name)}`, file, { tag: null, type: file.type || "application/octet-stream", patienceMillis: FILE_MILLIS });
 }
 
 /** A scene's document with its tag; null where there is none. */

@@ -1,0 +1,40 @@
+// What hangs on a camera's id goes with it.
+
+import { expect, test } from "vitest";
+import type { Calibration, Draft } from "../draft";
+import { placeOf, withId, withName, withNewCamera, withoutCamera } from "./edits";
+
+const calibration = { focal_px: [1, 1] } as unknown as Calibration;
+const start: Draft = { scene: { id: "s", document: { version: 1 } }, cameras: [], removedCameras: [], calibrating: {} };
+
+test("the id of a new camera follows its name until it is written", () => {
+  const added = withNewCamera(start, "path");
+  expect(added.id).toBe("camera");
+  const named = withName(added.draft, "camera", "North gate", false);
+  expect(named.id).toBe("north-gate");
+  expect(named.draft.cameras[0]).toMatchObject({ id: "north-gate", name: "North gate" });
+  const own = withId(named.draft, "north-gate", "n1");
+  expect(withName(own, "n1", "South gate", false).id).toBe("n1");
+  expect(withName(named.draft, "north-gate", "South gate", true).id).toBe("north-gate");
+});
+
+test("a second camera takes another id", () => {
+  const one = withName(withNewCamera(start, "url").draft, "camera", "Gate", false).draft;
+  const two = withNewCamera(one, "url");
+  expect(withName(two.draft, two.id, "Gate", false).id).toBe("gate-2");
+});
+
+test("calibration and pairs go with the id, and away with the camera", () => {
+  const added = withNewCamera(start, "path").draft;
+  const pairs = { pairs: [], lines: [], findsFocal: true, findsK1: false };
+  const whole: Draft = { ...added, calibrating: { camera: pairs }, scene: { id: "s", document: { version: 1, cameras: [{ id: "camera", calibration }] } } };
+  const moved = withId(whole, "camera", "gate");
+  expect(moved.calibrating).toEqual({ gate: pairs });
+  expect(moved.scene.document.cameras).toEqual([{ id: "gate", calibration }]);
+  const gone = withoutCamera(moved, "gate");
+  expect([gone.cameras, gone.calibrating, gone.scene.document.cameras]).toEqual([[], {}, []]);
+});
+
+test("which part is played does not change what a source shows", () => {
+  expect(placeOf({ path: "/a", from_secs: 1, until_secs: 2, end: "loop", start: "x", rate_hz: 5 })).toEqual({ path: "/a", rate_hz: 5 });
+});
