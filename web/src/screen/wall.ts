@@ -1,14 +1,19 @@
 // One screen of a wall: shows a tile, frame by frame as they come, and says when it is behind.
 //
-// /wall?wall=ID&tile=T, and if wanted pattern=test|identify, blend=off and delay=MILLISECONDS: with it every screen shows a
-// frame that long after it was due, so that screens on networks of unlike speed change at once. A screen that nobody stands
-// before is let in by a token in the fragment, #token=vf_...: a browser sends that nowhere by itself.
+// /wall?wall=ID&tile=T, and if wanted pattern=test|identify, blend=off and delay=MILLISECONDS: every screen shows a frame that long
+// after it was due, so that screens on networks of unlike speed change at once; a frame's time, at most a quarter of a second,
+// where nothing is said. Screens of one browser wait for each other beside that. A screen that nobody stands before is let in by a token in the fragment, #token=vf_...: a browser sends
+// that nowhere by itself. The key h, or a touch, shows in a corner how the screen fares.
 
 import "./wall.css";
-import { Trouble, api, ask, content, send, told } from "../ask";
+import { Trouble, ask, send, told } from "../ask";
 import { pauser } from "../pause";
 import { say } from "../strings";
+import { type Health, type Message, type Pattern, openChannel } from "./channel";
+import { choose } from "./choice";
 import { type Frame, read } from "./frames";
+import * as health from "./health";
+import { makeLock } from "./lock";
 
 const LEAST_PAUSE_MILLIS = 500;
 const MOST_PAUSE_MILLIS = 15_000;
@@ -21,6 +26,9 @@ const BEHIND_MILLIS = 5_000;
 const TRIES = 2;
 const PULL_MILLIS = 30_000;
 
+/** How long a frame is held for other screens of this browser that do not have it yet. */
+const PATIENCE_MILLIS = 2_000;
+
 type Shown = Omit<Frame, "blob"> & { shown: number; behind: number };
 
 function element<Kind extends HTMLElement>(id: string, kind: new () => Kind): Kind {
@@ -31,16 +39,22 @@ function element<Kind extends HTMLElement>(id: string, kind: new () => Kind): Ki
 
 const query = new URLSearchParams(location.search);
 const [wall, tile] = [query.get("wall") ?? "", query.get("tile") ?? ""];
-const delay = Math.min(Math.max(Number(query.get("delay")) || 0, 0), 2_000);
+const asked = query.get("delay");
 const screen = element("screen", HTMLCanvasElement);
 const state = element("state", HTMLParagraphElement);
+const corner = element("health", HTMLElement);
 const context = screen.getContext("2d", { alpha: false });
 const { pause, wake } = pauser();
 /** What lets this screen in; taken out of the address, so that no picture of the screen and no history shows it. */
 const token = new URLSearchParams(location.hash.slice(1)).get("token");
 if (token !== null) history.replaceState(null, "", location.pathname + location.search);
 
-let pattern = query.get("pattern") ?? "none";
+const PATTERNS: Record<string, Pattern> = { i: "identify", t: "test", 0: "none" };
+let pattern: Pattern = Object.values(PATTERNS).find((known) => known === query.get("pattern")) ?? "none";
+let counts = health.NOTHING;
+let way: Health["way"] = "none";
+const page = crypto.getRandomValues(new Uint32Array(2)).join("-");
+const lock = makeLock();
 let newest: Shown | null = null;
 let trouble: string = say("screen.connecting");
 let ended = () => {};
@@ -61,11 +75,12 @@ function path(what: string): string {
 async function show({ blob, ...frame }: Frame): Promise<void> {
   const bitmap = await createImageBitmap(blob);
   offset = Math.min(offset, Date.now() - frame.sentMillis);
-  if (delay > 0 && frame.rate > 0) {
-    const due = (frame.number / frame.rate) * 1e3 + offset + delay;
-    const wait = Math.min(due - Date.now(), 2 * delay);
-    if (wait > 0) await new Promise((resolve) => setTimeout(resolve, wait));
-  }
+  const delay = health.delayOf(asked, frame.rate);
+  const due = frame.rate > 0 ? (frame.number / frame.rate) * 1e3 + offset + delay : Date.now();
+  channel.tell({ kind: "holds", wall, page, version: frame.version, frame: frame.number });
+  const wait = Math.min(due - Date.now(), 2 * delay);
+  if (wait > 0) await new Promise((resolve) => setTimeout(resolve, wait));
+  await lock.together(frame.version, frame.number, PATIENCE_MILLIS);
   if (newest && newest.version === frame.version && newest.number >= frame.number) {
     bitmap.close();
     return;
@@ -79,7 +94,14 @@ async function show({ blob, ...frame }: Frame): Promise<void> {
     context?.drawImage(bitmap, 0, 0);
     bitmap.close();
     screen.dataset["frame"] = String(frame.number);
+    counts = health.counted(counts, { number: frame.number, version: frame.version, rate: frame.rate, at: performance.now() }, Date.now() - due);
+    announce();
   });
+}
+
+function unreadable(): void {
+  trouble = say("screen.unreadable");
+  counts = { ...counts, unreadable: counts.unreadable + 1 };
 }
 
 /** Pictures by WebSocket until it ends; how many there were, and why it ended. */
@@ -98,7 +120,8 @@ function bySocket(): Promise<{ n: number; reason: string }> {
       const frame = read(data);
       if (!frame) return;
       n += 1;
-      await show(frame).catch(() => (trouble = say("screen.unreadable")));
+      way = "socket";
+      await show(frame).catch(unreadable);
       if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ ack: frame.number }));
     };
     socket.addEventListener("message", ({ data }: MessageEvent<string | ArrayBuffer>) => void take(data));
@@ -120,6 +143,7 @@ async function byPulling(): Promise<void> {
     const millis = Date.parse(field("videofields-time"));
     const version = field("videofields-wall-version");
     const blob = await response.blob();
+    way = "pull";
     await show({ number, version, millis, sentMillis: begun, rate: 0, isLive: false, isRestricted: false, blob });
     at = number + 1;
   }
@@ -143,6 +167,7 @@ async function run(): Promise<never> {
       const { n, reason } = await bySocket();
       failures = n > 0 ? 0 : failures + 1;
       trouble = reason || say("screen.gone");
+      way = "none";
       // Why it came to nothing, which a browser does not tell: who asks is a stranger, or there is no such tile.
       if (n === 0) await ask(path("frame.jpg"), { pattern: "test" });
       if (failures >= TRIES) await byPulling();
@@ -154,6 +179,7 @@ async function run(): Promise<never> {
         await tryToEnter();
       }
     }
+    counts = { ...counts, reconnects: counts.reconnects + 1 };
     // Many screens that lost one daemon do not all come back at once.
     const most = Math.min(LEAST_PAUSE_MILLIS * 2 ** failures, MOST_PAUSE_MILLIS);
     await pause(most * (0.5 + Math.random() / 2));
@@ -178,53 +204,75 @@ async function keepAwake(): Promise<void> {
   await navigator.wakeLock.request("screen").catch(() => null);
 }
 
-/** Lists every wall's tiles, for whoever stands before a screen to choose. */
-async function choose(): Promise<void> {
-  element("choice", HTMLElement).hidden = false;
-  element("choice-title", HTMLElement).textContent = say("screen.which");
-  const help = element("choice-help", HTMLParagraphElement);
-  try {
-    await enter();
-    const { walls } = await content(api.GET("/api/v1/walls"));
-    help.textContent = walls.length > 0 ? say("screen.choose") : say("screen.noWall");
-    for (const { id, name } of walls) {
-      const { tiles } = await content(api.GET("/api/v1/walls/{id}/tiles", { params: { path: { id } } }));
-      const [title, list] = [document.createElement("h2"), document.createElement("div")];
-      title.textContent = name || id;
-      list.className = "tiles";
-      list.append(...tiles.map((one) => link(id, one.id)));
-      element("walls", HTMLDivElement).append(title, list);
-    }
-  } catch (error) {
-    const isStranger = error instanceof Trouble && error.status === 401;
-    help.textContent = isStranger ? say("screen.loginFirst") : told(error);
-  }
+/** How this screen fares. */
+function own(): Health {
+  const now = performance.now();
+  return {
+    wall, tile, page, way, pattern, trouble: state.hidden ? "" : trouble,
+    frame: newest?.number ?? null, ageMillis: newest ? now - newest.shown : null,
+    rate: health.rateOf(counts, now), wantedRate: newest?.rate ?? 0,
+    missed: counts.missed, late: counts.late, unreadable: counts.unreadable,
+    // What the first attempts took is no connection that was lost.
+    reconnects: counts.newest ? counts.reconnects : 0,
+    offsetMillis: Number.isFinite(offset) ? offset : null,
+  };
 }
 
-function link(wall: string, tile: string): HTMLAnchorElement {
-  const anchor = document.createElement("a");
-  anchor.href = `/wall?${new URLSearchParams({ wall, tile }).toString()}`;
-  anchor.textContent = tile;
-  return anchor;
+/** Tells the pages of this browser. */
+function announce(): void {
+  channel.tell({ kind: "health", health: own() });
 }
 
-const PATTERNS: Record<string, string> = { i: "identify", t: "test", 0: "none" };
+function hear(message: Message): void {
+  if (message.kind === "health" && message.health.wall === wall && message.health.page !== page) {
+    lock.shows(message.health.page, message.health.frame);
+  } else if (message.kind === "holds" && message.wall === wall) lock.holds(message.page, message.version, message.frame);
+  else if (message.kind === "gone") lock.gone(message.page);
+  else if (message.kind === "pattern" && message.wall === wall) setPattern(message.pattern);
+}
+
+/** Has the screen show something else, at once. */
+function setPattern(chosen: Pattern): void {
+  if (chosen === pattern) return;
+  pattern = chosen;
+  newest = null;
+  ended();
+  wake();
+}
+
+/** Shows in the corner how the screen fares, while that is wanted. */
+function tellHealth(): void {
+  announce();
+  if (corner.hidden) return;
+  health.draw(corner, health.rows(own(), newest?.behind ?? null, health.together(newest?.number ?? null, lock.peers())));
+}
+
+function toggleHealth(): void {
+  corner.hidden = !corner.hidden;
+  tellHealth();
+}
+
+const channel = openChannel(wall && tile ? hear : () => {});
 
 if (wall && tile) {
   document.title = say("screen.title", { tile, wall });
   document.addEventListener("visibilitychange", () => void keepAwake());
-  document.addEventListener("click", () => void document.documentElement.requestFullscreen().catch(() => null));
-  document.addEventListener("keydown", ({ key }) => {
-    const chosen = PATTERNS[key];
-    if (!chosen || chosen === pattern) return;
-    pattern = chosen;
-    newest = null;
-    ended();
-    wake();
+  document.addEventListener("click", (event) => {
+    // A finger has no key h; two touches fill the screen.
+    if (event.pointerType === "touch") toggleHealth();
+    else void document.documentElement.requestFullscreen().catch(() => null);
   });
+  document.addEventListener("dblclick", () => void document.documentElement.requestFullscreen().catch(() => null));
+  document.addEventListener("keydown", ({ key }) => {
+    if (key === "h") toggleHealth();
+    const chosen = PATTERNS[key];
+    if (chosen) setPattern(chosen);
+  });
+  addEventListener("pagehide", () => channel.tell({ kind: "gone", page }));
   setInterval(tell, 250);
+  setInterval(tellHealth, 500);
   void keepAwake();
   void run();
 } else {
-  void choose();
+  void choose(element("choice", HTMLElement), enter);
 }
