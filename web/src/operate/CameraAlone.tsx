@@ -7,6 +7,7 @@ import { say, sayWord } from "../strings";
 import { clock, duration } from "../units";
 import { CameraPicture } from "./CameraPicture";
 import { saying } from "./CameraList";
+import { jumpOut } from "./jumping";
 import * as state from "./state";
 
 const ALONE_MILLIS = 150;
@@ -17,6 +18,10 @@ const STEPS: Record<string, readonly [number, number]> = {
   ArrowDown: [0, 1],
 };
 
+function tellShown(id: string, millis: number): void {
+  state.shownAlone.value = { millis, frames: new Map([[id, millis]]), view: null };
+}
+
 async function locate(camera: state.Camera, [u, v]: readonly [number, number]): Promise<string> {
   const scene = state.scene.value;
   const isThere = scene !== null && camera.scenes.includes(scene.id);
@@ -24,7 +29,7 @@ async function locate(camera: state.Camera, [u, v]: readonly [number, number]): 
   try {
     const place = await content(api.GET("/api/v1/cameras/{id}/locate", { params: { path: { id: camera.id }, query } }));
     const [x = 0, y = 0, z = 0] = place.point_m;
-    state.mark.value = isThere ? [x, y, z] : null;
+    state.setMark(isThere ? [x, y, z] : null);
     const text = say("locate.place", {
       x: x.toFixed(2), y: y.toFixed(2), z: z.toFixed(2),
       surface: sayWord("surface", place.surface), index: place.surface_idx,
@@ -32,7 +37,7 @@ async function locate(camera: state.Camera, [u, v]: readonly [number, number]): 
     });
     return place.reliable ? text : `${text}; ${say("locate.doubt")}`;
   } catch (error) {
-    state.mark.value = null;
+    state.setMark(null);
     return told(error);
   }
 }
@@ -49,13 +54,9 @@ export function CameraAlone({ id }: { id: string }) {
     setLocated("");
   }, [id]);
   useEffect(() => back.current?.focus({ preventScroll: true }), []);
-  useEffect(() => {
-    const leave = (event: KeyboardEvent) => {
-      if (event.key === "Escape") state.closeCamera();
-    };
-    addEventListener("keydown", leave);
-    return () => removeEventListener("keydown", leave);
-  }, []);
+  useEffect(() => () => {
+    state.shownAlone.value = null;
+  }, [id]);
   const beside = (step: number) => cameras[(index + step + cameras.length) % cameras.length]?.id ?? id;
   const choose = async (chosen: readonly [number, number]) => {
     if (!camera) return;
@@ -66,9 +67,9 @@ export function CameraAlone({ id }: { id: string }) {
   const word = camera ? state.stateOf(camera) : "unknown";
   const veil = camera ? saying(camera, word) : null;
   return (
-    <div class="alone" data-camera={id}>
+    <div class="alone" data-camera={id} data-time={state.shownAlone.value?.millis}>
       <div class="alone-bar">
-        <button ref={back} type="button" onClick={state.closeCamera} title={say("camera.back.title")}>← {say("camera.back")}</button>
+        <button ref={back} type="button" onClick={jumpOut} title={say("camera.back.title")}>← {say("camera.back")}</button>
         <h3>{camera?.name ?? id}</h3>
         <Badge state={word} text={sayWord("state", word)} />
         {cameras.length > 1 && (
@@ -97,8 +98,9 @@ export function CameraAlone({ id }: { id: string }) {
                 const [u, v] = place ?? [0.5, 0.5];
                 setPlace([share(u + step[0] * 0.02, 0, 1), share(v + step[1] * 0.02, 0, 1)]);
               }}>
-              <CameraPicture key={id} camera={camera} kind={state.kind.value} at={state.at.value} everyMillis={ALONE_MILLIS} />
+              <CameraPicture key={id} camera={camera} kind={state.kind.value} at={state.at.value} everyMillis={ALONE_MILLIS} onShown={(millis) => tellShown(id, millis)} />
               {place && <span class="spot" style={{ left: `${place[0] * 100}%`, top: `${place[1] * 100}%` }} />}
+              <Stamp />
               {veil !== null && <span class="veil">{veil}</span>}
             </button>
           </div>
@@ -107,6 +109,19 @@ export function CameraAlone({ id }: { id: string }) {
         </>
       )}
     </div>
+  );
+}
+
+/** Which time is shown, and how old it is. */
+function Stamp() {
+  const millis = state.shownAlone.value?.millis;
+  if (millis === undefined) return null;
+  const isLive = state.at.value === null;
+  return (
+    <span class="stamp">
+      <span class={isLive ? "is-live" : "is-past"}>{say(isLive ? "view.live" : "view.past")}</span>
+      <time dateTime={new Date(millis).toISOString()}>{clock(millis, !isLive)}</time>
+    </span>
   );
 }
 

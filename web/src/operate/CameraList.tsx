@@ -5,6 +5,7 @@ import { say, sayWord } from "../strings";
 import { duration } from "../units";
 import { change } from "../route";
 import { CameraPicture } from "./CameraPicture";
+import { jumpInto } from "./jumping";
 import * as state from "./state";
 
 const CARD_MILLIS = 1_000;
@@ -12,8 +13,14 @@ const CARD_MILLIS = 1_000;
 /** What is said over the picture of a camera that does not show what is there now. */
 export function saying(camera: state.Camera, word: string): string | null {
   if (word === "live" || word === "ended") return null;
+  if (word === "frozen" || word === "stalled") return say(`camera.${word}`, { age: duration(sinceSecs(camera)) });
   if (word === "stale") return say("camera.stale", { age: duration(camera.age_secs ?? 0) });
   return word === "unknown" ? say("camera.unknown") : sayWord("state", word);
+}
+
+/** How long a camera has been in its state, as far as the clocks of daemon and browser agree. */
+function sinceSecs(camera: state.Camera): number {
+  return Math.max(0, (Date.now() - Date.parse(camera.since)) / 1e3);
 }
 
 function Card({ camera }: { camera: state.Camera }) {
@@ -25,8 +32,8 @@ function Card({ camera }: { camera: state.Camera }) {
   if (camera.recording) facts.push(sayWord("recording", camera.recording.state));
   const isOpened = state.openedCamera.value === camera.id;
   return (
-    <article class={`camera ${isOpened ? "is-chosen" : ""}`} data-state={word} data-camera={camera.id}>
-      <button type="button" class="picture" aria-label={say("camera.open", { name: camera.name })} onClick={() => state.openCamera(camera.id)}>
+    <article aria-label={camera.name} class={`camera ${isOpened ? "is-chosen" : ""}`} data-state={word} data-camera={camera.id}>
+      <button type="button" class="picture" aria-label={say("camera.open", { name: camera.name })} onClick={() => void jumpInto(camera.id)}>
         <CameraPicture camera={camera} kind={state.kind.value} at={state.at.value} everyMillis={CARD_MILLIS} />
         {veil !== null && <span class="veil">{veil}</span>}
       </button>

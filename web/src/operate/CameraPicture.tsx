@@ -5,12 +5,20 @@ import { ask } from "../ask";
 import { pauser, seen } from "../pause";
 import { show } from "../picture";
 import { say } from "../strings";
+import { instant, millisOf } from "./moments";
 import type { Camera, Kind } from "./state";
 
 const AFTER_TROUBLE_MILLIS = 2_000;
 
 /** Follows one camera; `everyMillis` apart, live or (`at`) at a time. */
-export function CameraPicture({ camera, kind, at, everyMillis }: { camera: Camera; kind: Kind; at: number | null; everyMillis: number }) {
+export function CameraPicture({ camera, kind, at, everyMillis, onShown }: {
+  camera: Camera;
+  kind: Kind;
+  at: number | null;
+  everyMillis: number;
+  /** Hears of every picture's own time. */
+  onShown?: (millis: number) => void;
+}) {
   const image = useRef<HTMLImageElement>(null);
   const latest = useRef(camera);
   latest.current = camera;
@@ -19,6 +27,8 @@ export function CameraPicture({ camera, kind, at, everyMillis }: { camera: Camer
   const [failure, setFailure] = useState(false);
   const wish = useRef({ kind, at });
   wish.current = { kind, at };
+  const tell = useRef(onShown);
+  tell.current = onShown;
   useEffect(() => {
     const ending = new AbortController();
     const rest = pauser();
@@ -38,10 +48,12 @@ export function CameraPicture({ camera, kind, at, everyMillis }: { camera: Camer
           // Cards hear of frames by the list of cameras; a camera alone asks as fast as it may.
           if (size_px && image.current && (wanted !== shown || (at === null && everyMillis < 500))) {
             const path = `/api/v1/cameras/${encodeURIComponent(id)}/${kind}.${kind === "mask" ? "png" : "jpg"}`;
-            const t = at === null ? null : new Date(at).toISOString();
+            const t = at === null ? null : instant(at);
             const response = await ask(path, { t }, { signal: ending.signal, tag });
             if (response.status !== 304) {
               await show(image.current, response);
+              if (isOver()) return;
+              tell.current?.(millisOf(response.headers.get("Videofields-Time")));
               tag = response.headers.get("ETag");
             }
             shown = wanted;

@@ -8,17 +8,14 @@ import { say } from "../strings";
 import { tick } from "../tick";
 import { clock, duration } from "../units";
 import * as fused from "./fused";
-import { attach } from "./gestures";
-import { placed } from "./orbit";
+import { Stage } from "./Stage";
 import * as state from "./state";
 
 /** A picture of now that is older than this is said to be old. */
 const OLD_MILLIS = 3_000;
 const hasPicture = signal(false);
 
-function names(ids: string[]): string {
-  return ids.map((id) => state.cameras.value?.find((camera) => camera.id === id)?.name ?? id).join(", ");
-}
+const names = (ids: string[]) => ids.map(state.nameOf).join(", ");
 
 /** What must be said of the picture, the gravest first. */
 function sayings(): string[] {
@@ -36,26 +33,15 @@ function sayings(): string[] {
   return said;
 }
 
-function Mark({ aspect }: { aspect: number }) {
-  const [view, mark] = [state.view.value ?? fused.about.value?.view, state.mark.value];
-  const place = view && mark && placed(view, aspect, mark);
-  return place ? <span class="spot" style={{ left: `${place[0] * 100}%`, top: `${place[1] * 100}%` }} /> : null;
-}
-
 export function FusedView() {
   const stage = useRef<HTMLDivElement>(null);
   const image = useRef<HTMLImageElement>(null);
   useEffect(() => {
     const [element, picture] = [stage.current, image.current];
     if (!element || !picture) return undefined;
-    const detach = attach(element, (change) => {
-      const view = state.view.value;
-      if (view) state.setView(change(view));
-    }, state.resetView);
     const stop = fused.follow(element, picture);
     const seenFirst = fused.about.subscribe((about) => (hasPicture.value = about !== null));
     return () => {
-      detach();
       stop();
       seenFirst();
     };
@@ -64,23 +50,11 @@ export function FusedView() {
   const said = sayings();
   const scene = state.scene.value;
   const isOld = said.length > 0 && (lostSince.value !== null || fused.failingSince.value !== null);
-  const box = stage.current;
   const isLive = state.at.value === null;
   return (
-    <div
-      ref={stage}
-      class={`stage ${isOld ? "is-old" : ""}`}
-      // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex -- an application takes keys
-      tabIndex={0}
-      role="application"
-      aria-label={say("view.label")}
-      aria-describedby="stage-help"
-      data-time={shown?.millis}
-      data-view={shown?.view ? JSON.stringify(shown.view) : undefined}
-    >
+    <Stage stage={stage} isOld={isOld} time={shown?.millis}>
       <img ref={image} class={hasPicture.value ? "" : "is-empty"} alt={hasPicture.value && scene ? say("view.alt", { scene: scene.name }) : ""} draggable={false} />
       {!hasPicture.value && <p class="waiting">{fused.trouble.value ?? say(state.scenes.value?.length === 0 ? "scene.none" : "view.waiting")}</p>}
-      <Mark aspect={box ? box.clientWidth / box.clientHeight : 16 / 9} />
       {shown && (
         <p class="stamp">
           <span class={isLive && !isOld ? "is-live" : "is-past"}>{say(isLive ? "view.live" : "view.past")}</span>
@@ -89,7 +63,7 @@ export function FusedView() {
       )}
       {said.length > 0 && <div class="veils" role="status">{said.map((text) => <p key={text.slice(0, 12)} class="veil">{text}</p>)}</div>}
       {hasPicture.value && fused.trouble.value !== null && lostSince.value === null && <p class="veil at-top" role="status">{fused.trouble.value}</p>}
-    </div>
+    </Stage>
   );
 }
 

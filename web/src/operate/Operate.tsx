@@ -1,18 +1,71 @@
-// Operate: the scene as all cameras together see it, through time; the cameras beside it.
+// Operate: the scene as all cameras together see it, through time; beside it the cameras, people, named views and what is kept.
 
-import { useRef } from "preact/hooks";
-import { change } from "../route";
+import "./operate.css";
+import { useEffect, useRef } from "preact/hooks";
 import { Segments } from "../parts/parts";
 import { say } from "../strings";
 import { CameraAlone } from "./CameraAlone";
 import { CameraList } from "./CameraList";
+import { Exports } from "./Exports";
+import * as following from "./following";
 import { AboutPicture, FusedView } from "./FusedView";
-import { Timeline } from "./Timeline";
+import { MapView } from "./MapView";
+import { FollowPanel, PeopleList } from "./People";
+import * as scenery from "./scenery";
+import * as shortcuts from "./shortcuts";
+import { Snapshots } from "./Snapshots";
 import * as state from "./state";
+import { Timeline } from "./Timeline";
+import * as tracking from "./tracking";
+import { Views, attend as attendViews } from "./Views";
+import { MODES } from "./ways";
+import { Welcome } from "./Welcome";
+import { WhichCameras } from "./WhichCameras";
 
-/** A choice that stands in the address where it is not the usual one. */
-function choose(name: string, value: string, usual: string): void {
-  change({ [name]: value === usual ? null : value });
+function Checked({ name, label, isOn }: { name: string; label: string; isOn: boolean }) {
+  return (
+    <label class="inline">
+      <input type="checkbox" checked={isOn} onChange={(event) => state.choose(name, event.currentTarget.checked ? "on" : "off", "on")} /> {label}
+    </label>
+  );
+}
+
+/** How the picture is drawn. */
+function PictureMenu() {
+  return (
+    <details class="menu">
+      <summary>{say("view.settings")}</summary>
+      <div class="menu-box">
+        <Segments name="entities" label={say("entities.label")} values={state.ENTITIES} chosen={state.entities.value}
+          text={(value) => say(`entities.${value}`)} onChoose={(value) => state.choose("entities", value, "billboards")} />
+        <Segments name="quality" label={say("quality.label")} values={state.QUALITIES} chosen={state.quality.value}
+          text={(value) => say(`quality.${value}`)} onChoose={(value) => state.choose("quality", value, "balanced")} />
+        <Checked name="see_through" label={say("see_through.label")} isOn={state.seeThrough.value === "on"} />
+        <label class="inline">
+          <input type="checkbox" checked={state.colors.value === "even"}
+            onChange={(event) => state.choose("colors", event.currentTarget.checked ? "even" : "raw", "even")} /> {say("colors.label")}
+        </label>
+        <Checked name="labels" label={say("people.labels")} isOn={state.labels.value === "on"} />
+        <Checked name="trails" label={say("people.trails")} isOn={state.trails.value === "on"} />
+      </div>
+    </details>
+  );
+}
+
+const HELP_KEYS = ["orbit", "walk", "fly", "map", "follow", "views", "time", "place", "leave"] as const;
+
+function Help() {
+  const dialog = useRef<HTMLDialogElement>(null);
+  return (
+    <>
+      <button type="button" aria-label={say("help.title")} title={say("help.title")} onClick={() => dialog.current?.showModal()}>?</button>
+      <dialog ref={dialog} class="help" aria-label={say("help.title")}>
+        <h2>{say("help.title")}</h2>
+        <dl>{HELP_KEYS.map((key) => <div key={key}><dt><kbd>{say(`help.${key}.keys`)}</kbd></dt><dd>{say(`help.${key}`)}</dd></div>)}</dl>
+        <form method="dialog"><button type="submit" class="is-main">{say("help.close")}</button></form>
+      </dialog>
+    </>
+  );
 }
 
 function Choices({ onFullscreen }: { onFullscreen: () => void }) {
@@ -28,46 +81,57 @@ function Choices({ onFullscreen }: { onFullscreen: () => void }) {
           </select>
         </label>
       )}
-      <Segments name="entities" label={say("entities.label")} values={state.ENTITIES} chosen={state.entities.value}
-        text={(value) => say(`entities.${value}`)} onChoose={(value) => choose("entities", value, "billboards")} />
-      <details class="menu">
-        <summary>{say("view.settings")}</summary>
-        <div class="menu-box">
-          <Segments name="quality" label={say("quality.label")} values={state.QUALITIES} chosen={state.quality.value}
-            text={(value) => say(`quality.${value}`)} onChoose={(value) => choose("quality", value, "balanced")} />
-          <label class="inline">
-            <input type="checkbox" checked={state.seeThrough.value === "on"}
-              onChange={(event) => choose("see_through", event.currentTarget.checked ? "on" : "off", "on")} />
-            {" "}{say("see_through.label")}
-          </label>
-          <label class="inline">
-            <input type="checkbox" checked={state.colors.value === "even"}
-              onChange={(event) => choose("colors", event.currentTarget.checked ? "even" : "raw", "even")} />
-            {" "}{say("colors.label")}
-          </label>
-        </div>
-      </details>
+      <Segments name="move" label={say("move.label")} values={MODES} chosen={state.mode.value}
+        text={(value) => say(`move.${value}`)} onChoose={shortcuts.chooseMode} />
+      <Segments name="map" label={say("map.title")} values={state.MAPS} chosen={state.map.value}
+        text={(value) => say(`map.${value}`)} onChoose={(value) => state.choose("map", value, "inset")} />
+      <PictureMenu />
       <button type="button" onClick={state.resetView} title={say("view.reset.title")}>{say("view.reset")}</button>
       <button type="button" onClick={onFullscreen}>{say("view.fullscreen")}</button>
+      <Help />
     </div>
+  );
+}
+
+function Side() {
+  return (
+    <aside class="side" aria-label={say("side.title")}>
+      <FollowPanel />
+      <WhichCameras />
+      <Segments name="side" label={say("side.title")} values={state.SIDES} chosen={state.side.value}
+        text={(value) => say(`side.${value}`)} onChoose={(value) => state.choose("side", value, "cameras")} />
+      {state.side.value === "cameras" && <CameraList />}
+      {state.side.value === "people" && <PeopleList />}
+      {state.side.value === "views" && <Views />}
+      {state.side.value === "keep" && <><Snapshots /><Exports /></>}
+    </aside>
   );
 }
 
 export default function Operate() {
   const area = useRef<HTMLDivElement>(null);
+  useEffect(() => {
+    const stops = [scenery.attend(), tracking.track(), following.attend(), shortcuts.attend(), attendViews()];
+    return () => stops.forEach((stop) => stop());
+  }, []);
   const opened = state.openedCamera.value;
+  if (state.scenes.value?.length === 0 && state.cameras.value?.length === 0) return <Welcome />;
+  const isMapLarge = state.map.value === "large" && opened === undefined;
   return (
     <div class="operate">
       <section class="fused" aria-label={state.scene.value?.name ?? say("place.operate")}>
         <Choices onFullscreen={() => void area.current?.requestFullscreen().catch(() => null)} />
         <div class="area" ref={area}>
-          {opened === undefined ? <FusedView /> : <CameraAlone id={opened} />}
+          {/* Kept beneath a camera's own picture and a large map, so that going back finds it as it was. */}
+          <div class={isMapLarge ? "beside-map" : "whole"} hidden={opened !== undefined}><FusedView /></div>
+          {isMapLarge && <MapView isLarge />}
+          {opened !== undefined && <CameraAlone id={opened} />}
           <Timeline />
         </div>
-        <p id="stage-help" class="quiet">{say("view.help.turn")} {say("time.help")}</p>
+        <p id="stage-help" class="quiet">{say(`view.help.${state.mode.value}`)}</p>
         {opened === undefined && <AboutPicture />}
       </section>
-      <CameraList />
+      <Side />
     </div>
   );
 }

@@ -6,6 +6,7 @@ import { Trouble, ask, told } from "../ask";
 import { dependOn } from "../depend";
 import { pauser, seen } from "../pause";
 import { show } from "../picture";
+import { instant, millisOf } from "./moments";
 import { type View, printed, readField } from "./orbit";
 import * as state from "./state";
 
@@ -29,7 +30,7 @@ export type About = {
   tookMillis: number;
   picturesPerSecond: number;
   stages: string;
-  sources: { camera: string; behindSecs: number }[];
+  sources: { camera: string; millis: number; behindSecs: number }[];
   gaps: string[];
   plan: string[];
   isRestricted: boolean;
@@ -51,10 +52,10 @@ const list = (text: string | null) => (text ?? "").split(",").filter(Boolean);
 
 function readAbout(response: Response, scene: string, tookMillis: number, rate: number): About {
   const field = (name: string) => response.headers.get(name);
-  const millis = Date.parse(field("Videofields-Time") ?? "");
+  const millis = millisOf(field("Videofields-Time"));
   const sources = list(field("Videofields-Sources")).map((source) => {
     const [camera = "", seenAt = ""] = source.split("=");
-    return { camera, behindSecs: (millis - Date.parse(seenAt)) / 1e3 };
+    return { camera, millis: millisOf(seenAt), behindSecs: (millis - millisOf(seenAt)) / 1e3 };
   });
   return {
     scene,
@@ -84,7 +85,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
 
   // Whoever turns the view sees small pictures at once, and the whole one when it rests.
   let before: View | null = null;
-  const stopViews = state.view.subscribe((view) => {
+  const stopViews = state.looking.subscribe((view) => {
     const isMove = before !== null && view !== null;
     before = view;
     rest.wake();
@@ -102,15 +103,16 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
 
   const refresh = async (isMoving: boolean) => {
     const scene = state.scene.value;
+    // Behind a camera's own picture it rests.
     if (!scene || stage.clientWidth < 16) return;
-    const [view, at] = [state.view.value, state.at.value];
+    const [view, at] = [state.looking.value, state.at.value];
     const columns = Math.min(stage.clientWidth * devicePixelRatio, isMoving ? LEAST_COLUMNS : mostColumns);
     const path = `/api/v1/scenes/${encodeURIComponent(scene.id)}/view.jpg`;
     const wish = {
       width: Math.max(16, Math.round(columns)),
       height: Math.max(16, Math.round((columns * stage.clientHeight) / stage.clientWidth)),
       ...(view ? printed(view) : {}),
-      ...(at === null ? {} : { t: new Date(at).toISOString() }),
+      ...(at === null ? {} : { t: instant(at) }),
       entities: state.entities.value,
       quality: isMoving ? "draft" : state.quality.value,
       see_through: state.seeThrough.value,
@@ -138,6 +140,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
     const next = readAbout(response, scene.id, took, rate);
     if (!view && next.view) state.learnView(next.view);
     about.value = next;
+    state.shownFused.value = { millis: next.millis, frames: new Map(next.sources.map(({ camera, millis }) => [camera, millis])), view: next.view };
   };
 
   const isOver = () => ending.signal.aborted;
@@ -149,6 +152,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
       let pause = isMoving ? MOVING_INTERVAL_MILLIS : INTERVAL_MILLIS;
       try {
         await refresh(isMoving);
+        if (isOver()) return;
         [trouble.value, failingSince.value] = [null, null];
       } catch (error) {
         if (isOver()) return;
@@ -169,6 +173,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
     stopWishes();
     sizes.disconnect();
     about.value = null;
+    state.shownFused.value = null;
     if (image.src.startsWith("blob:")) URL.revokeObjectURL(image.src);
   };
 }

@@ -51,10 +51,7 @@ export function moved(view: View, right: number, away: number): View {
 
 /** Where a world point stands in the picture, shares of width and height from the top left; null outside it. */
 export function placed(view: View, aspect: number, point: Point): [number, number] | null {
-  const { yaw, pitch } = polar(view);
-  const forward: Point = [-Math.cos(yaw) * Math.cos(pitch), -Math.sin(yaw) * Math.cos(pitch), -Math.sin(pitch)];
-  const right: Point = [-Math.sin(yaw), Math.cos(yaw), 0];
-  const up: Point = [-Math.cos(yaw) * Math.sin(pitch), -Math.sin(yaw) * Math.sin(pitch), Math.cos(pitch)];
+  const { forward, right, up } = axes(view);
   const offset = minus(point, view.eye);
   const depth = dot(offset, forward);
   if (depth <= 0) return null;
@@ -71,7 +68,8 @@ export function printed(view: View): { eye: string; target: string; fov: string 
   return { eye: view.eye.map(rounded).join(","), target: view.target.map(rounded).join(","), fov: String(view.fov) };
 }
 
-function point(text: string | undefined): Point | null {
+/** Three numbers with commas between them. */
+export function point(text: string | undefined): Point | null {
   const numbers = (text ?? "").split(",").map(Number);
   const [x, y, z] = numbers;
   if (numbers.length !== 3 || x === undefined || y === undefined || z === undefined) return null;
@@ -89,4 +87,37 @@ export function read(parts: Readonly<Record<string, string>>): View | null {
 export function readField(text: string | null): View | null {
   const parts = (text ?? "").split(";").map((part) => part.split("=", 2));
   return read(Object.fromEntries(parts.filter((part): part is [string, string] => part.length === 2)));
+}
+
+/** How the viewer looks: ahead, to the right and upwards, each of length 1. */
+export function axes(view: View): { forward: Point; right: Point; up: Point } {
+  const { yaw, pitch } = polar(view);
+  return {
+    forward: [-Math.cos(yaw) * Math.cos(pitch), -Math.sin(yaw) * Math.cos(pitch), -Math.sin(pitch)],
+    right: [-Math.sin(yaw), Math.cos(yaw), 0],
+    up: [-Math.cos(yaw) * Math.sin(pitch), -Math.sin(yaw) * Math.sin(pitch), Math.cos(pitch)],
+  };
+}
+
+/** The direction, of length 1, in which a place of the picture lies: shares of width and height from the top left. */
+export function toward(view: View, aspect: number, [x, y]: readonly [number, number]): Point {
+  const { forward, right, up } = axes(view);
+  const half = Math.tan((view.fov * Math.PI) / 360);
+  const [across, above] = [(2 * x - 1) * half * aspect, (1 - 2 * y) * half];
+  const along = [0, 1, 2].map((i) => (forward[i] ?? 0) + (right[i] ?? 0) * across + (up[i] ?? 0) * above);
+  const length = Math.hypot(...along);
+  return [(along[0] ?? 0) / length, (along[1] ?? 0) / length, (along[2] ?? 0) / length];
+}
+
+/** Eye and target moved by the same way. */
+export function shiftedBy(view: View, by: Point): View {
+  return { ...view, eye: add(view.eye, by), target: add(view.target, by) };
+}
+
+/** The way from one view to another, `share` of it: eye, direction and angle change evenly. */
+export function between(from: View, to: View, share: number): View {
+  const mixed = (a: number, b: number) => a + (b - a) * share;
+  const mix = (a: Point, b: Point): Point => [mixed(a[0], b[0]), mixed(a[1], b[1]), mixed(a[2], b[2])];
+  const next = { eye: mix(from.eye, to.eye), target: mix(from.target, to.target), fov: mixed(from.fov, to.fov) };
+  return Math.hypot(...minus(next.eye, next.target)) > 1e-3 ? next : to;
 }

@@ -5,15 +5,21 @@ import { Trouble, api, content } from "../ask";
 import { session } from "../session";
 import type { components } from "../contract.gen";
 import { change, route } from "../route";
-import { type Point, type View, printed, read } from "./orbit";
+import { instant, millisOf } from "./moments";
+import { type Point, type View, point, printed, read } from "./orbit";
+import { MODES } from "./ways";
 
 export type Camera = components["schemas"]["Camera"];
 export type Scene = { id: string; name: string; cameras: string[] };
 
 export const ENTITIES = ["billboards", "points", "none"] as const;
 export const QUALITIES = ["draft", "balanced", "exact"] as const;
+export const DRAWINGS = ["auto", "server", "browser"] as const;
 export const KINDS = ["frame", "background", "mask"] as const;
 export type Kind = (typeof KINDS)[number];
+
+export const MAPS = ["inset", "large", "off"] as const;
+export const SIDES = ["cameras", "people", "views", "keep"] as const;
 
 /** A live camera without a frame for so long is stale. */
 export const STALE_AFTER_SECS = 3;
@@ -41,8 +47,20 @@ function oneOf<const Known extends string>(values: readonly Known[], name: strin
 export const entities = oneOf(ENTITIES, "entities", "billboards");
 export const quality = oneOf(QUALITIES, "quality", "balanced");
 export const seeThrough = oneOf(["on", "off"], "see_through", "on");
+/** Who draws: `auto` leaves it to what the browser can do. */
+export const drawing = oneOf(DRAWINGS, "drawing", "auto");
 export const colors = oneOf(["even", "raw"], "colors", "even");
 export const kind = oneOf(KINDS, "kind", "frame");
+/** How pointer and keys move the viewer. */
+export const mode = oneOf(MODES, "move", "orbit");
+export const map = oneOf(MAPS, "map", "inset");
+/** What stands beside the picture. */
+export const side = oneOf(SIDES, "side", "cameras");
+/** Whether ids, and where people came from, are drawn over the picture. */
+export const labels = oneOf(["on", "off"], "labels", "on");
+export const trails = oneOf(["on", "off"], "trails", "on");
+/** Whom the view keeps in the middle. */
+export const followed = detail("follow");
 
 /** The camera whose own picture is shown instead of the fused one. */
 export const openedCamera = detail("camera");
@@ -51,11 +69,22 @@ export const openedCamera = detail("camera");
 export const at = signal<number | null>(readTime(route.value.details["at"]));
 /** From where the scene is seen; null until the daemon has told the scene's own view. */
 export const view = signal<View | null>(read(route.value.details));
-/** A world point that is marked in the fused view. */
-export const mark = signal<Point | null>(null);
+/** On the way to another view: shown in its place, and never in the address. */
+export const flight = signal<View | null>(null);
+/** From where the scene is seen at this moment. */
+export const looking = computed(() => flight.value ?? view.value);
+/** A world point that is marked in the fused view and on the map, and of which is told who sees it. */
+export const mark = signal<Point | null>(point(route.value.details["mark"]));
+
+/** The picture that is on the screen, as whoever draws it tells: its instant, the times of the frames in it by camera, and, of a
+ * fused one, from where it is seen. */
+export type Shown = { readonly millis: number; readonly frames: ReadonlyMap<string, number>; readonly view: View | null };
+export const shownFused = signal<Shown | null>(null);
+export const shownAlone = signal<Shown | null>(null);
+export const shown = computed(() => (openedCamera.value === undefined ? shownFused.value : shownAlone.value));
 
 function readTime(text: string | undefined): number | null {
-  const millis = text === undefined ? NaN : Date.parse(text);
+  const millis = millisOf(text);
   return Number.isFinite(millis) ? millis : null;
 }
 
@@ -66,9 +95,10 @@ let isOwnView = view.value === null;
 function keep(): void {
   clearTimeout(keeping);
   if (route.value.place !== "operate") return;
-  const shown = isOwnView ? null : view.value;
-  const time = at.value === null ? null : new Date(at.value).toISOString();
-  change({ eye: null, target: null, fov: null, ...(shown ? printed(shown) : {}), at: time });
+  const kept = isOwnView ? null : view.value;
+  const time = at.value === null ? null : instant(at.value);
+  const place = mark.value === null ? null : mark.value.map((metres) => metres.toFixed(2)).join(",");
+  change({ eye: null, target: null, fov: null, ...(kept ? printed(kept) : {}), at: time, mark: place });
 }
 
 /** The same once they rest; browsers limit how often that may be done. */
@@ -86,6 +116,8 @@ export function arrived(): void {
   isOwnView = stood === null;
   view.value = stood;
   at.value = readTime(details["at"]);
+  mark.value = point(details["mark"]);
+  flight.value = null;
 }
 
 /** Looks from elsewhere. */
@@ -107,6 +139,22 @@ export function resetView(): void {
   keepSoon();
 }
 
+/** Marks a place in the world, or none. */
+export function setMark(place: Point | null): void {
+  mark.value = place;
+  keepSoon();
+}
+
+/** Follows somebody, or nobody any more. */
+export function setFollowed(id: string | null): void {
+  change({ follow: id });
+}
+
+/** Chooses one of a few; the usual one does not stand in the address. */
+export function choose(name: string, value: string, usual: string): void {
+  change({ [name]: value === usual ? null : value });
+}
+
 /** Shows another time. */
 export function setTime(millis: number | null): void {
   at.value = millis;
@@ -115,7 +163,7 @@ export function setTime(millis: number | null): void {
 
 /** Shows another scene, from its own view. */
 export function showScene(id: string): void {
-  change({ scene: id, camera: null, eye: null, target: null, fov: null }, true);
+  change({ scene: id, camera: null, follow: null, mark: null, eye: null, target: null, fov: null }, true);
   isOwnView = true;
   view.value = null;
   mark.value = null;
@@ -131,6 +179,11 @@ export function openCamera(id: string): void {
 export function closeCamera(): void {
   keep();
   change({ camera: null }, true);
+}
+
+/** What people call a camera. */
+export function nameOf(id: string): string {
+  return cameras.value?.find((camera) => camera.id === id)?.name ?? id;
 }
 
 /** All cameras that the viewer may see; null until they are told. */

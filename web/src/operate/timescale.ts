@@ -52,3 +52,39 @@ export function label(millis: number, step: number): string {
   const seconds = `${minutes}:${two(at.getSeconds())}`;
   return step >= 1e3 ? seconds : `${seconds}.${String(at.getMilliseconds()).padStart(3, "0")}`;
 }
+
+/** What there is of a camera's time: from when to when it can be shown, in order; and how much moved. */
+export type Row = {
+  readonly camera: string;
+  readonly ranges: readonly (readonly [from: number, to: number])[];
+  readonly activity: readonly { readonly at: number; readonly share: number }[];
+};
+
+/** A frame answers for times so far beside its own. */
+const ANSWERS_MILLIS = 1_000;
+
+/** Whether any camera can be shown at that time. */
+export function isCovered(rows: readonly Row[], millis: number): boolean {
+  return rows.some(({ ranges }) => ranges.some(([from, to]) => millis >= from - ANSWERS_MILLIS && millis <= to + ANSWERS_MILLIS));
+}
+
+/** The time nearest to `millis` at which any camera can be shown; null where there is none. */
+export function nearestCovered(rows: readonly Row[], millis: number): number | null {
+  let found: number | null = null;
+  for (const [from, to] of rows.flatMap(({ ranges }) => ranges)) {
+    const nearest = Math.min(Math.max(millis, from), to);
+    if (found === null || Math.abs(nearest - millis) < Math.abs(found - millis)) found = nearest;
+  }
+  return found;
+}
+
+/** Where one of the cameras (null: any) can be shown again beyond a gap; null where it cannot. */
+export function beyondGap(rows: readonly Row[], cameras: readonly string[] | null, millis: number, direction: 1 | -1): number | null {
+  const ranges = rows.filter(({ camera }) => cameras?.includes(camera) ?? true).flatMap((row) => row.ranges);
+  if (direction > 0) {
+    const starts = ranges.map(([from]) => from).filter((from) => from > millis + ANSWERS_MILLIS / 2);
+    return starts.length > 0 ? Math.min(...starts) : null;
+  }
+  const ends = ranges.map(([, to]) => to).filter((to) => to < millis - ANSWERS_MILLIS / 2);
+  return ends.length > 0 ? Math.max(...ends) : null;
+}
