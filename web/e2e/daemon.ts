@@ -1,7 +1,7 @@
 // The daemon that the tests ask: the demo plaza, with the pages that were built, on a port and a database of its own.
 
 import { type ChildProcess, spawn } from "node:child_process";
-import { createWriteStream, mkdirSync, rmSync } from "node:fs";
+import { createWriteStream, mkdirSync, rmSync, writeFileSync } from "node:fs";
 import { createServer } from "node:net";
 import { resolve } from "node:path";
 
@@ -22,8 +22,12 @@ function freePort(): Promise<number> {
 
 export type Daemon = { url: string; stop: () => Promise<void>; start: () => Promise<void> };
 
-/** A daemon that can be stopped and started again on the same port, with the same database. */
-export async function daemon(name: string): Promise<Daemon> {
+/** The folder of the demo: its clips are what daemons of tests may read. */
+export const DEMO = resolve(ROOT, "config/demo");
+
+/** A daemon that can be stopped and started again on the same port, with the same database: of the demo, or of a configuration of
+ * its own (TOML; an empty one has neither cameras nor scenes). */
+export async function daemon(name: string, { config }: { config?: string } = {}): Promise<Daemon> {
   const port = await freePort();
   const url = `http://127.0.0.1:${port}`;
   mkdirSync(FOLDER, { recursive: true });
@@ -31,6 +35,12 @@ export async function daemon(name: string): Promise<Daemon> {
   for (const suffix of ["", "-wal", "-shm"]) rmSync(`${database}${suffix}`, { force: true });
   const target = process.env["CARGO_TARGET_DIR"] ?? resolve(ROOT, "target");
   const binary = process.env["VIDEOFIELDS"] ?? resolve(target, "debug/videofields");
+  let asked = ["demo", "--listen", `127.0.0.1:${port}`];
+  if (config !== undefined) {
+    const file = resolve(FOLDER, `${name}.toml`);
+    writeFileSync(file, `[server]\nlisten = "127.0.0.1:${port}"\n\n[media]\nroots = [${JSON.stringify(DEMO)}]\n\n${config}`);
+    asked = ["serve", "--config", file];
+  }
   let child: ChildProcess | null = null;
   const start = async () => {
     const env = {
@@ -39,7 +49,7 @@ export async function daemon(name: string): Promise<Daemon> {
       VIDEOFIELDS_STORAGE__DATABASE: database,
       VIDEOFIELDS_ACCURACY__MEASURE_AT_START: "false",
     };
-    const started = spawn(binary, ["demo", "--listen", `127.0.0.1:${port}`], { cwd: ROOT, env, stdio: ["ignore", "pipe", "pipe"] });
+    const started = spawn(binary, asked, { cwd: ROOT, env, stdio: ["ignore", "pipe", "pipe"] });
     const log = createWriteStream(resolve(FOLDER, `${name}.log`), { flags: "a" });
     started.stdout.pipe(log);
     started.stderr.pipe(log);
@@ -47,6 +57,7 @@ export async function daemon(name: string): Promise<Daemon> {
     for (const begun = Date.now(); ; ) {
       const live = await fetch(`${url}/api/v1/cameras`).then((answer) => answer.text(), () => "");
       // Where there are users it answers strangers, and that is enough.
+      if (config !== undefined && live !== "") return;
       if (live.includes("problem:") || live.split('"state":"live"').length === 4) return;
       if (started.exitCode !== null || Date.now() - begun > PATIENCE_MILLIS) throw new Error(`the daemon does not start: ${FOLDER}/${name}.log`);
       await new Promise((resolve) => setTimeout(resolve, 200));

@@ -1,21 +1,7 @@
 // Every place is read out right, in light and dark; the wall's screen shows its tile.
 
-import { readFileSync } from "node:fs";
-import { resolve } from "node:path";
-import type { Page } from "@playwright/test";
-import type { AxeResults } from "axe-core";
+import { findings } from "./axe";
 import { expect, fused, test } from "./page";
-
-const AXE = readFileSync(resolve(import.meta.dirname, "../node_modules/axe-core/axe.min.js"), "utf8");
-
-/** What axe finds that keeps people out. Evaluated, since the page's policy lets no foreign script in. */
-async function findings(page: Page): Promise<string[]> {
-  await page.evaluate(AXE);
-  const { violations } = await page.evaluate(() => (globalThis as unknown as { axe: { run: () => Promise<AxeResults> } }).axe.run());
-  return violations
-    .filter(({ impact }) => impact === "serious" || impact === "critical")
-    .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" | ")}`);
-}
 
 for (const colorScheme of ["light", "dark"] as const) {
   test(`nothing keeps people out of any place (${colorScheme})`, async ({ page, url }) => {
@@ -46,11 +32,13 @@ test("colours are chosen and kept", async ({ page, url }) => {
 test("System and Set-up say what there is", async ({ page, url }) => {
   await page.goto(`${url}/#/system`);
   await expect(page.getByRole("region", { name: "Cameras" }).getByRole("row")).toHaveCount(4);
+  await page.getByRole("link", { name: "Users" }).click();
   await expect(page.getByText("There are no users")).toBeVisible();
+  await page.getByRole("link", { name: "Plan" }).click();
   await expect(page.getByRole("cell", { name: "camera depth" })).toBeVisible();
   await page.goto(`${url}/#/setup`);
-  await expect(page.getByRole("region", { name: "Calibrations" }).getByRole("row")).toHaveCount(4);
-  await expect(page.getByText("Plaza (plaza)")).toBeVisible();
+  await expect(page.getByRole("combobox", { name: "Scene" })).toHaveValue("plaza");
+  await expect(page.getByRole("heading", { name: "South-west corner" })).toBeVisible();
 });
 
 test("a screen of a wall shows its tile, and others are found", async ({ page, request, url }) => {

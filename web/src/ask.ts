@@ -41,8 +41,8 @@ export function whenStranger(then: () => void): void {
 }
 
 /** As `fetch`, with an end to patience; throws `Trouble` for silence, and nothing where `signal` ended it. */
-export async function send(input: Request | string, init: RequestInit = {}): Promise<Response> {
-  const patience = AbortSignal.timeout(PATIENCE_MILLIS);
+export async function send(input: Request | string, init: RequestInit = {}, patienceMillis = PATIENCE_MILLIS): Promise<Response> {
+  const patience = AbortSignal.timeout(patienceMillis);
   const signal = init.signal ? AbortSignal.any([init.signal, patience]) : patience;
   try {
     const response = await fetch(input, { cache: "no-store", ...init, signal });
@@ -112,7 +112,7 @@ export async function change<Answer = unknown>(
   method: string,
   path: string,
   body?: unknown,
-  given: { tag?: string | null; type?: string; raw?: boolean; signal?: AbortSignal; headers?: Record<string, string> } = {},
+  given: { tag?: string | null; type?: string; raw?: boolean; signal?: AbortSignal; headers?: Record<string, string>; patienceMillis?: number } = {},
 ): Promise<Answer> {
   const headers = new Headers(given.headers);
   if (csrfToken !== null && method !== "GET") headers.set("X-CSRF-Token", csrfToken);
@@ -127,7 +127,7 @@ export async function change<Answer = unknown>(
     init.body = JSON.stringify(body);
     headers.set("Content-Type", "application/json");
   }
-  const response = await send(path, init);
+  const response = await send(path, init, given.patienceMillis);
   if (!response.ok) return refused(response);
   if (given.raw) return response as Answer;
   const text = await response.text();
