@@ -4,7 +4,8 @@
 //! converts into the project's conventions (metres, pixel centres at +0.5, pose of the camera in the world) and
 //! nothing is converted a second time. Knows no files, no network and no scene.
 //!
-//! Where there is no calibration yet, [`solve`] finds the camera from pairs of picture points and places.
+//! Where there is no calibration yet, [`solve`] finds the camera from pairs of picture points and places, and [`turn`] how it is
+//! turned from lines that are parallel to the world's axes.
 //!
 //! | format | what | pixel centres | lengths |
 //! | --- | --- | --- | --- |
@@ -16,6 +17,7 @@ mod correspondence;
 mod json;
 mod opencv;
 mod tsai;
+mod vanishing;
 mod xml;
 
 use crate::error::{ErrorKind, Fault};
@@ -26,6 +28,7 @@ use std::str::FromStr;
 
 pub use correspondence::{MAX_PAIRS, Miss, Pair, Solved, Unknowns, solve};
 pub use json::{CameraDocument, DistortionDocument};
+pub use vanishing::{KnownView, MAX_LINES, Pencil, Turned, WorldAxis, turn};
 
 /// Most bytes that a calibration may have: a thousand times what honest ones need.
 pub const MAX_BYTES: usize = 4 * 1024 * 1024;
