@@ -95,7 +95,8 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
     warn_of_unknown_cameras(&config.settings().camera, &scenes);
     let snapshots = evidence::open(config, &store, &metrics, &clock).await;
     // Before any camera: nothing is shown where it is not known what nobody may see.
-    let privacy = catalog.begin_privacy(&settings.camera).await.context("cannot read the privacy zones")?;
+    let cameras = &config.settings().camera;
+    let privacy = catalog.begin_privacy(cameras).await.context("cannot read the privacy zones")?;
     let hidden = config.with_privacy_zones(|id| privacy.get(id).map(|own| own.zones.to_vec()));
     let archive = start_archive(config, &store, &metrics, &clock).await?;
     let engine = Engine::start_recording(
@@ -163,7 +164,11 @@ async fn run(config: &Config, load: Load, announce: impl FnOnce(&str)) -> Result
             (store.clone(), Arc::clone(&clock)),
         ));
     }
-    upkeep.spawn(upkeep::forget_old(store.clone(), config.clone(), Arc::downgrade(&forgetting)));
+    upkeep.spawn(upkeep::forget_old(
+        store.clone(),
+        (config.clone(), engine.reloader()),
+        Arc::downgrade(&forgetting),
+    ));
     api::serve(listener, tls, router, stopped).await;
     upkeep.shutdown().await;
     // Joining threads blocks; nothing else is left to do for this one.

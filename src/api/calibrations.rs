@@ -4,22 +4,23 @@
 //! A calibration is a part of a scene's document. Here it is read and replaced by itself, by who may manage the camera and needs
 //! not know the rest of the scene: its tag is a digest of what is shown of it, and changes with nothing else.
 
+use super::calibration_import::{self, Reading};
 use super::conditions::{TagCondition, optional};
 use super::content::Content;
 use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
-use super::parameters::{Parameter, words};
+use super::parameters::Parameter;
 use super::query::Query;
 use super::segments::Segments;
 use super::tags::EntityTag;
 use super::tune::refuse_foreign;
 use super::{Api, cameras, pages, scenes, schema};
 use crate::access::{Right, Role};
-use crate::calibrate::{self, CalibrateError, CameraDocument, DistortionDocument, Format, ImportOptions};
+use crate::calibrate::{CameraDocument, DistortionDocument};
 use crate::catalog::CatalogError;
-use crate::error::{ErrorKind, Fault};
+use crate::error::ErrorKind;
 use crate::frame::CameraId;
 use crate::scene::{Scene, SceneCamera};
 use axum::extract::RawQuery;
@@ -42,19 +43,12 @@ const SCENE: Parameter = Parameter::id("scene", "In which scene; the first that 
 const LIST_PARAMETERS: &[Parameter] =
     &[Parameter::id("scene", "Of this scene alone"), pages::LIMIT, pages::CURSOR];
 
-const FORMATS: [(&str, Format); 3] =
-    [("json", Format::Json), ("opencv", Format::OpenCv), ("tsai", Format::PetsXml)];
-
 const PUT_PARAMETERS: &[Parameter] = &[
     SCENE,
-    Parameter::word("format", || words(&FORMATS), "How the body is written; told from the text without it"),
-    Parameter::free("entry", (1, 200), "Which camera of a text that holds several, by its name there"),
-    Parameter::text(
-        "image_size_px",
-        ("^([1-9][0-9]{0,3}|[1-5][0-9]{4})x([1-9][0-9]{0,3}|[1-5][0-9]{4})$", "768x576"),
-        "Columns and rows of the calibrated picture, where the text does not say",
-    ),
-    Parameter::number("metres_per_unit", &(1e-9..=1e9), "Length of the text's unit in metres"),
+    calibration_import::FORMAT,
+    calibration_import::ENTRY,
+    calibration_import::IMAGE_SIZE,
+    calibration_import::METRES_PER_UNIT,
     Parameter::flag("validate_only", "Keeps nothing, needs no condition, and says what would be kept"),
 ];
 
@@ -150,7 +144,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    let Asking { scene, format, options, validates_only } = Asking::read(raw.as_deref())?;
+    let Asking { scene, reading, validates_only } = Asking::read(raw.as_deref())?;
     refuse_foreign(&headers)?;
     let (scene, _) = find(&api, &id, scene.as_deref())?;
     check_change(&api, &id)?;
@@ -161,14 +155,7 @@ pub(super) async fn put(
     } else {
         Some(TagCondition::required(&headers)?)
     };
-    let text = String::from_utf8(body.to_vec()).map_err(|error| {
-        let message = format!("the text must be UTF-8, but byte {} is not", error.utf8_error().valid_up_to());
-        Problem::at(ErrorKind::Invalid, vec![Fault::new("", message)])
-    })?;
-    // A lens model that is not ours is fitted, which takes its time.
-    let read =
-        api.ask("reading a calibration", move |_door| Ok(calibrate::import(&text, format, &options))).await?;
-    let imported = read.map_err(|error| refused(&error))?;
+    let imported = calibration_import::taken(&api, &body, reading).await?;
     let fit_error = imported.residual_px.map(|residual_px| format!("{residual_px:.4}"));
     let fit_error = fit_error.and_then(|text| HeaderValue::try_from(text).ok());
     let mut response = match condition {
@@ -190,8 +177,7 @@ pub(super) async fn put(
 /// What a change says in its query.
 struct Asking {
     scene: Option<String>,
-    format: Option<Format>,
-    options: ImportOptions,
+    reading: Reading,
     validates_only: bool,
 }
 
@@ -199,20 +185,9 @@ impl Asking {
     fn read(raw: Option<&str>) -> Result<Self, Problem> {
         let mut query = Query::parse(raw, PUT_PARAMETERS);
         let scene = query.id("scene");
-        let format = query.choice("format", &FORMATS);
-        let camera = query.value("entry", "a name of 1 to 200 characters", |text| {
-            (1..=200).contains(&text.chars().count()).then(|| text.to_owned())
-        });
-        let image_size_px =
-            query.value("image_size_px", "columns x rows, each 1 to 65536, such as 768x576", |text| {
-                let (width, height) = text.split_once('x')?;
-                let side = |text: &str| text.parse().ok().filter(|side| (1..=65_536).contains(side));
-                Some([side(width)?, side(height)?])
-            });
-        let metres_per_unit = query.number("metres_per_unit", &(1e-9..=1e9), " m");
+        let reading = Reading::read(&mut query);
         let only = query.choice("validate_only", &[("false", false), ("true", true)]).unwrap_or_default();
-        let options = ImportOptions { image_size_px, camera, metres_per_unit };
-        query.finish(Some(Self { scene, format, options, validates_only: only }))
+        query.finish(Some(Self { scene, reading, validates_only: only }))
     }
 }
 
@@ -359,20 +334,6 @@ fn source(api: &Api, scene: &str) -> Value {
     let file = catalog.scene_file(scene);
     let kind = if file.is_some() { "configuration" } else { "kept" };
     json!({ "kind": kind, "file": file.map(|file| file.display().to_string()) })
-}
-
-/// Why a text is no calibration, at its place in the text or in the query.
-fn refused(error: &CalibrateError) -> Problem {
-    let fault = match error {
-        CalibrateError::Invalid(fault) | CalibrateError::Unsupported(fault) => fault.clone(),
-        CalibrateError::UnknownFormat => Fault::new("format", error.to_string()),
-        CalibrateError::NoSuchCamera { .. } | CalibrateError::CameraNotNamed { .. } => {
-            // What the text holds, and not what there is here.
-            return Problem::at(ErrorKind::Invalid, vec![Fault::new("entry", error.to_string())]);
-        }
-        CalibrateError::TooLong { .. } | CalibrateError::Syntax { .. } => Fault::new("", error.to_string()),
-    };
-    Problem::at(error.kind(), vec![fault])
 }
 
 /// As any failure of the catalog, without what would tell of the rest of the scene.

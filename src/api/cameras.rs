@@ -130,7 +130,8 @@ pub(super) async fn picture(
     Ok(Picture { format, bytes, tag, moment, instant, fields }.into_response())
 }
 
-fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {
+/// The camera of that id, if the caller may know of it.
+pub(super) fn find(api: &Api, id: &str) -> Result<CameraSummary, Problem> {
     let found = api.door.cameras().into_iter().find(|camera| camera.id.as_str() == id);
     found.ok_or_else(|| problem_of(api, EngineError::NoCamera { id: id.to_owned() }))
 }

@@ -167,7 +167,8 @@ impl Problem {
     pub(super) fn content_too_large() -> Self {
         let class =
             class(StatusCode::PAYLOAD_TOO_LARGE, "content-too-large", "The request's body is too large");
-        let detail = "a scene document may have 4 MiB, a glTF 32 MiB, any other body 1 MiB";
+        let detail =
+            "a scene document may have 4 MiB, a glTF 32 MiB, a file of scenes 64 MiB, any other body 1 MiB";
         Self::of(class, detail.to_owned())
     }
 
@@ -311,6 +312,10 @@ impl From<CatalogError> for Problem {
             CatalogError::Faults(faults) => Self::at(ErrorKind::Invalid, faults),
             CatalogError::Engine(error) => error.into(),
             CatalogError::Store(error) => (&*error).into(),
+            CatalogError::Files { .. } if error.kind() == ErrorKind::StorageFull => {
+                let public = "the disk with the daemon's files is full: nothing was changed";
+                Self { internal: Some(error.to_string()), ..Self::new(ErrorKind::StorageFull, public) }
+            }
             error => Self::new(error.kind(), error.to_string()),
         }
     }

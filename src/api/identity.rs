@@ -172,6 +172,14 @@ impl Api {
         Err(Problem::new(ErrorKind::Forbidden, format!("{what} is for admins")))
     }
 
+    /// Refuses who is neither operator nor admin.
+    pub(super) fn check_operator(&self, what: &str) -> Result<(), Problem> {
+        if self.identity.caller.grants.role() >= Role::Operator {
+            return Ok(());
+        }
+        Err(Problem::new(ErrorKind::Forbidden, format!("{what} is for operators and admins")))
+    }
+
     /// The users; of a daemon that keeps none, that it does not.
     pub(super) fn accounts(&self) -> Result<&Accounts, Problem> {
         let accounts = self.accounts.as_deref();

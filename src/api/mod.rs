@@ -7,8 +7,13 @@
 mod accuracy;
 mod activity;
 mod alignment;
+mod assets;
 mod audit;
+mod calibration_import;
+mod calibration_solve;
+mod calibration_vanishing;
 mod calibrations;
+mod camera_documents;
 mod cameras;
 mod compress;
 mod conditions;
@@ -55,6 +60,8 @@ mod session;
 mod snapshot_making;
 mod snapshots;
 mod sockets;
+mod source_files;
+mod source_looks;
 mod streams;
 mod strip;
 mod system;
@@ -168,6 +175,10 @@ struct Api {
     answered: Arc<idempotency::Answered>,
     /// Scenes of other programs that are taken in at once.
     imports: Arc<Semaphore>,
+    /// Sources that are looked at at once.
+    looks: Arc<Semaphore>,
+    /// Cameras that are worked out of pairs and lines at once.
+    solvers: Arc<Semaphore>,
 }
 
 impl Api {
@@ -255,6 +266,8 @@ pub fn router_within(
         tags: Arc::default(),
         answered: Arc::default(),
         imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
+        looks: Arc::new(Semaphore::new(source_looks::AT_ONCE)),
+        solvers: Arc::new(Semaphore::new(calibration_solve::AT_ONCE)),
     };
     let limited = resources()
         .router()
@@ -286,12 +299,19 @@ fn resources() -> Routes {
         cameras::routes(),
         locate::routes(),
         tune::routes(),
+        camera_documents::routes(),
+        source_looks::routes(),
+        source_files::routes(),
         privacy::routes(),
         calibrations::routes(),
+        calibration_import::routes(),
+        calibration_solve::routes(),
+        calibration_vanishing::routes(),
         strip::routes(),
         events::routes(),
         scenes::routes(),
         scene_exchange::routes(),
+        assets::routes(),
         view::routes(),
         plan::routes(),
         timeline::routes(),

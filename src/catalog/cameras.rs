@@ -36,14 +36,15 @@ impl Catalog {
         *self.cameras.write().unwrap_or_else(PoisonError::into_inner) = cameras.to_vec();
     }
 
-    /// The configuration's cameras with what was changed of them. What does not fit any more is left out, and the log says so.
+    /// The configuration's cameras and those that were made here, with what was changed of them. What does not fit any more is
+    /// left out, and the log says so.
     #[must_use]
     pub fn cameras(&self) -> Vec<CameraSettings> {
         let configured = self.cameras.read().unwrap_or_else(PoisonError::into_inner).clone();
-        configured.into_iter().map(|camera| self.changed_camera(camera)).collect()
+        self.with_made(&configured).into_iter().map(|camera| self.changed_camera(camera)).collect()
     }
 
-    fn changed_camera(&self, configured: CameraSettings) -> CameraSettings {
+    pub(super) fn changed_camera(&self, configured: CameraSettings) -> CameraSettings {
         let id = configured.id.as_str();
         let Ok(change) = self.camera_change(id) else { return configured };
         let (camera, unfit) = change.over(&configured);
@@ -78,7 +79,7 @@ impl Catalog {
     ) -> Result<(i64, SegmentSettings), CatalogError> {
         let _turn = self.camera_changes.lock().await;
         let settings = door.preview_segment(&asked.id, change)?;
-        let configured = self.configured_camera(&asked.id)?;
+        let configured = self.base_camera(&asked.id)?;
         let kept = self.kept(&asked.id).with_segment(&configured, &settings);
         let whole = serde_json::to_value(&settings).unwrap_or_default();
         let version = self.keep_camera(&asked, &kept).await?;
@@ -97,7 +98,7 @@ impl Catalog {
     ) -> Result<(i64, FeedSettings), CatalogError> {
         let _turn = self.camera_changes.lock().await;
         let settings = door.preview_feed(&asked.id, &change)?;
-        let configured = self.configured_camera(&asked.id)?;
+        let configured = self.base_camera(&asked.id)?;
         let kept = self.kept(&asked.id).with_feed(&configured, &settings);
         let version = self.keep_camera(&asked, &kept).await?;
         Ok((version, feed(door, asked.id, change).await?))
@@ -108,7 +109,7 @@ impl Catalog {
     /// # Errors
     /// As [`Self::change_segment`].
     pub async fn forget_segment(&self, door: &Handle, asked: CameraAsked) -> Result<(), CatalogError> {
-        let configured = self.configured_camera(&asked.id)?;
+        let configured = self.base_camera(&asked.id)?;
         let whole = serde_json::to_value(&configured.segment).unwrap_or_default();
         self.change_segment(door, asked, whole).await.map(|_| ())
     }
@@ -121,7 +122,7 @@ impl Catalog {
         let _turn = self.camera_changes.lock().await;
         // The rights first: who may not know of it learns nothing.
         door.preview_feed(&asked.id, &Value::Object(serde_json::Map::new()))?;
-        let configured = self.configured_camera(&asked.id)?;
+        let configured = self.base_camera(&asked.id)?;
         let kept = CameraChange { feed: None, ..self.kept(&asked.id) };
         self.keep_camera(&asked, &kept).await?;
         let (door, id) = (door.clone(), asked.id);
@@ -131,7 +132,11 @@ impl Catalog {
         Ok(())
     }
 
-    async fn keep_camera(&self, asked: &CameraAsked, change: &CameraChange) -> Result<i64, CatalogError> {
+    pub(super) async fn keep_camera(
+        &self,
+        asked: &CameraAsked,
+        change: &CameraChange,
+    ) -> Result<i64, CatalogError> {
         let document = serde_json::to_string(change)
             .map_err(|error| CatalogError::Internal(format!("writing a change: {error}")))?;
         let of = (DocumentKind::Camera, asked.id.as_str());
@@ -144,7 +149,15 @@ impl Catalog {
         self.camera_change(id).unwrap_or_default()
     }
 
-    fn camera_change(&self, id: &str) -> Result<CameraChange, CatalogError> {
+    /// What is kept of a camera. Of one that was made here and that the configuration has by now, nothing: it was said of the other.
+    pub(super) fn camera_change(&self, id: &str) -> Result<CameraChange, CatalogError> {
+        let change = self.camera_record(id)?;
+        let is_covered = change.made.is_some() && self.configured_camera(id).is_some();
+        Ok(if is_covered { CameraChange::default() } else { change })
+    }
+
+    /// As it is written.
+    pub(super) fn camera_record(&self, id: &str) -> Result<CameraChange, CatalogError> {
         let record = self.get(DocumentKind::Camera, id)?;
         let read = serde_json::from_str(record.document.as_deref().unwrap_or_default());
         read.map_err(|error| {
@@ -153,16 +166,22 @@ impl Catalog {
         })
     }
 
-    fn configured_camera(&self, id: &str) -> Result<CameraSettings, CatalogError> {
+    /// A camera as the configuration has it.
+    pub(super) fn configured_camera(&self, id: &str) -> Option<CameraSettings> {
         let cameras = self.cameras.read().unwrap_or_else(PoisonError::into_inner);
-        let found = cameras.iter().find(|camera| camera.id.as_str() == id).cloned();
+        cameras.iter().find(|camera| camera.id.as_str() == id).cloned()
+    }
+
+    /// A camera before anything was changed of it: the configuration's, or as it was made here.
+    pub(super) fn base_camera(&self, id: &str) -> Result<CameraSettings, CatalogError> {
+        let found = self.configured_camera(id).or_else(|| self.made_camera(id));
         found.ok_or_else(|| EngineError::NoCamera { id: id.to_owned() }.into())
     }
 
-    /// Whether what is kept of a camera names one that is configured.
+    /// Whether what is kept of a camera names one that there is.
     #[must_use]
     pub fn has_camera(&self, id: &CameraId) -> bool {
-        self.configured_camera(id.as_str()).is_ok()
+        self.base_camera(id.as_str()).is_ok()
     }
 }
 
@@ -172,6 +191,6 @@ async fn feed(door: &Handle, id: String, change: Value) -> Result<FeedSettings, 
     tokio::task::spawn_blocking(move || door.change_feed(&id, &change)).await.unwrap_or_else(broke_off)
 }
 
-fn broke_off<T>(error: tokio::task::JoinError) -> Result<T, EngineError> {
+pub(super) fn broke_off<T>(error: tokio::task::JoinError) -> Result<T, EngineError> {
     Err(EngineError::Internal(format!("changing a camera broke off: {error}")))
 }

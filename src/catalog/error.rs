@@ -4,6 +4,7 @@ use crate::engine::EngineError;
 use crate::error::{ErrorKind, Fault, join_faults};
 use crate::scene::SceneError;
 use crate::store::{DocumentKind, StoreError};
+use std::io;
 use std::sync::Arc;
 
 /// Why a document is not as asked.
@@ -45,6 +46,14 @@ pub enum CatalogError {
         /// Its name.
         id: String,
     },
+    /// A camera that stands in the configuration is neither made nor taken away here.
+    #[error(
+        "the camera {id:?} stands in the configuration's file: change it there, or its source by PATCH of /source"
+    )]
+    ConfiguredCamera {
+        /// Its id.
+        id: String,
+    },
     /// Nothing was changed of a camera's privacy zones: they are those of the configuration.
     #[error(
         "camera {camera:?} has the configuration's privacy zones: change them there, or lay others over them"
@@ -52,6 +61,43 @@ pub enum CatalogError {
     ConfiguredZones {
         /// The camera.
         camera: String,
+    },
+    /// No file of that name is kept.
+    #[error("there is no file {file:?}")]
+    NoAsset {
+        /// The name asked for.
+        file: String,
+    },
+    /// A file that scenes name cannot go.
+    #[error("the file {file:?} is named by the scenes {}: take it out of them first", scenes.join(", "))]
+    AssetInUse {
+        /// The file.
+        file: String,
+        /// The scenes.
+        scenes: Vec<String>,
+    },
+    /// A scene that names a file cannot be read with the one that came.
+    #[error("the scene {scene:?} names this file, and cannot be read with it: {reason}")]
+    AssetMisfit {
+        /// The scene.
+        scene: String,
+        /// Why.
+        reason: String,
+    },
+    /// Files have as much room as they may have.
+    #[error(
+        "there is no room for it: files of scenes may be {} with {} MiB together",
+        super::MAX_ASSETS,
+        super::MAX_ASSETS_BYTES >> 20
+    )]
+    AssetsFull,
+    /// The disk does not do as asked.
+    #[error("cannot {action}: {source}")]
+    Files {
+        /// What was tried.
+        action: &'static str,
+        /// Why.
+        source: Arc<io::Error>,
     },
     /// There are as many as there may be.
     #[error("there are {most} of {} already", kind.as_str())]
@@ -94,13 +140,26 @@ impl From<StoreError> for CatalogError {
 }
 
 impl CatalogError {
+    /// A failure of the disk at trying that.
+    pub(super) fn files(action: &'static str) -> impl Fn(io::Error) -> Self {
+        move |source| Self::Files { action, source: Arc::new(source) }
+    }
+
     /// What the caller can do about it.
     #[must_use]
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::None { .. } | Self::NoVersion { .. } => ErrorKind::NotFound,
+            Self::None { .. } | Self::NoVersion { .. } | Self::NoAsset { .. } => ErrorKind::NotFound,
             Self::Changed { .. } | Self::Overtaken { .. } => ErrorKind::Changed,
-            Self::Configured { .. } | Self::ConfiguredZones { .. } => ErrorKind::Conflict,
+            Self::Configured { .. } | Self::ConfiguredCamera { .. } | Self::ConfiguredZones { .. } => {
+                ErrorKind::Conflict
+            }
+            Self::AssetInUse { .. } | Self::AssetMisfit { .. } => ErrorKind::Conflict,
+            Self::AssetsFull => ErrorKind::StorageFull,
+            Self::Files { source, .. } => match source.kind() {
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => ErrorKind::StorageFull,
+                _ => ErrorKind::Internal,
+            },
             Self::TooMany { .. } => ErrorKind::TooLarge,
             Self::Faults(_) => ErrorKind::Invalid,
             Self::Scene(error) => error.kind(),

@@ -1,20 +1,24 @@
-//! What people keep through the API: scenes, views and walls, and what nobody may see of the cameras, each with its versions;
-//! what they changed of cameras; playheads.
+//! What people keep through the API: scenes, views, walls and cameras, and what nobody may see of the cameras, each with its
+//! versions; files that scenes name; what they changed of cameras; playheads.
 //!
 //! In: documents and who changes them. Out: the newest of each, what it was before, and scenes and cameras for the engine. A change is on
 //! disk before it is acknowledged. Scenes of the configuration are the layer beneath: what is kept here covers them, and
 //! taking it away brings them back; their files are never written.
 
+mod assets;
 mod calibrations;
 mod cameras;
 mod error;
+mod made_cameras;
 mod playheads;
 mod privacy;
 mod scenes;
 mod view;
 
+pub use assets::{Asset, AssetFormat, MAX_ASSET_BYTES, MAX_ASSETS, MAX_ASSETS_BYTES};
 pub use cameras::CameraAsked;
 pub use error::CatalogError;
+pub use made_cameras::CameraDocument;
 pub use playheads::PlayheadAsked;
 pub use privacy::KeptPrivacy;
 pub use scenes::ConfiguredScene;
@@ -128,6 +132,7 @@ impl Catalog {
         }
         let scenes = configured.into_iter().map(|of| (of.id.clone(), of)).collect();
         let zones = privacy::Zones::read(&store).await?;
+        assets::tidy(store.path());
         Ok(Self {
             store,
             clock,
@@ -157,8 +162,9 @@ impl Catalog {
     ) -> Result<T, CatalogError> {
         let _of_scenes = self.changes.lock().await;
         let _of_cameras = self.camera_changes.lock().await;
-        let _of_zones = self.zones.all_turns(cameras).await;
-        let zones = self.begin_privacy_in_turn(cameras).await?;
+        let with_made = self.with_made(cameras);
+        let _of_zones = self.zones.all_turns(&with_made).await;
+        let zones = self.begin_privacy_in_turn(&with_made).await?;
         let scenes = scenes.into_iter().map(|of| (of.id.clone(), of)).collect();
         *self.configured.write().unwrap_or_else(PoisonError::into_inner) = Configured { scenes, media_roots };
         self.set_cameras(cameras);
@@ -181,8 +187,11 @@ impl Catalog {
     pub fn state(&self, kind: DocumentKind, id: &str) -> State {
         let is_configured = match kind {
             DocumentKind::Scene => self.configured_scene(id).is_some(),
-            // Whether there is one the engine says; all of them can be changed.
-            DocumentKind::Camera => true,
+            // What was changed of one that is gone is kept, and makes none.
+            DocumentKind::Camera => {
+                let version = self.newest(kind, id).map_or(0, |record| record.version);
+                return State { version, is_there: self.base_camera(id).is_ok() };
+            }
             DocumentKind::View | DocumentKind::Wall | DocumentKind::Playhead => false,
         };
         let kept = self.newest(kind, id);
@@ -287,15 +296,7 @@ impl Catalog {
         condition: Condition,
         by: Option<String>,
     ) -> Result<DocumentRecord, CatalogError> {
-        let State { version: was, is_there } = self.state(kind, id);
-        let holds = match condition {
-            Condition::Absent => !is_there,
-            Condition::Present => is_there,
-            Condition::Version(version) => is_there && version == was,
-        };
-        if !holds {
-            return Err(CatalogError::Changed { now: is_there.then_some(was) });
-        }
+        let State { version: was, is_there } = self.check_condition((kind, id), condition)?;
         let is_new = !is_there || (kind == DocumentKind::Camera && was == 0);
         if document.is_some() && is_new && self.count(kind) >= MAX_DOCUMENTS {
             return Err(CatalogError::TooMany { kind, most: MAX_DOCUMENTS });
@@ -316,6 +317,21 @@ impl Catalog {
         // Another process has changed it: what is known here is old.
         let newest = self.store.document_versions(kind, id, i64::MAX, 1).await?.pop();
         Err(CatalogError::Overtaken { now: newest.map(|record| self.publish(kind, record)) })
+    }
+
+    /// How a document stands, if that is what a change must find.
+    fn check_condition(
+        &self,
+        (kind, id): (DocumentKind, &str),
+        condition: Condition,
+    ) -> Result<State, CatalogError> {
+        let state @ State { version: was, is_there } = self.state(kind, id);
+        let holds = match condition {
+            Condition::Absent => !is_there,
+            Condition::Present => is_there,
+            Condition::Version(version) => is_there && version == was,
+        };
+        holds.then_some(state).ok_or(CatalogError::Changed { now: is_there.then_some(was) })
     }
 
     /// Makes a version that was written the newest that is known; answers its number.

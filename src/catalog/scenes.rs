@@ -4,7 +4,7 @@ use super::{Catalog, CatalogError, Condition};
 use crate::engine::{EngineError, Handle};
 use crate::scene::{self, FolderImports, MAX_DOCUMENT_BYTES, ParsedScene, Scene, SceneError};
 use crate::store::{DocumentKind, DocumentRecord};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A scene of the configuration.
@@ -48,12 +48,22 @@ impl Catalog {
         self.configured().scenes.get(id)?.scene.clone()
     }
 
-    /// What a scene's document says. Models and pictures are read from beside the configuration's file of that scene, or beneath
-    /// the media roots. Blocks for these.
+    /// What a scene's document says. Models and pictures are read from beside the configuration's file of that scene, beneath
+    /// the media roots, or from the files that were brought. Blocks for these.
     ///
     /// # Errors
     /// [`CatalogError::Faults`] with every fault; [`CatalogError::Scene`] of one that is too large.
     fn parse(&self, id: &str, document: &str) -> Result<ParsedScene, CatalogError> {
+        self.parse_with(id, document, None)
+    }
+
+    /// As [`Self::parse`], with what lies elsewhere in the place of one of the files that were brought.
+    pub(super) fn parse_with(
+        &self,
+        id: &str,
+        document: &str,
+        instead: Option<(&str, &Path)>,
+    ) -> Result<ParsedScene, CatalogError> {
         let imports = {
             let configured = self.configured();
             match configured.scenes.get(id) {
@@ -61,7 +71,7 @@ impl Catalog {
                 None => FolderImports::beneath(&self.folder, &configured.media_roots),
             }
         };
-        Ok(scene::parse(id, document, imports)?)
+        Ok(scene::parse(id, document, imports.with_assets(&self.asset_folder(), instead))?)
     }
 
     /// What a document says that is to be kept, and as what: in its normal form, without blanks.

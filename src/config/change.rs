@@ -10,6 +10,9 @@ use serde_json::{Map, Value};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraChange {
+    /// The camera itself, where it was made through the API: [`super::MadeCamera::kept`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub made: Option<Value>,
     /// Of how its foreground is found.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub segment: Option<Value>,
@@ -22,7 +25,7 @@ pub struct CameraChange {
 pub type Unfit = (&'static str, Vec<Fault>);
 
 impl CameraChange {
-    /// Whether nothing is changed.
+    /// Whether nothing is changed of a camera.
     #[must_use]
     pub const fn is_nothing(&self) -> bool {
         self.segment.is_none() && self.feed.is_none()
@@ -64,7 +67,7 @@ impl CameraChange {
 }
 
 /// What RFC 7396 merges into `before` to make it `after`; none where they are the same.
-fn difference(before: &Value, after: &Value) -> Option<Value> {
+pub(super) fn difference(before: &Value, after: &Value) -> Option<Value> {
     let (Value::Object(old), Value::Object(new)) = (before, after) else {
         return (before != after).then(|| after.clone());
     };

@@ -111,16 +111,21 @@ impl FeedSettings {
                 gatherer.fault("/source/url", message);
             }
         }
-        if let Some(Place::Path(path)) = changed.place()
-            && !path.is_absolute()
-        {
-            gatherer.fault("/source/path", "expected an absolute path");
-        }
+        check_place(changed, gatherer);
+    }
+}
+
+/// Refuses a path that would begin at a folder of which only the configuration's author can know.
+pub(super) fn check_place(source: &SourceSettings, gatherer: &mut Gatherer) {
+    if let Some(Place::Path(path)) = source.place()
+        && !path.is_absolute()
+    {
+        gatherer.fault("/source/path", "expected an absolute path");
     }
 }
 
 /// A URL as far as it holds no secret.
-fn shown_url(url: &CameraUrl) -> String {
+pub(super) fn shown_url(url: &CameraUrl) -> String {
     url.parse().map_or_else(
         |_not_a_url| "…".to_owned(),
         |parts| format!("{}://{}:{}/…", parts.scheme.as_str(), parts.host, parts.port),

@@ -11,6 +11,7 @@ mod document;
 mod environment;
 mod error;
 mod feed;
+mod made;
 mod network;
 mod resolution;
 mod restart;
@@ -27,6 +28,7 @@ pub use change::{CameraChange, Unfit};
 pub use clock::ClockSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use feed::FeedSettings;
+pub use made::MadeCamera;
 pub use network::{Network, NetworkError};
 pub use resolution::Resolution;
 pub use restart::{ChangedKey, Effect, KEYS, changed_keys};
@@ -36,6 +38,7 @@ pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
 pub use storage::StorageSettings;
 pub use telling::{LogFormat, LogSettings, TelemetrySettings};
 pub use url::{CameraUrl, Scheme, UrlError, UrlParts};
+pub use validate::MAX_CAMERAS;
 
 use crate::error::{Fault, Gatherer};
 use crate::frame::{CameraId, Zone};
@@ -197,7 +200,7 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         snapshot: Vec::new(),
     };
     validate::check(&settings, gatherer);
-    let cameras = gatherer.list(fields.take("camera"), validate::MAX_CAMERAS);
+    let cameras = gatherer.list(fields.take("camera"), MAX_CAMERAS);
     let scenes = gatherer.list(fields.take("scene"), validate::MAX_SCENES);
     let snapshots = gatherer.list(fields.take("snapshot"), validate::MAX_SNAPSHOTS);
     // Each is checked with its own place: an element that could not be read must not renumber those after it.

@@ -6,8 +6,8 @@ use crate::frame::is_id;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Most cameras of one configuration.
-pub(super) const MAX_CAMERAS: usize = 256;
+/// Most cameras, those that are made through the API included.
+pub const MAX_CAMERAS: usize = 256;
 /// Most scenes of one configuration.
 pub(super) const MAX_SCENES: usize = 64;
 /// Most snapshots that are made by themselves.
@@ -222,7 +222,8 @@ pub(super) fn range(gatherer: &mut Gatherer, place: &str, value: f64, least: f64
     }
 }
 
-fn check_text(text: &str, place: &str, gatherer: &mut Gatherer) {
+/// Refuses what can be no name for people.
+pub(super) fn check_text(text: &str, place: &str, gatherer: &mut Gatherer) {
     if text.chars().count() > MAX_NAME_CHARS || text.chars().any(char::is_control) {
         let message =
             format!("expected at most {MAX_NAME_CHARS} characters, none of them a control character");

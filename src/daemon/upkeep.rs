@@ -5,7 +5,7 @@ use crate::accounts::Accounts;
 use crate::api::Tls;
 use crate::clock::Clock;
 use crate::config::{CameraSettings, Config};
-use crate::engine::Handle;
+use crate::engine::{Handle, Reloader};
 use crate::frame::CameraId;
 use crate::store::{AgeLimits, Store};
 use sd_notify::NotifyState;
@@ -145,7 +145,7 @@ async fn beat(door: Handle, period: Duration) -> ! {
 }
 
 /// Removes what is older than the configuration allows, at the start and once an hour.
-pub(super) async fn forget_old(store: Store, config: Config, clock: Weak<dyn Clock>) {
+pub(super) async fn forget_old(store: Store, (config, engine): (Config, Reloader), clock: Weak<dyn Clock>) {
     let settings = config.settings();
     let nanos = |days: f64| (days * 86_400e9) as i64;
     let limits = AgeLimits {
@@ -153,13 +153,15 @@ pub(super) async fn forget_old(store: Store, config: Config, clock: Weak<dyn Clo
         activity_nanos: nanos(settings.storage.activity_max_age_days),
         backgrounds_nanos: nanos(settings.storage.background_history_max_age_days),
     };
-    let ids = |wanted: fn(&&CameraSettings) -> bool| -> Vec<CameraId> {
-        settings.camera.iter().filter(wanted).map(|camera| camera.id.clone()).collect()
-    };
-    // The time of a film with a beginning of its own is not the clock's.
-    let (configured, steady) = (ids(|_| true), ids(|camera| camera.source.start.is_some()));
     // Until the daemon lets go of it.
     while let Some(clock) = clock.upgrade() {
+        // Cameras come and go.
+        let cameras = engine.cameras();
+        let ids = |wanted: fn(&&CameraSettings) -> bool| -> Vec<CameraId> {
+            cameras.iter().filter(wanted).map(|camera| camera.id.clone()).collect()
+        };
+        // The time of a film with a beginning of its own is not the clock's.
+        let (configured, steady) = (ids(|_| true), ids(|camera| camera.source.start.is_some()));
         match store.forget_old(&limits, clock.now(), (&configured, &steady)).await {
             Ok(0) => {}
             Ok(n_rows) => tracing::info!(n_rows, "what was too old was removed"),

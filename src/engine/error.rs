@@ -65,6 +65,14 @@ pub enum EngineError {
     /// Members of a request's body are wrong.
     #[error("{}", crate::error::join_faults(.0))]
     Faults(Vec<Fault>),
+    /// A source shows nothing, or may not be looked at.
+    #[error("{fault}")]
+    Source {
+        /// What is wrong, and where the request says it.
+        fault: Fault,
+        /// What the caller can do about it.
+        kind: ErrorKind,
+    },
     /// Nothing was seen at that time.
     #[error("camera {camera} shows nothing at {asked}: {}", edges(*before, *after))]
     Gap {
@@ -155,6 +163,7 @@ impl EngineError {
             | Self::Gap { .. }
             | Self::NoSurface(_) => ErrorKind::NotFound,
             Self::Request(_) | Self::Faults(_) => ErrorKind::Invalid,
+            Self::Source { kind, .. } => *kind,
             Self::TooLarge(_) => ErrorKind::TooLarge,
             Self::NoFrame { .. }
             | Self::Busy { .. }
@@ -184,7 +193,7 @@ impl EngineError {
     #[must_use]
     pub const fn fault(&self) -> Option<&Fault> {
         match self {
-            Self::Request(fault) | Self::TooLarge(fault) => Some(fault),
+            Self::Request(fault) | Self::TooLarge(fault) | Self::Source { fault, .. } => Some(fault),
             _ => None,
         }
     }

@@ -1,22 +1,24 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, BlurAsked, CameraBlur, EngineError, FoundTracks, MapSummary, PlannedView, PlayheadState,
-    Present, Privacy, PrivacySummary, SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer,
-    ViewIdentity, ViewRequest,
+    AccuracyStatus, BlurAsked, CameraBlur, EngineError, FoundSources, FoundTracks, MapSummary, PlannedView,
+    PlayheadState, Present, Privacy, PrivacySummary, SceneAlignment, SceneMoment, SceneTimeline, TrackQuery,
+    ViewAnswer, ViewIdentity, ViewRequest,
 };
 use crate::access::Grants;
 use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
-use crate::config::{FeedSettings, SegmentSettings};
+use crate::config::{CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::frame::{CameraId, YuvImage};
 use crate::geometry::SurfaceId;
+use crate::ingest::{Look, StopFlag};
 use crate::scene::Scene;
 use crate::store::ActivityRecord;
 use crate::timeline::{LoggedEvent, Observation};
 use glam::DVec2;
 use serde::Serialize;
 use std::fs::File;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
@@ -276,6 +278,39 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// As [`Door::change_feed`].
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError>;
+
+    /// Has a camera run with these settings, and these zones where they are given: one that is there already, or another.
+    /// Cameras are listed in `order`; no other notices. Blocks for up to some seconds, until what fed the camera before has ended.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`]; [`EngineError::Unavailable`] while the daemon stops. Where the camera's thread cannot be started
+    /// its state says so, and it is tried again.
+    fn put_camera(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError>;
+
+    /// Takes a camera away. Blocks as [`Door::put_camera`] does.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`], [`EngineError::NoCamera`]; [`EngineError::Unavailable`] while the daemon stops.
+    fn remove_camera(&self, camera: &str) -> Result<(), EngineError>;
+
+    /// One picture of a source that feeds no camera yet, and what can be told of it: `at_secs` after a file's first picture, of
+    /// live sources the next. Blocks until it comes, or `stop` is raised.
+    ///
+    /// # Errors
+    /// [`EngineError::Source`], [`EngineError::Forbidden`].
+    fn look(&self, source: &SourceSettings, at_secs: f64, stop: &StopFlag) -> Result<Look, EngineError>;
+
+    /// What could feed a camera, of files those beneath a folder where one is named. Blocks for the disk; ends early once `stop` is
+    /// raised.
+    ///
+    /// # Errors
+    /// [`EngineError::Source`], [`EngineError::Forbidden`].
+    fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError>;
 
     /// What nobody may see of a camera's pictures.
     ///

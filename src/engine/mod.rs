@@ -16,6 +16,7 @@ mod frame_cache;
 mod handle;
 mod history;
 mod identity;
+mod looking;
 mod maps;
 mod moments;
 mod offline;
@@ -56,6 +57,7 @@ pub use handle::{
     RecordingSummary, SceneSummary,
 };
 pub use identity::ViewIdentity;
+pub use looking::FoundSources;
 pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
@@ -67,10 +69,13 @@ pub use seeing::{CameraSight, Sight, which_cameras};
 pub use track_search::{FoundPoint, FoundTrack, FoundTracks, TrackCursor, TrackQuery};
 pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 
+/// What [`Door::look`] and [`Door::find_sources`] tell and take.
+pub use crate::ingest::{FoundFile, FoundFiles, Look, StopFlag};
+
 use crate::archive::Archive;
 use crate::clock::Clock;
 use crate::config::Config;
-use crate::ingest::{IngestError, StopFlag};
+use crate::ingest::IngestError;
 use crate::scene::Scene;
 use crate::store::Store;
 use crate::telemetry::Metrics;

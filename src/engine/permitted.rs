@@ -13,6 +13,7 @@ use super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
 };
 use super::identity::ViewIdentity;
+use super::looking::FoundSources;
 use super::maps::MapSummary;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
@@ -24,13 +25,15 @@ use super::view::{SceneMoment, ViewAnswer, ViewRequest};
 use crate::access::{Grants, Right, Role, Scope};
 use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;
-use crate::config::{FeedSettings, SegmentSettings};
+use crate::config::{CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::frame::CameraId;
+use crate::ingest::{Look, StopFlag};
 use crate::scene::Scene;
 use crate::store::ActivityRecord;
 use crate::timeline::{Event, LoggedEvent, Observation};
 use glam::DVec2;
 use std::fs::File;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
@@ -255,6 +258,31 @@ impl Door for Permitted {
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         self.check_change(camera)?;
         self.shared.set_feed(camera, feed)
+    }
+
+    fn put_camera(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "making cameras")?;
+        self.shared.put_camera(camera, zones, order)
+    }
+
+    fn remove_camera(&self, camera: &str) -> Result<(), EngineError> {
+        self.check_role(Role::Admin, "removing cameras")?;
+        self.shared.remove_camera(camera)
+    }
+
+    fn look(&self, source: &SourceSettings, at_secs: f64, stop: &StopFlag) -> Result<Look, EngineError> {
+        self.check_role(Role::Admin, "looking at sources")?;
+        self.shared.look_at(source, at_secs, stop)
+    }
+
+    fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError> {
+        self.check_role(Role::Admin, "looking for sources")?;
+        self.shared.sources(under, stop)
     }
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {

@@ -3,8 +3,9 @@
 //! In: the cameras as they are to be, and scenes. Whoever changes settings through the door meanwhile is kept out by the
 //! caller, who holds the lock that all changes take.
 
+use super::EngineError;
 use super::privacy::Privacy;
-use super::roster::Allotment;
+use super::roster::{Allotment, Roster};
 use super::shared::Shared;
 use crate::config::{CameraSettings, Settings};
 use crate::frame::CameraId;
@@ -12,6 +13,38 @@ use crate::scene::Scene;
 use crate::timeline::EventKind;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+impl Shared {
+    /// Has one camera run so: [`Door::put_camera`](super::Door::put_camera).
+    pub(super) fn run_camera(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError> {
+        let roster = self.running(camera.id.as_str())?;
+        roster.put(camera, zones, order)?;
+        self.take_over_cameras(roster);
+        Ok(())
+    }
+
+    /// Takes one camera away: [`Door::remove_camera`](super::Door::remove_camera).
+    pub(super) fn take_camera_out(&self, camera: &str) -> Result<(), EngineError> {
+        let roster = self.running(camera)?;
+        roster.take_out(camera)?;
+        self.take_over_cameras(roster);
+        self.metrics.forget_camera(camera, EventKind::ALL.map(EventKind::as_str));
+        Ok(())
+    }
+
+    /// From now on callers see the cameras that the roster has.
+    fn take_over_cameras(&self, roster: &Roster) {
+        self.set_cameras(roster.entries());
+        if let Some(past) = &self.past {
+            past.set_cameras(roster.settings().into_iter().filter(|camera| camera.record));
+        }
+    }
+}
 
 /// Has the engine go on with other settings. Cheap to clone.
 #[derive(Clone)]
@@ -35,10 +68,7 @@ impl Reloader {
         let Some(roster) = &self.0.roster else { return Vec::new() };
         let before: Vec<CameraId> = self.0.all_cameras().iter().map(|camera| camera.id.clone()).collect();
         let failed = roster.apply(cameras, zones, Allotment::of(settings));
-        self.0.set_cameras(roster.entries());
-        if let Some(past) = &self.0.past {
-            past.set_cameras(cameras.iter().filter(|camera| camera.record).cloned());
-        }
+        self.0.take_over_cameras(roster);
         for gone in before.iter().filter(|id| !cameras.iter().any(|camera| camera.id == **id)) {
             self.0.metrics.forget_camera(gone.as_str(), EventKind::ALL.map(EventKind::as_str));
         }

@@ -179,7 +179,7 @@ impl Roster {
                 || {
                     tracing::info!(camera = %camera.id, "a camera is added");
                     self.surroundings.privacies.add(camera, zones.get(&camera.id).cloned());
-                    self.add(camera)
+                    self.add(camera, Elsewhere::No)
                 },
                 |post| {
                     let zones = zones.get(&camera.id).cloned();
@@ -191,16 +191,73 @@ impl Roster {
             failed.extend(settled.err().map(|error| (camera.id.clone(), error.to_string())));
             posts.push(post);
         }
-        *self.posts.write().unwrap_or_else(PoisonError::into_inner) = posts;
+        self.set_posts(posts);
         failed
     }
 
-    fn add(&self, camera: &CameraSettings) -> (Arc<Post>, Result<(), EngineError>) {
+    /// Has one camera run with these settings, and these zones where they are given: one that is there, or another. All stand in
+    /// `order` then, and no other notices. Where its thread cannot be started that is its state, and [`Self::mend`] tries again.
+    pub(super) fn put(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError> {
+        self.check_running()?;
+        let settled = match self.post(camera.id.as_str()) {
+            Ok(post) => self.settle(&post, &mut post.lock(), camera.clone(), zones),
+            Err(_none) => {
+                tracing::info!(camera = %camera.id, "a camera is made");
+                self.surroundings.privacies.add(camera, zones);
+                // What was learned of another camera that had this id is not of this one.
+                let (post, begun) = self.add(camera, Elsewhere::Yes);
+                let mut posts = self.posts();
+                posts.push(post);
+                let place = |post: &Arc<Post>| order.iter().position(|id| *id == post.id);
+                posts.sort_by_key(|post| place(post).unwrap_or(usize::MAX));
+                self.set_posts(posts);
+                begun
+            }
+        };
+        if let Err(error) = settled {
+            tracing::error!(camera = %camera.id, %error, "a camera's thread cannot be started; it is tried again");
+        }
+        Ok(())
+    }
+
+    /// Ends one camera; no other notices.
+    pub(super) fn take_out(&self, camera: &str) -> Result<(), EngineError> {
+        self.check_running()?;
+        let post = self.post(camera)?;
+        if let Some(worker) = post.lock().worker.take() {
+            self.end(worker);
+        }
+        tracing::info!(camera, "a camera is taken away");
+        let mut posts = self.posts();
+        posts.retain(|post| post.id.as_str() != camera);
+        self.set_posts(posts);
+        Ok(())
+    }
+
+    fn check_running(&self) -> Result<(), EngineError> {
+        match self.surroundings.stop.is_raised() {
+            true => Err(EngineError::Unavailable("the daemon is stopping".to_owned())),
+            false => Ok(()),
+        }
+    }
+
+    fn set_posts(&self, posts: Vec<Arc<Post>>) {
+        *self.posts.write().unwrap_or_else(PoisonError::into_inner) = posts;
+    }
+
+    fn add(&self, camera: &CameraSettings, elsewhere: Elsewhere) -> (Arc<Post>, Result<(), EngineError>) {
         let post = Post::new(camera, Duration::ZERO, &self.surroundings);
         let clock = &self.surroundings.clock;
         let now = (clock.now(), clock.monotonic());
         post.lock().origin = now.0;
-        let anew = Anew { origin: now, status: &post.status, is_elsewhere: false };
+        let is_elsewhere = elsewhere == Elsewhere::Yes;
+        post.lock().is_elsewhere = is_elsewhere;
+        let anew = Anew { origin: now, status: &post.status, is_elsewhere };
         let begun = self.surroundings.begin(&post, &mut post.lock(), Some(anew));
         (Arc::new(post), begun.map(|_status| ()).map_err(|error| EngineError::Internal(error.to_string())))
     }
@@ -229,6 +286,11 @@ impl Roster {
     /// The settings of every camera as they are in force.
     pub(super) fn settings(&self) -> Vec<CameraSettings> {
         self.posts().iter().map(|post| post.now(&post.lock())).collect()
+    }
+
+    /// Where cameras that begin now may read from.
+    pub(super) fn roots(&self) -> MediaRoots {
+        self.surroundings.allotment().roots
     }
 
     /// What feeds a camera.
@@ -264,9 +326,7 @@ impl Roster {
         if feed == before && (held.worker.is_some() || !feed.enabled) {
             return Ok(before);
         }
-        if self.surroundings.stop.is_raised() {
-            return Err(EngineError::Unavailable("the daemon is stopping".to_owned()));
-        }
+        self.check_running()?;
         tracing::info!(camera, feed = %feed.shown(), "what feeds a camera is changed");
         let FeedSettings { enabled, source, clock } = feed.clone();
         let settings = CameraSettings { enabled, source, clock, ..post.now(held) };

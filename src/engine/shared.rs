@@ -255,7 +255,7 @@ impl Shared {
         if is_hidden { Err(EngineError::NoScene { id: id.to_owned() }) } else { Ok(part) }
     }
 
-    fn running(&self, camera: &str) -> Result<&Roster, EngineError> {
+    pub(super) fn running(&self, camera: &str) -> Result<&Roster, EngineError> {
         self.roster.as_deref().ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
     }
 

@@ -60,6 +60,12 @@ pub enum IngestError {
         /// The path as asked for.
         path: PathBuf,
     },
+    /// A file, where a folder is asked for.
+    #[error("{path:?} is no folder")]
+    NotAFolder {
+        /// The path as asked for.
+        path: PathBuf,
+    },
     /// Reading fails.
     #[error("cannot read {path:?}: {source}")]
     Unreadable {
@@ -223,6 +229,7 @@ impl IngestError {
             | Self::ParentStep { .. }
             | Self::Url { .. }
             | Self::NotAFile { .. }
+            | Self::NotAFolder { .. }
             | Self::Pattern { .. }
             | Self::Gap { .. }
             | Self::Picture { .. }

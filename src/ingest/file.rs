@@ -50,6 +50,21 @@ impl VideoFile {
         Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), encoded, pass: None })
     }
 
+    /// What its pictures are encoded in, and how many nanoseconds it has, as far as that is known with its first picture.
+    pub(super) fn told(&self) -> (Option<String>, Option<i64>) {
+        let decoder = self.pass.as_ref().map(|(decoder, _)| decoder);
+        (decoder.and_then(Decoder::codec), decoder.and_then(Decoder::duration_nanos))
+    }
+
+    /// Goes on at a time, or before it; where it stands in a file that cannot be sought in.
+    pub(super) fn seek(&self, stream_nanos: i64) {
+        if let Some((decoder, _)) = &self.pass
+            && !decoder.seek(stream_nanos)
+        {
+            tracing::debug!(path = %self.path.display(), "a file cannot be sought in: it is read on");
+        }
+    }
+
     fn error(&self, fault: Fault) -> IngestError {
         let path = self.path.clone();
         match fault {

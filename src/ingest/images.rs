@@ -47,6 +47,17 @@ impl NumberedPictures {
         Ok(Self { path, pattern, roots, stop, tap, next: None, numbers, encoded: None })
     }
 
+    /// How many pictures there are.
+    pub(super) fn n_pictures(&self) -> u64 {
+        self.numbers.end() - self.numbers.start() + 1
+    }
+
+    /// The picture so many after the first; none behind the last.
+    pub(super) fn nth(&self, idx: u64) -> Result<Option<YuvImage>, IngestError> {
+        let number = self.numbers.start().checked_add(idx).filter(|number| self.numbers.contains(number));
+        number.map(|number| Ok(self.read(number)?.0)).transpose()
+    }
+
     /// The picture of that number, and the file as it is if that is a JPEG.
     fn read(&self, number: u64) -> Result<(YuvImage, Option<Vec<u8>>), IngestError> {
         let path = self.pattern.path(number);

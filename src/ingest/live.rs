@@ -34,6 +34,8 @@ pub(super) struct LiveSource {
     /// The stream's own time of the first frame that has one.
     first_nanos: Option<i64>,
     latest_nanos: i64,
+    /// Between two pictures, as the stream promises it.
+    interval_nanos: Option<i64>,
 }
 
 impl LiveSource {
@@ -56,7 +58,18 @@ impl LiveSource {
             next_number: 0,
             first_nanos: None,
             latest_nanos: 0,
+            interval_nanos: None,
         })
+    }
+
+    /// Nanoseconds between two pictures, where the stream says so.
+    pub(super) const fn interval_nanos(&self) -> Option<i64> {
+        self.interval_nanos
+    }
+
+    /// What its pictures are encoded in, once one has come.
+    pub(super) fn codec(&self) -> Option<String> {
+        self.decoder.codec()
     }
 
     /// The next picture's frame. Stream time grows whatever the camera says.
@@ -70,6 +83,7 @@ impl LiveSource {
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);
         }
+        self.interval_nanos = picture.interval_nanos.filter(|nanos| *nanos > 0);
         let least_nanos = if self.next_number == 0 { 0 } else { self.latest_nanos + 1 };
         let stream_nanos = picture.stream_nanos.map_or(least_nanos, |nanos| {
             let told = self.first_nanos.map(|first| nanos.saturating_sub(first));

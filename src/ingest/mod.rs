@@ -5,6 +5,7 @@
 //! consumer. Knows nothing of what consumers do with frames, nor of scenes.
 
 mod arrival;
+mod browse;
 mod clip;
 mod device;
 mod endpoint;
@@ -14,6 +15,7 @@ mod http;
 mod images;
 mod jpeg;
 mod live;
+mod look;
 mod medium;
 mod pacing;
 mod pairing;
@@ -30,9 +32,11 @@ mod timed;
 mod unchanging;
 mod worker;
 
+pub use browse::{FoundFile, FoundFiles, browse, devices};
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
 pub use error::IngestError;
 pub use jpeg::recorded_as_jpeg;
+pub use look::{Look, look};
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use reach::CameraError;
 pub use roots::MediaRoots;

@@ -59,6 +59,12 @@ impl MediaRoots {
         Self { networks: networks.to_vec(), ..self }
     }
 
+    /// The folders as they are configured that can be used, each with no link left in it.
+    pub(super) fn folders(&self) -> impl Iterator<Item = &Path> {
+        let is_usable = |root: &&PathBuf| fs::canonicalize(root).is_ok_and(|root| self.contains(&root));
+        self.configured.iter().filter(is_usable).map(PathBuf::as_path)
+    }
+
     pub(super) fn networks(&self) -> &[Network] {
         &self.networks
     }

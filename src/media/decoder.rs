@@ -153,6 +153,32 @@ impl Decoder {
         !elements.any(|element| element.pads().iter().any(is_at_work))
     }
 
+    /// How many nanoseconds the input has, where that is known.
+    #[must_use]
+    pub fn duration_nanos(&self) -> Option<i64> {
+        let duration = self.pipeline.query_duration::<gst::ClockTime>()?;
+        i64::try_from(duration.nseconds()).ok().filter(|nanos| *nanos > 0)
+    }
+
+    /// What the pictures are encoded in, such as `h264`, once one has come; none where they come unencoded.
+    #[must_use]
+    pub fn codec(&self) -> Option<String> {
+        let elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
+        let decoders =
+            elements.filter(|element| !element.is::<gst::Bin>() && is_decoder(element.upcast_ref()));
+        decoders
+            .filter_map(|element| element.static_pad("sink")?.current_caps())
+            .find_map(|caps| codec_of(&caps))
+    }
+
+    /// Goes on at the key frame before a time; whether the input takes that.
+    #[must_use]
+    pub fn seek(&self, stream_nanos: i64) -> bool {
+        let time = gst::ClockTime::from_nseconds(u64::try_from(stream_nanos).unwrap_or_default());
+        let how = gst::SeekFlags::FLUSH | gst::SeekFlags::KEY_UNIT | gst::SeekFlags::SNAP_BEFORE;
+        self.pipeline.seek_simple(how, time).is_ok()
+    }
+
     /// What went wrong since the last call, if anything did.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
@@ -314,6 +340,20 @@ fn keep_errors_alone(
         }
         gst::BusSyncReply::Drop
     });
+}
+
+/// What people call what a video stream is encoded in.
+fn codec_of(caps: &gst::CapsRef) -> Option<String> {
+    let structure = caps.structure(0)?;
+    match structure.name().as_str() {
+        "image/jpeg" => Some("jpeg".to_owned()),
+        "video/mpeg" => {
+            let version = structure.get::<i32>("mpegversion").ok();
+            Some(version.map_or("mpeg".to_owned(), |version| format!("mpeg{version}")))
+        }
+        "video/x-raw" => None,
+        name => name.strip_prefix("video/x-").or(name.strip_prefix("image/")).map(str::to_owned),
+    }
 }
 
 fn is_decoder(object: &gst::Object) -> bool {

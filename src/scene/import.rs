@@ -52,11 +52,18 @@ impl<F: FnMut(&ImportReference) -> Result<Camera, String>> Imports for F {
     }
 }
 
+/// What documents call the folder of files that people brought.
+pub const ASSETS: &str = "assets";
+
 /// Brings in files beneath a scene file's folder or the media roots, symbolic links resolved first.
 #[derive(Clone, Debug)]
 pub struct FolderImports {
     folder: PathBuf,
     media_roots: Vec<PathBuf>,
+    /// Where [`ASSETS`] lies, for documents that may name files there.
+    assets: Option<PathBuf>,
+    /// What lies elsewhere than in that folder, by its name there.
+    instead: Option<(String, PathBuf)>,
 }
 
 impl FolderImports {
@@ -70,12 +77,34 @@ impl FolderImports {
     /// For a scene document of no file; relative paths start at `folder`.
     #[must_use]
     pub fn beneath(folder: &Path, media_roots: &[PathBuf]) -> Self {
-        Self { folder: folder.to_owned(), media_roots: media_roots.to_vec() }
+        Self { folder: folder.to_owned(), media_roots: media_roots.to_vec(), assets: None, instead: None }
+    }
+
+    /// The same, for a document that may name files of the folder `assets` as `assets/NAME`; one of them lies elsewhere.
+    #[must_use]
+    pub fn with_assets(self, assets: &Path, instead: Option<(&str, &Path)>) -> Self {
+        let instead = instead.map(|(name, path)| (name.to_owned(), path.to_owned()));
+        Self { assets: Some(assets.to_owned()), instead, ..self }
+    }
+
+    /// The file that people brought under such a name, if there is one.
+    fn asset(&self, file: &str) -> Option<PathBuf> {
+        let name = file.strip_prefix(ASSETS)?.strip_prefix('/')?;
+        if let Some((_, path)) = self.instead.as_ref().filter(|(of, _)| of == name) {
+            return Some(path.clone());
+        }
+        let is_name = !name.is_empty() && !name.starts_with('.') && !name.contains('/');
+        let path = self.assets.as_ref().filter(|_| is_name)?.join(name);
+        // No link leads out.
+        std::fs::symlink_metadata(&path).is_ok_and(|of| of.is_file()).then_some(path)
     }
 
     fn path(&self, file: &str) -> Result<PathBuf, String> {
         if file.is_empty() || file.contains('\0') {
             return Err("`file` must be a path".to_owned());
+        }
+        if let Some(path) = self.asset(file) {
+            return Ok(path);
         }
         beneath(&self.folder.join(file), &self.folder, &self.media_roots)
             .map_err(|reason| format!("cannot import {file:?}: {reason}"))

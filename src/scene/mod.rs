@@ -22,7 +22,7 @@ pub use document::{
     BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
     SceneCameraDocument, SceneDocument, VERSION, ViewDocument,
 };
-pub use import::{FolderImports, Imports, load_file, no_imports};
+pub use import::{ASSETS, FolderImports, Imports, load_file, no_imports};
 pub(crate) use json::tree as json_tree;
 pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
 pub use paint::{MappedTriangle, Paint, Painted, Repeated};

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod activity;
+mod calibrating;
 mod contract;
 mod contract_held;
 mod contract_lint;

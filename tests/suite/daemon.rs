@@ -7,8 +7,10 @@ mod commands;
 mod copies;
 mod encrypted;
 mod kept;
+mod made_cameras;
 pub(crate) mod process;
 mod reload;
+mod sources;
 #[cfg(feature = "opentelemetry")]
 mod traces;
 

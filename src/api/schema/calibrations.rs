@@ -1,7 +1,11 @@
 //! What is told of cameras' calibrations.
 
-use super::{Named, exactly, id, list, named, nullable, number, object, text, whole_within, word};
-use serde_json::Value;
+use super::{
+    Named, boolean, exactly, id, list, named, nullable, number, number_within, object, taken, text,
+    whole_within, word,
+};
+use crate::calibrate::{MAX_LINES, MAX_PAIRS};
+use serde_json::{Value, json};
 
 /// Schemas by name.
 pub(in crate::api) const NAMED: [Named; 1] = [("CameraCalibration", one)];
@@ -21,6 +25,111 @@ pub(in crate::api) fn all() -> Value {
 
 fn size() -> Value {
     exactly(2, whole_within(1, 65_536))
+}
+
+/// Another program's calibration as ours.
+pub(in crate::api) fn imported() -> Value {
+    let residual = "Where its lens model was fitted by ours: by how many pixels that misses at most";
+    object([
+        ("calibration", named("Calibration"), "As a scene's document has it"),
+        ("residual_px", nullable(number()), residual),
+    ])
+}
+
+fn point() -> Value {
+    exactly(2, number_within(-1e6, 1e6))
+}
+
+/// Pairs of picture points and places, and what is to be found of the camera.
+pub(in crate::api) fn pairs() -> Value {
+    let place = exactly(3, number_within(-1e8, 1e8));
+    let pair = taken(
+        &["picture_px", "place_m"],
+        [
+            ("picture_px", point(), "From the upper left, pixel centres at +0.5"),
+            ("place_m", place, "Where that is in the world"),
+        ],
+    );
+    let pairs = json!({"type": "array", "items": pair, "minItems": 4, "maxItems": MAX_PAIRS});
+    let few = "4 where the focal length is known, else 6; one more for the lens's term, two where the focal length is known";
+    taken(
+        &["image_size_px", "pairs"],
+        [
+            ("image_size_px", size(), "Columns and rows of the picture"),
+            ("pairs", pairs, few),
+            ("focal_px", nullable(focal()), "The focal length, where it is known; found if absent or null"),
+            ("center_px", nullable(center()), "The principal point; the picture's middle if absent or null"),
+            (
+                "finds_k1",
+                boolean(),
+                "Whether the first term of the lens's distortion is found too; default false",
+            ),
+        ],
+    )
+}
+
+fn focal() -> Value {
+    number_within(0.001, 1e7)
+}
+
+fn center() -> Value {
+    exactly(2, number_within(-1e7, 1e7))
+}
+
+/// Pencils of lines, and what is known of the camera.
+pub(in crate::api) fn pencils() -> Value {
+    let lines = json!({"type": "array", "items": exactly(2, point()), "minItems": 2, "maxItems": MAX_LINES});
+    let pencil = taken(
+        &["axis", "lines"],
+        [
+            ("axis", word(&["x", "y", "z"]), "Which axis of the world the lines are parallel to"),
+            ("lines", lines, "Both ends of each, from the upper left, pixel centres at +0.5"),
+        ],
+    );
+    let pencils = json!({"type": "array", "items": pencil, "minItems": 2, "maxItems": 3});
+    let near = "How the camera is turned, roughly: which of two opposite ways it looks";
+    taken(
+        &["image_size_px", "pencils"],
+        [
+            ("image_size_px", size(), "Columns and rows of the picture"),
+            ("pencils", pencils, "Of different axes"),
+            ("focal_px", nullable(focal()), "The focal length, where it is known; found if absent or null"),
+            ("center_px", nullable(center()), "The principal point; the picture's middle if absent or null"),
+            ("near", nullable(exactly(4, number_within(-2.0, 2.0))), near),
+        ],
+    )
+}
+
+/// How a camera is turned by such lines.
+pub(in crate::api) fn turned() -> Value {
+    let miss = object([
+        ("axis", word(&["x", "y", "z"]), "Which pencil"),
+        ("line_idx", whole_within(0, MAX_LINES as i64 - 1), "Which of its lines"),
+        ("offset_px", number(), "How far its ends lie beside the line to the vanishing point"),
+    ]);
+    object([
+        ("focal_px", number(), "As it was known, or as it was found"),
+        ("world_from_camera", exactly(4, number()), "Unit quaternion x, y, z, w"),
+        ("misses", list(miss), "Of every line, in the order of the pencils"),
+        ("rms_px", number(), "Root of the mean square of the misses"),
+    ])
+}
+
+/// The camera that fits such pairs.
+pub(in crate::api) fn solved() -> Value {
+    let miss = object([
+        ("offset_px", exactly(2, number()), "Where the place is shown, less where it was said to be"),
+        ("distance_m", number(), "Of the place from the line of sight through the picture point"),
+    ]);
+    let if_off = "Standard deviation where picture points are off by a pixel";
+    object([
+        ("calibration", named("Calibration"), "As a scene's document has it"),
+        ("rms_px", number(), "Root of the mean square of the misses"),
+        ("misses", list(miss), "Of every pair, in the order of the pairs"),
+        ("position_deviation_m", number(), if_off),
+        ("direction_deviation_deg", number(), if_off),
+        ("focal_deviation_px", number(), "The same; 0 where the focal length was known"),
+    ])
 }
 
 fn one() -> Value {

@@ -7,8 +7,9 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 6] = [
+pub(in crate::api) const NAMED: [Named; 7] = [
     ("Camera", camera),
+    ("CameraDocument", document),
     ("SegmentSettings", segment),
     ("SourceSettings", source),
     ("ClockSettings", clock),
@@ -194,14 +195,40 @@ fn clock() -> Value {
     )
 }
 
-fn source() -> Value {
+/// Where frames come from.
+pub(in crate::api) fn place() -> Value {
     let mut source = anything();
     source["description"] = json!("The keys of `[camera.source]` in a configuration that belong to its kind");
+    source
+}
+
+fn document() -> Value {
+    taken(
+        &["source"],
+        [
+            (
+                "name",
+                json!({"type": "string", "maxLength": 200}),
+                "For people; the camera's id if absent or empty",
+            ),
+            ("enabled", boolean(), "Whether frames are taken at all; default true"),
+            (
+                "source",
+                place(),
+                "Where they come from, without user and password; of a URL nothing is shown behind the host",
+            ),
+            ("clock", named("ClockSettings"), "What is wrong with the camera's clock"),
+            ("segment", named("SegmentSettings"), "How its foreground is found"),
+        ],
+    )
+}
+
+fn source() -> Value {
     taken(
         &[],
         [
             ("enabled", boolean(), "Whether frames are taken at all"),
-            ("source", source, "Where they come from; of a URL nothing is shown behind the host"),
+            ("source", place(), "Where they come from; of a URL nothing is shown behind the host"),
             ("clock", named("ClockSettings"), "What is wrong with the camera's clock"),
         ],
     )

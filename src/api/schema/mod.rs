@@ -5,6 +5,7 @@ pub(super) mod cameras;
 pub(super) mod evidence;
 pub(super) mod past;
 pub(super) mod scenes;
+pub(super) mod sources;
 pub(super) mod system;
 pub(super) mod users;
 pub(super) mod walls;

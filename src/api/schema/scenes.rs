@@ -26,6 +26,22 @@ pub(in crate::api) fn all() -> Value {
     object([("scenes", list(scene), "The default one first")])
 }
 
+/// A file that scenes may name.
+pub(in crate::api) fn asset() -> Value {
+    object([
+        ("file", text(), "Its name; a scene names it as `assets/` and this"),
+        ("content_type", text(), "What it is"),
+        ("bytes", count(), "How many it has"),
+        ("modified_at", time(), "When it was brought"),
+        ("etag", text(), "What `ETag` of the file is"),
+    ])
+}
+
+/// All of them.
+pub(in crate::api) fn assets() -> Value {
+    object([("assets", list(asset()), "By their names")])
+}
+
 /// A document that was kept, or that would be.
 pub(in crate::api) fn kept_or_valid() -> Value {
     let valid = object([

@@ -10,6 +10,7 @@ use super::super::handle::{
     SceneSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
+use super::super::looking::FoundSources;
 use super::super::maps::MapSummary;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
@@ -22,15 +23,17 @@ use super::{CameraEntry, MapState, Shared, lock, past_failure, past_or};
 use crate::access::{Grants, Scope};
 use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;
-use crate::config::{self, FeedSettings, SegmentSettings};
+use crate::config::{self, CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::error::Fault;
 use crate::frame::CameraId;
+use crate::ingest::{Look, StopFlag};
 use crate::mapping::{self, Location};
 use crate::scene::Scene;
 use crate::store::ActivityRecord;
 use crate::timeline::{LoggedEvent, Observation, PastFrame};
 use glam::DVec2;
 use std::fs::File;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
@@ -184,6 +187,27 @@ impl Door for Shared {
 
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         self.running(camera)?.set_feed(camera, feed)
+    }
+
+    fn put_camera(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError> {
+        self.run_camera(camera, zones, order)
+    }
+
+    fn remove_camera(&self, camera: &str) -> Result<(), EngineError> {
+        self.take_camera_out(camera)
+    }
+
+    fn look(&self, source: &SourceSettings, at_secs: f64, stop: &StopFlag) -> Result<Look, EngineError> {
+        self.look_at(source, at_secs, stop)
+    }
+
+    fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError> {
+        self.sources(under, stop)
     }
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 use std::fs::File;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -10,14 +10,16 @@ use tokio::sync::{oneshot, watch};
 use videofields::access::Grants;
 use videofields::archive::{ExportFile, ExportState, ExportStatus};
 use videofields::clock::Timestamp;
-use videofields::config::{ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment};
+use videofields::config::{
+    CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment,
+};
 use videofields::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CameraAlignment, CameraBlur, CameraSummary, CameraTimeline,
-    DeviceSummary, Door, EngineError, Expected, FoundPoint, FoundTrack, FoundTracks, LocateMethod, Located,
-    MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView,
-    PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary, Readiness, RecordingSummary,
-    SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, TrackCursor, TrackQuery,
-    ViewAnswer, ViewIdentity, ViewRequest,
+    DeviceSummary, Door, EngineError, Expected, FoundPoint, FoundSources, FoundTrack, FoundTracks,
+    LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
+    PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary,
+    Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
+    StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::geometry::Surfaces;
@@ -428,6 +430,27 @@ impl Door for FakeDoor {
     fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError> {
         Self::has_camera(camera)?;
         Ok(feed)
+    }
+
+    fn look(&self, _source: &SourceSettings, _at_secs: f64, _stop: &StopFlag) -> Result<Look, EngineError> {
+        Err(EngineError::Unavailable("nothing is looked at here".to_owned()))
+    }
+
+    fn find_sources(&self, _under: Option<&Path>, _stop: &StopFlag) -> Result<FoundSources, EngineError> {
+        Ok(FoundSources::default())
+    }
+
+    fn put_camera(
+        &self,
+        _camera: &CameraSettings,
+        _zones: Option<Privacy>,
+        _order: &[CameraId],
+    ) -> Result<(), EngineError> {
+        Ok(())
+    }
+
+    fn remove_camera(&self, camera: &str) -> Result<(), EngineError> {
+        Self::has_camera(camera)
     }
 
     fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError> {

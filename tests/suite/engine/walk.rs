@@ -199,6 +199,10 @@ fn looks() -> Vec<Ask> {
         "/api/v1/tokens",
         "/api/v1/nothing",
         "/api/v1/openapi.json",
+        "/api/v1/assets",
+        "/api/v1/assets/ground.png",
+        "/api/v1/sources/files",
+        "/api/v1/sources/files?under=/etc",
         "/api/v1/system",
         "/api/v1/scenes/yard/versions",
         "/api/v1/scenes/yard/versions/1",
@@ -250,8 +254,10 @@ fn looks() -> Vec<Ask> {
     .into();
     for camera in ["north", "south", "nobody"] {
         let of = format!("/api/v1/cameras/{camera}");
-        paths
-            .extend(["", "/segment", "/source", "/privacy", "/foreground"].map(|rest| format!("{of}{rest}")));
+        paths.extend(
+            ["", "/segment", "/source", "/privacy", "/foreground", "/document", "/versions"]
+                .map(|rest| format!("{of}{rest}")),
+        );
         paths.extend([
             format!("{of}/locate?u=0.5&v=0.6"),
             format!("{of}/locate?u=0.5&v=0.6&scene=yard&method=map"),
@@ -327,7 +333,16 @@ fn changes(camera: &str, scene: &str, other: &str) -> Vec<Ask> {
         any(change("PUT", format!("/api/v1/calibrations/{camera}?scene=yard"), &calibration)),
         any(change("PUT", format!("/api/v1/calibrations/{camera}?scene={scene}"), &calibration)),
         change("PUT", format!("/api/v1/calibrations/{camera}?validate_only=true"), &calibration),
-        change("DELETE", cameras.clone(), &Value::Null),
+        any(change("DELETE", cameras.clone(), &Value::Null)),
+        change("PUT", cameras.clone(), &json!({"name": "x", "source": {"path": "/films/a.mp4"}}))
+            .with("if-none-match", "*"),
+        any(change("PUT", cameras.clone(), &json!({"name": "x", "source": {"path": "/films/a.mp4"}}))),
+        change("POST", "/api/v1/calibrations/import", &json!({"camera": camera})),
+        change("PUT", format!("/api/v1/assets/{other}.png"), &Value::Null).with("if-none-match", "*"),
+        any(change("DELETE", format!("/api/v1/assets/{other}.png"), &Value::Null)),
+        change("POST", "/api/v1/sources/look", &json!({"source": {"path": "/films/a.mp4"}})),
+        change("POST", "/api/v1/calibrations/vanishing", &json!({"image_size_px": [64, 48], "pencils": []})),
+        change("POST", "/api/v1/calibrations/solve", &json!({"image_size_px": [64, 48], "pairs": []})),
         change("PUT", format!("{cameras}/frame.jpg"), &Value::Null),
         any(change("PUT", scenes.clone(), &named)),
         any(change("PATCH", scenes.clone(), &json!({"name": "x"}))),
