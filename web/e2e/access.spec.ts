@@ -2,7 +2,7 @@
 
 import type { Page } from "@playwright/test";
 import { findings } from "./axe";
-import { expect, fused, test } from "./page";
+import { expect, test } from "./page";
 
 const SYSTEM = ["cameras", "load", "storage", "events", "users", "audit", "accuracy", "plan"];
 const STAGES = ["videos", "ground", "cameras", "geometry"];
@@ -43,7 +43,7 @@ test("Set-up", async ({ page, url }) => {
 
 test("Operate, and a camera's own picture", async ({ page, url }) => {
   await page.goto(url);
-  await fused(page);
+  await expect(page.getByRole("application").first()).toHaveAttribute("data-time", /\d+/, { timeout: 60_000 });
   await check(page, "fused");
   await page.goto(`${url}/#/operate?camera=north`);
   await expect(page.getByRole("heading", { name: "North side" }).first()).toBeVisible();

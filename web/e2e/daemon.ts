@@ -26,8 +26,8 @@ export type Daemon = { url: string; stop: () => Promise<void>; start: () => Prom
 export const DEMO = resolve(ROOT, "config/demo");
 
 /** A daemon that can be stopped and started again on the same port, with the same database: of the demo, or of a configuration of
- * its own (TOML; an empty one has neither cameras nor scenes). */
-export async function daemon(name: string, { config }: { config?: string } = {}): Promise<Daemon> {
+ * its own (TOML; an empty one has neither cameras nor scenes), which may read files beneath `roots`. */
+export async function daemon(name: string, { config, roots = [DEMO] }: { config?: string; roots?: readonly string[] } = {}): Promise<Daemon> {
   const port = await freePort();
   const url = `http://127.0.0.1:${port}`;
   mkdirSync(FOLDER, { recursive: true });
@@ -38,7 +38,7 @@ export async function daemon(name: string, { config }: { config?: string } = {})
   let asked = ["demo", "--listen", `127.0.0.1:${port}`];
   if (config !== undefined) {
     const file = resolve(FOLDER, `${name}.toml`);
-    writeFileSync(file, `[server]\nlisten = "127.0.0.1:${port}"\n\n[media]\nroots = [${JSON.stringify(DEMO)}]\n\n${config}`);
+    writeFileSync(file, `[server]\nlisten = "127.0.0.1:${port}"\n\n[media]\nroots = ${JSON.stringify(roots)}\n\n${config}`);
     asked = ["serve", "--config", file];
   }
   let child: ChildProcess | null = null;

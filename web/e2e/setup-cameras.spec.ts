@@ -61,6 +61,7 @@ async function clickPicture(page: Page, at: readonly [number, number]): Promise<
 /** Takes the crosshair from the picture's middle to a pixel, and places it. */
 async function keyPicture(page: Page, [x, y]: readonly [number, number]): Promise<void> {
   const pane = picture(page);
+  await pane.blur();
   await pane.focus();
   // The first press shows it.
   await pane.press("ArrowRight");
@@ -72,7 +73,8 @@ async function keyPicture(page: Page, [x, y]: readonly [number, number]): Promis
   await pane.press("Enter");
 }
 
-async function clickScene(page: Page, place: Point): Promise<void> {
+/** Where a place lies in the scene's pane, pixels. */
+async function onScene(page: Page, place: Point): Promise<{ x: number; y: number }> {
   const pane = scene(page);
   const view = JSON.parse((await pane.locator("..").getAttribute("data-view")) ?? "") as View;
   const box = await pane.boundingBox();
@@ -82,8 +84,24 @@ async function clickScene(page: Page, place: Point): Promise<void> {
   const across = 2 * (view.eye[2] - place[2]) * Math.tan((view.fov * Math.PI) / 360);
   const above = [0.5 + ((place[0] - view.eye[0]) / across) * (height / width), 0.5 - (place[1] - view.eye[1]) / across];
   const [u = 0, v = 0] = isAbove ? above : (placed(view, width / height, place) ?? []);
+  return { x: u * width, y: v * height };
+}
+
+async function clickScene(page: Page, place: Point): Promise<void> {
+  const { x, y } = await onScene(page, place);
   // Not quite to the pixel: it snaps.
-  await pane.click({ position: { x: u * width + 2, y: v * height - 1 } });
+  await scene(page).click({ position: { x: x + 2, y: y - 1 } });
+}
+
+/** Drags from a place of an element by so many pixels, with nothing that sticks to the page's edges above it. */
+async function drag(page: Page, what: Locator, from: { x: number; y: number }, by: { x: number; y: number }): Promise<void> {
+  await page.evaluate(() => scrollTo(0, 0));
+  const box = await what.boundingBox();
+  const [x, y] = [(box?.x ?? 0) + from.x, (box?.y ?? 0) + from.y];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + by.x, y + by.y, { steps: 3 });
+  await page.mouse.up();
 }
 
 async function typePlace(page: Page, place: Point): Promise<void> {
@@ -95,6 +113,7 @@ async function typePlace(page: Page, place: Point): Promise<void> {
 const rows = (page: Page) => page.getByRole("region", { name: "Pairs" }).getByRole("row");
 
 test("six pairs by pointer and keys place a camera", async ({ page, url }) => {
+  test.slow();
   const truth = await open(page, url, "", true);
   const at = (name: keyof typeof PLACES) => pixel(truth, PLACES[name]);
 
@@ -112,10 +131,13 @@ test("six pairs by pointer and keys place a camera", async ({ page, url }) => {
   await page.getByLabel("Known place").selectOption("upper corner 2 of box cafe");
   await page.getByRole("button", { name: "Take this place" }).last().press("Enter");
   await page.getByText("From above", { exact: true }).click();
+  // Closer, points of a finer grid are meant.
+  await scene(page).hover({ position: await onScene(page, PLACES.near) });
+  await page.mouse.wheel(0, -600);
   await clickScene(page, PLACES.near);
   await clickPicture(page, at("near"));
   await typePlace(page, PLACES.right);
-  await keyPicture(page, at("right"));
+  await clickPicture(page, at("right"));
   await expect(rows(page)).toHaveCount(7);
 
   await expect(page.getByText("taken over")).toBeVisible();
@@ -124,19 +146,14 @@ test("six pairs by pointer and keys place a camera", async ({ page, url }) => {
   const found = calibrationOf((await draftOf(page))?.draft.scene.document) ?? truth;
   expect(length(minus(point(found.position_m), point(truth.position_m)))).toBeLessThan(0.1);
   expect(between(quaternion(found.world_from_camera), quaternion(truth.world_from_camera))).toBeLessThan(0.3);
-  await expect(page.getByRole("button", { name: /South-west corner/ }).first()).toContainText("fits to");
+  await expect(page.locator("[data-camera=west]")).toContainText("fits to");
 
   // The places that snapped are the corners themselves.
   const pairs = ((await draftOf(page))?.draft.calibrating["west"]?.pairs ?? []) as { place_m: Point }[];
   Object.values(PLACES).forEach((place, i) => expect(length(minus(pairs[i]?.place_m ?? [0, 0, 0], place))).toBeLessThan(0.001));
 
   // A pair that is dragged away is told, by how much and which; undoing brings it back.
-  const marker = await onPane(picture(page), at("eaves"));
-  const box = await picture(page).boundingBox();
-  await page.mouse.move((box?.x ?? 0) + marker.x, (box?.y ?? 0) + marker.y);
-  await page.mouse.down();
-  await page.mouse.move((box?.x ?? 0) + marker.x + 30, (box?.y ?? 0) + marker.y + 10, { steps: 3 });
-  await page.mouse.up();
+  await drag(page, picture(page), await onPane(picture(page), at("eaves")), { x: 30, y: 10 });
   await expect(page.getByText("worst")).toBeVisible();
   await expect.poll(async () => Number(await page.locator(".cal-error").getAttribute("data-rms"))).toBeGreaterThan(1.5);
   await expect(async () => {
@@ -161,19 +178,44 @@ test("a camera in the hand is carried and pointed, by handles and by keys", asyn
   await foot.focus();
   await foot.press("Shift+ArrowUp");
   await expect.poll(async () => (await here())?.position_m).toEqual([0, -21, 5]);
-  const box = await page.getByRole("button", { name: "Aim: what" }).boundingBox();
-  await page.mouse.move((box?.x ?? 0) + 11, (box?.y ?? 0) + 11);
-  await page.mouse.down();
-  await page.mouse.move((box?.x ?? 0) + 60, (box?.y ?? 0) + 11, { steps: 4 });
-  await page.mouse.up();
+  await drag(page, page.getByRole("button", { name: "Aim: what" }), { x: 11, y: 11 }, { x: 50, y: 0 });
   await expect.poll(async () => Number(await page.getByLabel("Heading").inputValue())).toBeGreaterThan(3);
   await picture(page).focus();
   await picture(page).press("Shift+e");
-  await expect(page.getByLabel("Roll")).toHaveValue("2");
-  await page.getByLabel("Field of view").fill("75");
+  await expect(page.getByRole("textbox", { name: "Roll" })).toHaveValue("2");
+  await page.getByRole("textbox", { name: "Field of view" }).fill("75");
   await expect.poll(async () => (await here())?.focal_px[0]).toBeCloseTo(320 / Math.tan((37.5 * Math.PI) / 180), 6);
   await page.reload();
-  await expect(page.getByLabel("Field of view")).toHaveValue("75");
+  await expect(page.getByRole("textbox", { name: "Field of view" })).toHaveValue("75");
+});
+
+test("lines along buildings and bands, and two pairs, place a camera", async ({ page, url }) => {
+  test.slow();
+  const truth = await open(page, url, "", true);
+  for (const name of ["hall", "right"] as const) {
+    await typePlace(page, PLACES[name]);
+    await clickPicture(page, pixel(truth, PLACES[name]));
+  }
+  await page.getByText("Building lines", { exact: true }).click();
+  const lines: Record<string, readonly (readonly [Point, Point])[]> = {
+    "x, east": [[[-8, 0, 0], [12, 0, 0]], [[-8, -4, 0], [5, -4, 0]]],
+    "y, north": [[[0, -9, 0], [0, 14, 0]], [[8, -3, 0], [8, 14, 0]]],
+    "z, upright": [[[-1, 6.5, 0], [-1, 6.5, 6.4]], [[8.697846, -0.271462, 0], [8.697846, -0.271462, 4]]],
+  };
+  for (const [name, drawn] of Object.entries(lines)) {
+    await page.getByText(name, { exact: true }).first().click();
+    for (const [a, b] of drawn) {
+      const [from, to] = [await onPane(picture(page), pixel(truth, a)), await onPane(picture(page), pixel(truth, b))];
+      await drag(page, picture(page), from, { x: to.x - from.x, y: to.y - from.y });
+    }
+  }
+  await expect(page.getByText(/The lines meet to/)).toBeVisible();
+  await expect(page.getByText("Where it stands is still open")).toBeHidden();
+  await page.getByRole("button", { name: "Take over" }).click();
+  await expect.poll(async () => calibrationOf((await draftOf(page))?.draft.scene.document)).toBeDefined();
+  const found = calibrationOf((await draftOf(page))?.draft.scene.document) ?? truth;
+  expect(between(quaternion(found.world_from_camera), quaternion(truth.world_from_camera))).toBeLessThan(1);
+  expect(length(minus(point(found.position_m), point(truth.position_m)))).toBeLessThan(1);
 });
 
 test("another program's calibration is read, shown and taken over", async ({ page, url, complaints }) => {

@@ -115,4 +115,18 @@ test("in 3D what is chosen is dragged and raised by its handles", async ({ page,
   await expect(field(page, "z")).toHaveValue("0");
   await page.getByRole("button", { name: /^↶|Undo/ }).first().click();
   await expect(field(page, "Height")).toHaveValue("4");
+  // By keys: a copy of its own name, the next thing, and away with it.
+  await page.getByRole("application", { name: "View of what stands there" }).focus();
+  await page.keyboard.press("d");
+  await expect(page).toHaveURL(/thing=cafe-2/);
+  await page.keyboard.press("Delete");
+  await expect(page.getByRole("button", { name: "cafe-2", exact: true })).toHaveCount(0);
+  await page.keyboard.press("Enter");
+  await expect(page).toHaveURL(/thing=hall/);
+  await page.keyboard.press("Tab");
+  await expect(page).toHaveURL(/thing=cafe/);
+  await page.keyboard.press("r");
+  await expect(field(page, "Turn")).toHaveValue("33");
+  await page.keyboard.press("Escape");
+  await expect(page).not.toHaveURL(/thing=/);
 });

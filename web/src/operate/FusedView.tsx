@@ -1,6 +1,7 @@
 // The fused view: the picture, what must be said over it, and how to move in it.
 
 import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { lostSince } from "../connection";
 import { dependOn } from "../depend";
@@ -68,7 +69,7 @@ export function FusedView() {
 }
 
 /** What the picture was made of. */
-export function AboutPicture() {
+export function AboutPicture({ children }: { children: ComponentChildren }) {
   const shown = fused.about.value;
   const sources = shown?.sources.map(({ camera, behindSecs }) =>
     behindSecs > 0.05 ? say("fact.behind", { camera, seconds: behindSecs.toFixed(1) }) : camera,
@@ -76,6 +77,7 @@ export function AboutPicture() {
   return (
     <details class="more">
       <summary>{say("view.more")}</summary>
+      {children}
       <dl class="facts">
         <div><dt>{say("fact.sources")}</dt><dd>{sources?.join(", ") || say("fact.nobody")}</dd></div>
         <div><dt>{say("fact.plan")}</dt><dd>{shown?.plan.join(", ") || say("fact.none")}</dd></div>

@@ -1,9 +1,7 @@
 // The scene from above, north up: its cameras with what they see of the ground, people, the viewer. As large as its place allows.
 
-import type { RefObject } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { ask } from "../ask";
-import { show } from "../picture";
 import { say, sayWord } from "../strings";
 import { jumpInto } from "./jumping";
 import { type MapPlace, type Size, panned, toPixel, toWorld, whole, zoomedAt } from "./mapscale";
@@ -16,7 +14,7 @@ import { people } from "./tracking";
 import { stoodAt } from "./ways";
 
 /** The ground changes slowly. */
-const AGAIN_MILLIS = 8_000;
+const AGAIN_MILLIS = 15_000;
 const REST_MILLIS = 200;
 /** The picture shows this much more on every side, so that moving does not show emptiness. */
 const MARGIN = 1.4;
@@ -24,17 +22,18 @@ const CLICK_PIXELS = 5;
 const MOST_COLUMNS = 1_400;
 const FROM_ABOVE_M = 1e4;
 
-type Picture = { place: MapPlace; size: Size };
+type Picture = { place: MapPlace; size: Size; url: string };
 
 /** Asks for the ground of `place` whenever that rests, and now and then. */
-function useGround(place: MapPlace | null, size: Size): { image: RefObject<HTMLImageElement | null>; picture: Picture | null } {
-  const image = useRef<HTMLImageElement>(null);
+function useGround(place: MapPlace | null, size: Size): Picture | null {
   const [picture, setPicture] = useState<Picture | null>(null);
   const scene = state.scene.value?.id;
   const at = state.at.value;
-  const text = JSON.stringify([place, size, scene, at === null ? null : Math.floor(at / AGAIN_MILLIS)]);
+  // The picture of the scene comes first: both are drawn one after the other.
+  const isLater = state.shown.value !== null;
+  const text = JSON.stringify([isLater, place, size, scene, at === null ? null : Math.floor(at / AGAIN_MILLIS)]);
   useEffect(() => {
-    if (!place || scene === undefined || size[0] < 16) return undefined;
+    if (!isLater || !place || scene === undefined || size[0] < 16) return undefined;
     const ending = new AbortController();
     const wanted: MapPlace = { center: place.center, across: place.across * MARGIN };
     const columns = Math.min(Math.round(size[0] * MARGIN * devicePixelRatio), MOST_COLUMNS);
@@ -47,9 +46,9 @@ function useGround(place: MapPlace | null, size: Size): { image: RefObject<HTMLI
       };
       try {
         const response = await ask(`/api/v1/scenes/${encodeURIComponent(scene)}/view.jpg`, query, { signal: ending.signal });
-        if (!image.current) return;
-        await show(image.current, response);
-        if (!ending.signal.aborted) setPicture({ place: wanted, size });
+        const url = await decoded(response);
+        if (ending.signal.aborted) URL.revokeObjectURL(url);
+        else setPicture({ place: wanted, size, url });
       } catch {
         // The picture beside it says what is wrong; the map goes on with what it has.
       }
@@ -62,7 +61,19 @@ function useGround(place: MapPlace | null, size: Size): { image: RefObject<HTMLI
       clearInterval(again);
     };
   }, [text]);
-  return { image, picture };
+  useEffect(() => () => {
+    if (picture) URL.revokeObjectURL(picture.url);
+  }, [picture]);
+  return picture;
+}
+
+/** The address of a response's picture, once it can be shown at once. */
+async function decoded(response: Response): Promise<string> {
+  const url = URL.createObjectURL(await response.blob());
+  const image = new Image();
+  image.src = url;
+  await image.decode().catch(() => null);
+  return url;
 }
 
 function press(then: () => void) {
@@ -86,7 +97,7 @@ function Cone({ id, at }: { id: string; at: (point: readonly [number, number, ..
   const [x, y] = at(lens.position);
   const sees = followedCameras().includes(id);
   return (
-    <g class={`cone ${sees ? "is-seeing" : ""}`} data-state={word} data-camera={id} tabIndex={0} role="button" data-own
+    <g class={`cone ${sees ? "is-seeing" : ""}`} data-state={word} data-camera={id} tabindex={0} role="button" data-own
       aria-label={say("map.camera", { name: camera.name, state: sayWord("state", word) })} {...press(() => void jumpInto(id))}>
       <polygon points={corners} />
       <circle cx={x} cy={y} r="5" />
@@ -105,7 +116,7 @@ export function MapView({ isLarge }: { isLarge: boolean }) {
   const place = size[0] > 0 ? (chosen ?? whole(extent.value, size)) : null;
   const latest = useRef({ place, size });
   latest.current = { place, size };
-  const { image, picture } = useGround(place, size);
+  const picture = useGround(place, size);
   useEffect(() => setChosen(null), [state.scene.value?.id]);
   useEffect(() => {
     const element = box.current;
@@ -123,15 +134,15 @@ export function MapView({ isLarge }: { isLarge: boolean }) {
   return (
     // eslint-disable-next-line jsx-a11y/no-noninteractive-tabindex -- it takes keys
     <div ref={box} class={`map ${isLarge ? "is-large" : ""}`} role="group" tabIndex={0} data-own aria-label={say("map.label")} title={say("map.help")}>
-      <img ref={image} alt="" draggable={false} class={picture ? "" : "is-empty"} style={picture && place ? ground(picture, place, size) : {}} />
       {place && (
         <svg width={size[0]} height={size[1]}>
+          {picture && <image href={picture.url} preserveAspectRatio="none" {...ground(picture, place, size)} />}
           {(state.scene.value?.cameras ?? []).map((id) => <Cone key={id} id={id} at={at} />)}
           {state.labels.value === "on" && [...people.value.values()].map((person) => {
             const [x, y] = at(person.position);
             return (
               <g key={person.id} class={`walker ${person.id === state.followed.value ? "is-followed" : ""} ${person.isLost ? "is-lost" : ""}`}
-                tabIndex={isLarge ? 0 : -1} role="button" data-own aria-label={aboutPerson(person)} {...press(() => toggleFollow(person.id))}>
+                tabindex={isLarge ? 0 : -1} role="button" data-own aria-label={aboutPerson(person)} {...press(() => toggleFollow(person.id))}>
                 {state.trails.value === "on" && <polyline points={person.trail.map(({ position }) => at(position).map((pixel) => pixel.toFixed(1)).join(",")).join(" ")} />}
                 <circle cx={x} cy={y} r="5" />
                 <text x={x + 8} y={y + 4}>{person.id}</text>
@@ -163,12 +174,12 @@ function bearing(view: Parameters<typeof axes>[0]): number {
 }
 
 /** Where the picture of the ground lies while the map is elsewhere already. */
-function ground({ place: drawn, size: drawnSize }: Picture, place: MapPlace, size: Size): Record<string, string> {
+function ground({ place: drawn, size: drawnSize }: Picture, place: MapPlace, size: Size): { x: number; y: number; width: number; height: number } {
   const scale = size[0] / place.across;
   const width = drawn.across * scale;
   const height = (width * drawnSize[1]) / drawnSize[0];
   const [x, y] = toPixel(place, size, drawn.center);
-  return { width: `${width}px`, height: `${height}px`, left: `${x - width / 2}px`, top: `${y - height / 2}px` };
+  return { width, height, x: x - width / 2, y: y - height / 2 };
 }
 
 const KEYS: Record<string, (place: MapPlace, size: Size) => MapPlace> = {

@@ -8,9 +8,11 @@ import { CameraAlone } from "./CameraAlone";
 import { CameraList } from "./CameraList";
 import { Exports } from "./Exports";
 import * as following from "./following";
-import { AboutPicture, FusedView } from "./FusedView";
+import { DrawingChoice, DrawnBy } from "./browser/DrawnBy";
+import { AboutPicture } from "./FusedView";
 import { MapView } from "./MapView";
 import { FollowPanel, PeopleList } from "./People";
+import { Picture } from "./Picture";
 import * as scenery from "./scenery";
 import * as shortcuts from "./shortcuts";
 import { Snapshots } from "./Snapshots";
@@ -40,6 +42,7 @@ function PictureMenu() {
           text={(value) => say(`entities.${value}`)} onChoose={(value) => state.choose("entities", value, "billboards")} />
         <Segments name="quality" label={say("quality.label")} values={state.QUALITIES} chosen={state.quality.value}
           text={(value) => say(`quality.${value}`)} onChoose={(value) => state.choose("quality", value, "balanced")} />
+        <DrawingChoice />
         <Checked name="see_through" label={say("see_through.label")} isOn={state.seeThrough.value === "on"} />
         <label class="inline">
           <input type="checkbox" checked={state.colors.value === "even"}
@@ -123,13 +126,13 @@ export default function Operate() {
         <Choices onFullscreen={() => void area.current?.requestFullscreen().catch(() => null)} />
         <div class="area" ref={area}>
           {/* Kept beneath a camera's own picture and a large map, so that going back finds it as it was. */}
-          <div class={isMapLarge ? "beside-map" : "whole"} hidden={opened !== undefined}><FusedView /></div>
+          <div class={isMapLarge ? "beside-map" : "whole"} hidden={opened !== undefined}><Picture /></div>
           {isMapLarge && <MapView isLarge />}
           {opened !== undefined && <CameraAlone id={opened} />}
           <Timeline />
         </div>
         <p id="stage-help" class="quiet">{say(`view.help.${state.mode.value}`)}</p>
-        {opened === undefined && <AboutPicture />}
+        {opened === undefined && <AboutPicture><DrawnBy /></AboutPicture>}
       </section>
       <Side />
     </div>

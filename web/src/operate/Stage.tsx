@@ -6,25 +6,18 @@ import { say } from "../strings";
 import { attach } from "./gestures";
 import { MapInset } from "./MapInset";
 import { Overlay } from "./Overlay";
-import { nearest } from "./people";
+import { personAt } from "./picking";
 import { groundAt, placeAt } from "./scenery";
 import * as state from "./state";
 import { people } from "./tracking";
 
-/** A click so near to somebody's place on the ground means them. */
-const PERSON_M = 0.8;
-
 /** Chooses what is shown at a place: somebody, who is followed, or a place, of which is told who sees it. */
 function choose(place: readonly [number, number], aspect: number): void {
   const view = state.shown.peek()?.view ?? state.looking.peek();
-  const point = view && placeAt(view, aspect, place);
-  if (!point) {
-    state.setMark(null);
-    return;
-  }
-  const person = state.labels.peek() === "on" ? nearest(people.peek().values(), point, PERSON_M) : null;
+  if (!view) return;
+  const person = state.labels.peek() === "on" ? personAt(people.peek().values(), view, aspect, place) : null;
   if (person) state.setFollowed(person.id);
-  else state.setMark(point);
+  else state.setMark(placeAt(view, aspect, place));
 }
 
 export function Stage({ stage, isOld, time, children }: {

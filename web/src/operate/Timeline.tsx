@@ -14,10 +14,21 @@ import { draw, listen } from "./strip";
 import { TimeEntry } from "./TimeEntry";
 import { zoomed } from "./timescale";
 
-function Icon({ text, label, isOn, isDisabled = false, then }: { text: string; label: string; isOn?: boolean; isDisabled?: boolean; then: () => void }) {
+/** Signs that every machine has, which fonts do not. */
+const SIGNS = {
+  back: "M3 2h2v12H3zM14 2v12L6 8z",
+  reverse: "M13 2v12L3 8z",
+  pause: "M3 2h4v12H3zM9 2h4v12H9z",
+  play: "M3 2v12l10-6z",
+  forward: "M11 2h2v12h-2zM2 2v12l8-6z",
+  out: "M3 7h10v2H3z",
+  in: "M3 7h4V3h2v4h4v2H9v4H7V9H3z",
+} as const;
+
+function Icon({ sign, label, isOn, isDisabled = false, then }: { sign: keyof typeof SIGNS; label: string; isOn?: boolean; isDisabled?: boolean; then: () => void }) {
   return (
-    <button type="button" class={isOn ? "is-on" : ""} disabled={isDisabled} aria-label={label} title={label} aria-pressed={isOn} onClick={then}>
-      <span aria-hidden="true">{text}</span>
+    <button type="button" class={`icon ${isOn ? "is-on" : ""}`} disabled={isDisabled} aria-label={label} title={label} aria-pressed={isOn} onClick={then}>
+      <svg viewBox="0 0 16 16" aria-hidden="true"><path d={SIGNS[sign]} /></svg>
     </button>
   );
 }
@@ -26,11 +37,11 @@ function Transport({ isLive, isClosed }: { isLive: boolean; isClosed: boolean })
   const playing = clockwork.playing.value;
   return (
     <div class="transport" role="group" aria-label={say("time.controls")}>
-      <Icon text="⏮" label={say("time.back")} isDisabled={isClosed} then={() => void clockwork.step(-1)} />
-      <Icon text="◀" label={say("time.reverse")} isOn={playing === -1} isDisabled={isClosed} then={() => clockwork.togglePlay(-1)} />
-      <Icon text="⏸" label={say("time.pause")} isDisabled={isClosed} isOn={!isLive && playing === null} then={clockwork.pause} />
-      <Icon text="▶" label={say("time.play")} isOn={playing === 1} isDisabled={isLive} then={() => clockwork.togglePlay(1)} />
-      <Icon text="⏭" label={say("time.forward")} isDisabled={isLive} then={() => void clockwork.step(1)} />
+      <Icon sign="back" label={say("time.back")} isDisabled={isClosed} then={() => void clockwork.step(-1)} />
+      <Icon sign="reverse" label={say("time.reverse")} isOn={playing === -1} isDisabled={isClosed} then={() => clockwork.togglePlay(-1)} />
+      <Icon sign="pause" label={say("time.pause")} isDisabled={isClosed} isOn={!isLive && playing === null} then={clockwork.pause} />
+      <Icon sign="play" label={say("time.play")} isOn={playing === 1} isDisabled={isLive} then={() => clockwork.togglePlay(1)} />
+      <Icon sign="forward" label={say("time.forward")} isDisabled={isLive} then={() => void clockwork.step(1)} />
       <button type="button" class={isLive ? "is-on" : ""} onClick={clockwork.goLive} aria-pressed={isLive} title={say("time.live.title")}>{say("time.live")}</button>
       <label class="inline">
         <span class="hidden">{say("time.rate")}</span>
@@ -74,9 +85,9 @@ export function Timeline() {
         <Transport isLive={isLive} isClosed={isClosed} />
         <TimeEntry isLive={isLive} />
         <span class="pair">
-          <Icon text="−" label={say("time.out")} then={() => zoom(1 / 0.6)} />
+          <Icon sign="out" label={say("time.out")} then={() => zoom(1 / 0.6)} />
           <span class="quiet">{duration((to - from) / 1e3)}</span>
-          <Icon text="+" label={say("time.in")} then={() => zoom(0.6)} />
+          <Icon sign="in" label={say("time.in")} then={() => zoom(0.6)} />
         </span>
       </div>
       <div class="strip-box">

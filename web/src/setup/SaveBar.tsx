@@ -69,9 +69,10 @@ export function SaveBar() {
   );
 }
 
-function FaultLine({ fault: { stage, details, text, document, pointer, field } }: { fault: Fault }) {
+function FaultLine({ fault: { stage, details, text, pointer, field } }: { fault: Fault }) {
   const outline = details["ground"] === undefined ? undefined : say("setup.fault.outline", { n: Number(details["ground"]) + 1 });
-  const thing = document.kind === "camera" ? document.id : (outline ?? Object.values(details)[0]);
+  const name = draft.value?.cameras.find(({ id }) => id === details["camera"])?.name;
+  const thing = outline ?? (name || Object.values(details)[0]);
   const place = stage === null ? pointer : [say(`setup.stage.${stage}`), thing, field].filter(Boolean).join(" › ");
   return <li>{stage === null ? place : <a href={wayToStage(stage, details)}>{place}</a>}: {text}</li>;
 }
@@ -128,7 +129,7 @@ export function Notes() {
       <Faults />
       {told?.kind === "failed" && <p class="note is-bad">{say("setup.failed", { message: told.message })}</p>}
       {told?.kind === "conflict" && <ConflictNote conflict={told.conflict} />}
-      {told?.kind === "saved" && of && (
+      {told?.kind === "saved" && of && pendingWords() === null && (
         <p class="note is-good">
           {say("setup.saved", { when: clock(told.at) })}{" "}
           {base.value?.sceneTag !== null && <a href={wayTo("operate", { scene: of.scene.id })}>{say("setup.saved.look")}</a>}

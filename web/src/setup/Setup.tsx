@@ -12,7 +12,7 @@ import { areFilesUnkept, fileOf } from "./assets";
 import { changes, count } from "./changes";
 import { base, draft, isReadOnly, isUnkept, redo, undo } from "./draft";
 import { watchElsewhere } from "./elsewhere";
-import { start, takenUp } from "./load";
+import { beginWith, start, takenUp } from "./load";
 import { Questions } from "./Question";
 import { changedMeanwhile, result } from "./save";
 import { Notes, SaveBar } from "./SaveBar";
@@ -27,9 +27,14 @@ effect(() => {
   if (role) isReadOnly.value = role !== "admin";
 });
 
-/** Begins a draft where there is none. */
+/** Begins a draft where there is none; anew where nothing was changed here, but somebody else did. */
 async function arrive(): Promise<void> {
-  if (draft.value) return;
+  const [of, from] = [draft.value, base.value];
+  if (of && from) {
+    const isOld = count(changes(of, from)) === 0 && (await changedMeanwhile().catch(() => null)) !== null;
+    if (isOld) await beginWith(of.scene.id, of.calibrating);
+    return;
+  }
   await start(route.value.details["scene"]);
   if (takenUp.value === null) return;
   // Better told now than after an hour of work.

@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { Trouble, api, content } from "../ask";
 import * as state from "../operate/state";
+import { session } from "../session";
 import { areFilesUnkept, forgetFiles } from "./assets";
 import { type Base, type Draft, type DraftCamera, type SceneDocument, begin, discard, isReadOnly, kept, resume } from "./draft";
 import { changes, count } from "./changes";
@@ -25,6 +26,8 @@ const UNCHANGED = '"0"';
 
 /** A camera as the daemon has it, whoever made it. */
 async function camera(id: string, name: string): Promise<{ camera: DraftCamera; tag: string | null }> {
+  // Viewers are not told what feeds cameras.
+  if (session.value?.role === "viewer") return { camera: { id, name, source: {}, clock: {}, isEnabled: true, origin: "configured" }, tag: null };
   const feed = await configured(id, name);
   if (feed.tag === null || feed.tag.replace("-gzip", "") === UNCHANGED) return feed;
   try {

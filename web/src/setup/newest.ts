@@ -22,13 +22,13 @@ function pause(millis: number, signal: AbortSignal): Promise<void> {
   });
 }
 
-/** Asks again where the daemon has too much to do just now. */
+/** Asks again where the daemon has too much to do just now; what lies at something of the question would not go away. */
 async function patiently<Answer>(question: (signal: AbortSignal) => Promise<Answer>, signal: AbortSignal): Promise<Answer> {
   for (let tries = 1; ; tries += 1) {
     try {
       return await question(signal);
     } catch (error) {
-      if (!(error instanceof Trouble) || error.status !== 503 || tries === MOST_TRIES) throw error;
+      if (!(error instanceof Trouble) || error.status !== 503 || error.faults.length > 0 || tries === MOST_TRIES) throw error;
       await pause(AFTER_BUSY_MILLIS, signal);
     }
   }

@@ -14,9 +14,9 @@ export type Look = {
   picture_jpeg: string;
 };
 
-/** One picture of a source that is not kept yet. */
+/** One picture of a source that is not kept yet: of a file at a time, of all else the newest. */
 export function look(source: Source, atSecs = 0, signal?: AbortSignal): Promise<Look> {
-  return change<Look>("POST", "/api/v1/sources/look", { source, at_secs: atSecs }, signal ? { signal } : {});
+  return change<Look>("POST", "/api/v1/sources/look", { source, ...(source.path ? { at_secs: atSecs } : {}) }, signal ? { signal } : {});
 }
 
 export type SourceFile = { path: string; bytes: number; modified_at: string; count?: number };

@@ -57,6 +57,12 @@ export class Pace {
     return false;
   }
 
+  /** Waits for no picture any more. */
+  forget(gl: WebGL2RenderingContext): void {
+    if (this.pending) gl.deleteSync(this.pending.sync);
+    this.pending = null;
+  }
+
   /** Pictures a second, lately. */
   rate(now = performance.now()): number {
     return rateOf(this.done, now);

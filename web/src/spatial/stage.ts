@@ -1,6 +1,6 @@
 // A canvas with a scene in it, drawn whenever something changed and never otherwise. Knows no component and no controls.
 
-import { type Group, PerspectiveCamera, Raycaster, SRGBColorSpace, Scene, Vector2, WebGLRenderer } from "three";
+import { type Group, PerspectiveCamera, Raycaster, SRGBColorSpace, Scene, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Point, View } from "../operate/orbit";
 import { SURFACE_LAYER, type Surfaces } from "./surfaces";
 import { fromThree, toThree, worldRoot } from "./world";
@@ -56,6 +56,10 @@ export class Stage {
 
   get canvas(): HTMLCanvasElement {
     return this.renderer.domElement;
+  }
+
+  private get gl(): WebGL2RenderingContext {
+    return this.renderer.getContext() as WebGL2RenderingContext;
   }
 
   get anchor(): Point {
@@ -117,9 +121,25 @@ export class Stage {
     this.camera.updateMatrixWorld();
   }
 
+  /** Where the viewer's eyes are: through a headset, where the head is. */
+  get eye(): Point {
+    if (!this.renderer.xr.isPresenting) return this.view.eye;
+    const [x, y, z] = fromThree(new Vector3().setFromMatrixPosition(this.camera.matrixWorld));
+    const { anchor } = this;
+    return [x + anchor[0], y + anchor[1], z + anchor[2]];
+  }
+
+  /** Draws a headset's picture, from where it says. */
+  present(millis: number): void {
+    for (const prepare of this.beforeDraw) prepare(millis);
+    this.renderer.render(this.scene, this.camera);
+    for (const follow of this.afterDraw) follow(millis);
+  }
+
   /** Draws now. For pictures that must be there at once, such as those of tests and snapshots. */
   drawNow(millis = performance.now()): void {
     cancelAnimationFrame(this.asked);
+    this.pace.forget(this.gl);
     this.draw(millis);
   }
 
@@ -138,10 +158,10 @@ export class Stage {
   private readonly draw = (millis: number): void => {
     this.asked = 0;
     if (this.isOver || this.renderer.getContext().isContextLost()) return;
-    if (this.renderer.xr.isPresenting) return;
-    const gl = this.renderer.getContext() as WebGL2RenderingContext;
+    // Through a headset it is drawn by `present`; where nothing is to be seen, nothing is drawn.
+    if (this.renderer.xr.isPresenting || this.host.clientWidth === 0) return;
     // One picture at a time: what is asked for meanwhile is drawn once, after it.
-    if (this.pace.isBusy(gl)) {
+    if (this.pace.isBusy(this.gl)) {
       this.redraw();
       return;
     }
@@ -151,7 +171,7 @@ export class Stage {
     let isMoving = false;
     for (const prepare of this.beforeDraw) isMoving = prepare(millis) || isMoving;
     this.renderer.render(this.scene, this.camera);
-    this.pace.begun(gl, performance.now(), this.coarseness);
+    this.pace.begun(this.gl, performance.now(), this.coarseness);
     for (const follow of this.afterDraw) follow(millis);
     // What is coarse while the viewer moves is drawn once more when they rest.
     if (isMoving || (isMoved && this.coarseness > 1)) this.redraw();

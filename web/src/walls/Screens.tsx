@@ -105,8 +105,9 @@ export function Screens({ wall, screens }: { wall: string; screens: readonly Scr
         {screens.map(({ id, size_px: [width = 0, height = 0] }) => (
           <li key={id}>
             <a href={screenPath(wall, id)} target="_blank" rel="noreferrer" aria-label={say("wall.tile", { tile: id, wall, width, height })}>
-              {id} <span class="quiet">{width} × {height}</span>
+              {id}
             </a>
+            <span class="quiet">{width} × {height}</span>
             <span class="screen-state"><State healths={all.filter((health) => health.wall === wall && health.tile === id)} /></span>
             {hasUsers && <TokenLink wall={wall} tile={id} user={user} days={days} />}
           </li>

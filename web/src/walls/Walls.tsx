@@ -48,8 +48,9 @@ function List() {
                     <li key={id}>
                       <a href={screenPath(wall.id, id)} target="_blank" rel="noreferrer"
                         aria-label={say("wall.tile", { tile: id, wall: wall.name || wall.id, width, height })}>
-                        {id} <span class="quiet">{width} × {height}</span>
+                        {id}
                       </a>
+                      <span class="quiet">{width} × {height}</span>
                     </li>
                   ))}
                 </ul>

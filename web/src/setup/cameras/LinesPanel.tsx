@@ -6,7 +6,7 @@ import { Table } from "../../parts/parts";
 import { say } from "../../strings";
 import { NumberField } from "../Fields";
 import { type Turned, vanishing } from "../requests";
-import { missing, placed } from "./building";
+import { missing, placed, telling } from "./building";
 import { AXIS_COLORS, axis } from "./drawing";
 import { removeLine } from "./edits";
 import * as now from "./now";
@@ -31,7 +31,7 @@ function useTurned() {
     let isOver = false;
     found.value = { ...found.peek(), isAsking: true };
     const timer = setTimeout(() => {
-      vanishing(size, lines, focal).then(
+      vanishing(size, telling(lines), focal).then(
         (turned) => !isOver && (found.value = { turned, failure: null, isAsking: false }),
         (error: unknown) => !isOver && (found.value = { turned: null, failure: told(error), isAsking: false }),
       );

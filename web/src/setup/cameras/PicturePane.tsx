@@ -137,7 +137,10 @@ function useKeys(frame: Signal<Frame>, cross: Signal<Pixel | null>, pane: () => 
     else if (event.key === "-") frame.value = zoomed(frame.value, of, 1 / ZOOM_STEP);
     else if (event.key === "0") frame.value = null;
     else if ((event.key === "Delete" || event.key === "Backspace") && now.how.value === "pairs" && now.selected.value !== null) edits.removePair(now.selected.value);
-    else if (event.key === "Escape" && (now.half.value || lineBegun.value || cross.value)) [now.half.value, lineBegun.value, cross.value] = [null, null, null];
+    else if (event.key === "Escape" && (now.half.value || lineBegun.value || cross.value)) {
+      if (now.half.value || lineBegun.value) [now.half.value, lineBegun.value] = [null, null];
+      else cross.value = null;
+    }
     else return;
     event.preventDefault();
     event.stopPropagation();

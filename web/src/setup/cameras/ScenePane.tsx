@@ -5,11 +5,11 @@ import { useEffect, useRef } from "preact/hooks";
 import { dependOn } from "../../depend";
 import { Segments } from "../../parts/parts";
 import { type LiveTexture, liveTexture } from "../../spatial/cameraTextures";
-import { lensOf } from "../../spatial/lens";
+import { type Lens, lensOf } from "../../spatial/lens";
 import { Projection, type Projector } from "../../spatial/projection";
 import { type Stage, Viewport } from "../../spatial/Viewport";
 import { say } from "../../strings";
-import { calibrationOf, draft } from "../draft";
+import { type Calibration, calibrationOf, draft } from "../draft";
 import * as edits from "./edits";
 import * as eyeing from "./eyeing";
 import { Handles } from "./Handles";
@@ -25,6 +25,15 @@ const WHEEL_LOG = 0.0016;
 const PAN_PX = [8, 64] as const;
 const ZOOM_STEP = 1.3;
 const OTHERS_MILLIS = 5_000;
+
+const lenses = new WeakMap<Calibration, Lens>();
+
+/** The same lens for the same calibration: what it sees is worked out once. */
+function lensKept(of: Calibration): Lens {
+  const known = lenses.get(of) ?? lensOf(of);
+  lenses.set(of, known);
+  return known;
+}
 
 /** Projects the chosen camera's picture, and others' where that is wanted. */
 function useProjection(stage: { value: Stage | null }, opacity: { value: number }, withOthers: { value: boolean }): void {
@@ -58,7 +67,7 @@ function useProjection(stage: { value: Stage | null }, opacity: { value: number 
       if (!calibration) return [];
       const picture = others.current.get(id) ?? liveTexture(id, { what: "background", everyMillis: OTHERS_MILLIS, onChange: on.redraw });
       others.current.set(id, picture);
-      return [{ id, lens: lensOf(calibration), picture }];
+      return [{ id, lens: lensKept(calibration), picture }];
     });
     for (const [id, picture] of others.current) {
       if (wanted.some((camera) => camera.id === id)) continue;

@@ -17,6 +17,10 @@ test("what is missing is told, the nearest to done first", () => {
   expect(b.missing([line("z"), line("z"), line("x"), line("x")])).toEqual([]);
 });
 
+test("an axis of one line takes no part", () => {
+  expect(b.telling([line("z"), line("x"), line("z")]).map(({ axis }) => axis)).toEqual(["z", "z"]);
+});
+
 test("pairs say which way round, and where; a height does with one", () => {
   const truth = first({ version: 1 }, [640, 360]);
   const lens = lensOf(truth);

@@ -23,6 +23,11 @@ export function missing(lines: readonly AxisLine[]): { axis: AxisLine["axis"]; n
   return open.slice(0, LEAST_AXES - (AXES.length - open.length));
 }
 
+/** The lines that tell something: of axes that have enough of them. */
+export function telling(lines: readonly AxisLine[]): AxisLine[] {
+  return lines.filter(({ axis }) => lines.filter((other) => other.axis === axis).length >= LEAST_LINES);
+}
+
 /** A direction that was found by lines along a building that stands turned by `yawDeg`. */
 export function inWorld(found: Quaternion, yawDeg: number): Quaternion {
   return product(aboutVertical(yawDeg), found);

@@ -24,7 +24,7 @@ const COLORS = ["#ffd23f", "#4cc9f0", "#ff6b9d", "#7ae582", "#ff9f45", "#c59bff"
 /** Clicks are not surer than that: below it none is called the worst. */
 const LEAST_WORST_PX = 1;
 /** Pairs narrower than this share of the picture tell little of the lens. */
-const LEAST_SPREAD = 0.15;
+const LEAST_SPREAD = 0.3;
 /** Breadth over length below which points lie almost on a line. */
 const LINE_SHARE = 0.06;
 
@@ -89,7 +89,8 @@ export function poverty(pairs: readonly Pair[], sizePx: Pixel): Poverty | null {
   if (pairs.length < 3) return null;
   const [long, broad] = extents(pairs.map(({ picture_px }) => picture_px));
   if (broad < LINE_SHARE * long || onLine(pairs.map(({ place_m }) => place_m))) return "line";
-  return 4 * long < LEAST_SPREAD * Math.hypot(...sizePx) * 2 ? "narrow" : null;
+  // Four standard deviations are about what the points take up.
+  return 4 * long < LEAST_SPREAD * Math.hypot(...sizePx) ? "narrow" : null;
 }
 
 /** Whether places lie almost on one line, however it runs. */

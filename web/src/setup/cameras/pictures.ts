@@ -1,7 +1,7 @@
 // The chosen camera's picture: live, held still, or without people; of a camera that is not kept yet, a look at its source.
 
 import { signal } from "@preact/signals";
-import { ask, told } from "../../ask";
+import { Trouble, ask, told } from "../../ask";
 import { pauser, seen } from "../../pause";
 import { CameraTexture, decoded } from "../../spatial/cameraTextures";
 import type { DraftCamera } from "../draft";
@@ -76,13 +76,21 @@ export function follow(camera: DraftCamera): () => void {
   let tag: string | null = null;
 
   async function fromDaemon(id: string): Promise<number> {
-    const kind = showing.value === "background" ? "background" : "frame";
-    const response = await ask(`/api/v1/cameras/${encodeURIComponent(id)}/${kind}.jpg`, {}, { signal: ending.signal, tag });
+    const path = (kind: string) => `/api/v1/cameras/${encodeURIComponent(id)}/${kind}.jpg`;
+    const isBackground = showing.value === "background";
+    const found = await ask(path(isBackground ? "background" : "frame"), {}, { signal: ending.signal, tag }).catch((error: unknown) => {
+      // A camera that has just begun knows no background yet; its frame will do until then.
+      if (isBackground && error instanceof Trouble && error.status !== 0) return null;
+      throw error;
+    });
+    const isMissing = found === null;
+    const response = found ?? (await ask(path("frame"), {}, { signal: ending.signal }));
     if (response.status !== 304) {
-      tag = response.headers.get("ETag");
+      tag = isMissing ? null : response.headers.get("ETag");
       await put(id, await response.blob(), isOver);
     }
     if (showing.value === "held") return Infinity;
+    if (isMissing) return AFTER_TROUBLE_MILLIS;
     return showing.value === "live" ? LIVE_MILLIS : BACKGROUND_MILLIS;
   }
 

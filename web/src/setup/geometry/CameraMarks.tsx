@@ -3,10 +3,11 @@
 import type { Point } from "../../operate/orbit";
 import type { SceneDocument } from "../draft";
 import type { Eye } from "./eye";
+import { enlarged } from "./near";
 import { point } from "./things";
 
 type Member = NonNullable<SceneDocument["cameras"]>[number];
-const LENGTH_PX = 46;
+const LENGTH_PX = 34;
 
 /** A direction of the camera in the world: its quaternion (x, y, z, w) takes x right, y down, z forward there. */
 export function turnedBy(quaternion: readonly number[], [x, y, z]: Point): Point {
@@ -22,7 +23,7 @@ function Mark({ eye, of: { id, calibration } }: { eye: Eye; of: Member }) {
   if (!place) return null;
   const [width = 1, height = 1] = calibration.image_size_px;
   const [fx = 1, fy = fx] = calibration.focal_px;
-  const length = LENGTH_PX * eye.metresPerPx(at);
+  const length = LENGTH_PX * enlarged() * eye.metresPerPx(at);
   const corners = ([[-1, -1], [1, -1], [1, 1], [-1, 1]] as const).map(([sx, sy]): Point => {
     const [dx, dy, dz] = turnedBy(calibration.world_from_camera, [(sx * width) / 2 / fx, (sy * height) / 2 / fy, 1]);
     return [at[0] + dx * length, at[1] + dy * length, at[2] + dz * length];

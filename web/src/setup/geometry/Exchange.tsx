@@ -16,7 +16,8 @@ async function outcome(doing: Promise<{ text: string; points: readonly string[] 
     return { ...(await doing), isBad: false };
   } catch (error) {
     const points = error instanceof Trouble ? error.faults.map(({ pointer, parameter, detail }) => placed(pointer ?? parameter, detail)) : [];
-    return { text: told(error), isBad: true, points };
+    const text = told(error);
+    return { text, isBad: true, points: points.filter((one) => one !== text) };
   }
 }
 
@@ -42,14 +43,18 @@ export function Exchange() {
   const isNew = base.value?.sceneTag === null;
   return (
     <section class="card geo-exchange" aria-label={say("geometry.exchange")}>
-      <h3>{say("geometry.exchange")}</h3>
+      <h2>{say("geometry.exchange")}</h2>
       <div class="row">
         <button type="button" disabled={isReadOnly.value} onClick={() => input.current?.click()}>{say("geometry.import")}</button>
-        <details class="menu">
+        <details class="geo-formats">
           <summary>{say("geometry.export")}</summary>
-          <div class="menu-box">
+          <div>
             {FORMATS.map((format) => (
-              <button key={format} type="button" disabled={isNew && format !== "videofields"} onClick={() => void outcome(write(format)).then(setTold)}>
+              <button key={format} type="button" disabled={isNew && format !== "videofields"}
+                onClick={(event) => {
+                  event.currentTarget.closest("details")?.removeAttribute("open");
+                  void outcome(write(format)).then(setTold);
+                }}>
                 {say(`geometry.format.${format}`)}
               </button>
             ))}

@@ -9,7 +9,7 @@ import { onKey } from "./keys";
 import { MapPictures } from "./MapPictures";
 import { Overlay } from "./Overlay";
 import { pointing } from "./pointing";
-import { chosen, fileExtents, frame, grid, guides, hidden, liveName, opacityName, shown, tool, wholeFrame } from "./state";
+import { chosen, cursor, fileExtents, frame, grid, hidden, liveName, opacityName, shown, wholeFrame } from "./state";
 import { COLOR, extentOf, things } from "./things";
 
 const UNSEEN: Frame = { center: [0, 0], scale: 10, size_px: [0, 0] };
@@ -55,14 +55,9 @@ export function MapPane() {
   const handlers = useMemo(() => pointing(() => planEye(frame.value ?? UNSEEN)), []);
   return (
     <PlanMap label={say("geometry.map")} frame={at} onFrame={changeFrame} document={shown.value} gridStep={grid.value}
-      cursor={tool.value === "select" ? "default" : "crosshair"} onKeyDown={onKey}
+      cursor={cursor.value} onKeyDown={onKey}
       isGroundClear={isLive} under={isLive && at.size_px[0] > 0 ? <MapPictures frame={at} /> : undefined}
-      handlers={{
-        ...handlers,
-        leave: () => {
-          guides.value = { lines: [], height: 0 };
-        },
-      }}>
+      handlers={handlers}>
       {at.size_px[0] > 0 && (
         <>
           <Things at={at} />

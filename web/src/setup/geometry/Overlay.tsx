@@ -7,6 +7,8 @@ import type { Corner } from "../plan/frame";
 import { draft } from "../draft";
 import { CameraMarks } from "./CameraMarks";
 import { type Eye } from "./eye";
+import type { Handle } from "./handles";
+import { enlarged } from "./near";
 import { extentOfAll } from "./operations";
 import { type Outline, middle } from "./outline";
 import { handlesNow } from "./pointing";
@@ -45,25 +47,38 @@ function Chosen({ eye }: { eye: Eye }) {
   );
 }
 
+/** What a handle looks like, around where it is. */
+function Shape({ kind }: { kind: Handle["kind"] }) {
+  switch (kind) {
+    case "corner":
+    case "vertex":
+    case "side":
+      return <rect x={-5} y={-5} width={10} height={10} />;
+    case "top":
+      return <path d="M-7 3L0-7L7 3Z" />;
+    case "lift":
+      return <path d="M0-9L6 0L0 9L-6 0Z" />;
+    case "between":
+      return <circle r={3.5} />;
+    case "turn":
+      return <circle r={7} />;
+  }
+}
+
 function Handles({ eye }: { eye: Eye }) {
-  const handles = handlesNow(eye);
   const extent = extentOfAll(shown.value, chosen.value, fileExtents.value);
   const from = extent && eye.place([...extent.middle, extent.high]);
+  const scale = enlarged();
   return (
     <g class="geo-handles">
-      {handles.map(({ key, kind, at }) => {
+      {handlesNow(eye).map(({ key, kind, at }) => {
         const place = eye.place(at);
         if (!place) return null;
-        const [x, y] = place;
         const isArm = from && (kind === "turn" || kind === "lift");
         return (
           <g key={key} class={`is-${kind}`}>
-            {isArm && <line x1={from[0]} y1={from[1]} x2={x} y2={y} />}
-            {kind === "corner" || kind === "vertex" || kind === "side"
-              ? <rect x={x - 5} y={y - 5} width={10} height={10} />
-              : kind === "lift" || kind === "top"
-                ? <path d={kind === "top" ? `M${x - 7} ${y + 3}L${x} ${y - 7}L${x + 7} ${y + 3}Z` : `M${x} ${y - 9}L${x + 6} ${y}L${x} ${y + 9}L${x - 6} ${y}Z`} />
-                : <circle cx={x} cy={y} r={kind === "between" ? 3.5 : 7} />}
+            {isArm && <line x1={from[0]} y1={from[1]} x2={place[0]} y2={place[1]} />}
+            <g transform={`translate(${place[0]} ${place[1]}) scale(${scale})`}><Shape kind={kind} /></g>
           </g>
         );
       })}

@@ -189,7 +189,7 @@ export function Panel() {
   return (
     <section class="card geo-panel" aria-label={say("geometry.panel")}>
       <fieldset class="plain" disabled={isReadOnly.value}>
-        <h3>{isOne ? one.of.id : say("geometry.count", { count: of.length })}</h3>
+        <h2>{isOne ? one.of.id : say("geometry.count", { count: of.length })}</h2>
         {isOne && <Name id={one.of.id} />}
         {isOne && <Fields one={one} />}
         <Color of={of} />

@@ -85,7 +85,7 @@ export function ScenePanel({ isOpen }: { isOpen: boolean }) {
   return (
     <section class="card geo-panel" aria-label={say("geometry.scene")}>
       <fieldset class="plain" disabled={isReadOnly.value}>
-        <h3>{say("geometry.scene")}</h3>
+        <h2>{say("geometry.scene")}</h2>
         {!isOpen && <p class="quiet">{say("geometry.choose")}</p>}
         <details open={isOpen} key={String(isOpen)}>
           <summary>{say("geometry.sky")}</summary>

@@ -27,7 +27,7 @@ function Group({ list, of, faulty }: { list: List; of: readonly string[]; faulty
   if (of.length === 0) return null;
   return (
     <li>
-      <h4>{say(`geometry.list.${list}`, { count: of.length })}</h4>
+      <h3>{say(`geometry.list.${list}`, { count: of.length })}</h3>
       <ul>{of.map((id) => <Row key={id} id={id} isFaulty={faulty.has(id)} />)}</ul>
     </li>
   );
@@ -41,7 +41,7 @@ export function ThingList() {
   return (
     <section class="card geo-list" aria-label={say("geometry.list")}>
       <div class="row">
-        <h3>{say("geometry.list")}</h3>
+        <h2>{say("geometry.list")}</h2>
         {hidden.value.size > 0 && <button type="button" class="push" onClick={() => setHidden([...hidden.value], false)}>{say("geometry.list.showAll")}</button>}
       </div>
       {named.length === 0 && <p class="quiet">{say("geometry.list.none")}</p>}

@@ -5,7 +5,7 @@ import { say } from "../../strings";
 import { isReadOnly } from "../draft";
 import { put } from "./drawings";
 import { ModelButton } from "./ModelButton";
-import { GRIDS, LAYOUTS, LIVES, OPACITIES, TOOLS, type Tool, frame, gridName, layout, liveName, opacityName, setNamed, tool, view, wholeFrame } from "./state";
+import { GRIDS, LAYOUTS, LIVES, OPACITIES, TOOLS, type Tool, gridName, layout, liveName, opacityName, setNamed, showAll, tool } from "./state";
 
 const KEYS: Record<Tool, string> = { select: "V", box: "B", cylinder: "C", wall: "W", footprint: "F" };
 const ICONS: Record<Tool, string> = {
@@ -25,11 +25,6 @@ function ToolButton({ of }: { of: Tool }) {
       <span>{text}</span>
     </button>
   );
-}
-
-function showAll(): void {
-  view.value = null;
-  if (frame.value) frame.value = wholeFrame(frame.value.size_px);
 }
 
 export function ToolBar() {

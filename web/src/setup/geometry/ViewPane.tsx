@@ -11,14 +11,17 @@ import { onKey } from "./keys";
 import { useLive } from "./live";
 import { Overlay } from "./Overlay";
 import { pointing } from "./pointing";
-import { guides, shown, tool, view } from "./state";
+import { cursor, shown, view } from "./state";
 import { useSurfaces } from "./surfacesShown";
 import { extentOf, things } from "./things";
 
 const FOV_DEG = 45;
 
-/** Where everything is seen from, from the south and above. */
-export function wholeView(): View {
+/** A picture that is at least so much wider than high shows as much beside as above. */
+const WIDE = 1.25;
+
+/** Where everything is seen from, from the south and above, in a picture of this shape. */
+export function wholeView(aspect: number): View {
   const { ground = [], view: own } = shown.value;
   const places = [...ground.flatMap(({ polygon }) => polygon), ...things(shown.value).flatMap((one) => extentOf(one).outline)];
   if (places.length === 0) {
@@ -27,7 +30,7 @@ export function wholeView(): View {
   }
   const [xs, ys] = [places.map(([x = 0]) => x), places.map(([, y = 0]) => y)];
   const [west, east, south, north] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
-  const across = Math.max(east - west, north - south, 5);
+  const across = Math.max(east - west, north - south, 5) * Math.max(1, WIDE / aspect);
   const [x, y] = [(west + east) / 2, (south + north) / 2];
   return { eye: [x, y - across * 0.95, across * 0.65], target: [x, y, 0], fov: FOV_DEG };
 }
@@ -38,7 +41,8 @@ export function ViewPane() {
   const surfaces = useSurfaces(stage);
   useLive(stage, surfaces);
   // What is drawn meanwhile moves no view.
-  const whole = useMemo(wholeView, [view.value === null]);
+  const aspect = size[0] / Math.max(size[1], 1) || WIDE;
+  const whole = useMemo(() => wholeView(aspect), [view.value === null, aspect]);
   const at = view.value ?? whole;
   const sight = useRef<Eye>(viewEye(at, size));
   sight.current = viewEye(at, size);
@@ -70,9 +74,6 @@ export function ViewPane() {
           },
         };
       },
-      leave: () => {
-        guides.value = { lines: [], height: 0 };
-      },
       // The view moves itself.
       travel: () => {},
       zoom: () => {},
@@ -83,13 +84,13 @@ export function ViewPane() {
     };
   };
   return (
-    <div class="geo-view" style={{ cursor: tool.value === "select" ? "default" : "crosshair" }} onKeyDownCapture={onKey}>
+    <div class="geo-view" style={{ cursor: cursor.value }} onKeyDownCapture={onKey}>
       <Viewport label={say("geometry.view")} describedBy="geometry-keys" surfaces={surfaces} view={at} onStage={onStage}
         onView={(next) => {
           view.value = next;
         }}
         onReset={() => {
-          view.value = wholeView();
+          view.value = null;
         }}>
         {size[0] > 0 && (
           <svg class="geo-overlay" width={size[0]} height={size[1]} aria-hidden="true"><Overlay eye={sight.current} /></svg>

@@ -11,37 +11,57 @@ import * as draws from "./drawings";
 import { type Eye, onLevel, onUpright } from "./eye";
 import { type Handle, handlesOf, turnTo } from "./handles";
 import { extentOfAll, move, tidy, turn } from "./operations";
-import { nearTo } from "./near";
+import { enlarged, nearTo } from "./near";
 import { meet, support } from "./pick";
 import { snapHeight, snapMove, snapPoint, snapTurn, turnsOf } from "./snapping";
-import { chosen, choose, fileExtents, guides, hidden, preview, said, shown, toggle, tool } from "./state";
+import { chosen, choose, fileExtents, grasp, guides, hidden, preview, said, shown, toggle, tool } from "./state";
 import { extentOf, thing, things, yawOf } from "./things";
 
-export const HANDLE_PX = 13;
+const HANDLE_PX = 13;
 const TOUCH_PX = 24;
+const ROOM_PX = 16;
+/** How far towards the middle of a thing its handles reach, share of the way. */
+const INNER_SHARE = 0.45;
 /** How far beside a thing stands what turns it. */
-export const GAP_PX = 30;
+const GAP_PX = 30;
 /** A thing within this of what is below stands on it. */
 const STANDS_M = 0.02;
 
 export function gapOf(eye: Eye, document: SceneDocument, of: readonly string[]): number {
   const extent = extentOfAll(document, of, fileExtents.value);
-  return extent ? GAP_PX * eye.metresPerPx([...extent.middle, extent.high]) : 0;
+  return extent ? GAP_PX * enlarged() * eye.metresPerPx([...extent.middle, extent.high]) : 0;
 }
 
 /** What can be grasped now. Seen from straight above, heights cannot. */
 export function handlesNow(eye: Eye): Handle[] {
   if (tool.value !== "select" || isReadOnly.value) return [];
   const all = handlesOf(shown.value, chosen.value, gapOf(eye, shown.value, chosen.value), fileExtents.value);
-  return eye.isLevel ? all.filter(({ way }) => way === "level") : all;
+  const roomy = all.filter((handle) => handle.kind !== "between" || isRoomy(eye, handle, all));
+  return eye.isLevel ? roomy.filter(({ way }) => way === "level") : roomy;
+}
+
+/** What makes new corners is left out where it would lie on the corners that are there. */
+function isRoomy(eye: Eye, between: Handle, all: readonly Handle[]): boolean {
+  const place = eye.place(between.at);
+  return place !== null && all.every(({ kind, at }) => {
+    const corner = kind === "vertex" ? eye.place(at) : null;
+    return !corner || Math.hypot(corner[0] - place[0], corner[1] - place[1]) > ROOM_PX * enlarged();
+  });
 }
 
 function handleAt(eye: Eye, at: Corner, event: PointerEvent): Handle | null {
   let found: Handle | null = null;
-  let least = event.pointerType === "touch" ? TOUCH_PX : HANDLE_PX;
+  let least = Infinity;
+  const most = (event.pointerType === "touch" ? TOUCH_PX : HANDLE_PX) * enlarged();
+  const extent = extentOfAll(shown.value, chosen.value, fileExtents.value);
+  const middle = extent && eye.place([...extent.middle, extent.high]);
   for (const handle of handlesNow(eye)) {
     const place = eye.place(handle.at);
     const apart = place ? Math.hypot(place[0] - at[0], place[1] - at[1]) : Infinity;
+    // Of something small, what lies within is for moving it.
+    const isWithin = place && middle && handle.way === "level" && handle.kind !== "turn";
+    const reach = isWithin ? Math.min(most, Math.hypot(place[0] - middle[0], place[1] - middle[1]) * INNER_SHARE) : most;
+    if (apart > reach) continue;
     // What makes a new corner gives way to the corners.
     if (apart + (handle.kind === "between" ? 2 : 0) < least) [found, least] = [handle, apart];
   }
@@ -115,15 +135,27 @@ function finish(label: string): void {
   else [preview.value, said.value] = [null, say("geometry.refused", { why: fault })];
 }
 
+/** Drags are counted, so that one that Escape ended stays ended while the pointer is still down. */
+let latest = 0;
+
+function begun(): () => boolean {
+  latest += 1;
+  const own = latest;
+  return () => own === latest;
+}
+
 export function cancelDrag(): void {
+  latest += 1;
   preview.value = null;
   guides.value = { lines: [], height: 0 };
 }
 
 function dragHandle(eye: () => Eye, handle: Handle): Drag {
   const start = shown.value;
+  const isOn = begun();
   return {
     move: (at, event) => {
+      if (!isOn()) return;
       const to = handleTo(eye(), start, handle, at, event);
       if (!to) return;
       preview.value = handle.kind === "turn" ? turnedBy(start, handle, to, event) : handle.apply(start, to);
@@ -132,7 +164,7 @@ function dragHandle(eye: () => Eye, handle: Handle): Drag {
     },
     end: (_at, _event, isClick) => {
       if (isClick) cancelDrag();
-      else finish(say(handle.kind === "turn" ? "geometry.step.turn" : "geometry.step.change", { what: chosen.value.join(", ") }));
+      else if (isOn()) finish(say(handle.kind === "turn" ? "geometry.step.turn" : "geometry.step.change", { what: chosen.value.join(", ") }));
     },
     cancel: cancelDrag,
   };
@@ -146,8 +178,10 @@ function dragThings(eye: () => Eye, from: Point, hit: string): Drag {
   const among = { except, files: fileExtents.value };
   const standing = extents.filter(({ extent }) => Math.abs(extent.low - support(start, extent.middle, among).height) < STANDS_M);
   const whole = extentOfAll(start, of, fileExtents.value);
+  const isOn = begun();
   return {
     move: (at, event) => {
+      if (!isOn()) return;
       const to = onLevel(eye().ray(at), from[2]);
       if (!to || !whole) return;
       const near = nearTo(eye(), from, event, of);
@@ -159,7 +193,7 @@ function dragThings(eye: () => Eye, from: Point, hit: string): Drag {
     },
     end: (_at, event, isClick) => {
       if (!isClick) {
-        finish(say("geometry.step.move", { what: of.join(", ") }));
+        if (isOn()) finish(say("geometry.step.move", { what: of.join(", ") }));
         return;
       }
       cancelDrag();
@@ -183,6 +217,13 @@ function metAt(eye: Eye, at: Corner) {
   return meet(shown.value, eye.ray(at), { except: hidden.value, files: fileExtents.value });
 }
 
+function graspAt(eye: Eye, at: Corner, event: PointerEvent): typeof grasp.value {
+  if (handleAt(eye, at, event)) return "grab";
+  const id = metAt(eye, at)?.id ?? null;
+  if (id === null) return "default";
+  return chosen.value.includes(id) ? "move" : "pointer";
+}
+
 /** What pointers do over a picture that this eye sees. */
 export function pointing(eye: () => Eye): Omit<Handlers, "travel" | "zoom"> {
   return {
@@ -203,7 +244,12 @@ export function pointing(eye: () => Eye): Omit<Handlers, "travel" | "zoom"> {
       else choose([id]);
     },
     hover: (at, event) => {
-      if (tool.value !== "select") draws.hover(eye(), at, event);
+      if (tool.value === "select") grasp.value = graspAt(eye(), at, event);
+      else draws.hover(eye(), at, event);
+    },
+    leave: () => {
+      guides.value = { lines: [], height: 0 };
+      grasp.value = "default";
     },
   };
 }

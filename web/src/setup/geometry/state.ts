@@ -29,7 +29,9 @@ export function setNamed(key: "layout" | "grid" | "opacity" | "live", value: str
   change({ [key]: value });
 }
 
-export const layout = named<Layout>("layout", LAYOUTS, "both");
+/** There is room for both on screens that are wide enough. */
+const isNarrow = typeof matchMedia !== "undefined" && matchMedia("(max-width: 999px)").matches;
+export const layout = named<Layout>("layout", LAYOUTS, isNarrow ? "map" : "both");
 export const gridName = named<Grid>("grid", GRIDS, "0.1");
 export const grid = computed(() => Number(gridName.value));
 export const opacityName = named<Opacity>("opacity", OPACITIES, "1");
@@ -77,6 +79,9 @@ export function setHidden(of: readonly string[], isHidden: boolean): void {
 
 /** What the last movement came to lie on, and how high. */
 export const guides = signal<{ readonly lines: readonly Guide[]; readonly height: number }>({ lines: [], height: 0 });
+/** What the pointer would grasp, as its shape tells. */
+export const grasp = signal<"default" | "grab" | "move" | "pointer">("default");
+export const cursor = computed(() => (tool.value === "select" ? grasp.value : "crosshair"));
 /** What was just done or refused, for who sees the stage and who hears it. */
 export const said = signal("");
 /** What is known of the models' files. */
@@ -95,5 +100,22 @@ export function wholeFrame(size_px: Frame["size_px"]): Frame {
 
 /** What the map shows; null until it was shown. Kept while other stages are open. */
 export const frame = signal<Frame | null>(null);
-/** Where the view looks from; null until it was shown. */
+/** Where the view looks from; null until it was moved. */
 export const view = signal<View | null>(null);
+
+/** Shows everything, on the map and in the view. */
+export function showAll(): void {
+  view.value = null;
+  if (frame.value) frame.value = wholeFrame(frame.value.size_px);
+}
+
+let lastScene: string | null = null;
+
+/** What another scene's map and view showed is nothing here. */
+export function beginScene(id: string): void {
+  if (lastScene !== null && lastScene !== id) {
+    view.value = null;
+    frame.value = null;
+  }
+  lastScene = id;
+}

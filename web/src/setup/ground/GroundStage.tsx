@@ -3,7 +3,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { change, route } from "../../route";
 import { say } from "../../strings";
-import { draft } from "../draft";
+import { draft, isReadOnly } from "../draft";
 import { type Corner, type Frame, fitted } from "../plan/frame";
 import { GroundMap, extent } from "./GroundMap";
 import { ImageryPanel } from "./ImageryPanel";
@@ -37,7 +37,7 @@ export default function GroundStage() {
         <GroundMap frame={frame} onFrame={setFrame} chosen={chosen} onChoose={choose} />
         <div class="row">
           <button type="button" onClick={() => setFrame((before) => fitted(bounds, before.size_px))}>{say("ground.fit")}</button>
-          <p class="quiet">{say("ground.help")}</p>
+          {!isReadOnly.value && <p class="quiet">{say("ground.help")}</p>}
         </div>
       </section>
       <div class="ground-panels">

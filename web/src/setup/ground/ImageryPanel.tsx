@@ -5,7 +5,7 @@ import { told } from "../../ask";
 import { mapOf } from "../../spatial/planeMap";
 import { say } from "../../strings";
 import { keepFile } from "../assets";
-import { draft, isReadOnly } from "../draft";
+import { draft, isReadOnly, settle } from "../draft";
 import { NumberField, digits } from "../Fields";
 import { atThing } from "../faults";
 import { boundsOf, type Corner } from "../plan/frame";
@@ -37,13 +37,14 @@ function layOut(file: string, size: Corner, idx: number, own: Ground | undefined
   const bounds = own && boundsOf(own.polygon);
   const scale = bounds ? Math.max((bounds.high[0] - bounds.low[0]) / size[0], (bounds.high[1] - bounds.low[1]) / size[1]) : USUAL_WIDTH_M / size[0];
   const middle: Corner = bounds ? [(bounds.low[0] + bounds.high[0]) / 2, (bounds.low[1] + bounds.high[1]) / 2] : [0, 0];
-  const target = own ? idx : addGround(rectangle(size[0] * scale, size[1] * scale));
+  const target = own ? idx : addGround(rectangle(size[0] * scale, size[1] * scale), `picture ${file}`);
   editGround(target, say("ground.step.picture"), (of) => {
     // Another picture of the same size is most likely a better one of the same place.
     const before = of.imagery && sizes.value[of.imagery.file];
     const isSame = of.imagery && before && before[0] === size[0] && before[1] === size[1];
     return { ...of, imagery: isSame && of.imagery ? { ...of.imagery, file } : laidOut(file, size, scale, middle) };
-  });
+  }, `picture ${file}`);
+  settle();
   return target;
 }
 

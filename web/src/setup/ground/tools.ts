@@ -27,13 +27,13 @@ export function editGround(idx: number, label: string, change: (of: Ground) => G
   editScene(label, (document) => ({ ...document, ground: (document.ground ?? []).map((of, i) => (i === idx ? change(of) : of)) }), mergeKey);
 }
 
-/** Adds an outline; answers which it is. */
-export function addGround(polygon: number[][]): number {
+/** Adds an outline; answers which it is. What follows at once under the same `mergeKey` is one step with it. */
+export function addGround(polygon: number[][], mergeKey?: string): number {
   let idx = 0;
   editScene(say("ground.step.add"), (document) => {
     idx = document.ground?.length ?? 0;
     return { ...document, ground: [...(document.ground ?? []), { polygon, height_m: 0, color_srgb: "#8a8a84" }] };
-  });
+  }, mergeKey);
   return idx;
 }
 

@@ -7,6 +7,7 @@ import { NumberField, TextField } from "../Fields";
 import { atCamera } from "../faults";
 import { isId } from "../ids";
 import { confirmed } from "../Question";
+import { hasPlace } from "../stages";
 import { withId, withName, withoutCamera } from "./edits";
 import { PartFields } from "./PartFields";
 import { PlaceFields } from "./PlaceFields";
@@ -16,6 +17,7 @@ type Given = { camera: DraftCamera; onId: (id: string | null) => void };
 
 function NameFields({ camera, isKept, onId }: Given & { isKept: boolean }) {
   const { id, name, origin } = camera;
+  if (isReadOnly.value) return null;
   if (origin === "configured") return <p class="quiet">{say("videos.name.configured")}</p>;
   const isTaken = (draft.value?.cameras ?? []).filter((other) => other.id === id).length > 1;
   const wrong = isId(id) ? (isTaken ? say("videos.id.taken") : undefined) : say("setup.id.wrong");
@@ -104,14 +106,16 @@ export function CameraEditor({ camera, onId }: Given) {
         <SourcePicture camera={camera} looked={looked} />
         <fieldset class="plain" disabled={isReadOnly.value}>
           <NameFields camera={camera} isKept={isKept} onId={onId} />
-          <PlaceFields camera={camera} isKept={isKept} fault={fault} onLook={ask} onId={onId} />
+          {isReadOnly.value
+            ? <p class="quiet">{source.path ?? source.url ?? source.device}</p>
+            : <PlaceFields camera={camera} isKept={isKept} fault={fault} onLook={ask} onId={onId} />}
         </fieldset>
       </div>
       <fieldset class="plain" disabled={isReadOnly.value}>
         {source.path && (
           <PartFields camera={camera} length={known?.secs ?? null} rateHz={known?.rateHz ?? null} at={at} onAt={setAt} isDisabled={isReadOnly.value} />
         )}
-        <ClockFields camera={camera} />
+        {(!isReadOnly.value || hasPlace(camera)) && <ClockFields camera={camera} />}
         <EndFields camera={camera} onId={onId} />
       </fieldset>
     </section>

@@ -31,11 +31,12 @@ function add(kind: Kind): void {
 }
 
 function AddButtons() {
+  if (isReadOnly.value) return null;
   return (
     <div class="row" role="group" aria-label={say("videos.add")}>
       <span>{say("videos.add")}:</span>
       {KINDS.map((kind) => (
-        <button key={kind} type="button" disabled={isReadOnly.value} onClick={() => add(kind)}>{say(`videos.add.${kind}`)}</button>
+        <button key={kind} type="button" onClick={() => add(kind)}>{say(`videos.add.${kind}`)}</button>
       ))}
     </div>
   );

@@ -5,6 +5,9 @@ import { type Newest, useNewest } from "../newest";
 import { type Look, look } from "../requests";
 
 const MOST_KEPT = 60;
+/** As many as the daemon takes. One that is under way goes on though its picture is not wanted any more: to the daemon it would
+ * go on all the same, and its picture may be met again. */
+const AT_ONCE = 2;
 const REST_MILLIS = 150;
 
 export type Looked = Omit<Look, "picture_jpeg"> & { readonly url: string };
@@ -16,6 +19,22 @@ function pictureUrl(base64: string): string {
   return URL.createObjectURL(new Blob([bytes], { type: "image/jpeg" }));
 }
 
+let underWay = 0;
+const waiting: (() => void)[] = [];
+
+/** Does one after the other; what is not wanted any more once it is its turn is not done. */
+async function inTurn<Answer>(signal: AbortSignal, act: () => Promise<Answer>): Promise<Answer> {
+  if (underWay >= AT_ONCE) await new Promise<void>((resolve) => waiting.push(resolve));
+  underWay += 1;
+  try {
+    signal.throwIfAborted();
+    return await act();
+  } finally {
+    underWay -= 1;
+    waiting.shift()?.();
+  }
+}
+
 /** One picture of a source, from memory where it was looked at lately. Throws `Trouble`. */
 async function lookAt(key: string, source: Source, atSecs: number, signal: AbortSignal): Promise<Looked> {
   const before = kept.get(key);
@@ -25,7 +44,7 @@ async function lookAt(key: string, source: Source, atSecs: number, signal: Abort
     kept.set(key, before);
     return before;
   }
-  const { picture_jpeg, ...facts } = await look(source, atSecs, signal);
+  const { picture_jpeg, ...facts } = await inTurn(signal, () => look(source, atSecs));
   const looked = { ...facts, url: pictureUrl(picture_jpeg) };
   kept.set(key, looked);
   const [oldest] = kept;

@@ -234,6 +234,7 @@ export const system = {
   "system.setting.exact": "exact",
   "system.example.took": "took {ms} ms",
   "system.example.kept": "was drawn before",
+  "system.example.coming": "It is being drawn …",
   "system.example.paused": "No pictures while it is being measured.",
   "system.example.apart": "differs from exact by {error} codes (RMSE)",
 

@@ -41,7 +41,7 @@ function Picture({ title, drawn, children }: { title: string; drawn: Drawn | und
         <strong>{title}</strong>{" "}
         <span class="quiet">{drawn && (drawn.isKept ? say("system.example.kept") : say("system.example.took", { ms: drawn.millis.toFixed(0) }))} {children}</span>
       </figcaption>
-      {drawn ? <img src={drawn.url} alt={title} width={SIZE.width} height={SIZE.height} /> : <div class="no-picture quiet">{say("place.loading")} …</div>}
+      {drawn ? <img src={drawn.url} alt={title} width={SIZE.width} height={SIZE.height} /> : <div class="no-picture">{say("system.example.coming")}</div>}
     </figure>
   );
 }

@@ -1,0 +1,47 @@
+// Somebody is followed from camera to camera, and stays the same.
+
+import { expect, fused, test } from "./page";
+
+// A machine that is busy answers 503, and is asked again.
+test.afterEach(({ complaints }) => {
+  complaints.splice(0, complaints.length, ...complaints.filter((text) => !text.includes("503")));
+});
+
+test("somebody is followed across three cameras, and Esc ends it", async ({ page, url }) => {
+  await page.goto(url);
+  await fused(page);
+  // Who has been there for longest goes round the plaza again and again.
+  const people = page.locator(".person:not(.is-lost)");
+  await expect(people.first()).toBeVisible();
+  const ids = await people.evaluateAll((labels) => labels.map((label) => Number((label as HTMLElement).dataset["person"])));
+  const id = String(Math.min(...ids));
+  await page.locator(`.person[data-person="${id}"]`).focus();
+  await page.keyboard.press("f");
+  const panel = page.getByRole("region", { name: `Following ${id}` });
+  await expect(panel).toBeVisible();
+  await expect(page).toHaveURL(new RegExp(`follow=${id}`));
+  await expect(panel.locator(".crop img:not(.is-empty)")).toBeVisible();
+  const everSeenBy = async () => ((await panel.locator("[data-ever]").getAttribute("data-ever")) ?? "").split(" ").sort().join(" ");
+  await expect.poll(everSeenBy, { timeout: 45_000 }).toBe("east north west");
+  await expect(panel).toHaveAttribute("data-follow", id);
+  await page.keyboard.press("Escape");
+  await expect(panel).toHaveCount(0);
+  await expect(page).not.toHaveURL(/follow=/);
+});
+
+test("a place says which cameras see it, and a cone of the map leads to its camera", async ({ page, url }) => {
+  await page.goto(`${url}/#/operate?eye=0,-18,9&target=0,-4,0&fov=50&map=large&labels=off`);
+  const stage = await fused(page);
+  await stage.press("Enter");
+  const panel = page.getByRole("region", { name: "Who sees this place" });
+  await expect(panel.getByText(/\d of 3 cameras see it/)).toBeVisible();
+  await expect(panel.locator("[data-sees=true]").first()).toContainText("pixels a metre");
+  await expect(panel.locator(".spot")).toBeVisible();
+  await expect(page).toHaveURL(/mark=-?0\.\d\d,-4\.\d\d,/);
+  await page.keyboard.press("Escape");
+  await expect(panel).toHaveCount(0);
+  await page.getByRole("button", { name: /Camera North side, live/ }).press("Enter");
+  await expect(page.locator(".alone").getByRole("heading", { name: "North side" })).toBeVisible();
+  await page.keyboard.press("Escape");
+  await expect(await fused(page)).toHaveAttribute("data-view", /"eye":\[0,-18,9\]/);
+});
