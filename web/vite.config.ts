@@ -15,6 +15,6 @@ export default defineConfig({
     modulePreload: { polyfill: false },
     rolldownOptions: { input: { main: "index.html", wall: "wall.html" } },
   },
-  server: { proxy: { "/api": { target: daemon, ws: true }, "/healthz": daemon } },
+  server: { proxy: { "/api": { target: daemon, ws: true }, "/healthz": daemon, "/metrics": daemon } },
   test: { include: ["src/**/*.test.ts"], environment: "node" },
 });
