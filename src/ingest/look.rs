@@ -15,8 +15,8 @@ use std::sync::Arc;
 
 const NANOS_PER_SEC: f64 = 1e9;
 
-/// Frames that a live source is waited for to tell how fast they come, where it does not say.
-const LIVE_FRAMES: u32 = 2;
+/// How often a live source is polled for its second frame, which tells how fast they come where it does not say: for two seconds.
+const LOOKS_FOR_SECOND: u32 = 20;
 
 /// What a source shows.
 #[derive(Clone, Debug)]
@@ -126,23 +126,24 @@ fn of_file(path: &Path, at_secs: f64, (roots, stop): (&MediaRoots, &StopFlag)) -
 }
 
 fn of_live(mut source: LiveSource) -> Result<Look, IngestError> {
-    let mut seen = Vec::new();
-    loop {
+    let first = loop {
         match source.poll()? {
-            Polled::Frame(frame) => seen.push(frame),
-            Polled::Waiting if seen.is_empty() => continue,
-            Polled::Waiting | Polled::Ended => break,
+            Polled::Frame(frame) => break frame,
+            Polled::Waiting => {}
+            Polled::Ended => return Err(IngestError::Empty { path: source.place().into() }),
         }
-        if source.interval_nanos().is_some() || seen.len() as u32 >= LIVE_FRAMES {
+    };
+    let mut interval_nanos = source.interval_nanos();
+    let mut looks = 0..LOOKS_FOR_SECOND;
+    while interval_nanos.is_none() && looks.next().is_some() {
+        // Of a source that fails now the picture is good all the same.
+        if let Ok(Polled::Frame(second)) = source.poll() {
+            interval_nanos = Some(second.stream_nanos - first.stream_nanos).filter(|nanos| *nanos > 0);
             break;
         }
     }
-    let place = || IngestError::Empty { path: source.place().into() };
-    let [first, ..] = seen.as_slice() else { return Err(place()) };
-    let apart_nanos = seen.get(1).map(|second| second.stream_nanos - first.stream_nanos);
-    let interval_nanos = source.interval_nanos().or(apart_nanos.filter(|nanos| *nanos > 0));
     Ok(Look {
-        image: Arc::clone(&first.image),
+        image: first.image,
         rate_hz: interval_nanos.map(rate_of),
         codec: source.codec(),
         duration_secs: None,

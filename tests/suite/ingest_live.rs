@@ -111,6 +111,34 @@ fn assert_grows(frames: &[(Timestamp, (u32, u32))]) {
     assert!(frames.windows(2).all(|pair| pair[0].0 < pair[1].0), "{frames:?}");
 }
 
+/// What a live source shows to who looks once.
+fn look(url: &str) -> Result<ingest::Look, ingest::IngestError> {
+    ingest::look(&settings(url), 0.0, &roots(), &ingest::StopFlag::default())
+}
+
+#[test]
+fn a_camera_is_looked_at_once() {
+    let server = RtspServer::start(0, &ball(320, 240), None);
+    let seen = look(&server.url()).unwrap();
+    assert_eq!((seen.image.width(), seen.image.height()), (320, 240));
+    assert_eq!(seen.codec.as_deref(), Some("h264"), "{seen:?}");
+    assert!(seen.rate_hz.is_some_and(|rate| (5.0..=60.0).contains(&rate)), "{seen:?}");
+    assert_eq!((seen.duration_secs, seen.at_secs), (None, None));
+    let error = look("http://8.8.8.8/live?key=s3cret").unwrap_err();
+    assert!(error.to_string().contains("media.networks") && !error.to_string().contains("s3cret"));
+    // One that takes the connection and says nothing is waited for until nobody waits any more.
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let url = format!("rtsp://{}/live", silent.local_addr().unwrap());
+    let stop = ingest::StopFlag::default();
+    let waiting = stop.clone();
+    let looked = std::thread::Builder::new()
+        .name("look".to_owned())
+        .spawn(move || ingest::look(&settings(&url), 0.0, &roots(), &waiting));
+    SystemClock::new().sleep(Duration::from_millis(500));
+    stop.raise();
+    assert!(looked.unwrap().join().unwrap().is_err());
+}
+
 #[test]
 fn frames_come_over_tcp_and_udp_with_the_time_of_their_arrival() {
     let server = RtspServer::start(0, &ball(320, 240), None);

@@ -54,6 +54,20 @@ fn pause(ms: u64) {
 }
 
 #[test]
+fn motion_jpeg_is_looked_at_once() {
+    let (port, _) = camera(|stream| {
+        for n in 0..50 {
+            stream.write_all(&part(&jpeg(n as u8)))?;
+            pause(40);
+        }
+        Ok(())
+    });
+    let seen = look(&format!("http://127.0.0.1:{port}/")).unwrap();
+    assert_eq!((seen.image.width(), seen.image.height(), seen.codec.as_deref()), (160, 120, Some("jpeg")));
+    assert!(seen.rate_hz.is_some_and(|rate| rate > 5.0), "{seen:?}");
+}
+
+#[test]
 fn pictures_come_and_the_camera_hears_its_own_name() {
     let (port, heads) = camera(|stream| {
         for n in 0..500 {
