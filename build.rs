@@ -1,5 +1,6 @@
 //! Embeds the web pages that `make web` built into `web/dist`: writes a list of them for `src/api/page.rs` to include. Where they
-//! were not built the list is empty, and the daemon's pages say how they are.
+//! were not built the list is empty, and the daemon's pages say how they are; in development builds it is empty too, and they are
+//! read while the daemon runs.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,10 +10,13 @@ fn main() -> io::Result<()> {
     let root = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("set by cargo"));
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("set by cargo"));
     println!("cargo::rerun-if-changed=build.rs");
-    println!("cargo::rerun-if-changed=web/dist");
     let dist = root.join("web/dist");
     let mut files = Vec::new();
-    if dist.join("index.html").is_file() {
+    let is_development = env::var("PROFILE").is_ok_and(|profile| profile == "debug");
+    if !is_development {
+        println!("cargo::rerun-if-changed=web/dist");
+    }
+    if !is_development && dist.join("index.html").is_file() {
         gather(&dist, &mut files)?;
     }
     files.sort();
