@@ -2,6 +2,7 @@
 
 import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { resolve } from "node:path";
+import type { Page } from "@playwright/test";
 
 const FOLDER = resolve(import.meta.dirname, "../../target/web-e2e-daemon");
 const FILE = resolve(FOLDER, "figures.json");
@@ -16,4 +17,15 @@ export function note(name: string, value: unknown): void {
     // The first one.
   }
   writeFileSync(FILE, `${JSON.stringify({ ...before, [name]: value }, null, 2)}\n`);
+}
+
+/** What the person did: every press of a button or key on the page. */
+export async function counted(page: Page): Promise<() => Promise<{ clicks: number; keys: number }>> {
+  await page.addInitScript(() => {
+    const count = JSON.parse(sessionStorage.getItem("counted") ?? '{"clicks":0,"keys":0}') as { clicks: number; keys: number };
+    const keep = () => sessionStorage.setItem("counted", JSON.stringify(count));
+    addEventListener("pointerdown", () => { count.clicks += 1; keep(); }, { capture: true });
+    addEventListener("keydown", () => { count.keys += 1; keep(); }, { capture: true });
+  });
+  return () => page.evaluate(() => JSON.parse(sessionStorage.getItem("counted") ?? "{}") as { clicks: number; keys: number });
 }

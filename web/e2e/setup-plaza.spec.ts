@@ -9,19 +9,21 @@ import { between, length, minus, point, quaternion } from "../src/setup/cameras/
 import type { Calibration, SceneDocument } from "../src/setup/draft";
 import { calibrationIn, clickPicture, keyPicture, pairRows, picturePane, pixel, typePlace } from "./calibrating";
 import { DEMO, type Daemon, daemon } from "./daemon";
-import { note } from "./figures";
+import { counted, note } from "./figures";
 import { expect, fused, test } from "./page";
 
 const TRUTH = JSON.parse(readFileSync(resolve(DEMO, "plaza.json"), "utf8")) as SceneDocument;
 const MOST_OFF_M = 0.1;
 const MOST_OFF_DEGREES = 0.3;
 
-/** Six places that each camera sees: corners of hall and cafe, and points of the pavement that were measured. */
+/** Places that each camera sees: corners of hall and cafe, and points of the pavement that were measured. Six place a camera; north's
+ * lens bends, and to find that too takes some more. */
 const PLACES: Record<string, readonly Point[]> = {
-  west: [[-1, 6.5, 0], [-1, 6.5, 6.4], [8.697846, -0.271462, 0], [14.784607, 1.706247, 4], [-10, -4, 0], [0, -10, 0]],
-  east: [[-1, 6.5, 0], [-1, 6.5, 6.4], [8.697846, -0.271462, 4], [14.784607, 1.706247, 4], [8, -8, 0], [0, -6, 0]],
-  north: [[-1, 6.5, 0], [-1, 6.5, 3], [7.215385, 4.293752, 0], [7.215385, 4.293752, 4], [0, -6, 0], [8.697846, -0.271462, 4]],
+  west: [[-1, 6.5, 0], [-1, 6.5, 6.4], [8.69826, -0.27139, 0], [14.785022, 1.706319, 4], [-10, -4, 0], [0, -10, 0]],
+  east: [[-1, 6.5, 0], [-1, 6.5, 6.4], [8.69826, -0.27139, 4], [8.69826, -0.27139, 0], [0, -10, 0], [-10, -4, 0]],
+  north: [[-1, 6.5, 0], [-1, 6.5, 6.4], [7.214978, 4.293681, 0], [8.69826, -0.27139, 4], [0, 0, 0], [8, -8, 0], [0, -10, 0], [4, 6, 0], [10, -6, 0]],
 };
+const BENT = "north";
 const NAMES: Record<string, string> = { west: "West", east: "East", north: "North" };
 
 let own: Daemon;
@@ -32,17 +34,6 @@ test.beforeAll(async () => {
 test.afterAll(async () => {
   await own.stop();
 });
-
-/** What the person did: every press of a button or key on the page. */
-async function counted(page: Page): Promise<() => Promise<{ clicks: number; keys: number }>> {
-  await page.addInitScript(() => {
-    const count = JSON.parse(sessionStorage.getItem("counted") ?? '{"clicks":0,"keys":0}') as { clicks: number; keys: number };
-    const keep = () => sessionStorage.setItem("counted", JSON.stringify(count));
-    addEventListener("pointerdown", () => { count.clicks += 1; keep(); }, { capture: true });
-    addEventListener("keydown", () => { count.keys += 1; keep(); }, { capture: true });
-  });
-  return () => page.evaluate(() => JSON.parse(sessionStorage.getItem("counted") ?? "{}") as { clicks: number; keys: number });
-}
 
 async function addVideo(page: Page, id: string): Promise<void> {
   await page.getByRole("button", { name: "File", exact: true }).click();
@@ -117,7 +108,7 @@ test("the plaza is set up from nothing, and is seen as one", async ({ page, comp
     await page.locator(`[data-camera=${id}]`).click();
     const pane = picturePane(page, NAMES[id] ?? id);
     await expect(page.getByRole("img", { name: `What ${NAMES[id] ?? id} shows` })).toBeVisible();
-    // North has a lens that bends: it takes a seventh pair to find that too, and six find the rest.
+    if (id === BENT) await page.getByRole("checkbox", { name: "How the lens bends too" }).check();
     for (const [i, place] of places.entries()) {
       await typePlace(page, place);
       const at = pixel(truth, place);
@@ -125,6 +116,8 @@ test("the plaza is set up from nothing, and is seen as one", async ({ page, comp
       else await clickPicture(pane, at);
       await expect(pairRows(page)).toHaveCount(i + 2);
     }
+    // What was found of the last pair too is taken over, as one step with it.
+    await expect(page.getByRole("button", { name: `Undo: Place ${NAMES[id] ?? id}` })).toBeVisible();
     await expect.poll(async () => Number(await page.locator(".cal-error").getAttribute("data-rms"))).toBeLessThan(1.5);
   }
 
