@@ -8,6 +8,8 @@ export default defineConfig({
   globalSetup: "./e2e/daemon.ts",
   // One machine draws for the daemon and the browser: one test at a time.
   workers: 1,
+  // A machine that others use too may be slow once; what needs the second try is told as flaky.
+  retries: process.env["CI"] ? 1 : 0,
   timeout: 60_000,
   expect: { timeout: 20_000 },
   reporter: "line",

@@ -9,7 +9,7 @@ const VIEW: View = { eye: [-6, -19, 7], target: [0.5, 1, 0.5], fov: 45 };
 const SEEN = "eye=-6,-19,7&target=0.5,1,0.5&fov=45&labels=off&trails=off&map=off";
 /** Corners of the hall and of the café, and places of the paving with something on it. */
 const PLACES: Point[] = [
-  [-1, 6.5, 0], [-1, 6.5, 6.4], [-6, 6.5, 0], [8.7, -0.27, 0], [8.7, -0.27, 4], [7.21, 4.29, 0], [14.79, 1.71, 0], [14.79, 1.71, 4],
+  [-1, 6.5, 0], [-1, 6.5, 6.4], [-6, 6.5, 0], [8.7, -0.27, 0], [8.7, -0.27, 4], [7.21, 4.29, 0],
   [0, 0, 0], [3.2, 0, 0], [-3.2, 0, 0], [0, 3.2, 0],
 ];
 /** Half a side of what is compared, and how far off it is looked for, pixels. */
@@ -17,6 +17,24 @@ const PATCH = 14;
 const REACH = 5;
 
 type Compared = { mean: number; shifts: { x: number; y: number }[] };
+
+/** What the canvas shows. It can be read only in the frame in which it was drawn, so until one is met; the page may lie between two
+ * pixels, so that a picture of the page would not do. */
+async function canvasOf(page: Page): Promise<{ png: Buffer; width: number; height: number }> {
+  const { text, width, height } = await page.locator(".drawn-here canvas").evaluate((canvas: HTMLCanvasElement) => new Promise<{ text: string; width: number; height: number }>((resolve) => {
+    const copy = document.createElement("canvas");
+    [copy.width, copy.height] = [canvas.width, canvas.height];
+    const context = copy.getContext("2d");
+    const look = () => {
+      context?.drawImage(canvas, 0, 0);
+      const isDrawn = (context?.getImageData(copy.width >> 1, copy.height >> 1, 1, 1).data[3] ?? 0) > 0;
+      if (isDrawn) resolve({ text: copy.toDataURL(), width: copy.width, height: copy.height });
+      else requestAnimationFrame(look);
+    };
+    requestAnimationFrame(look);
+  }));
+  return { png: Buffer.from(text.split(",")[1] ?? "", "base64"), width, height };
+}
 
 /** How far off patches of one picture are in another: where they differ least. */
 function compared(page: Page, mine: Buffer, theirs: Buffer, spots: number[][]): Promise<Compared> {
@@ -51,22 +69,20 @@ function compared(page: Page, mine: Buffer, theirs: Buffer, spots: number[][]): 
       return { x: best.x, y: best.y };
     });
     let [total, count] = [0, 0];
-    for (let y = 60; y < b.height - 60; y += 3) for (let x = 4; x < b.width - 4; x += 3) [total, count] = [total + apart(x, y, 0, 0), count + 1];
+    for (let y = 4; y < b.height - 4; y += 3) for (let x = 4; x < b.width - 4; x += 3) [total, count] = [total + apart(x, y, 0, 0), count + 1];
     return { mean: total / count, shifts };
   }, { files: [mine, theirs].map((bytes) => bytes.toString("base64")), spots, patch: PATCH, reach: REACH });
 }
 
 test("the browser's picture is the daemon's, within two pixels", async ({ page, url, request }) => {
   await page.goto(`${url}/#/operate?drawing=browser&entities=none&quality=exact&${SEEN}`);
-  const here = page.locator(".drawn-here");
-  await expect(here).toHaveAttribute("data-cameras", "3");
+  await expect(page.locator(".drawn-here")).toHaveAttribute("data-cameras", "3");
   await expect(page.getByRole("application")).toHaveAttribute("data-time", /\d+/);
-  const box = await here.boundingBox();
-  const [width, height] = [Math.round(box?.width ?? 0), Math.round(box?.height ?? 0)];
+  const { png, width, height } = await canvasOf(page);
   const spots = PLACES.flatMap((place) => {
     const at = placed(VIEW, width / height, place);
     return at ? [[Math.round(at[0] * width), Math.round(at[1] * height)]] : [];
-  }).filter(([x = 0, y = 0]) => x > 24 && y > 60 && x < width - 24 && y < height - 24);
+  }).filter(([x = 0, y = 0]) => x > 24 && y > 24 && x < width - 24 && y < height - 24);
   expect(spots.length).toBeGreaterThanOrEqual(8);
   const asked = new URLSearchParams(`${SEEN.split("&labels")[0]}&entities=none&quality=exact&colors=raw&see_through=off`);
   asked.set("width", String(width));
@@ -77,7 +93,7 @@ test("the browser's picture is the daemon's, within two pixels", async ({ page, 
     expect(answer.status()).toBe(200);
     theirs = await answer.body();
   }).toPass();
-  const result = await compared(page, await here.screenshot(), theirs, spots);
+  const result = await compared(page, png, theirs, spots);
   for (const { x, y } of result.shifts) expect(Math.hypot(x, y)).toBeLessThanOrEqual(2);
   expect(result.mean).toBeLessThan(5);
   note("browser_apart_codes", result.mean);

@@ -34,6 +34,8 @@ export async function clickPicture(pane: Locator, at: readonly [number, number])
 
 /** Takes the crosshair from the picture's middle to a pixel, and places it. */
 export async function keyPicture(pane: Locator, [x, y]: readonly [number, number]): Promise<void> {
+  // Where it was left before it stays; so it begins in the middle.
+  await pane.blur();
   await pane.focus();
   // The first press shows it.
   await pane.press("ArrowRight");
@@ -45,7 +47,8 @@ export async function keyPicture(pane: Locator, [x, y]: readonly [number, number
   await pane.press("Enter");
 }
 
-export async function clickScene(pane: Locator, place: Point): Promise<void> {
+/** Where a place lies in the scene's pane, pixels. */
+export async function onScene(pane: Locator, place: Point): Promise<{ x: number; y: number }> {
   const view = JSON.parse((await pane.locator("..").getAttribute("data-view")) ?? "") as View;
   const box = await pane.boundingBox();
   const [width, height] = [box?.width ?? 1, box?.height ?? 1];
@@ -54,8 +57,24 @@ export async function clickScene(pane: Locator, place: Point): Promise<void> {
   const across = 2 * (view.eye[2] - place[2]) * Math.tan((view.fov * Math.PI) / 360);
   const above = [0.5 + ((place[0] - view.eye[0]) / across) * (height / width), 0.5 - (place[1] - view.eye[1]) / across];
   const [u = 0, v = 0] = isAbove ? above : (placed(view, width / height, place) ?? []);
+  return { x: u * width, y: v * height };
+}
+
+export async function clickScene(pane: Locator, place: Point): Promise<void> {
+  const { x, y } = await onScene(pane, place);
   // Not quite to the pixel: it snaps.
-  await pane.click({ position: { x: u * width + 2, y: v * height - 1 } });
+  await pane.click({ position: { x: x + 2, y: y - 1 } });
+}
+
+/** Drags from a place of an element by so many pixels, with nothing that sticks to the page's edges above it. */
+export async function drag(page: Page, what: Locator, from: { x: number; y: number }, by: { x: number; y: number }): Promise<void> {
+  await page.evaluate(() => scrollTo(0, 0));
+  const box = await what.boundingBox();
+  const [x, y] = [(box?.x ?? 0) + from.x, (box?.y ?? 0) + from.y];
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x + by.x, y + by.y, { steps: 3 });
+  await page.mouse.up();
 }
 
 export async function typePlace(page: Page, place: Point): Promise<void> {

@@ -8,22 +8,28 @@ test.afterEach(({ complaints }) => {
 });
 
 test("somebody is followed across three cameras, and Esc ends it", async ({ page, url }) => {
+  test.setTimeout(150_000);
   await page.goto(url);
   await fused(page);
-  // Who has been there for longest goes round the plaza again and again.
-  const people = page.locator(".person:not(.is-lost)");
-  await expect(people.first()).toBeVisible();
-  const ids = await people.evaluateAll((labels) => labels.map((label) => Number((label as HTMLElement).dataset["person"])));
-  const id = String(Math.min(...ids));
-  await page.locator(`.person[data-person="${id}"]`).focus();
-  await page.keyboard.press("f");
-  const panel = page.getByRole("region", { name: `Following ${id}` });
-  await expect(panel).toBeVisible();
+  let id = "";
+  const panel = page.locator("[data-follow]");
+  const everSeenBy = async () => ((await panel.locator("[data-ever]").getAttribute("data-ever")) ?? "").split(" ").sort().join(" ");
+  // A machine that is too busy for its cameras loses people; then somebody else is followed.
+  await expect(async () => {
+    // Who has been there for longest goes round the plaza again and again.
+    const people = page.locator(".person:not(.is-lost)");
+    await expect(people.first()).toBeVisible();
+    id = String(Math.min(...(await people.evaluateAll((labels) => labels.map((label) => Number((label as HTMLElement).dataset["person"]))))));
+    if ((await panel.count()) === 0 || (await panel.getAttribute("data-follow")) !== id) {
+      await page.locator(`.person[data-person="${id}"]`).focus();
+      await page.keyboard.press("f");
+    }
+    await expect(page.getByRole("region", { name: `Following ${id}` })).toBeVisible();
+    await expect.poll(everSeenBy, { timeout: 35_000 }).toBe("east north west");
+  }).toPass({ timeout: 120_000 });
+  await expect(panel).toHaveAttribute("data-follow", id);
   await expect(page).toHaveURL(new RegExp(`follow=${id}`));
   await expect(panel.locator(".crop img:not(.is-empty)")).toBeVisible();
-  const everSeenBy = async () => ((await panel.locator("[data-ever]").getAttribute("data-ever")) ?? "").split(" ").sort().join(" ");
-  await expect.poll(everSeenBy, { timeout: 45_000 }).toBe("east north west");
-  await expect(panel).toHaveAttribute("data-follow", id);
   await page.keyboard.press("Escape");
   await expect(panel).toHaveCount(0);
   await expect(page).not.toHaveURL(/follow=/);

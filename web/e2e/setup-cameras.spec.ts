@@ -1,17 +1,14 @@
 // Calibrating by six pairs, by pointer and by keys, held to the truth; a camera in the hand; and that what the browser projects lies
 // where the daemon draws it. Nothing is saved.
 
-import { readFileSync } from "node:fs";
-import { resolve } from "node:path";
-import type { Locator, Page } from "@playwright/test";
-import type { AxeResults } from "axe-core";
-import { type Point, type View, placed } from "../src/operate/orbit";
+import type { Page } from "@playwright/test";
+import type { Point, View } from "../src/operate/orbit";
 import type { Calibration, SceneDocument } from "../src/setup/draft";
-import { lensOf, project } from "../src/spatial/lens";
 import { between, length, minus, point, quaternion } from "../src/setup/cameras/torch";
+import { findings } from "./axe";
+import { calibrationIn, clickPicture, clickScene, drag, keyPicture, onPane, onScene, pairRows, picturePane, pixel, scenePane, typePlace } from "./calibrating";
 import { expect, test } from "./page";
 
-const AXE = readFileSync(resolve(import.meta.dirname, "../node_modules/axe-core/axe.min.js"), "utf8");
 const KEPT = "videofields.setup";
 
 /** Places that camera west sees: corners of the hall and the cafe, and points of the ground. */
@@ -21,11 +18,10 @@ const PLACES = {
 
 type Draft = { scene: { document: SceneDocument }; calibrating: Record<string, { pairs: unknown[]; lines: unknown[] }> };
 
-const picture = (page: Page) => page.getByRole("application", { name: "Picture of South-west corner" });
-const scene = (page: Page) => page.getByRole("application", { name: "The scene with" });
+const picture = (page: Page) => picturePane(page, "South-west corner");
 const draftOf = async (page: Page) =>
   JSON.parse(await page.evaluate((key) => localStorage.getItem(key) ?? "null", KEPT)) as { draft: Draft } | null;
-const calibrationOf = (document: SceneDocument | undefined) => document?.cameras?.find(({ id }) => id === "west")?.calibration as Calibration | undefined;
+const calibrationOf = (document: SceneDocument | undefined) => calibrationIn(document, "west");
 
 /** The stage with camera west, which has lost its calibration where `isBare`; answers the true one. */
 async function open(page: Page, url: string, details: string, isBare: boolean): Promise<Calibration> {
@@ -41,104 +37,33 @@ async function open(page: Page, url: string, details: string, isBare: boolean): 
   return truth;
 }
 
-/** Where the camera truly shows a place, to the pixel. */
-function pixel(truth: Calibration, place: Point): readonly [number, number] {
-  const lens = lensOf(truth);
-  const at = project(lens, place);
-  return [Math.round((at?.u ?? NaN) * lens.size[0]), Math.round((at?.v ?? NaN) * lens.size[1])];
-}
-
-/** Where a pixel of the picture lies in its pane. */
-async function onPane(pane: Locator, [x, y]: readonly [number, number]): Promise<{ x: number; y: number }> {
-  const [scale, left, top] = await Promise.all(["scale", "left", "top"].map(async (name) => Number(await pane.getAttribute(`data-${name}`))));
-  return { x: (left ?? 0) + x * (scale ?? 1), y: (top ?? 0) + y * (scale ?? 1) };
-}
-
-async function clickPicture(page: Page, at: readonly [number, number]): Promise<void> {
-  await picture(page).click({ position: await onPane(picture(page), at) });
-}
-
-/** Takes the crosshair from the picture's middle to a pixel, and places it. */
-async function keyPicture(page: Page, [x, y]: readonly [number, number]): Promise<void> {
-  const pane = picture(page);
-  await pane.blur();
-  await pane.focus();
-  // The first press shows it.
-  await pane.press("ArrowRight");
-  for (const [by, back, forth] of [[x - 320, "ArrowLeft", "ArrowRight"], [y - 180, "ArrowUp", "ArrowDown"]] as const) {
-    const key = by < 0 ? back : forth;
-    for (let i = 0; i < Math.floor(Math.abs(by) / 10); i += 1) await pane.press(`Shift+${key}`);
-    for (let i = 0; i < Math.abs(by) % 10; i += 1) await pane.press(key);
-  }
-  await pane.press("Enter");
-}
-
-/** Where a place lies in the scene's pane, pixels. */
-async function onScene(page: Page, place: Point): Promise<{ x: number; y: number }> {
-  const pane = scene(page);
-  const view = JSON.parse((await pane.locator("..").getAttribute("data-view")) ?? "") as View;
-  const box = await pane.boundingBox();
-  const [width, height] = [box?.width ?? 1, box?.height ?? 1];
-  // From straight above, north is up.
-  const isAbove = view.eye[0] === view.target[0] && view.eye[1] === view.target[1];
-  const across = 2 * (view.eye[2] - place[2]) * Math.tan((view.fov * Math.PI) / 360);
-  const above = [0.5 + ((place[0] - view.eye[0]) / across) * (height / width), 0.5 - (place[1] - view.eye[1]) / across];
-  const [u = 0, v = 0] = isAbove ? above : (placed(view, width / height, place) ?? []);
-  return { x: u * width, y: v * height };
-}
-
-async function clickScene(page: Page, place: Point): Promise<void> {
-  const { x, y } = await onScene(page, place);
-  // Not quite to the pixel: it snaps.
-  await scene(page).click({ position: { x: x + 2, y: y - 1 } });
-}
-
-/** Drags from a place of an element by so many pixels, with nothing that sticks to the page's edges above it. */
-async function drag(page: Page, what: Locator, from: { x: number; y: number }, by: { x: number; y: number }): Promise<void> {
-  await page.evaluate(() => scrollTo(0, 0));
-  const box = await what.boundingBox();
-  const [x, y] = [(box?.x ?? 0) + from.x, (box?.y ?? 0) + from.y];
-  await page.mouse.move(x, y);
-  await page.mouse.down();
-  await page.mouse.move(x + by.x, y + by.y, { steps: 3 });
-  await page.mouse.up();
-}
-
-async function typePlace(page: Page, place: Point): Promise<void> {
-  const fields = page.getByRole("group", { name: /without clicking/ });
-  for (const [i, axis] of ["x", "y", "z"].entries()) await fields.getByLabel(`World ${axis}`).fill(String(place[i]));
-  await fields.getByLabel("World z").press("Enter");
-}
-
-const rows = (page: Page) => page.getByRole("region", { name: "Pairs" }).getByRole("row");
-
 test("six pairs by pointer and keys place a camera", async ({ page, url }) => {
   test.slow();
   const truth = await open(page, url, "", true);
   const at = (name: keyof typeof PLACES) => pixel(truth, PLACES[name]);
 
   // Picture first, scene first; a corner of a list; a point of the map; numbers.
-  await clickPicture(page, at("hall"));
-  await clickScene(page, PLACES.hall);
-  await expect(rows(page)).toHaveCount(2);
-  await clickScene(page, PLACES.eaves);
-  await clickPicture(page, at("eaves"));
-  await clickScene(page, PLACES.cafe);
-  await keyPicture(page, at("cafe"));
-  await expect(rows(page)).toHaveCount(4);
+  await clickPicture(picture(page), at("hall"));
+  await clickScene(scenePane(page), PLACES.hall);
+  await expect(pairRows(page)).toHaveCount(2);
+  await clickScene(scenePane(page), PLACES.eaves);
+  await clickPicture(picture(page), at("eaves"));
+  await clickScene(scenePane(page), PLACES.cafe);
+  await keyPicture(picture(page), at("cafe"));
+  await expect(pairRows(page)).toHaveCount(4);
   await expect(page.getByText("3 more pairs and the camera can be found.")).toBeVisible();
-  await keyPicture(page, at("roof"));
+  await keyPicture(picture(page), at("roof"));
   await page.getByLabel("Known place").selectOption("upper corner 2 of box cafe");
   await page.getByRole("button", { name: "Take this place" }).last().press("Enter");
   await page.getByText("From above", { exact: true }).click();
   // Closer, points of a finer grid are meant.
-  await scene(page).hover({ position: await onScene(page, PLACES.near) });
+  await scenePane(page).hover({ position: await onScene(scenePane(page), PLACES.near) });
   await page.mouse.wheel(0, -600);
-  await clickScene(page, PLACES.near);
-  await clickPicture(page, at("near"));
+  await clickScene(scenePane(page), PLACES.near);
+  await clickPicture(picture(page), at("near"));
   await typePlace(page, PLACES.right);
-  await clickPicture(page, at("right"));
-  await expect(rows(page)).toHaveCount(7);
+  await clickPicture(picture(page), at("right"));
+  await expect(pairRows(page)).toHaveCount(7);
 
   await expect(page.getByText("taken over")).toBeVisible();
   await expect.poll(async () => Number(await page.locator(".cal-error").getAttribute("data-rms"))).toBeLessThan(1);
@@ -162,12 +87,10 @@ test("six pairs by pointer and keys place a camera", async ({ page, url }) => {
   }).toPass();
 
   await page.reload();
-  await expect(rows(page)).toHaveCount(7);
+  await expect(pairRows(page)).toHaveCount(7);
   await expect.poll(async () => Number(await page.locator(".cal-error").getAttribute("data-rms"))).toBeLessThan(1);
 
-  await page.evaluate(AXE);
-  const { violations } = await page.evaluate(() => (globalThis as unknown as { axe: { run: () => Promise<AxeResults> } }).axe.run());
-  expect(violations.filter(({ impact }) => impact === "serious" || impact === "critical").map(({ id, nodes }) => `${id}: ${nodes[0]?.html ?? ""}`)).toEqual([]);
+  expect(await findings(page)).toEqual([]);
 });
 
 test("a camera in the hand is carried and pointed, by handles and by keys", async ({ page, url }) => {
@@ -194,7 +117,7 @@ test("lines along buildings and bands, and two pairs, place a camera", async ({ 
   const truth = await open(page, url, "", true);
   for (const name of ["hall", "right"] as const) {
     await typePlace(page, PLACES[name]);
-    await clickPicture(page, pixel(truth, PLACES[name]));
+    await clickPicture(picture(page), pixel(truth, PLACES[name]));
   }
   await page.getByText("Building lines", { exact: true }).click();
   const lines: Record<string, readonly (readonly [Point, Point])[]> = {
@@ -293,9 +216,9 @@ async function shifts(page: Page, pictures: readonly Buffer[]): Promise<number[]
 test("what the browser projects lies where the daemon draws it", async ({ page, url }) => {
   await open(page, url, "&how=import", false);
   await page.getByLabel("Others too").check();
-  const canvas = scene(page).locator("canvas");
+  const canvas = scenePane(page).locator("canvas");
   const box = await canvas.boundingBox();
-  const view = JSON.parse((await scene(page).locator("..").getAttribute("data-view")) ?? "") as View;
+  const view = JSON.parse((await scenePane(page).locator("..").getAttribute("data-view")) ?? "") as View;
   // What lies over the picture is no part of it.
   await page.evaluate(() => document.querySelectorAll<SVGElement>(".is-scene .cal-overlay").forEach((over) => (over.style.visibility = "hidden")));
   const asked = new URLSearchParams({

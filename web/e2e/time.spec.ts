@@ -8,6 +8,8 @@ import { numberIn, writeNumbered } from "./numbered";
 import { expect, fused, test } from "./page";
 
 test.describe.configure({ mode: "serial" });
+// Single frames are many requests, one after the other.
+test.setTimeout(120_000);
 test.use({ timezoneId: "Asia/Kolkata" });
 
 const FOLDER = resolve(import.meta.dirname, "../../target/web-e2e-numbered");
@@ -34,6 +36,8 @@ async function framesThere(request: APIRequestContext, most: number): Promise<nu
   for (let number = 0; number < most; number += 1) {
     const t = new Date(START + number * FRAME_MILLIS).toISOString();
     const { "videofields-time": time } = (await request.head(`${own.url}/api/v1/cameras/clock/frame.jpg?t=${t}`)).headers();
+    // Of all that it may have, some twenty are enough.
+    if (found.size > 20) break;
     if (time !== undefined) found.add(Math.round((Date.parse(time) - START) / FRAME_MILLIS));
   }
   return [...found];
@@ -42,10 +46,10 @@ async function framesThere(request: APIRequestContext, most: number): Promise<nu
 test.beforeAll(async ({ request }) => {
   writeNumbered(FOLDER, PICTURES);
   own = await daemon("numbered", { config: CONFIG, roots: [FOLDER] });
-  const last = async () => ((await (await request.get(`${own.url}/api/v1/cameras/clock`)).json()) as { last: string | null }).last ?? "";
-  await expect.poll(last, { timeout: 50_000 }).toMatch(/T12:0(0:1[1-9]|0:[2-5]|[1-9])/);
-  there = await framesThere(request, 100);
-  expect(there.length).toBeGreaterThan(12);
+  const known = async () => (await (await request.get(`${own.url}/api/v1/cameras/clock`)).json()) as { last: string | null; frames: number };
+  await expect.poll(async () => (await known()).frames, { timeout: 60_000 }).toBeGreaterThan(20);
+  there = await framesThere(request, (Date.parse((await known()).last ?? "") - START) / FRAME_MILLIS);
+  expect(there.length).toBeGreaterThan(15);
 });
 test.afterAll(async () => {
   await own.stop();
@@ -113,5 +117,5 @@ test("the fused picture: the same frames, played back and forth", async ({ page 
   await page.getByRole("button", { name: "Pause" }).click();
   await expect(page.getByRole("button", { name: "Pause" })).toHaveAttribute("aria-pressed", "true");
   await page.getByRole("button", { name: "Live", exact: true }).click();
-  await expect.poll(() => numberIn(image)).toBeGreaterThan(100);
+  await expect.poll(() => numberIn(image)).toBeGreaterThan(there[14] ?? 0);
 });

@@ -83,7 +83,7 @@ export function CameraAlone({ id }: { id: string }) {
       {camera && (
         <>
           <div class="camera is-large" data-state={word}>
-            <button type="button" class="picture" aria-label={say("camera.locate", { name: camera.name })}
+            <button type="button" class="picture"
               onClick={(event) => {
                 // A click made by a key has no place of its own: the spot's is taken.
                 const box = event.currentTarget.getBoundingClientRect();
@@ -98,6 +98,7 @@ export function CameraAlone({ id }: { id: string }) {
                 const [u, v] = place ?? [0.5, 0.5];
                 setPlace([share(u + step[0] * 0.02, 0, 1), share(v + step[1] * 0.02, 0, 1)]);
               }}>
+              <span class="hidden">{say("camera.locate", { name: camera.name })}</span>
               <CameraPicture key={id} camera={camera} kind={state.kind.value} at={state.at.value} everyMillis={ALONE_MILLIS} onShown={(millis) => tellShown(id, millis)} />
               {place && <span class="spot" style={{ left: `${place[0] * 100}%`, top: `${place[1] * 100}%` }} />}
               <Stamp />

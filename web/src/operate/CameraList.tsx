@@ -33,7 +33,9 @@ function Card({ camera }: { camera: state.Camera }) {
   const isOpened = state.openedCamera.value === camera.id;
   return (
     <article aria-label={camera.name} class={`camera ${isOpened ? "is-chosen" : ""}`} data-state={word} data-camera={camera.id}>
-      <button type="button" class="picture" aria-label={say("camera.open", { name: camera.name })} onClick={() => void jumpInto(camera.id)}>
+      <button type="button" class="picture" onClick={() => void jumpInto(camera.id)}>
+        {/* Not a label, which would keep what is written over the picture from being read. */}
+        <span class="hidden">{say("camera.open", { name: camera.name })}</span>
         <CameraPicture camera={camera} kind={state.kind.value} at={state.at.value} everyMillis={CARD_MILLIS} />
         {veil !== null && <span class="veil">{veil}</span>}
       </button>
