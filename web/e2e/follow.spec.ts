@@ -1,11 +1,8 @@
 // Somebody is followed from camera to camera, and stays the same.
 
-import { expect, fused, test } from "./page";
+import { expect, forgiveBusy, fused, test } from "./page";
 
-// A machine that is busy answers 503, and is asked again.
-test.afterEach(({ complaints }) => {
-  complaints.splice(0, complaints.length, ...complaints.filter((text) => !text.includes("503")));
-});
+forgiveBusy();
 
 test("somebody is followed across three cameras, and Esc ends it", async ({ page, url }) => {
   test.setTimeout(150_000);

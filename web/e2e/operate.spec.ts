@@ -1,6 +1,8 @@
 // Operate: a fused picture, turned by keys; cameras; time; and that the place survives going away and reloading.
 
-import { apart, digest, expect, fused, test } from "./page";
+import { apart, digest, expect, forgiveBusy, fused, test } from "./page";
+
+forgiveBusy();
 
 test("the page shows the scene, and keys turn it", async ({ page, url }) => {
   await page.goto(url);

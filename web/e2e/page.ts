@@ -28,6 +28,13 @@ export const test = plain.extend<Given>({
   ],
 });
 
+/** For a file whose tests ask so much of the daemon that a busy machine answers 503 now and then, and is asked again. */
+export function forgiveBusy(): void {
+  test.afterEach(({ complaints }) => {
+    complaints.splice(0, complaints.length, ...complaints.filter((text) => !text.includes("503")));
+  });
+}
+
 /** The fused view, once it shows a picture. */
 export async function fused(page: Page) {
   const stage = page.getByRole("application");

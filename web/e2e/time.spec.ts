@@ -5,7 +5,7 @@ import { resolve } from "node:path";
 import type { APIRequestContext, Locator, Page } from "@playwright/test";
 import { type Daemon, daemon } from "./daemon";
 import { numberIn, writeNumbered } from "./numbered";
-import { expect, fused, test } from "./page";
+import { expect, forgiveBusy, fused, test } from "./page";
 
 test.describe.configure({ mode: "serial" });
 // Single frames are many requests, one after the other.
@@ -55,10 +55,7 @@ test.afterAll(async () => {
   await own.stop();
 });
 
-// A machine that is busy answers 503, and is asked again.
-test.afterEach(({ complaints }) => {
-  complaints.splice(0, complaints.length, ...complaints.filter((text) => !text.includes("503")));
-});
+forgiveBusy();
 
 /** Types a time and goes there. */
 async function type(page: Page, text: string): Promise<void> {

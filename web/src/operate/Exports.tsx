@@ -148,7 +148,7 @@ export function Exports() {
   const [isRunning, setRunning] = useState(false);
   const every = isRunning ? RUNNING_MILLIS : AGAIN_MILLIS;
   const learnt = useAsked(() => content(api.GET("/api/v1/exports", {})), every, String(asked.value));
-  const exports = learnt.data?.exports ?? [];
+  const exports = [...(learnt.data?.exports ?? [])].reverse();
   const isAny = exports.some(({ state: word }) => word === "waiting" || word === "running");
   useEffect(() => setRunning(isAny), [isAny]);
   const cameras = allowed("export");

@@ -71,6 +71,20 @@ function Help() {
   );
 }
 
+/** How the viewer moves, the map, and how the picture is drawn: of the fused view. */
+function Ways() {
+  return (
+    <>
+      <Segments name="move" label={say("move.label")} values={MODES} chosen={state.mode.value}
+        text={(value) => say(`move.${value}`)} onChoose={shortcuts.chooseMode} />
+      <Segments name="map" label={say("map.title")} values={state.MAPS} chosen={state.map.value}
+        text={(value) => say(`map.${value}`)} onChoose={(value) => state.choose("map", value, "inset")} />
+      <PictureMenu />
+      <button type="button" onClick={state.resetView} title={say("view.reset.title")}>{say("view.reset")}</button>
+    </>
+  );
+}
+
 function Choices({ onFullscreen }: { onFullscreen: () => void }) {
   const scenes = state.scenes.value ?? [];
   return (
@@ -84,12 +98,7 @@ function Choices({ onFullscreen }: { onFullscreen: () => void }) {
           </select>
         </label>
       )}
-      <Segments name="move" label={say("move.label")} values={MODES} chosen={state.mode.value}
-        text={(value) => say(`move.${value}`)} onChoose={shortcuts.chooseMode} />
-      <Segments name="map" label={say("map.title")} values={state.MAPS} chosen={state.map.value}
-        text={(value) => say(`map.${value}`)} onChoose={(value) => state.choose("map", value, "inset")} />
-      <PictureMenu />
-      <button type="button" onClick={state.resetView} title={say("view.reset.title")}>{say("view.reset")}</button>
+      {state.openedCamera.value === undefined && <Ways />}
       <button type="button" onClick={onFullscreen}>{say("view.fullscreen")}</button>
       <Help />
     </div>
@@ -131,7 +140,7 @@ export default function Operate() {
           {opened !== undefined && <CameraAlone id={opened} />}
           <Timeline />
         </div>
-        <p id="stage-help" class="quiet">{say(`view.help.${state.mode.value}`)}</p>
+        {opened === undefined && <p id="stage-help" class="quiet">{say(`view.help.${state.mode.value}`)}</p>}
         {opened === undefined && <AboutPicture><DrawnBy /></AboutPicture>}
       </section>
       <Side />

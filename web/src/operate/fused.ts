@@ -148,7 +148,8 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
     while (!isOver()) {
       await seen();
       const start = performance.now();
-      const isMoving = start - movedAt < STILL_AFTER_MILLIS;
+      // The first picture is a small one too, since nothing is there yet.
+      const isMoving = start - movedAt < STILL_AFTER_MILLIS || about.peek() === null;
       let pause = isMoving ? MOVING_INTERVAL_MILLIS : INTERVAL_MILLIS;
       try {
         await refresh(isMoving);

@@ -1,6 +1,6 @@
 // What the caller may do, so that nothing else is offered. The daemon decides by itself, whatever is shown here.
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { api, content } from "../ask";
 import { session } from "../session";
 import * as state from "./state";
@@ -25,6 +25,9 @@ effect(() => {
   );
 });
 
+/** Ids of all cameras, as one text, so that what hangs on it does not run again whenever they are told anew. */
+const configured = computed(() => state.cameras.value?.map(({ id }) => id).join(" "));
+
 /** Whether the caller may do that with a camera. */
 export function may(right: Right, camera: string): boolean {
   const known = grants.value;
@@ -37,7 +40,8 @@ export function isOperator(): boolean {
   return session.value?.role === "operator" || session.value?.role === "admin";
 }
 
-/** Those cameras of the scene of which the caller may do that. */
+/** Those cameras of the scene of which the caller may do that. A scene may name some that the daemon does not have. */
 export function allowed(right: Right): string[] {
-  return (state.scene.value?.cameras ?? []).filter((camera) => may(right, camera));
+  const known = configured.value;
+  return (state.scene.value?.cameras ?? []).filter((camera) => may(right, camera) && (known?.split(" ").includes(camera) ?? true));
 }

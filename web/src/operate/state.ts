@@ -26,6 +26,7 @@ export const STALE_AFTER_SECS = 3;
 const CAMERAS_MILLIS = 1_000;
 const AFTER_TROUBLE_MILLIS = 2_000;
 const KEEP_VIEW_MILLIS = 300;
+const KEEP_AT_LEAST_MILLIS = 2_000;
 
 /** Details as they were while Operate was open: other places ask for the plan of the view. */
 let kept: Readonly<Record<string, string>> = {};
@@ -88,12 +89,14 @@ function readTime(text: string | undefined): number | null {
   return Number.isFinite(millis) ? millis : null;
 }
 
+let [wishedAt, keptAt] = [-Infinity, -Infinity];
 let keeping: ReturnType<typeof setTimeout> | undefined;
 let isOwnView = view.value === null;
 
 /** Puts view and time into the address. */
 function keep(): void {
   clearTimeout(keeping);
+  keptAt = performance.now();
   if (route.value.place !== "operate") return;
   const kept = isOwnView ? null : view.value;
   const time = at.value === null ? null : instant(at.value);
@@ -101,10 +104,14 @@ function keep(): void {
   change({ eye: null, target: null, fov: null, ...(kept ? printed(kept) : {}), at: time, mark: place });
 }
 
-/** The same once they rest; browsers limit how often that may be done. */
+/** The same, at once after a rest, and else once they rest again or now and then: browsers limit how often that may be done. */
 function keepSoon(): void {
+  const now = performance.now();
+  const isFirst = now - wishedAt > KEEP_VIEW_MILLIS;
+  wishedAt = now;
   clearTimeout(keeping);
-  keeping = setTimeout(keep, KEEP_VIEW_MILLIS);
+  if (isFirst || now - keptAt > KEEP_AT_LEAST_MILLIS) keep();
+  else keeping = setTimeout(keep, KEEP_VIEW_MILLIS);
 }
 
 /** Takes view and time from an address that a link or the browser's buttons led to. */

@@ -7,6 +7,7 @@ import type { View } from "../operate/orbit";
 import { say } from "../strings";
 import type { Stage } from "./stage";
 import type { Surfaces } from "./surfaces";
+import "./spatial.css";
 
 type Way = "headset" | "around";
 

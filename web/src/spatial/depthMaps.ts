@@ -2,7 +2,7 @@
 // One face for usual lenses, the six of a cube for wide ones.
 
 import {
-  FloatType, GLSL3, HalfFloatType, Matrix4, Mesh, LinearFilter, NearestFilter, NoBlending, OrthographicCamera, PerspectiveCamera, PlaneGeometry, RedFormat,
+  FloatType, GLSL3, HalfFloatType, Matrix4, Mesh, NearestFilter, NoBlending, OrthographicCamera, PerspectiveCamera, PlaneGeometry, RedFormat,
   Scene, ShaderMaterial, Vector3, type WebGLRenderer, WebGLArrayRenderTarget, WebGLRenderTarget,
 } from "three";
 import type { Point } from "../operate/orbit";
@@ -44,7 +44,8 @@ void main() {
 `;
 const QUAD_VERTEX = "void main() { gl_Position = vec4(position.xy, 0.0, 1.0); }";
 /** Dilates steps of depth by 4 texels towards the farther side. Depth is near over distance, so that it is affine over a plane's
- * picture and a plane is known at any slope. */
+ * picture and a plane is known at any slope: what is nearer is before a texel where neither of their planes leads to the other. Where a
+ * wall meets the ground, the ground's plane leads behind the wall. */
 const DILATE_FRAGMENT = /* glsl */ `
 layout(location = 0) out highp vec4 dilated;
 uniform highp sampler2D depth;
@@ -54,19 +55,25 @@ float at(ivec2 texel) {
 float smaller(float back, float forth) {
   return abs(back) < abs(forth) ? back : forth;
 }
+vec2 slopeAt(ivec2 texel, float here) {
+  ivec2 x = ivec2(1, 0);
+  ivec2 y = ivec2(0, 1);
+  return vec2(smaller(here - at(texel - x), at(texel + x) - here), smaller(here - at(texel - y), at(texel + y) - here));
+}
 void main() {
   ivec2 texel = ivec2(gl_FragCoord.xy);
   float here = at(texel);
-  ivec2 x = ivec2(1, 0);
-  ivec2 y = ivec2(0, 1);
-  vec2 slope = vec2(smaller(here - at(texel - x), at(texel + x) - here), smaller(here - at(texel - y), at(texel + y) - here));
+  vec2 slope = slopeAt(texel, here);
   float nearest = here;
   for (int i = 0; i < 24; i++) {
     float angle = float(i % 8) * 0.7853981633974483;
     float radius = i < 8 ? 1.5 : i < 16 ? 3.0 : 4.0;
     ivec2 offset = ivec2(round(vec2(cos(angle), sin(angle)) * radius));
     float there = at(texel + offset);
-    if (there - (here + dot(slope, vec2(offset))) > 0.02 * here) nearest = max(nearest, there);
+    float least = 0.02 * here;
+    if (there - (here + dot(slope, vec2(offset))) <= least) continue;
+    float back = there - dot(slopeAt(texel + offset, there), vec2(offset));
+    if (back - here > least) nearest = max(nearest, there);
   }
   dilated = vec4(nearest, 0.0, 0.0, 1.0);
 }
@@ -115,7 +122,7 @@ export class DepthMaps {
 
   /** How much nearer, relative, what hides must be: numbers of half precision need more. */
   static bias(renderer: WebGLRenderer): number {
-    return isPrecise(renderer) ? 2e-3 : 5e-3;
+    return isPrecise(renderer) ? 1e-3 : 4e-3;
   }
 
   /** Makes room for so many faces; true where all are to be drawn anew. */
@@ -126,7 +133,7 @@ export class DepthMaps {
     this.scratch?.dispose();
     const type = isPrecise(renderer) ? FloatType : HalfFloatType;
     this.target = new WebGLArrayRenderTarget(side, side, Math.max(1, faces), {
-      type, format: RedFormat, minFilter: LinearFilter, magFilter: LinearFilter, generateMipmaps: false, depthBuffer: false,
+      type, format: RedFormat, minFilter: NearestFilter, magFilter: NearestFilter, generateMipmaps: false, depthBuffer: false,
     });
     this.scratch = new WebGLRenderTarget(side, side, { type, format: RedFormat, minFilter: NearestFilter, magFilter: NearestFilter, generateMipmaps: false });
     return true;
@@ -179,5 +186,5 @@ export class DepthMaps {
 }
 
 function isPrecise(renderer: WebGLRenderer): boolean {
-  return renderer.extensions.has("EXT_color_buffer_float") && renderer.extensions.has("OES_texture_float_linear");
+  return renderer.extensions.has("EXT_color_buffer_float");
 }

@@ -50,6 +50,11 @@ vec3 lensPosition(int i) {
   return lenses[i * ${LENS_VECTORS} + 3].xyz;
 }
 
+vec3 lensTurned(int i, vec3 direction) {
+  int first = i * ${LENS_VECTORS};
+  return vec3(dot(lenses[first].xyz, direction), dot(lenses[first + 1].xyz, direction), dot(lenses[first + 2].xyz, direction));
+}
+
 vec2 lensBrownConrady(vec4 low, vec4 high, vec2 p) {
   float r2 = dot(p, p);
   float above = 1.0 + r2 * (low.x + r2 * (low.y + r2 * high.x));

@@ -15,6 +15,6 @@ test("it does not swing to and fro at a border", () => {
 
 test("a rate is of the last moments", () => {
   expect(rateOf([0, 1_000, 1_100, 1_200], 1_200)).toBeCloseTo(2.5);
-  expect(rateOf([0, 100, 5_000], 5_000)).toBe(0);
+  expect(rateOf([0, 10, 6_000, 7_000, 10_000], 10_000)).toBeCloseTo(0.5);
   expect(rateOf([], 0)).toBe(0);
 });

@@ -19,9 +19,9 @@ export function coarsenessFor(fullMillis: number, budget: number, now: number): 
   return wanted < now ? Math.min(now, within(0.7)) : wanted;
 }
 
-/** Pictures a second of the last moments, by when each was done. */
+/** Pictures a second of the last moments (at least of the last three, however slow), by when each was done. */
 export function rateOf(doneAt: readonly number[], now: number): number {
-  const recent = doneAt.filter((at) => now - at <= RATE_MILLIS);
+  const recent = doneAt.filter((at, i) => now - at <= RATE_MILLIS || i >= doneAt.length - 3);
   const [first] = recent;
   const last = recent.at(-1);
   return first === undefined || last === undefined || recent.length < 2 ? 0 : ((recent.length - 1) * 1e3) / Math.max(1, last - first);

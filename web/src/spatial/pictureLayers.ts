@@ -2,10 +2,11 @@
 // when its picture changed.
 
 import {
-  LinearFilter, LinearMipmapLinearFilter, Mesh, NoBlending, OrthographicCamera, PlaneGeometry, SRGBColorSpace, Scene, ShaderMaterial, type Texture, GLSL3,
+  LinearFilter, LinearMipmapLinearFilter, LinearMipmapNearestFilter, Mesh, NoBlending, OrthographicCamera, PlaneGeometry, SRGBColorSpace, Scene, ShaderMaterial, type Texture, GLSL3,
   type WebGLRenderer, WebGLArrayRenderTarget, UnsignedByteType, RGBAFormat,
 } from "three";
 import type { CameraTexture } from "./cameraTextures";
+import { isSoftware } from "./graphics";
 
 /** Bytes that all layers may take; their levels take a third more. */
 const MOST_BYTES = 128 << 20;
@@ -49,7 +50,7 @@ export class PictureLayers {
 
   /** Brings the layers up to date with these pictures, the first in the first layer. True where anything changed. */
   update(renderer: WebGLRenderer, pictures: readonly CameraTexture[]): boolean {
-    let isChanged = this.makeRoom(pictures);
+    let isChanged = this.makeRoom(renderer, pictures);
     const { target } = this;
     if (!target) return isChanged;
     const stale = pictures.flatMap((picture, layer) => {
@@ -84,7 +85,7 @@ export class PictureLayers {
     this.quad.geometry.dispose();
   }
 
-  private makeRoom(pictures: readonly CameraTexture[]): boolean {
+  private makeRoom(renderer: WebGLRenderer, pictures: readonly CameraTexture[]): boolean {
     const count = Math.max(1, pictures.length);
     const most = (axis: 0 | 1) => Math.max(STEP_PX, ...pictures.map(({ size }) => size[axis]));
     const share = Math.min(1, Math.sqrt(MOST_BYTES / (4 * count * most(0) * most(1))));
@@ -95,7 +96,8 @@ export class PictureLayers {
     this.drawn.clear();
     this.target = new WebGLArrayRenderTarget(width, height, count, {
       format: RGBAFormat, type: UnsignedByteType, colorSpace: SRGBColorSpace, depthBuffer: false,
-      minFilter: LinearMipmapLinearFilter, magFilter: LinearFilter, generateMipmaps: true,
+      // Between two levels is looked up where that costs nothing.
+      minFilter: isSoftware(renderer.getContext()) ? LinearMipmapNearestFilter : LinearMipmapLinearFilter, magFilter: LinearFilter, generateMipmaps: true,
     });
     return true;
   }

@@ -37,33 +37,56 @@ float fifthPower(float x) {
 }
 
 #ifdef HAS_DEPTH
-// Whether nothing stands before a point: 1, or 0. Near over distance is affine over a plane's picture, so what is filtered between
-// texels of a plane is that plane's; steps of depth are dilated, so that no mixture of two surfaces counts.
-float openTo(int i, vec3 local) {
+// The share of the four nearest texels that nothing stands before. Each is held to the depth that the surface's plane has in its middle,
+// so that surfaces at a slant need no wider bias; steps of depth are dilated before.
+float openTo(int i, vec3 local, vec3 normal) {
   vec4 given = casts[i * ${CAST_VECTORS}];
   vec4 bounds = casts[i * ${CAST_VECTORS} + 1];
   vec3 onFace = local;
+  vec3 turned = normal;
   float layer = given.w;
   #ifdef HAS_CUBES
   if (given.z > 1.5) {
     // Faces of a cube: forward, back, right, left, down, up.
     vec3 size = abs(local);
     if (size.z >= size.x && size.z >= size.y) {
-      if (local.z < 0.0) { onFace = vec3(-local.x, local.y, -local.z); layer += 1.0; }
+      if (local.z < 0.0) { onFace = vec3(-local.x, local.y, -local.z); turned = vec3(-normal.x, normal.y, -normal.z); layer += 1.0; }
     } else if (size.x >= size.y) {
-      onFace = local.x >= 0.0 ? vec3(-local.z, local.y, local.x) : vec3(local.z, local.y, -local.x);
-      layer += local.x >= 0.0 ? 2.0 : 3.0;
+      bool isRight = local.x >= 0.0;
+      onFace = isRight ? vec3(-local.z, local.y, local.x) : vec3(local.z, local.y, -local.x);
+      turned = isRight ? vec3(-normal.z, normal.y, normal.x) : vec3(normal.z, normal.y, -normal.x);
+      layer += isRight ? 2.0 : 3.0;
     } else {
-      onFace = local.y >= 0.0 ? vec3(local.x, -local.z, local.y) : vec3(local.x, local.z, -local.y);
-      layer += local.y >= 0.0 ? 4.0 : 5.0;
+      bool isBelow = local.y >= 0.0;
+      onFace = isBelow ? vec3(local.x, -local.z, local.y) : vec3(local.x, local.z, -local.y);
+      turned = isBelow ? vec3(normal.x, -normal.z, normal.y) : vec3(normal.x, normal.z, -normal.y);
+      layer += isBelow ? 4.0 : 5.0;
     }
   }
   #endif
-  vec2 tangent = (onFace.xy / onFace.z - bounds.xy) / bounds.zw;
   // Rows of the map run upwards.
-  float depth = texture(depths, vec3(0.5 + 0.5 * tangent.x, 0.5 - 0.5 * tangent.y, layer)).r;
-  bool isUnknown = given.z < 0.5 || onFace.z <= ${DEPTH_NEAR_M};
-  return isUnknown || depth * onFace.z <= ${DEPTH_NEAR_M} * (1.0 + DEPTH_BIAS) ? 1.0 : 0.0;
+  vec2 place = 0.5 + vec2(0.5, -0.5) * (onFace.xy / onFace.z - bounds.xy) / bounds.zw;
+  // On the plane normal . p = h the inverse of depth is normal . (x, y, 1) / h at the tangents x and y.
+  float height = dot(turned, onFace);
+  vec2 slope = turned.xy * vec2(2.0, -2.0) * bounds.zw * onFace.z / (height > -1e-12 ? -1e-12 : height);
+  vec2 size = vec2(textureSize(depths, 0).xy);
+  vec2 at = place * size - 0.5;
+  vec2 low = floor(at);
+  vec2 high = at - low;
+  ivec3 first = ivec3(ivec2(low), int(layer + 0.5));
+  ivec2 last = ivec2(size) - 1;
+  float own = ${DEPTH_NEAR_M} / onFace.z;
+  float here = own * (1.0 + DEPTH_BIAS - dot(high, slope) / size.x);
+  vec2 onward = own * slope / size;
+  vec4 limits = here + vec4(0.0, onward.x, onward.y, onward.x + onward.y);
+  vec4 found = vec4(
+    texelFetch(depths, ivec3(clamp(first.xy, ivec2(0), last), first.z), 0).r,
+    texelFetch(depths, ivec3(clamp(first.xy + ivec2(1, 0), ivec2(0), last), first.z), 0).r,
+    texelFetch(depths, ivec3(clamp(first.xy + ivec2(0, 1), ivec2(0), last), first.z), 0).r,
+    texelFetch(depths, ivec3(clamp(first.xy + 1, ivec2(0), last), first.z), 0).r);
+  vec4 open = step(found, limits);
+  float share = mix(mix(open.x, open.y, high.x), mix(open.z, open.w, high.x), high.y);
+  return given.z < 0.5 || onFace.z <= ${DEPTH_NEAR_M} ? 1.0 : share;
 }
 #endif
 
@@ -90,7 +113,7 @@ void add(const int i, vec3 point, vec3 normal, vec3 toViewer, vec3 material, vec
   float border = min(inset.x, inset.y);
   if (!(seen.isSeen && border >= 0.0 && cosine > LEAST_COSINE && given.y > 0.0)) return;
   #ifdef HAS_DEPTH
-  float open = openTo(i, seen.local);
+  float open = openTo(i, seen.local, lensTurned(i, normal));
   #else
   float open = 1.0;
   #endif
@@ -98,7 +121,7 @@ void add(const int i, vec3 point, vec3 normal, vec3 toViewer, vec3 material, vec
   // What is hidden of its picture the camera does not see: others may.
   if (shown.a < 0.999) return;
   vec3 color = min(shown.rgb * casts[i * ${CAST_VECTORS} + 2].rgb, vec3(1.0));
-  if (open > 0.5 && cosine > blend.squarest) {
+  if (open >= 0.5 && cosine > blend.squarest) {
     blend.squarest = cosine;
     blend.fallback = mix(material, color, given.y);
   }

@@ -4,6 +4,7 @@ import { type Group, PerspectiveCamera, Raycaster, SRGBColorSpace, Scene, Vector
 import type { Point, View } from "../operate/orbit";
 import { SURFACE_LAYER, type Surfaces } from "./surfaces";
 import { fromThree, toThree, worldRoot } from "./world";
+import { graphics } from "./graphics";
 import { BUDGET_MILLIS, Pace, coarsenessFor } from "./pace";
 import type { Ray } from "./lens";
 
@@ -41,8 +42,10 @@ export class Stage {
   private asked = 0;
   private isOver = false;
 
-  constructor(readonly host: HTMLElement, private readonly onHealth: (health: Health) => void, antialias = true) {
+  constructor(readonly host: HTMLElement, private readonly onHealth: (health: Health) => void) {
     // Throws where there is no WebGL2.
+    // Of fine pixels nobody sees the steps at edges, and a processor takes long to smooth them.
+    const antialias = devicePixelRatio < 2 && graphics() === "card";
     this.renderer = new WebGLRenderer({ antialias, powerPreference: "high-performance", stencil: false });
     this.renderer.outputColorSpace = SRGBColorSpace;
     this.renderer.domElement.setAttribute("aria-hidden", "true");

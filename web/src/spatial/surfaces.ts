@@ -1,37 +1,26 @@
 // A scene's document as objects that are drawn: ground, what stands on it, and the sky. What a change of the document leaves as it
 // was is left as it is.
 
-import { Box3, Color, Group, Mesh, type Object3D, Raycaster, type ShaderMaterial, type Texture, Vector3, Vector4 } from "three";
-import type { components } from "../contract.gen";
+import { Box3, Color, Group, Mesh, type Object3D, Raycaster, type ShaderMaterial, type Texture, Vector3 } from "three";
 import type { Point } from "../operate/orbit";
 import { Pictures, textureOf } from "./assets";
 import type { Ray } from "./lens";
 import { type ModelObject, free, freeMesh, modelObject } from "./models";
 import { mapOf, textureAt } from "./planeMap";
 import { Shading } from "./shading";
-import { type Ground, PARTS, type Shaped, boxShape, cylinderShape, footprintShape, groundShape, heightShape } from "./shapes";
+import { PARTS, type Shaped } from "./shapes";
 import { skyOf } from "./sky";
+import {
+  COLORS, KINDS, type Kind, type Pictured, type SceneDocument, type Style, type Thing, anchorOf, dress, filesOf, isOpen, isSame, keyOf, pointOf, rankOf, shapeOf, unmoved,
+} from "./things";
 import { fromThree, toThree, worldRoot } from "./world";
 
-export type SceneDocument = components["schemas"]["Scene"];
-export const KINDS = ["ground", "height_fields", "boxes", "cylinders", "footprints", "models"] as const;
-export type Kind = (typeof KINDS)[number];
-type Thing<Of extends Kind = Kind> = NonNullable<SceneDocument[Of]>[number];
+export { KINDS, type Kind, type SceneDocument, type Style } from "./things";
 
 /** What a ray meets: the JSON pointer of the thing, where, and what way its surface faces. */
 export type Picked = { readonly key: string; readonly point_m: Point; readonly normal: Point; readonly distance_m: number };
-/** How a thing is shown beside what the document says. */
-export type Style = { readonly opacity?: number; readonly glow?: readonly [color: string, share: number] | null; readonly isHidden?: boolean };
-
-/** What may have pictures. */
-type Pictured = Pick<Thing<"boxes">, "texture" | "roof_texture"> & Pick<Thing<"ground">, "imagery">;
-
 /** Objects of this layer hide what lies behind them from cameras. */
 export const SURFACE_LAYER = 1;
-/** From so far away on, single precision no longer holds millimetres. */
-const FAR_M = 10_000;
-const COLORS = { ground: "#8a8a84", other: "#b0a080" } as const;
-
 type Drawn = Mesh<Shaped["geometry"], ShaderMaterial | ShaderMaterial[]>;
 type Made = { thing: Thing; rank: number; object: Object3D; style: Style; model: ModelObject | null };
 
@@ -235,80 +224,4 @@ export class Surfaces {
 /** The objects of a document. `onChange` is called whenever what is to be seen changed, pictures that came included. */
 export function surfacesOf(document: SceneDocument, { onChange }: { onChange?: () => void } = {}): Surfaces {
   return new Surfaces(document, onChange);
-}
-
-const pointOf = (numbers: readonly number[] | undefined): Point => [numbers?.[0] ?? 0, numbers?.[1] ?? 0, numbers?.[2] ?? 0];
-const isSame = (a: unknown, b: unknown) => a === b || JSON.stringify(a) === JSON.stringify(b);
-
-function shapeOf(kind: Exclude<Kind, "models">, thing: Thing, map: Parameters<typeof groundShape>[1] = null): Shaped {
-  switch (kind) {
-    case "ground": return groundShape(thing as Thing<"ground">, map);
-    case "height_fields": return heightShape(thing as Thing<"height_fields">, map);
-    case "boxes": return boxShape(thing as Thing<"boxes">);
-    case "cylinders": return cylinderShape(thing as Thing<"cylinders">);
-    case "footprints": return footprintShape(thing as Thing<"footprints">);
-  }
-}
-
-/** The pictures of walls, and of roofs or ground. */
-function filesOf(kind: Exclude<Kind, "models">, thing: Thing): [string | undefined, string | undefined] {
-  const { texture, roof_texture, imagery } = thing as Pictured;
-  return isOpen(kind) ? [undefined, (imagery ?? texture)?.file] : [texture?.file, roof_texture?.file];
-}
-
-const isOpen = (kind: Kind) => kind === "ground" || kind === "height_fields";
-
-/** What of a model needs another object where it changes. */
-const unmoved = ({ id, file, up, color_srgb }: Thing<"models">) => [id, file, up, color_srgb];
-
-/** How many pieces of ground lie below this one in its plane: later ones are seen. */
-function rankOf(ground: readonly Ground[], i: number): number {
-  const extent = ({ polygon }: Ground) => [0, 1].map((axis) => {
-    const along = polygon.map((corner) => corner[axis] ?? 0);
-    return [Math.min(...along), Math.max(...along)] as const;
-  });
-  const own = ground[i];
-  if (!own) return 0;
-  const extents = extent(own);
-  const isOver = (other: Ground) => (other.height_m ?? 0) === (own.height_m ?? 0)
-    && extent(other).every(([low, high], axis) => low < (extents[axis]?.[1] ?? 0) && high > (extents[axis]?.[0] ?? 0));
-  return Math.min(15, ground.slice(0, i).filter(isOver).length);
-}
-
-/** The world's origin, or a whole place in the midst of a scene that is far from it. */
-function anchorOf(document: SceneDocument): Point {
-  const places = [
-    ...(document.ground ?? []).flatMap(({ polygon }) => polygon),
-    ...(document.boxes ?? []).map(({ center_m }) => center_m),
-    ...(document.footprints ?? []).flatMap(({ polygon }) => polygon),
-    ...(document.height_fields ?? []).map(({ low_m }) => low_m),
-    ...(document.cylinders ?? []).map(({ base_m }) => base_m),
-    ...(document.models ?? []).map(({ position_m }) => pointOf(position_m)),
-  ];
-  const middle = [0, 1].map((axis) => {
-    const along = places.map((place) => place[axis] ?? 0);
-    return along.length > 0 ? (Math.min(...along) + Math.max(...along)) / 2 : 0;
-  });
-  const [x = 0, y = 0] = middle;
-  return Math.hypot(x, y) < FAR_M ? [0, 0, 0] : [Math.round(x), Math.round(y), 0];
-}
-
-function keyOf(object: Object3D | null): string {
-  for (let at = object; at; at = at.parent) if (typeof at.userData["key"] === "string") return at.userData["key"];
-  return "";
-}
-
-function dress(object: Object3D, { opacity = 1, glow = null, isHidden = false }: Style): void {
-  object.visible = !isHidden;
-  const light = glow ? new Color(glow[0]) : new Color();
-  object.traverse((part) => {
-    if (!(part instanceof Mesh)) return;
-    for (const material of [part.material as ShaderMaterial | ShaderMaterial[]].flat()) {
-      const { uniforms } = material;
-      if (uniforms["opacity"]) uniforms["opacity"].value = opacity;
-      if (uniforms["glow"]) uniforms["glow"].value = new Vector4(light.r, light.g, light.b, glow?.[1] ?? 0);
-      material.transparent = opacity < 1;
-      material.depthWrite = opacity >= 1;
-    }
-  });
 }

@@ -2,6 +2,7 @@
 // draws where it keeps up, and the daemon where it does not. Knows nothing of three.js, so that whoever is not drawn for loads none.
 
 import { computed, signal } from "@preact/signals";
+import { type Graphics, graphics } from "../../spatial/graphics";
 import * as state from "../state";
 
 export type By = "browser" | "server";
@@ -13,26 +14,6 @@ export type Choice = { readonly by: By; readonly why: Why };
 export const LEAST_RATE = 15;
 /** The first seconds are measured, after what is made ready first. */
 export const MEASURE_MILLIS = 3_000;
-
-/** What draws here: nothing, a graphics card, or the processor in its place. */
-export type Graphics = "none" | "card" | "software";
-
-let known: Graphics | null = null;
-
-/** What this browser draws with. */
-export function graphics(): Graphics {
-  return (known ??= probe());
-}
-
-function probe(): Graphics {
-  const canvas = document.createElement("canvas");
-  const gl = canvas.getContext("webgl2");
-  if (!gl) return "none";
-  const names = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = String(gl.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name) ? "software" : "card";
-}
 
 /** Pictures a second that the browser drew; null until that was measured. */
 export const rate = signal<number | null>(null);

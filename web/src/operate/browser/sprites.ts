@@ -63,6 +63,8 @@ void main() {
 }
 `;
 
+type Board = Mesh<BufferGeometry, ShaderMaterial>;
+
 const vector = ([x, y, z]: Point) => new Vector3(x, y, z);
 
 export class Sprites {
@@ -70,7 +72,8 @@ export class Sprites {
   readonly group = new Group();
   private readonly geometry = new BufferGeometry();
   private shown: readonly Sprite[] = [];
-  private readonly meshes: Mesh<BufferGeometry, ShaderMaterial>[] = [];
+  private readonly meshes: Board[] = [];
+  private readonly spares = new Map<Lens["distortion"]["model"], Board[]>();
 
   constructor() {
     this.geometry.setAttribute("position", new BufferAttribute(new Float32Array([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1, 0, 0, 1, 0]), 3));
@@ -110,11 +113,13 @@ export class Sprites {
 
   dispose(): void {
     this.show([], [0, 0, 0]);
+    for (const mesh of [...this.spares.values()].flat()) mesh.material.dispose();
+    this.spares.clear();
     this.geometry.dispose();
     this.group.removeFromParent();
   }
 
-  private made({ rectangle, image, lens, size }: Sprite): Mesh<BufferGeometry, ShaderMaterial> {
+  private made({ rectangle, image, lens, size }: Sprite): Board {
     const { left, top, width, height, mask } = rectangle;
     const picture = new Texture(image);
     picture.colorSpace = SRGBColorSpace;
@@ -123,6 +128,22 @@ export class Sprites {
       [texture.minFilter, texture.magFilter] = [LinearFilter, LinearFilter];
       [texture.flipY, texture.generateMipmaps, texture.needsUpdate] = [false, false, true];
     }
+    const mesh = this.spare(lens);
+    Object.assign(mesh.material.uniforms, {
+      picture: { value: picture },
+      mask: { value: covered },
+      rect: { value: new Vector4(left, top, width, height) },
+      size: { value: new Vector2(...size) },
+    });
+    this.group.add(mesh);
+    return mesh;
+  }
+
+  /** One that is not drawn now: programs of graphics cards are made once, not for every rectangle that comes. */
+  private spare(lens: Lens): Board {
+    const { model } = lens.distortion;
+    const kept = this.spares.get(model)?.pop();
+    if (kept) return kept;
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       vertexShader: VERTEX,
@@ -131,30 +152,24 @@ export class Sprites {
       transparent: true,
       depthWrite: false,
       defines: lensDefines([lens]),
-      uniforms: {
-        picture: { value: picture },
-        mask: { value: covered },
-        rect: { value: new Vector4(left, top, width, height) },
-        size: { value: new Vector2(...size) },
-        turnedRight: { value: new Vector3(1, 0, 0) },
-        turnedUp: { value: new Vector3(0, 0, 1) },
-      },
+      uniforms: { turnedRight: { value: new Vector3(1, 0, 0) }, turnedUp: { value: new Vector3(0, 0, 1) } },
     });
     const mesh = new Mesh(this.geometry, material);
+    mesh.userData["model"] = model;
     mesh.frustumCulled = false;
     mesh.raycast = () => {};
-    this.group.add(mesh);
     return mesh;
   }
 
-  private remove(mesh: Mesh<BufferGeometry, ShaderMaterial>): void {
+  private remove(mesh: Board): void {
     this.group.remove(mesh);
     for (const name of ["picture", "mask"]) (mesh.material.uniforms[name]?.value as Texture | undefined)?.dispose();
-    mesh.material.dispose();
+    const model = mesh.userData["model"] as Lens["distortion"]["model"];
+    this.spares.set(model, [...(this.spares.get(model) ?? []), mesh]);
   }
 }
 
-function place(mesh: Mesh<BufferGeometry, ShaderMaterial>, { upright, place, lens, size }: Sprite, anchor: Point): void {
+function place(mesh: Board, { upright, place, lens, size }: Sprite, anchor: Point): void {
   const from = (point: Point): Point => [point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]];
   const { foot, right, halfWidth, height } = upright;
   const distance = Math.hypot(foot[0] - lens.position[0], foot[1] - lens.position[1], foot[2] - lens.position[2]);
