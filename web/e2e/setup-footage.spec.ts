@@ -106,8 +106,10 @@ test("a clip of which nothing is known is placed by hand", async ({ page }) => {
   await page.getByRole("link", { name: /3\. Cameras/ }).click();
   await page.locator("[data-camera^=one-by-one]").click();
   await page.getByText("By hand", { exact: true }).click();
-  await page.getByRole("textbox", { name: "Height (z)" }).or(page.getByLabel("Height (z)")).first().fill("4");
+  await expect(page.getByLabel("Height (z)")).toHaveValue("5");
+  await page.getByLabel("Height (z)").fill("4");
   await page.keyboard.press("Enter");
+  await expect(page.getByText("This camera is not placed yet.")).toBeHidden();
   await page.screenshot({ path: resolve(PICTURES, "web-intel-cameras.png") });
   await saveAndLook(page);
   await page.screenshot({ path: resolve(PICTURES, "web-intel-operate.png") });

@@ -63,13 +63,13 @@ export function shownTime(): number {
 export function goTo(millis: number): void {
   notice.value = null;
   if (millis >= newest()) goLive();
-  else state.setTime(millis);
+  else state.jumpTo(millis);
   if (playing.peek() === null) stretch.value = following(stretch.peek(), shownTime());
 }
 
 export function goLive(): void {
   [playing.value, notice.value] = [null, null];
-  state.setTime(null);
+  state.jumpTo(null);
   stretch.value = following(stretch.peek(), newest());
 }
 
@@ -149,20 +149,20 @@ async function takeStep(direction: Direction): Promise<void> {
   }
   frameMillis = Math.min(Math.max(Math.abs(next - from), 1), 1_000);
   notice.value = null;
-  state.setTime(next);
+  state.jumpTo(next);
   stretch.value = following(stretch.peek(), next);
 }
 
 /** Plays that way, or stands. */
 export function togglePlay(direction: Direction): void {
   if (state.at.peek() === null && direction > 0) return void (playing.value = null);
-  if (state.at.peek() === null) state.setTime(shownTime());
+  if (state.at.peek() === null) state.jumpTo(shownTime());
   playing.value = playing.peek() === direction ? null : direction;
 }
 
 /** Stands at what is shown. */
 export function pause(): void {
-  if (state.at.peek() === null) state.setTime(shownTime());
+  if (state.at.peek() === null) state.jumpTo(shownTime());
   playing.value = null;
 }
 
@@ -180,8 +180,9 @@ function play(direction: Direction): () => void {
     if (!isShown && isCovered(rows(), at)) return;
     const next = at + direction * passed;
     const beyond = isCovered(rows(), next) ? next : beyondGap(rows(), null, next, direction);
-    if (beyond !== null) goTo(beyond);
-    else if (direction > 0) goTo(next);
+    const there = beyond ?? (direction > 0 ? next : null);
+    if (there !== null && there >= newest()) goLive();
+    else if (there !== null) state.setTime(there);
     else [playing.value, notice.value] = [null, say("time.noBefore")];
     stretch.value = following(stretch.peek(), shownTime());
   }, PLAY_MILLIS);

@@ -162,7 +162,13 @@ export function choose(name: string, value: string, usual: string): void {
   change({ [name]: value === usual ? null : value });
 }
 
-/** Shows another time. */
+/** Goes to another time; it is in the address at once. */
+export function jumpTo(millis: number | null): void {
+  at.value = millis;
+  keep();
+}
+
+/** Shows another time on the way to others. */
 export function setTime(millis: number | null): void {
   at.value = millis;
   keepSoon();

@@ -1,6 +1,6 @@
 // The chosen things in numbers: everything that is dragged can be typed, too.
 
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { say } from "../../strings";
 import { isReadOnly, settle } from "../draft";
 import { NumberField, TextField } from "../Fields";
@@ -134,13 +134,10 @@ function ModelFields({ one }: { one: Of<"models"> }) {
   );
 }
 
+/** The name of what is chosen; another thing's is another field (by its key), so that nothing that is being typed is reset. */
 function Name({ id }: { id: string }) {
   const [typed, setTyped] = useState(id);
   const [fault, setFault] = useState<"form" | "taken" | null>(null);
-  useEffect(() => {
-    setTyped(id);
-    setFault(null);
-  }, [id]);
   return (
     <TextField label={say("geometry.name")} value={typed} maxLength={64} fault={fault === null ? undefined : say(`geometry.name.${fault}`)}
       onInput={(value) => {
@@ -190,7 +187,7 @@ export function Panel() {
     <section class="card geo-panel" aria-label={say("geometry.panel")}>
       <fieldset class="plain" disabled={isReadOnly.value}>
         <h2>{isOne ? one.of.id : say("geometry.count", { count: of.length })}</h2>
-        {isOne && <Name id={one.of.id} />}
+        {isOne && <Name key={one.of.id} id={one.of.id} />}
         {isOne && <Fields one={one} />}
         <Color of={of} />
         {isOne && one.list !== "models" && one.list !== "height_fields" && <PaintFields key={one.of.id} one={one} />}
