@@ -27,7 +27,7 @@ const setup = (stage: string): Shot => ({ name: `setup-${stage}`, address: `/#/s
 
 const SHOTS: readonly Shot[] = [
   { name: "operate", address: "/#/operate?scene=plaza", ready: fused, is4K: true },
-  { name: "operate-camera", address: "/#/operate?scene=plaza&camera=north", ready: seen("main img") },
+  { name: "operate-camera", address: "/#/operate?scene=plaza&camera=north", ready: seen(".alone img:not(.is-empty)") },
   setup("videos"), setup("ground"), setup("cameras"), setup("geometry"),
   { name: "walls", address: "/#/wall", ready: seen(".screens") },
   { name: "wall", address: "/#/wall?wall=control-room", ready: seen(".drawing image"), is4K: true },
