@@ -33,6 +33,7 @@ export async function daemon(name: string, { config, roots = [DEMO] }: { config?
   mkdirSync(FOLDER, { recursive: true });
   const database = resolve(FOLDER, `${name}.sqlite`);
   for (const suffix of ["", "-wal", "-shm"]) rmSync(`${database}${suffix}`, { force: true });
+  for (const kept of ["snapshots", "assets"]) rmSync(resolve(FOLDER, `${name}.${kept}`), { force: true, recursive: true });
   const target = process.env["CARGO_TARGET_DIR"] ?? resolve(ROOT, "target");
   const binary = process.env["VIDEOFIELDS"] ?? resolve(target, "debug/videofields");
   let asked = ["demo", "--listen", `127.0.0.1:${port}`];
