@@ -2,7 +2,8 @@
 //!
 //! Noted is whatever changes something, whatever came of it, and who looked at pictures and recordings: of the same caller
 //! and target once in ten minutes, so that a wall that pulls thirty pictures a second is a line and not a flood; and what
-//! strangers tried, once in ten minutes a route. An entry is on disk before the answer goes out.
+//! strangers tried, once in ten minutes a route. What is only tried (`validate_only`) changes nothing: pages ask it while
+//! somebody types. An entry is on disk before the answer goes out.
 
 use super::Api;
 use super::error::Problem;
@@ -109,7 +110,7 @@ pub(super) async fn note(
         // A stranger may try without end, under any name: once a route, or the log would be theirs to fill.
         audit.is_new(None, &format!("{method} {route}"), api.clock.monotonic())
     } else {
-        matched.is_some()
+        matched.is_some() && !is_try(&uri, status)
     };
     if !is_noted {
         return response;
@@ -129,6 +130,12 @@ pub(super) async fn note(
         tracing::error!(%error, ?entry, "what was done could not be noted in the audit log");
     }
     response
+}
+
+/// Whether a request by somebody who may ask it said that nothing is to be kept; routes that do not know the word refuse it.
+fn is_try(uri: &Uri, status: StatusCode) -> bool {
+    let says_so = |query: &str| query.split('&').any(|part| part == "validate_only=true");
+    status != StatusCode::FORBIDDEN && uri.query().is_some_and(says_so)
 }
 
 /// Entries, the oldest first.

@@ -147,9 +147,8 @@ impl Source {
             }
             Self::Tile { wall, tile, format, wishes, last } => {
                 let streamed = wall_tiles::after(api, (wall, tile), (*format, *wishes), *last).await?;
-                let Streamed { frame, version, rate_hz, is_live, picture } = streamed;
+                let Streamed { frame, version, rate_hz, is_live, is_pattern, picture } = streamed;
                 *last = Some(frame);
-                let is_pattern = wishes.pattern.is_some();
                 Ok(Shown { frame, version, rate_hz, is_live, is_pattern, picture })
             }
         }

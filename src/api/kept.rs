@@ -3,7 +3,7 @@
 //! Who sees a document's scene sees the document; operators and admins change it. Of one whose scene is hidden a caller
 //! learns no more than that its name is taken; of what it was before, when it may have shown another scene, admins alone.
 
-use super::conditions::{etag, required};
+use super::conditions::{etag, optional, required};
 use super::content::Content;
 use super::documents::{self, merge};
 use super::error::Problem;
@@ -24,7 +24,10 @@ use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
+
+const CHANGE_PARAMETERS: &[Parameter] =
+    &[Parameter::flag("validate_only", "Keeps nothing, needs no condition, and says what would be kept")];
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 
@@ -87,8 +90,13 @@ pub(super) fn routes<K: Kind>() -> Routes {
         .answers(Answer::json(200, "The list", K::list_schema()));
     let show = Operation::new(show_id, "Its document").answers(kept(200, "The document"));
     let put = changing(put_id, "Makes it or replaces it")
+        .parameters(CHANGE_PARAMETERS)
         .takes(document())
-        .answers(kept(200, "It is replaced"))
+        .answers(Answer::json(
+            200,
+            "It is replaced, or would be kept like that",
+            schema::kept_or_valid(document()),
+        ))
         .answers(kept(201, "It is made"));
     let change = changing(change_id, "Changes the members of its document that come")
         .about("Lists are replaced whole, null takes a member away (JSON Merge Patch, RFC 7396).")
@@ -170,7 +178,7 @@ pub(super) async fn one<K: Kind>(
     Ok(answer(StatusCode::OK, version, document))
 }
 
-/// Makes a document (`If-None-Match: *`) or replaces one (`If-Match`).
+/// Makes a document (`If-None-Match: *`) or replaces one (`If-Match`); with `validate_only=true` says what would be kept.
 pub(super) async fn put<K: Kind>(
     Asked(api): Asked,
     Segments(id): Segments<String>,
@@ -178,9 +186,18 @@ pub(super) async fn put<K: Kind>(
     headers: HeaderMap,
     Content(body): Content,
 ) -> Result<Response, Problem> {
-    Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
+    let mut query = Query::parse(raw.as_deref(), CHANGE_PARAMETERS);
+    let validates_only =
+        query.choice("validate_only", &[("false", false), ("true", true)]).unwrap_or_default();
+    query.finish(Some(()))?;
     check::<K>(&api, &id, &headers)?;
     check_free::<K>(&api, &id)?;
+    if validates_only {
+        // It needs none, but one that cannot be read is told.
+        optional(&headers)?;
+        let (_, document) = checked::<K>(&api, read_body(&body)?)?;
+        return Ok(([NO_STORE], Json(json!({ "is_valid": true, "document": document }))).into_response());
+    }
     let condition = seen::<K>(&api, &id, required(&headers)?);
     keep::<K>(&api, &id, read_body(&body)?, condition).await
 }
@@ -298,18 +315,24 @@ fn check_free<K: Kind>(api: &Api, id: &str) -> Result<(), Problem> {
     Ok(())
 }
 
-async fn keep<K: Kind>(
-    api: &Api,
-    id: &str,
-    document: Value,
-    condition: Condition,
-) -> Result<Response, Problem> {
+/// A document, and its normal form, if it may be kept.
+fn checked<K: Kind>(api: &Api, document: Value) -> Result<(K, Value), Problem> {
     let (content, document) = K::read(document).map_err(|faults| Problem::at(ErrorKind::Invalid, faults))?;
     content.check()?;
     if let Err(error) = api.door.scene(content.scene()) {
         let detail = scenes::problem_of(api, error).into_detail();
         return Err(Problem::at(ErrorKind::Invalid, vec![Fault::new("/scene", detail)]));
     }
+    Ok((content, document))
+}
+
+async fn keep<K: Kind>(
+    api: &Api,
+    id: &str,
+    document: Value,
+    condition: Condition,
+) -> Result<Response, Problem> {
+    let (_, document) = checked::<K>(api, document)?;
     let document = serde_json::to_string_pretty(&document)
         .map_err(|error| Problem::new(ErrorKind::Internal, format!("writing a document: {error}")))?;
     let (catalog, by) = (api.catalog()?, api.identity.caller.user.clone());

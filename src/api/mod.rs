@@ -54,6 +54,7 @@ mod query;
 mod scene_exchange;
 mod scenes;
 mod schema;
+mod screens;
 mod segments;
 mod serve;
 mod session;
@@ -166,6 +167,7 @@ struct Api {
     site: Arc<Site>,
     frames: Arc<FrameLock>,
     rounds: Arc<wall_rounds::Rounds>,
+    screens: Arc<screens::Screens>,
     feeds: Arc<foreground::Feeds>,
     /// What the request came by.
     connection: connection::Connection,
@@ -261,6 +263,7 @@ pub fn router_within(
         site: Arc::new(site),
         frames: frame_lock,
         rounds: Arc::default(),
+        screens: Arc::default(),
         feeds: Arc::default(),
         connection: connection::Connection::default(),
         tags: Arc::default(),
@@ -320,6 +323,7 @@ fn resources() -> Routes {
         alignment::routes(),
         walls::routes(),
         wall_tiles::routes(),
+        screens::routes(),
         views::routes(),
         streams::routes(),
         sockets::routes(),

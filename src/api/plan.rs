@@ -52,6 +52,7 @@ fn document(planned: &PlannedView) -> Value {
     let source = |source: &crate::engine::SourceTime| json!({ "camera": source.camera.as_str(), "time": source.timestamp.to_string() });
     let style = view::STYLES.iter().find(|(_, style)| *style == planned.style).map(|(word, _)| *word);
     let forecast = |of: fn(&Expected) -> f64| planned.expected.as_ref().map(|expected| rounded(of(expected)));
+    let gain = |(camera, gain): &(CameraId, [f32; 3])| json!({ "camera": camera.as_str(), "gain": gain });
     let left_out = planned.settings.left_out(&Preset::Exact.settings(4));
     json!({
         "time": planned.instant.to_string(),
@@ -61,6 +62,7 @@ fn document(planned: &PlannedView) -> Value {
         "sources": planned.sources.iter().map(source).collect::<Vec<_>>(),
         "gaps": ids(&planned.gaps),
         "effects": planned.reasons,
+        "gains": planned.gains.iter().map(gain).collect::<Vec<_>>(),
         "surface_cameras": ids(&planned.surface_cameras),
         "depth_map_cameras": ids(&planned.depth_map_cameras),
         "entity_cameras": ids(&planned.entity_cameras),

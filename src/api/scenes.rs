@@ -66,7 +66,7 @@ pub(super) fn routes() -> Routes {
         .answers(Answer::json(
             200,
             "It is replaced, or would be kept like that",
-            schema::scenes::kept_or_valid(),
+            schema::kept_or_valid(schema::named("Scene")),
         ))
         .answers(kept(201, "It is made").tagged());
     let change = Operation::new("change_scene", "Changes the members of a scene's document that come")
@@ -80,7 +80,7 @@ pub(super) fn routes() -> Routes {
         .answers(Answer::json(
             200,
             "It is changed, or would be kept like that",
-            schema::scenes::kept_or_valid(),
+            schema::kept_or_valid(schema::named("Scene")),
         ))
         .answers(kept(201, "It is kept for the first time").tagged());
     let remove = Operation::new("remove_scene", "Takes away what is kept of a scene")

@@ -11,6 +11,7 @@ use super::openapi::Routes;
 use super::operation::{Answer, Operation};
 use super::parameters::{Parameter, words};
 use super::query::Query;
+use super::screens::{Health, Place};
 use super::segments::Segments;
 use super::wall_tiles::Wishes;
 use super::{Api, Site, effort, scenes, view, views, walls};
@@ -71,13 +72,15 @@ pub(super) fn described(id: &'static str, summary: &'static str, about: &str) ->
 /// Routes that answer pictures by WebSocket.
 pub(super) fn routes() -> Routes {
     let about = "Each binary message is a header (`VFF1`) and a picture; the client acknowledges frames with `{\"ack\": number}`.";
+    let about_tile =
+        format!("{about} How it fares it may say with `{{\"health\": ...}}`, which `list_screens` tells.");
     let viewed = |operation: Operation| {
         let operation = operation.parameters(view::PARAMETERS).parameters(&effort::PARAMETERS);
         operation.parameters(RATE).parameters(CREDIT)
     };
     let of_view = viewed(described("follow_view", "Pictures of a view by WebSocket", about));
     let of_named = viewed(described("follow_named_view", "Pictures of a named view by WebSocket", about));
-    let of_tile = described("follow_tile", "Frames of a wall's tile by WebSocket", about)
+    let of_tile = described("follow_tile", "Frames of a wall's tile by WebSocket", &about_tile)
         .parameters(Wishes::PARAMETERS)
         .parameters(FORMAT)
         .parameters(CREDIT);
@@ -155,7 +158,14 @@ fn begin(
     let upgrade = accept(&api.site, headers, upgrade)?;
     source.check(&api)?;
     let permit = api.stream_place()?;
-    let talk = Talk { api, n_credits: n_credits as usize, on_their_way: VecDeque::new(), n_failures: 0 };
+    let screen = match &source {
+        Source::Tile { wall, tile, .. } => {
+            Some(api.screens.enter((wall, tile), (api.clock.now(), api.clock.monotonic())))
+        }
+        Source::View { .. } | Source::Named { .. } => None,
+    };
+    let (n_credits, on_their_way) = (n_credits as usize, VecDeque::new());
+    let talk = Talk { api, n_credits, on_their_way, n_failures: 0, screen };
     Ok(upgrade.on_upgrade(move |socket| talk.hold(socket, source, permit)))
 }
 
@@ -214,12 +224,14 @@ impl End {
     }
 }
 
-/// What a client says.
+/// What a client says: one of these.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Said {
+#[serde(rename_all = "snake_case")]
+enum Said {
     /// It has taken that frame, and all before.
-    ack: u64,
+    Ack(u64),
+    /// How a screen fares.
+    Health(Health),
 }
 
 /// A conversation with one client.
@@ -229,6 +241,8 @@ struct Talk {
     /// Numbers of frames that were sent and not acknowledged.
     on_their_way: VecDeque<u64>,
     n_failures: u32,
+    /// Of a tile, that it is shown here.
+    screen: Option<Place>,
 }
 
 /// A source and what it shows.
@@ -315,11 +329,20 @@ impl Talk {
     fn heard(&mut self, message: Message) -> Result<bool, End> {
         match message {
             Message::Text(text) => {
-                let said: Said = serde_json::from_str(&text).map_err(|_unknown| {
-                    End::new(close_code::UNSUPPORTED, "expected {\"ack\": and the number of a frame}")
-                })?;
-                while self.on_their_way.front().is_some_and(|frame| *frame <= said.ack) {
-                    self.on_their_way.pop_front();
+                match (serde_json::from_str(&text), &self.screen) {
+                    (Ok(Said::Ack(taken)), screen) => {
+                        let newest = self.on_their_way.iter().copied().filter(|frame| *frame <= taken).max();
+                        self.on_their_way.retain(|frame| *frame > taken);
+                        if let (Some(screen), Some(newest)) = (screen, newest) {
+                            screen.has(newest, self.api.clock.monotonic());
+                        }
+                    }
+                    (Ok(Said::Health(health)), Some(screen)) => screen.tells(health),
+                    _ => {
+                        let expected =
+                            "expected {\"ack\": and the number of a frame}, or a screen's {\"health\": ...}";
+                        return Err(End::new(close_code::UNSUPPORTED, expected));
+                    }
                 }
                 Ok(true)
             }

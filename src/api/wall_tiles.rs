@@ -16,7 +16,7 @@ use super::tags::Finish;
 use super::view::{self, drawn};
 use super::wall_rounds::Turn;
 use super::walls::Kept;
-use super::{Api, kept, playheads, scenes, schema, walls};
+use super::{Api, kept, playheads, scenes, schema, screens, walls};
 use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
@@ -49,7 +49,8 @@ const LEAST_LOOK: Duration = Duration::from_millis(1);
 /// What a request says beside which tile and which frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wishes {
-    pub(super) pattern: Option<Pattern>,
+    /// Which pattern, or none; what all tiles of the wall are to show where nothing is said.
+    pattern: Option<Option<Pattern>>,
     edges: Edges,
 }
 
@@ -62,7 +63,7 @@ enum Edges {
 }
 
 /// The values of `pattern`.
-const PATTERNS: [(&str, Option<Pattern>); 3] =
+pub(super) const PATTERNS: [(&str, Option<Pattern>); 3] =
     [("none", None), ("test", Some(Pattern::Test)), ("identify", Some(Pattern::Identify))];
 
 /// The values of `blend`.
@@ -94,7 +95,10 @@ pub(super) fn routes() -> Routes {
         .about("Server-sent events `wall`.")
         .answers(Answer::nothing(200, "Events without end").media(
             "text/event-stream",
-            Some(schema::sent(&["wall"], "The wall, its version and the frame that is due, as JSON")),
+            Some(schema::sent(
+                &["wall"],
+                "The wall, its version, the frame that is due and the pattern, as JSON",
+            )),
         ));
     Routes::of(walls::TAG, walls::SEGMENTS)
         .get("/api/v1/walls/{id}/tiles", self::list, list)
@@ -105,8 +109,11 @@ pub(super) fn routes() -> Routes {
 impl Wishes {
     /// The parameters that say them.
     pub(super) const PARAMETERS: &[Parameter] = &[
-        Parameter::word("pattern", || words(&PATTERNS), "Lines or the tile's name, for setting up")
-            .default_is("none"),
+        Parameter::word(
+            "pattern",
+            || words(&PATTERNS),
+            "Lines or the tile's name, for setting up; without it what all tiles are told to show (`show_pattern`)",
+        ),
         Parameter::word("blend", || words(&EDGES), "Whether edges that overlap another tile's fade out")
             .default_is("on"),
     ];
@@ -114,9 +121,14 @@ impl Wishes {
     /// What `query` says.
     pub(super) fn read(query: &mut Query) -> Self {
         Self {
-            pattern: query.choice("pattern", &PATTERNS).unwrap_or_default(),
+            pattern: query.choice("pattern", &PATTERNS),
             edges: query.choice("blend", &EDGES).unwrap_or_default(),
         }
+    }
+
+    /// The pattern that a tile of that wall shows now.
+    fn pattern(self, api: &Api, wall: &str) -> Option<Pattern> {
+        self.pattern.unwrap_or_else(|| api.screens.pattern(wall, api.clock.monotonic()))
     }
 }
 
@@ -164,7 +176,8 @@ pub(super) async fn picture(
     if let Some(spared) = spared(&api, &kept, (&tile, &frame), (format, wishes, &headers)).await? {
         return Ok(spared);
     }
-    Ok(shown(&api, &kept, (tile, &frame), (format, wishes)).await?.into_response())
+    let (picture, _) = shown(&api, &kept, (tile, &frame), (format, wishes)).await?;
+    Ok(picture.into_response())
 }
 
 /// That the caller has the tile already, if that can be told without drawing it; and of which frame it is.
@@ -174,7 +187,7 @@ async fn spared(
     (tile, frame): (&Tile, &WallFrame),
     (format, wishes, headers): (PictureFormat, Wishes, &HeaderMap),
 ) -> Result<Option<Response>, Problem> {
-    if wishes.pattern.is_some() {
+    if wishes.pattern(api, &kept.id).is_some() {
         return Ok(None);
     }
     let request = request_of(api, &kept.content, (tile, frame), format)?;
@@ -209,6 +222,8 @@ pub(super) struct Streamed {
     pub(super) rate_hz: f64,
     /// Whether the wall shows what is now.
     pub(super) is_live: bool,
+    /// Whether it is no picture of the scene.
+    pub(super) is_pattern: bool,
     pub(super) picture: Picture,
 }
 
@@ -230,9 +245,9 @@ pub(super) async fn after(
     wait = if last.is_some() { wait } else { Duration::ZERO };
     tokio::time::sleep(wait).await;
     let turn = turn(api, &kept, last).await?;
-    let picture = shown(api, &kept, (tile, &turn.frame), (format, wishes)).await?;
+    let (picture, is_pattern) = shown(api, &kept, (tile, &turn.frame), (format, wishes)).await?;
     let (frame, version, is_live) = (turn.frame.id, kept.version, kept.content.playhead.is_none());
-    Ok(Streamed { frame, version, rate_hz, is_live, picture })
+    Ok(Streamed { frame, version, rate_hz, is_live, is_pattern, picture })
 }
 
 /// A turn in a frame of the wall that is newer than `last`.
@@ -265,14 +280,16 @@ pub(super) fn tile_of(kept: &Kept, name: &str) -> Result<Tile, Problem> {
     })
 }
 
+/// A tile's picture, and whether it is a pattern's.
 async fn shown(
     api: &Api,
     kept: &Kept,
     (tile, frame): (Tile, &WallFrame),
     (format, wishes): (PictureFormat, Wishes),
-) -> Result<Picture, Problem> {
+) -> Result<(Picture, bool), Problem> {
     let moment = moment_of(kept, frame);
-    let mut picture = match wishes.pattern {
+    let pattern = wishes.pattern(api, &kept.id);
+    let mut picture = match pattern {
         Some(which) => patterned(api, kept, (tile, which), (format, moment, frame.instant)).await?,
         None => {
             let request = request_of(api, &kept.content, (&tile, frame), format)?;
@@ -280,7 +297,7 @@ async fn shown(
         }
     };
     picture.fields.extend(numbers(kept, frame));
-    Ok(picture)
+    Ok((picture, pattern.is_some()))
 }
 
 /// What a tile shows, as any view is asked for.
@@ -383,8 +400,8 @@ pub(super) async fn events(
 struct Following {
     api: Api,
     id: String,
-    /// The version that was told last, and when.
-    told: Option<(i64, Duration)>,
+    /// The version and the pattern that were told last, and when.
+    told: Option<(i64, Option<Pattern>, Duration)>,
 }
 
 impl Following {
@@ -394,18 +411,20 @@ impl Following {
             self.api = self.api.renewed()?;
             let kept = kept::find(&self.api, &self.id).ok()?;
             let now = self.api.clock.monotonic();
-            let is_old =
-                |(version, at): (i64, Duration)| version != kept.version || now.saturating_sub(at) >= BEAT;
+            let pattern = self.api.screens.pattern(&kept.id, now);
+            let is_old = |(version, shown, at): (i64, Option<Pattern>, Duration)| {
+                (version, shown) != (kept.version, pattern) || now.saturating_sub(at) >= BEAT
+            };
             if self.told.is_none_or(is_old) {
-                self.told = Some((kept.version, now));
-                let event = Event::default().event("wall").json_data(self.state(&kept)).ok()?;
+                self.told = Some((kept.version, pattern, now));
+                let event = Event::default().event("wall").json_data(self.state(&kept, pattern)).ok()?;
                 return Some((Ok(event), self));
             }
             tokio::time::sleep(LOOK).await;
         }
     }
 
-    fn state(&self, kept: &Kept) -> Value {
+    fn state(&self, kept: &Kept, pattern: Option<Pattern>) -> Value {
         // A scene of which nothing is to be seen yet has no frames.
         let due = due(&self.api, kept).ok().map(|(frame, _)| frame);
         json!({
@@ -414,6 +433,7 @@ impl Following {
             "rate_hz": kept.content.rate_hz,
             "frame": due.as_ref().map(|frame| frame.id),
             "time": due.as_ref().map(|frame| frame.instant.to_string()),
+            "pattern": screens::word_of(pattern),
         })
     }
 }

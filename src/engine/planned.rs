@@ -32,6 +32,8 @@ pub struct PlannedView {
     pub sources: Vec<SourceTime>,
     /// Those of them that saw nothing near the instant: of these the background alone is shown.
     pub gaps: Vec<CameraId>,
+    /// What cameras' colours are multiplied by, in linear light, red, green and blue; 1 where they are shown as they are.
+    pub gains: Vec<(CameraId, [f32; 3])>,
     /// Cameras whose backgrounds are shown on surfaces, best first.
     pub surface_cameras: Vec<CameraId>,
     /// Those of them that need a depth map.
@@ -118,6 +120,7 @@ fn named(subject: &Subject, Decided { state, plan, decision }: Decided) -> Plann
         n_parts: subject.picture.parts.len(),
         sources: subject.sources.clone(),
         gaps: subject.gaps.clone(),
+        gains: state.cameras.iter().map(|camera| (camera.id.clone(), camera.gain.to_array())).collect(),
         surface_cameras: ids(&plan.surface_cameras),
         depth_map_cameras: ids(&plan.depth_map_cameras),
         entity_cameras: ids(&plan.entity_cameras),

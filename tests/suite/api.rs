@@ -388,6 +388,10 @@ async fn a_plan_is_answered_without_a_picture() {
                 {"effect": "points", "is_on": false, "because": because},
                 {"effect": "billboard", "is_on": true, "because": because},
             ],
+            "gains": [
+                {"camera": "north", "gain": [1.0, 1.0, 1.0]},
+                {"camera": "south", "gain": [1.25, 1.0, 0.75]},
+            ],
             "surface_cameras": ["north", "south"],
             "depth_map_cameras": ["south"],
             "entity_cameras": ["north"],

@@ -58,6 +58,15 @@ pub(super) fn named(name: &str) -> Value {
     json!({"$ref": format!("#/components/schemas/{name}")})
 }
 
+/// A document that was kept, or that would be.
+pub(super) fn kept_or_valid(document: Value) -> Value {
+    let valid = object([
+        ("is_valid", json!({"type": "boolean", "enum": [true]}), ""),
+        ("document", document.clone(), "What would be kept"),
+    ]);
+    json!({"anyOf": [document, valid]})
+}
+
 /// Any object.
 pub(super) fn anything() -> Value {
     json!({"type": "object"})

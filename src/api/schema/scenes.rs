@@ -42,15 +42,6 @@ pub(in crate::api) fn assets() -> Value {
     object([("assets", list(asset()), "By their names")])
 }
 
-/// A document that was kept, or that would be.
-pub(in crate::api) fn kept_or_valid() -> Value {
-    let valid = object([
-        ("is_valid", json!({"type": "boolean", "enum": [true]}), ""),
-        ("document", named("Scene"), "What would be kept"),
-    ]);
-    json!({"anyOf": [named("Scene"), valid]})
-}
-
 /// Members of a document that are to be others.
 pub(in crate::api) fn patch() -> Value {
     let mut patch = anything();
@@ -319,6 +310,10 @@ fn plan() -> Value {
         ("surface_idx", count(), "Which one of that kind"),
         ("opacity", number_within(0.0, 1.0), ""),
     ]);
+    let gain = object([
+        ("camera", id(), ""),
+        ("gain", exactly(3, number()), "Red, green and blue, in linear light"),
+    ]);
     let sampling = object([
         ("samples", whole_within(1, 4), "Places of a pixel at which edges are looked for"),
         ("supersampling", whole_within(1, 4), "Pixels each way that are drawn for one"),
@@ -332,6 +327,7 @@ fn plan() -> Value {
         ("gaps", list(id()), "Cameras without one"),
         ("restricted", boolean(), "Whether the scene has cameras that the caller may not see"),
         ("effects", list(effect), "Each effect, and why"),
+        ("gains", list(gain), "What cameras' colours are evened out by"),
         ("surface_cameras", list(id()), "Whose backgrounds lie on the surfaces, best first"),
         ("depth_map_cameras", list(id()), "Those of them that something may hide a surface from"),
         ("entity_cameras", list(id()), "Whose live frames show what moves"),

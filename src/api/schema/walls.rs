@@ -1,12 +1,14 @@
 //! Walls: their documents, and what is told of their tiles.
 
 use super::{
-    Named, count, exactly, id, list, nullable, number, number_within, object, taken, text, whole_within,
+    Named, count, exactly, id, list, named, nullable, number, number_within, object, taken, text, time,
+    whole_within, word,
 };
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 2] = [("NamedView", named_view), ("Wall", wall)];
+pub(in crate::api) const NAMED: [Named; 4] =
+    [("NamedView", named_view), ("Wall", wall), ("WallPattern", pattern), ("ScreenHealth", screen_health)];
 
 /// Every wall.
 pub(in crate::api) fn all() -> Value {
@@ -138,5 +140,55 @@ pub(in crate::api) fn tiles() -> Value {
         ("rate_hz", number(), "Frames a second"),
         ("eye_m", metres(3), "Where the viewer stands in the world"),
         ("tiles", list(tile), ""),
+    ])
+}
+
+/// What all tiles of a wall show in the place of their pictures.
+fn pattern() -> Value {
+    object([
+        ("shows", word(&PATTERNS), "`none` is their pictures"),
+        ("seconds_left", nullable(number()), "For how long; null of `none`"),
+    ])
+}
+
+/// A request for that.
+pub(in crate::api) fn pattern_asked() -> Value {
+    taken(
+        &["shows"],
+        [
+            ("shows", word(&PATTERNS), "Lines, the tiles' names, or their pictures again"),
+            ("seconds", whole_within(1, 3600), "For how long; default 60"),
+        ],
+    )
+}
+
+const PATTERNS: [&str; 3] = ["none", "test", "identify"];
+
+fn screen_health() -> Value {
+    object([
+        ("frame", nullable(count()), "Number of the frame that it shows"),
+        ("age_secs", nullable(number()), "How long it has shown that"),
+        ("rate_hz", number(), "Frames a second over the last seconds"),
+        ("missed", count(), "Frames that it passed over"),
+        ("late", count(), "Frames that it showed more than a frame's time after they were due"),
+        ("unreadable", count(), "Pictures that it could not read"),
+        ("reconnects", count(), "Conversations before this one"),
+        ("clock_offset_secs", nullable(number()), "Its clock before the daemon's, with the way between"),
+    ])
+}
+
+/// Who shows a wall's tiles.
+pub(in crate::api) fn screens() -> Value {
+    let screen = object([
+        ("tile", id(), ""),
+        ("since", time(), "When its conversation began"),
+        ("frame", nullable(count()), "The last frame that it acknowledged"),
+        ("heard_secs", number(), "How long ago that was, or the beginning"),
+        ("health", nullable(named("ScreenHealth")), "What it says of itself; null where it says nothing"),
+    ]);
+    object([
+        ("wall", id(), ""),
+        ("pattern", named("WallPattern"), "What all tiles show where nothing else is asked of them"),
+        ("screens", list(screen), "In the order of their tiles' names"),
     ])
 }

@@ -587,6 +587,7 @@ impl Door for FakeDoor {
             n_parts: 1,
             sources,
             gaps,
+            gains: vec![(id("north"), [1.0; 3]), (id("south"), [1.25, 1.0, 0.75])],
             surface_cameras: vec![id("north"), id("south")],
             depth_map_cameras: vec![id("south")],
             entity_cameras: vec![id("north")],

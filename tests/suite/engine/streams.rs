@@ -9,7 +9,7 @@ use super::{Bench, has_adapter};
 use crate::api::sockets::{Socket, ack, dial, frame};
 use axum::body::{Body, BodyDataStream};
 use axum::http::Request;
-use futures_util::StreamExt;
+use futures_util::{SinkExt, StreamExt};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -156,6 +156,80 @@ fn make_wall(house: &House) {
     // What is drawn first waits for shaders.
     let first = "/api/v1/walls/control/tiles/r1c1/frame.jpg";
     crate::support::wait_for("a picture", || (house.get(first).status == 200).then_some(()));
+}
+
+#[test]
+fn screens_of_a_wall_are_known_and_all_tiles_show_a_pattern_for_a_while() {
+    if !has_adapter() {
+        return;
+    }
+    let folder = TempDir::new().unwrap();
+    let house = start(folder.path());
+    make_wall(&house);
+    let (address, stop) = house.serve();
+    let screens = || house.get("/api/v1/walls/control/screens").body;
+    let put = |body: Value| house.send("PUT", "/api/v1/walls/control/pattern", None, &body.to_string());
+    assert_eq!(
+        screens(),
+        json!({"wall": "control", "pattern": {"shows": "none", "seconds_left": null}, "screens": []})
+    );
+
+    let path = "/api/v1/walls/control/tiles/r2c1/frames?credits=4";
+    let mut socket = house.bench.runtime.block_on(dial(address, path, &[])).unwrap();
+    let mut shown = || {
+        house.bench.runtime.block_on(async {
+            let (header, _) = frame(&mut socket).await;
+            ack(&mut socket, header.frame).await;
+            header
+        })
+    };
+    assert!(!shown().is_pattern);
+    let known = crate::support::wait_for("the screen has a frame", || {
+        let known = screens();
+        known["screens"][0]["frame"].is_u64().then_some(known)
+    });
+    assert_eq!(known["screens"].as_array().unwrap().len(), 1);
+    assert_eq!(
+        (&known["screens"][0]["tile"], &known["screens"][0]["health"]),
+        (&json!("r2c1"), &json!(null))
+    );
+
+    // A pattern goes to whoever does not ask for another, and what does ask still gets that.
+    let asked = put(json!({"shows": "identify", "seconds": 600}));
+    assert_eq!((asked.status, &asked.body["shows"]), (200, &json!("identify")), "{}", asked.body);
+    assert!(crate::support::wait_for("a pattern", || shown().is_pattern.then_some(true)));
+    let picture =
+        |query: &str| house.get(&format!("/api/v1/walls/control/tiles/r2c1/frame.png{query}")).bytes;
+    assert_eq!(picture(""), picture("?pattern=identify"));
+    assert_ne!(picture(""), picture("?pattern=none"));
+    assert_ne!(picture(""), picture("?pattern=test"));
+    assert_eq!(screens()["pattern"]["shows"], "identify");
+    assert_eq!(put(json!({"shows": "none"})).body, json!({"shows": "none", "seconds_left": null}));
+    assert!(crate::support::wait_for("a picture", || (!shown().is_pattern).then_some(true)));
+
+    let wrong = put(json!({"shows": "bars", "seconds": 0}));
+    let places: Vec<&str> = wrong.body["errors"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter_map(|error| error["pointer"].as_str())
+        .collect();
+    assert_eq!((wrong.status, places), (400, vec!["/shows", "/seconds"]), "{}", wrong.body);
+    assert_eq!(house.send("PUT", "/api/v1/walls/lobby/pattern", None, "{\"shows\": \"test\"}").status, 404);
+
+    // What it says of itself stands beside what is known of it, and it is gone with its conversation.
+    let health = json!({
+        "frame": 9, "age_secs": 0.1, "rate_hz": 9.8, "missed": 1, "late": 2, "unreadable": 0, "reconnects": 3,
+        "clock_offset_secs": null,
+    });
+    let said = Message::text(json!({ "health": health }).to_string());
+    house.bench.runtime.block_on(socket.send(said)).unwrap();
+    crate::support::wait_for("the screen's word", || {
+        (screens()["screens"][0]["health"] == health).then_some(())
+    });
+    drop(socket);
+    crate::support::wait_for("nobody", || screens()["screens"].as_array().unwrap().is_empty().then_some(()));
+    stop.send(()).unwrap();
 }
 
 #[test]

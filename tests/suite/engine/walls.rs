@@ -264,6 +264,9 @@ fn walls_are_kept_changed_and_refused_with_their_places() {
         }
         let answer = house.send("PUT", WALL, Some(("if-none-match", "*")), &document.to_string());
         assert_eq!(answer.status, 400, "{change}: {}", answer.body);
+        // Whoever only tries it hears the same.
+        let tried = house.send("PUT", &format!("{WALL}?validate_only=true"), None, &document.to_string());
+        assert_eq!((tried.status, &tried.body["errors"]), (400, &answer.body["errors"]), "{change}");
         let errors = answer.body["errors"].as_array().unwrap();
         let told = |error: &Value| {
             error["pointer"] == pointer
@@ -301,6 +304,10 @@ fn walls_are_kept_changed_and_refused_with_their_places() {
     }]}});
     check(askew, "/surface/tiles/0", "rectangle");
 
+    let tried = house.send("PUT", &format!("{WALL}?validate_only=true"), None, &flat().to_string());
+    assert_eq!((tried.status, &tried.body["is_valid"]), (200, &json!(true)), "{}", tried.body);
+    assert_eq!(tried.body["document"]["zoom"], 1.0, "with every default filled in");
+    assert_eq!(house.get(WALL).status, 404, "and nothing is kept");
     make(&house, &flat());
     let listed = house.get("/api/v1/walls").body;
     assert_eq!(listed["walls"][0]["id"], "control");
