@@ -32,7 +32,7 @@ async function watch(context: BrowserContext, url: string): Promise<Page[]> {
   }));
 }
 
-test("six screens of a wall that was laid out by hand stay in one frame", async ({ page, context, url, complaints }) => {
+test("six screens of a wall that was laid out by hand stay in one frame", async ({ page, context, browser, url, complaints }) => {
   test.setTimeout(120_000);
   await page.goto(`${url}/#/wall`);
   await page.getByRole("link", { name: "New wall" }).click();
@@ -44,7 +44,7 @@ test("six screens of a wall that was laid out by hand stay in one frame", async 
   await fill(page, "A tile's size, m", [0.4, 0.225]);
   await fill(page, "Gaps, m", [0.01, 0.01]);
   await page.getByLabel("Frames, a second").fill("0");
-  await expect(page.getByText("0.5 to 60.")).toBeVisible();
+  await expect(page.getByText("expected 0.5 to 60 frames a second, got 0")).toBeVisible();
   await expect(page.getByRole("button", { name: "Keep" })).toBeDisabled();
   await page.getByLabel("Frames, a second").fill("2");
   await expect(page.getByRole("group", { name: "From the front" }).locator("image")).toHaveAttribute("href", /^blob:/);
@@ -88,19 +88,24 @@ test("six screens of a wall that was laid out by hand stay in one frame", async 
   expect(n.together).toBeGreaterThan(4 * n.apart);
   await expect.poll(async () => new Set(await newest()).size).toBe(1);
 
-  // The place Wall hears them, and has them say who they are.
+  // The place Wall knows of them, and of one of another browser, and has all of them say who they are.
+  const elsewhere = await browser.newContext();
+  const seventh = await elsewhere.newPage();
+  await seventh.goto(`${url}/wall?wall=six&tile=r1c1`);
   await page.bringToFront();
-  await expect(page.getByText("6 open in this browser.")).toBeVisible();
-  await page.getByText("Identify", { exact: true }).click();
+  await expect(page.getByText("7 connected.")).toBeVisible();
+  await expect(page.getByText("All show the same frame.")).toBeVisible();
+  await expect(page.getByText("2 screens show it.")).toBeVisible();
+  await expect(page.getByText(/0 missed, \d+ late, 0 reconnects/).first()).toBeVisible();
   const one = screens[0];
   if (!one) throw new Error("there are six");
-  const dark = () => one.locator("#screen").evaluate((canvas: HTMLCanvasElement) => {
-    const { data } = canvas.getContext("2d")?.getImageData(0, 0, 8, 8) ?? { data: [255] };
-    return data[0];
-  });
-  const before = await dark();
+  await page.getByText("Identify", { exact: true }).click();
+  for (const screen of [...screens, seventh]) await expect(screen.locator("#screen")).toHaveAttribute("data-pattern", "true");
   await expect(page.getByRole("radio", { name: "Identify" })).toBeChecked();
-  await expect.poll(dark).not.toBe(before);
+  await page.getByText("Picture", { exact: true }).click();
+  for (const screen of [one, seventh]) await expect(screen.locator("#screen")).toHaveAttribute("data-pattern", "false");
+  await elsewhere.close();
+  await expect(page.getByText("6 connected.")).toBeVisible();
   // What a screen tells of itself.
   await one.keyboard.press("h");
   await expect(one.locator("#health")).toContainText("5 in step");

@@ -22,7 +22,7 @@ function message(): ArrayBuffer {
 test("a frame is read", async () => {
   const { blob, ...told } = read(message()) ?? { blob: null };
   expect(told).toEqual({
-    number: 17, millis: 1_772_366_400_500, version: "4", sentMillis: 1_772_366_400_600, rate: 10, isLive: true, isRestricted: true,
+    number: 17, millis: 1_772_366_400_500, version: "4", sentMillis: 1_772_366_400_600, rate: 10, isLive: true, isRestricted: true, isPattern: false,
   });
   expect([blob?.type, blob?.size]).toEqual(["image/jpeg", 3]);
   expect(new Uint8Array((await blob?.arrayBuffer()) ?? new ArrayBuffer(0))).toEqual(new Uint8Array(3));

@@ -13,6 +13,7 @@ export type Frame = {
   rate: number;
   isLive: boolean;
   isRestricted: boolean;
+  isPattern: boolean;
   blob: Blob;
 };
 
@@ -31,6 +32,7 @@ export function read(buffer: ArrayBuffer): Frame | null {
     rate: view.getUint32(40) / 1e3,
     isLive: (flags & 1) !== 0,
     isRestricted: (flags & 2) !== 0,
+    isPattern: (flags & 4) !== 0,
     blob: new Blob([new Uint8Array(buffer, headerBytes, view.getUint32(44))], { type }),
   };
 }

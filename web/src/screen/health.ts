@@ -1,7 +1,34 @@
 // How a screen fares: what is counted of its frames, and what stands in its corner on demand.
 
+import type { components } from "../contract.gen";
 import { say } from "../strings";
-import type { Health } from "./channel";
+
+export type Pattern = components["schemas"]["WallPattern"]["shows"];
+/** What the daemon is told. */
+export type Told = components["schemas"]["ScreenHealth"];
+
+/** How a screen fares, as it says itself; times in milliseconds. */
+export type Health = {
+  readonly wall: string;
+  readonly tile: string;
+  /** Number of the frame that is shown; null before the first. */
+  readonly frame: number | null;
+  readonly ageMillis: number | null;
+  readonly rate: number;
+  readonly wantedRate: number;
+  readonly late: number;
+  readonly missed: number;
+  readonly unreadable: number;
+  readonly reconnects: number;
+  readonly offsetMillis: number | null;
+  readonly way: "socket" | "pull" | "none";
+};
+
+/** As the daemon takes it. */
+export function told({ frame, ageMillis, rate, missed, late, unreadable, reconnects, offsetMillis }: Health): Told {
+  const secs = (millis: number | null) => (millis === null ? null : millis / 1e3);
+  return { frame, age_secs: secs(ageMillis), rate_hz: rate, missed, late, unreadable, reconnects, clock_offset_secs: secs(offsetMillis) };
+}
 
 /** Frames of the last seconds tell the rate. */
 const RATE_MILLIS = 4_000;

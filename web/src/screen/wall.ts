@@ -2,14 +2,16 @@
 //
 // /wall?wall=ID&tile=T, and if wanted pattern=test|identify, blend=off and delay=MILLISECONDS: every screen shows a frame that long
 // after it was due, so that screens on networks of unlike speed change at once; a frame's time, at most a quarter of a second,
-// where nothing is said. Screens of one browser wait for each other beside that. A screen that nobody stands before is let in by a token in the fragment, #token=vf_...: a browser sends
-// that nowhere by itself. The key h, or a touch, shows in a corner how the screen fares.
+// where nothing is said. Screens of one browser wait for each other beside that. A screen that nobody stands before is let in by
+// a token in the fragment, #token=vf_...: a browser sends that nowhere by itself. Where neither address nor key names a pattern, a
+// screen shows what the place Wall has all of them show. The key h, or a touch, shows in a corner how the screen fares; the daemon
+// is told that too.
 
 import "./wall.css";
 import { Trouble, ask, send, told } from "../ask";
 import { pauser } from "../pause";
 import { say } from "../strings";
-import { type Health, type Message, type Pattern, openChannel } from "./channel";
+import { type Message, openChannel } from "./channel";
 import { choose } from "./choice";
 import { type Frame, read } from "./frames";
 import * as health from "./health";
@@ -25,6 +27,9 @@ const BEHIND_MILLIS = 5_000;
 /** WebSockets that came to nothing before pictures are pulled, and for how long they are until it is tried again. */
 const TRIES = 2;
 const PULL_MILLIS = 30_000;
+
+/** How often the daemon is told how the screen fares. */
+const TELL_MILLIS = 2_000;
 
 /** How long a frame is held for other screens of this browser that do not have it yet. */
 const PATIENCE_MILLIS = 2_000;
@@ -49,10 +54,11 @@ const { pause, wake } = pauser();
 const token = new URLSearchParams(location.hash.slice(1)).get("token");
 if (token !== null) history.replaceState(null, "", location.pathname + location.search);
 
-const PATTERNS: Record<string, Pattern> = { i: "identify", t: "test", 0: "none" };
-let pattern: Pattern = Object.values(PATTERNS).find((known) => known === query.get("pattern")) ?? "none";
+/** What keys have this screen show; null is what the daemon has all of the wall's screens show. */
+const PATTERNS: Record<string, health.Pattern | null> = { i: "identify", t: "test", 0: null };
+let pattern = Object.values(PATTERNS).find((known) => known === query.get("pattern")) ?? null;
 let counts = health.NOTHING;
-let way: Health["way"] = "none";
+let way: health.Health["way"] = "none";
 const page = crypto.getRandomValues(new Uint32Array(2)).join("-");
 const lock = makeLock();
 let newest: Shown | null = null;
@@ -64,7 +70,7 @@ let offset = Infinity;
 /** What the daemon is asked for beside which tile. */
 function wishes(): Record<string, string> {
   const blend = query.get("blend");
-  return blend ? { pattern, blend } : { pattern };
+  return { ...(pattern ? { pattern } : {}), ...(blend ? { blend } : {}) };
 }
 
 function path(what: string): string {
@@ -94,6 +100,7 @@ async function show({ blob, ...frame }: Frame): Promise<void> {
     context?.drawImage(bitmap, 0, 0);
     bitmap.close();
     screen.dataset["frame"] = String(frame.number);
+    screen.dataset["pattern"] = String(frame.isPattern);
     counts = health.counted(counts, { number: frame.number, version: frame.version, rate: frame.rate, at: performance.now() }, Date.now() - due);
     announce();
   });
@@ -110,6 +117,9 @@ function bySocket(): Promise<{ n: number; reason: string }> {
     const origin = location.origin.replace(/^http/, "ws");
     const socket = new WebSocket(`${origin}${path("frames")}?${new URLSearchParams(wishes()).toString()}`);
     let n = 0;
+    const talk = (what: object) => {
+      if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(what));
+    };
     socket.binaryType = "arraybuffer";
     ended = () => socket.close();
     const take = async (data: string | ArrayBuffer) => {
@@ -122,10 +132,14 @@ function bySocket(): Promise<{ n: number; reason: string }> {
       n += 1;
       way = "socket";
       await show(frame).catch(unreadable);
-      if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ ack: frame.number }));
+      talk({ ack: frame.number });
     };
     socket.addEventListener("message", ({ data }: MessageEvent<string | ArrayBuffer>) => void take(data));
-    socket.addEventListener("close", ({ reason }) => resolve({ n, reason }));
+    const telling = setInterval(() => talk({ health: health.told(own()) }), TELL_MILLIS);
+    socket.addEventListener("close", ({ reason }) => {
+      clearInterval(telling);
+      resolve({ n, reason });
+    });
   });
 }
 
@@ -144,7 +158,7 @@ async function byPulling(): Promise<void> {
     const version = field("videofields-wall-version");
     const blob = await response.blob();
     way = "pull";
-    await show({ number, version, millis, sentMillis: begun, rate: 0, isLive: false, isRestricted: false, blob });
+    await show({ number, version, millis, sentMillis: begun, rate: 0, isLive: false, isRestricted: false, isPattern: false, blob });
     at = number + 1;
   }
 }
@@ -205,10 +219,10 @@ async function keepAwake(): Promise<void> {
 }
 
 /** How this screen fares. */
-function own(): Health {
+function own(): health.Health {
   const now = performance.now();
   return {
-    wall, tile, page, way, pattern, trouble: state.hidden ? "" : trouble,
+    wall, tile, way,
     frame: newest?.number ?? null, ageMillis: newest ? now - newest.shown : null,
     rate: health.rateOf(counts, now), wantedRate: newest?.rate ?? 0,
     missed: counts.missed, late: counts.late, unreadable: counts.unreadable,
@@ -220,19 +234,17 @@ function own(): Health {
 
 /** Tells the pages of this browser. */
 function announce(): void {
-  channel.tell({ kind: "health", health: own() });
+  channel.tell({ kind: "shows", wall, page, frame: newest?.number ?? null });
 }
 
 function hear(message: Message): void {
-  if (message.kind === "health" && message.health.wall === wall && message.health.page !== page) {
-    lock.shows(message.health.page, message.health.frame);
-  } else if (message.kind === "holds" && message.wall === wall) lock.holds(message.page, message.version, message.frame);
+  if (message.kind === "shows" && message.wall === wall && message.page !== page) lock.shows(message.page, message.frame);
+  else if (message.kind === "holds" && message.wall === wall) lock.holds(message.page, message.version, message.frame);
   else if (message.kind === "gone") lock.gone(message.page);
-  else if (message.kind === "pattern" && message.wall === wall) setPattern(message.pattern);
 }
 
 /** Has the screen show something else, at once. */
-function setPattern(chosen: Pattern): void {
+function setPattern(chosen: health.Pattern | null): void {
   if (chosen === pattern) return;
   pattern = chosen;
   newest = null;
@@ -266,7 +278,7 @@ if (wall && tile) {
   document.addEventListener("keydown", ({ key }) => {
     if (key === "h") toggleHealth();
     const chosen = PATTERNS[key];
-    if (chosen) setPattern(chosen);
+    if (chosen !== undefined) setPattern(chosen);
   });
   addEventListener("pagehide", () => channel.tell({ kind: "gone", page }));
   setInterval(tell, 250);

@@ -3,7 +3,7 @@
 import { useRef } from "preact/hooks";
 import type { Point } from "../operate/orbit";
 import { say } from "../strings";
-import type { Faults } from "./checks";
+import type { Faults } from "./validity";
 import { type Wall, planeOf } from "./document";
 import { arrow, dragging } from "./drag";
 import { type Tile, bounds, fourth, frontOf, minus } from "./layout";

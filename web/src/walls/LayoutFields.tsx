@@ -2,7 +2,7 @@
 
 import { Segments } from "../parts/parts";
 import { say } from "../strings";
-import type { Faults } from "./checks";
+import type { Faults } from "./validity";
 import { type Wall, viewerOf } from "./document";
 import { edit } from "./draft";
 import { NumberField, NumbersField, TextField } from "./fields";

@@ -2,32 +2,36 @@
 
 import { useState } from "preact/hooks";
 import { api, change, content, told } from "../ask";
+import { Copied } from "../parts/Copied";
 import { Badge, Segments, useAsked } from "../parts/parts";
-import type { Health, Pattern } from "../screen/channel";
+import type { Pattern } from "../screen/health";
 import { session } from "../session";
 import { say } from "../strings";
-import { Copied } from "../parts/Copied";
-import { heard, screenPath, showPattern } from "./screens";
+import { mayChange } from "./draft";
+import { PATTERN_SECS, type Screen, type Told, framesApart, screenPath, showPattern, useScreens } from "./screens";
 
 const PATTERNS = ["none", "identify", "test"] as const satisfies readonly Pattern[];
+/** A screen that acknowledged nothing for so long has trouble. */
+const SILENT_SECS = 5;
 const LASTS = ["30", "365", "0"] as const;
 const DAY_MILLIS = 86_400e3;
 const SELDOM_MILLIS = 30_000;
 
-export type Screen = { readonly id: string; readonly size_px: readonly number[] };
+export type Tile = { readonly id: string; readonly size_px: readonly number[] };
 
-function State({ healths }: { healths: readonly Health[] }) {
-  const [health] = healths;
-  if (!health) return <span class="quiet">{say("wall.screen.unheard")}</span>;
-  const isWell = health.trouble === "" && health.frame !== null;
-  const facts = {
-    frame: health.frame ?? "–", rate: health.rate.toFixed(1), wanted: health.wantedRate, age: ((health.ageMillis ?? 0) / 1e3).toFixed(1),
-    missed: health.missed, late: health.late, reconnects: health.reconnects,
-  };
+function State({ screens }: { screens: readonly Screen[] }) {
+  const [screen] = screens;
+  if (!screen) return <span class="quiet">{say("wall.screen.unheard")}</span>;
+  const { frame, heard_secs, health } = screen;
+  const isWell = frame !== null && heard_secs < SILENT_SECS;
+  const facts = health && { rate: health.rate_hz.toFixed(1), missed: health.missed, late: health.late, reconnects: health.reconnects };
   return (
     <>
       <Badge state={isWell ? "live" : "failed"} text={say(isWell ? "wall.screen.well" : "wall.screen.troubled")} />{" "}
-      <span class="quiet">{say("wall.screen.health", facts)}{healths.length > 1 ? ` ${say("wall.screen.several", { n: healths.length })}` : ""} {health.trouble}</span>
+      <span class="quiet">
+        {say("wall.screen.frame", { frame: frame ?? "–", age: heard_secs.toFixed(1) })}{facts && ` ${say("wall.screen.health", facts)}`}
+        {screens.length > 1 && ` ${say("wall.screen.several", { n: screens.length })}`}
+      </span>
     </>
   );
 }
@@ -56,31 +60,48 @@ function TokenLink({ wall, tile, user, days }: { wall: string; tile: string; use
   );
 }
 
-/** Switches what the wall's screens in this browser show. */
-export function Patterns({ wall }: { wall: string }) {
-  const own = [...heard.value.values()].map(({ health }) => health).filter((health) => health.wall === wall);
-  const chosen = PATTERNS.find((pattern) => own.length > 0 && own.every((health) => health.pattern === pattern));
+/** What the wall's screens show, wherever they are, and whether they are in step. */
+function Patterns({ wall, known }: { wall: string; known: Told | undefined }) {
+  const [trouble, setTrouble] = useState("");
+  const choose = async (pattern: Pattern) => {
+    setTrouble("");
+    await showPattern(wall, pattern).catch((error: unknown) => setTrouble(told(error)));
+  };
+  const screens = known?.screens ?? [];
+  const apart = framesApart(screens);
+  const inStep = screens.length < 2 ? "" : apart <= 1 ? ` ${say("wall.screens.inStep")}` : ` ${say("wall.screens.apart", { frames: apart })}`;
   return (
     <div class="choices">
-      <Segments name={`pattern-${wall}`} label={say("wall.pattern")} values={PATTERNS} chosen={chosen ?? "none"} text={(pattern) => say(`wall.pattern.${pattern}`)}
-        onChoose={(pattern) => showPattern(wall, pattern)} />
-      <p class="quiet">{say(own.length > 0 ? "wall.pattern.heard" : "wall.pattern.help", { n: own.length })}</p>
+      {mayChange.value && (
+        <Segments name={`pattern-${wall}`} label={say("wall.pattern")} values={PATTERNS} chosen={known?.pattern.shows ?? "none"}
+          text={(pattern) => say(`wall.pattern.${pattern}`)} onChoose={(pattern) => void choose(pattern)} />
+      )}
+      <p class="quiet">
+        {screens.length > 0 ? say("wall.screens.connected", { n: screens.length }) : say("wall.screens.none")}{inStep}{" "}
+        {mayChange.value && say("wall.pattern.help", { minutes: PATTERN_SECS / 60 })}
+      </p>
+      {trouble && <p class="wrong" role="alert">{trouble}</p>}
     </div>
   );
 }
 
-export function Screens({ wall, screens }: { wall: string; screens: readonly Screen[] }) {
+/** The same, of a wall in a list. */
+export function PatternsOf({ wall }: { wall: string }) {
+  return <Patterns wall={wall} known={useScreens(wall).data} />;
+}
+
+export function Screens({ wall, tiles }: { wall: string; tiles: readonly Tile[] }) {
   const isAdmin = session.value?.role === "admin";
   const hasUsers = session.value?.user != null;
   const users = useAsked(async () => (isAdmin && hasUsers ? (await content(api.GET("/api/v1/users"))).users : []), SELDOM_MILLIS);
   const [user, setUser] = useState("");
   const [days, setDays] = useState<(typeof LASTS)[number]>("365");
-  const all = [...heard.value.values()].map(({ health }) => health);
+  const known = useScreens(wall).data;
   return (
     <section class="card" aria-label={say("wall.screens")}>
       <h2>{say("wall.screens")}</h2>
       <p class="quiet">{say("wall.help")}</p>
-      <Patterns wall={wall} />
+      <Patterns wall={wall} known={known} />
       {hasUsers ? (
         <div class="choices">
           {isAdmin && (
@@ -102,13 +123,13 @@ export function Screens({ wall, screens }: { wall: string; screens: readonly Scr
         </div>
       ) : <p class="quiet">{say("wall.token.noUsers")}</p>}
       <ul class="screen-list">
-        {screens.map(({ id, size_px: [width = 0, height = 0] }) => (
+        {tiles.map(({ id, size_px: [width = 0, height = 0] }) => (
           <li key={id}>
             <a href={screenPath(wall, id)} target="_blank" rel="noreferrer" aria-label={say("wall.tile", { tile: id, wall, width, height })}>
               {id}
             </a>
             <span class="quiet">{width} × {height}</span>
-            <span class="screen-state"><State healths={all.filter((health) => health.wall === wall && health.tile === id)} /></span>
+            <span class="screen-state"><State screens={(known?.screens ?? []).filter(({ tile }) => tile === id)} /></span>
             {hasUsers && <TokenLink wall={wall} tile={id} user={user} days={days} />}
           </li>
         ))}

@@ -8,7 +8,7 @@ import { type View, read } from "../operate/orbit";
 import * as state from "../operate/state";
 import { useAsked } from "../parts/parts";
 import { say } from "../strings";
-import type { Faults } from "./checks";
+import type { Faults } from "./validity";
 import { type Wall, seenFrom, viewerOf } from "./document";
 import { draft, edit } from "./draft";
 import { NumberField, NumbersField, SelectField, TextField } from "./fields";

@@ -28,8 +28,7 @@ const setRadius = (radius_m: number) => editor.edit(({ surface, ...wall }) => ({
 
 function Drawings({ wall, chosen, onChoose }: { wall: Wall; chosen: number; onChoose: (idx: number) => void }) {
   const faults = editor.faults.value;
-  const isSound = ![...faults.keys()].some((pointer) => /^\/(surface|view|viewer_m|zoom)/.test(pointer));
-  const preview = usePreview(wall, isSound);
+  const preview = usePreview(wall, editor.isSound.value);
   const canDrag = editor.mayChange.value;
   const shared = { wall, chosen, canDrag, onChoose, onMove: moveTile, onEnd: editor.settle };
   return (
@@ -138,7 +137,7 @@ export function WallEditor() {
           <ShowFields wall={wall} faults={faults} />
         </fieldset>
       </div>
-      {keptId !== null && kept && <Screens wall={keptId} screens={tilesOf(kept.surface)} />}
+      {keptId !== null && kept && <Screens wall={keptId} tiles={tilesOf(kept.surface)} />}
       {keptId !== null && session.value?.role === "admin" && <Versions id={keptId} onError={setTrouble} />}
     </>
   );

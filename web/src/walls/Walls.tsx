@@ -10,8 +10,8 @@ import { print, route } from "../route";
 import { say } from "../strings";
 import { newWall } from "./document";
 import * as editor from "./draft";
-import { Patterns } from "./Screens";
-import { listen, screenPath } from "./screens";
+import { PatternsOf } from "./Screens";
+import { screenPath } from "./screens";
 import { ownView } from "./ShowFields";
 import { WallEditor } from "./WallEditor";
 
@@ -42,7 +42,7 @@ function List() {
               <section key={wall.id} class="card" aria-label={wall.name || wall.id}>
                 <h2><a href={print({ place: "wall", details: { wall: wall.id } })}>{wall.name || wall.id}</a></h2>
                 <p class="quiet">{say("wall.about", { count: wall.screens.length, scene: wall.scene, rate: wall.rate })}</p>
-                <Patterns wall={wall.id} />
+                <PatternsOf wall={wall.id} />
                 <ul class="screens">
                   {wall.screens.map(({ id, size_px: [width = 0, height = 0] }) => (
                     <li key={id}>
@@ -100,7 +100,6 @@ function One({ id }: { id: string | null }) {
 }
 
 export default function Walls() {
-  useEffect(listen, []);
   const { wall, new: isNew } = route.value.details;
   return (
     <div class="column walls">

@@ -5,8 +5,8 @@ import { computed, effect, signal } from "@preact/signals";
 import { Trouble, change as send, ask, told } from "../ask";
 import { session } from "../session";
 import { say } from "../strings";
-import { type Faults, check } from "./checks";
 import { type Wall, type WallDocument, printWall, readWall } from "./document";
+import { type Faults, faultOfId, placed, tried } from "./validity";
 
 /** `tag` is the daemon's version that it came from; null of a new wall. */
 type Draft = { readonly id: string; readonly wall: Wall };
@@ -16,6 +16,9 @@ type History = { readonly past: readonly Draft[]; readonly now: Draft; readonly 
 const MOST_STEPS = 200;
 const MERGE_MILLIS = 1_000;
 const KEEP_MILLIS = 300;
+const JUDGE_MILLIS = 150;
+/** Where the daemon could not be asked. */
+const JUDGE_AGAIN_MILLIS = 2_000;
 const KEPT = "videofields.wall";
 /** How a new wall is kept until it has a name. */
 const NEW = "";
@@ -35,15 +38,21 @@ export const isDirty = computed(() => {
   return now !== null && JSON.stringify(now.wall) !== JSON.stringify(of.wall);
 });
 
-/** What the daemon found wrong with the draft when it was sent last; forgotten once the draft is another. */
-const refused = signal<{ of: Wall; faults: Faults } | null>(null);
+/** What the daemon found wrong with the draft as it was when it heard of it last. */
+const judged = signal<{ of: Wall; faults: Faults } | null>(null);
 
 export const faults = computed<Faults>(() => {
   const now = draft.value;
   if (!now) return new Map();
-  const own = check(now.id, now.wall, base.value.id === null ? takenIds.value : []);
-  const told = refused.value?.of === now.wall ? refused.value.faults : new Map<string, string>();
-  return new Map([...told, ...own]);
+  return new Map([...(judged.value?.faults ?? []), ...faultOfId(now.id, base.value.id === null ? takenIds.value : [])]);
+});
+
+/** Whether the daemon has found nothing wrong with what the draft shows. */
+export const isSound = computed(() => {
+  const now = draft.value;
+  // What cannot be changed here is as it was kept.
+  if (!mayChange.value) return now !== null;
+  return judged.value?.of === now?.wall && ![...faults.value.keys()].some((pointer) => /^\/(surface|view|viewer_m|zoom|parameters|scene)/.test(pointer));
 });
 
 let merging: { key: string; at: number } | null = null;
@@ -107,7 +116,7 @@ function forget(id: string | null): void {
 }
 
 function begin(of: Base, from: Draft): void {
-  [merging, refused.value] = [null, null];
+  [merging, judged.value] = [null, null];
   base.value = of;
   history.value = { past: [], now: from, future: [] };
 }
@@ -171,7 +180,7 @@ export async function save(isForced = false): Promise<string> {
     return now.id;
   } catch (error) {
     if (error instanceof Trouble && error.faults.length > 0) {
-      refused.value = { of: now.wall, faults: new Map(error.faults.map(({ pointer, parameter, detail }) => [pointer ?? parameter ?? "", detail])) };
+      judged.value = { of: now.wall, faults: placed(error) };
     }
     throw error;
   }
@@ -220,6 +229,27 @@ effect(() => {
   if (!draft.value) return;
   clearTimeout(keeping);
   keeping = setTimeout(keep, KEEP_MILLIS);
+});
+
+const changing = computed(() => (mayChange.value ? (draft.value?.wall ?? null) : null));
+
+// The daemon is asked what is wrong as soon as typing rests; what it says of a draft that has changed since is not heard.
+effect(() => {
+  const wall = changing.value;
+  if (wall === null || judged.peek()?.of === wall) return undefined;
+  const gone = new AbortController();
+  let timer: ReturnType<typeof setTimeout>;
+  const judge = async () => {
+    const found = await tried(draft.peek()?.id ?? NEW, wall, gone.signal).catch(() => null);
+    if (gone.signal.aborted) return;
+    if (found === null) timer = setTimeout(() => void judge(), JUDGE_AGAIN_MILLIS);
+    else judged.value = { of: wall, faults: found };
+  };
+  timer = setTimeout(() => void judge(), JUDGE_MILLIS);
+  return () => {
+    clearTimeout(timer);
+    gone.abort();
+  };
 });
 // Typing and reloading at once must lose nothing.
 if (typeof addEventListener !== "undefined") addEventListener("pagehide", keep);

@@ -3,7 +3,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useId, useState } from "preact/hooks";
 import { say } from "../strings";
-import { type Faults } from "./checks";
+import type { Faults } from "./validity";
 
 type Placed = { readonly label: string; readonly pointer: string; readonly faults: Faults };
 

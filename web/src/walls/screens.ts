@@ -1,41 +1,45 @@
-// What the screens of this browser say of themselves, and what they are told.
+// What the daemon knows of a wall's screens, wherever they are, and what all of them are to show.
 
+import { useEffect } from "preact/hooks";
 import { signal } from "@preact/signals";
-import { type Health, type Pattern, openChannel } from "../screen/channel";
+import { api, change, content } from "../ask";
+import type { paths } from "../contract.gen";
+import { type Learnt, useAsked } from "../parts/parts";
+import type { Pattern } from "../screen/health";
 
-/** Who was not heard for so long has gone. */
-const GONE_MILLIS = 4_000;
+export type Told = paths["/api/v1/walls/{id}/screens"]["get"]["responses"]["200"]["content"]["application/json"];
+export type Screen = Told["screens"][number];
 
-type Heard = { readonly health: Health; readonly at: number };
+const AGAIN_MILLIS = 1_500;
+/** How long a pattern stays. */
+export const PATTERN_SECS = 300;
 
-/** By page; newest word of each. */
-export const heard = signal<ReadonlyMap<string, Heard>>(new Map());
-let tell: ReturnType<typeof openChannel>["tell"] = () => {};
+/** Patterns that were asked for since the daemon told last, by wall. */
+const wished = signal<Readonly<Record<string, Pattern>>>({});
 
-/** Listens as long as the place is open; answers how to end it. */
-export function listen(): () => void {
-  const channel = openChannel((message) => {
-    const next = new Map(heard.value);
-    if (message.kind === "health") next.set(message.health.page, { health: message.health, at: performance.now() });
-    else if (message.kind === "gone") next.delete(message.page);
-    else return;
-    heard.value = next;
-  });
-  ({ tell } = channel);
-  const sweep = setInterval(() => {
-    const kept = [...heard.value].filter(([, { at }]) => performance.now() - at < GONE_MILLIS);
-    if (kept.length < heard.value.size) heard.value = new Map(kept);
-  }, 1_000);
-  return () => {
-    clearInterval(sweep);
-    channel.close();
-    heard.value = new Map();
-  };
+/** A wall's screens, again and again. */
+export function useScreens(wall: string): Learnt<Told> {
+  const learnt = useAsked(async () => {
+    const told = await content(api.GET("/api/v1/walls/{id}/screens", { params: { path: { id: wall } } }));
+    wished.value = Object.fromEntries(Object.entries(wished.peek()).filter(([of]) => of !== wall));
+    return told;
+  }, AGAIN_MILLIS, wall);
+  useEffect(() => () => void (wished.value = {}), []);
+  const wish = wished.value[wall];
+  const { data } = learnt;
+  return wish !== undefined && data ? { ...learnt, data: { ...data, pattern: { ...data.pattern, shows: wish } } } : learnt;
 }
 
-/** Has all screens of a wall in this browser show a pattern, or their pictures again. */
-export function showPattern(wall: string, pattern: Pattern): void {
-  tell({ kind: "pattern", wall, pattern });
+/** Has all screens of a wall show a pattern for a while, or their pictures again. Throws `Trouble`. */
+export async function showPattern(wall: string, pattern: Pattern): Promise<void> {
+  wished.value = { ...wished.value, [wall]: pattern };
+  await change("PUT", `/api/v1/walls/${encodeURIComponent(wall)}/pattern`, { shows: pattern, seconds: PATTERN_SECS });
+}
+
+/** How many frames the screen that is farthest from the others is beside them; 0 of one alone. */
+export function framesApart(screens: readonly Screen[]): number {
+  const frames = screens.map(({ frame }) => frame).filter((frame) => frame !== null);
+  return frames.length < 2 ? 0 : Math.max(...frames) - Math.min(...frames);
 }
 
 /** The page of a screen. */
