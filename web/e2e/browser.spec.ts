@@ -118,6 +118,19 @@ test("people are in it, and how fast it is gets measured", async ({ page, url })
   await expect(here).toHaveAttribute("data-cameras", "3");
 });
 
+test("buildings that hide somebody are seen through, as long as that is wanted", async ({ page, url }) => {
+  test.setTimeout(90_000);
+  // From behind the hall, where the daemon opens it too.
+  await page.goto(`${url}/#/operate?eye=-4,15,3&target=-2,0,1&fov=50&drawing=browser&map=off`);
+  const drawn = page.locator(".drawn-here");
+  await expect(drawn).toHaveAttribute("data-opened", /[1-9]/, { timeout: 40_000 });
+  const asked = await page.request.get(`${url}/api/v1/scenes/plaza/plan?eye=-4,15,3&target=-2,0,1&fov=50&width=320&height=180`);
+  expect(((await asked.json()) as { opened: { surface: string }[] }).opened.map(({ surface }) => surface)).toContain("box");
+  await page.getByText("Picture", { exact: true }).first().click();
+  await page.getByLabel("See through buildings").uncheck();
+  await expect(drawn).toHaveAttribute("data-opened", "0");
+});
+
 test("without a graphics card the daemon draws, and says why", async ({ page, url }) => {
   await page.goto(url);
   await expect(page.locator("[data-drawn-by]")).toHaveAttribute("data-drawn-by", "server");

@@ -25,15 +25,17 @@ export type Daemon = { url: string; stop: () => Promise<void>; start: () => Prom
 /** The folder of the demo: its clips are what daemons of tests may read. */
 export const DEMO = resolve(ROOT, "config/demo");
 
+type Wanted = { config?: string; roots?: readonly string[]; records?: boolean };
+
 /** A daemon that can be stopped and started again on the same port, with the same database: of the demo, or of a configuration of
- * its own (TOML; an empty one has neither cameras nor scenes), which may read files beneath `roots`. */
-export async function daemon(name: string, { config, roots = [DEMO] }: { config?: string; roots?: readonly string[] } = {}): Promise<Daemon> {
+ * its own (TOML; an empty one has neither cameras nor scenes), which may read files beneath `roots`; and whether it records. */
+export async function daemon(name: string, { config, roots = [DEMO], records = false }: Wanted = {}): Promise<Daemon> {
   const port = await freePort();
   const url = `http://127.0.0.1:${port}`;
   mkdirSync(FOLDER, { recursive: true });
   const database = resolve(FOLDER, `${name}.sqlite`);
   for (const suffix of ["", "-wal", "-shm"]) rmSync(`${database}${suffix}`, { force: true });
-  for (const kept of ["snapshots", "assets"]) rmSync(resolve(FOLDER, `${name}.${kept}`), { force: true, recursive: true });
+  for (const kept of ["snapshots", "assets", "archive"]) rmSync(resolve(FOLDER, `${name}.${kept}`), { force: true, recursive: true });
   const target = process.env["CARGO_TARGET_DIR"] ?? resolve(ROOT, "target");
   const binary = process.env["VIDEOFIELDS"] ?? resolve(target, "debug/videofields");
   let asked = ["demo", "--listen", `127.0.0.1:${port}`];
@@ -49,6 +51,7 @@ export async function daemon(name: string, { config, roots = [DEMO] }: { config?
       NODEVICE_SELECT: "1",
       VIDEOFIELDS_STORAGE__DATABASE: database,
       VIDEOFIELDS_ACCURACY__MEASURE_AT_START: "false",
+      ...(records ? { VIDEOFIELDS_ARCHIVE__FOLDER: resolve(FOLDER, `${name}.archive`), VIDEOFIELDS_ARCHIVE__SEGMENT_SECS: "5" } : {}),
     };
     const started = spawn(binary, asked, { cwd: ROOT, env, stdio: ["ignore", "pipe", "pipe"] });
     const log = createWriteStream(resolve(FOLDER, `${name}.log`), { flags: "a" });

@@ -4,6 +4,7 @@ import { computed, signal } from "@preact/signals";
 import { Trouble, api, content } from "../ask";
 import { session } from "../session";
 import type { components } from "../contract.gen";
+import { pauser } from "../pause";
 import { change, route } from "../route";
 import { instant, millisOf } from "./moments";
 import { type Point, type View, point, printed, read } from "./orbit";
@@ -215,26 +216,39 @@ export function isTrouble(state: string): boolean {
   return !["live", "ended"].includes(state);
 }
 
-/** Learns of scenes and cameras as long as the page is open. */
+async function learnScenes(): Promise<void> {
+  scenes.value = (await content(api.GET("/api/v1/scenes"))).scenes;
+}
+
+async function learnCameras(): Promise<void> {
+  cameras.value = (await content(api.GET("/api/v1/cameras"))).cameras;
+  areCamerasOld.value = false;
+}
+
+/** A scene that was made or taken away changes the cameras' word of it. */
+function areScenesKnown(): boolean {
+  const known = new Set(scenes.value?.map(({ id }) => id));
+  return known.size > 0 && (cameras.value ?? []).every((camera) => camera.scenes.every((id) => known.has(id)));
+}
+
+/** Learns of scenes and cameras as long as the page is open, from the moment on that it is known who looks. */
 export async function follow(): Promise<never> {
+  const rest = pauser();
+  const isKnown = computed(() => (session.value?.role ?? null) !== null);
+  isKnown.subscribe(rest.wake);
   for (;;) {
     let pause = CAMERAS_MILLIS;
-    if (!document.hidden && session.value?.role) {
+    if (!document.hidden && isKnown.peek()) {
       try {
-        const told = await content(api.GET("/api/v1/cameras"));
-        cameras.value = told.cameras;
-        areCamerasOld.value = false;
-        // A scene that was made or taken away changes the cameras' word of it.
-        const named = new Set(told.cameras.flatMap((camera) => camera.scenes));
-        const known = scenes.value;
-        if (!known || known.length === 0 || [...named].some((id) => !known.some((one) => one.id === id))) {
-          scenes.value = (await content(api.GET("/api/v1/scenes"))).scenes;
-        }
+        // Both at once at first: the first picture waits for the scene's name alone.
+        const isFirst = scenes.value === null;
+        await Promise.all([learnCameras(), isFirst && learnScenes()]);
+        if (!isFirst && !areScenesKnown()) await learnScenes();
       } catch (error) {
         if (error instanceof Trouble) areCamerasOld.value = true;
         pause = AFTER_TROUBLE_MILLIS;
       }
     }
-    await new Promise((resolve) => setTimeout(resolve, pause));
+    await rest.pause(pause);
   }
 }

@@ -22,7 +22,13 @@ export type Picked = { readonly key: string; readonly point_m: Point; readonly n
 /** Objects of this layer hide what lies behind them from cameras. */
 export const SURFACE_LAYER = 1;
 type Drawn = Mesh<Shaped["geometry"], ShaderMaterial | ShaderMaterial[]>;
-type Made = { thing: Thing; rank: number; object: Object3D; style: Style; model: ModelObject | null };
+/** `faded` is what its opacity is multiplied by. */
+type Made = { thing: Thing; rank: number; object: Object3D; style: Style; faded: number; model: ModelObject | null };
+/** When things that are seen through are drawn: after what they hide, before all else that is not solid. */
+export const FADED_ORDER = 3;
+
+const kindOf = (key: string) => key.split("/")[1] as Kind;
+
 
 export class Surfaces {
   /** World axes, relative to `anchor`. */
@@ -79,12 +85,41 @@ export class Surfaces {
     return { key: keyOf(hit.object), point_m: [x + ax, y + ay, z + az], normal: fromThree(facing), distance_m: hit.distance };
   }
 
+  /** What stands, and is no ground, that a ray of the world crosses before so many metres, each once. */
+  crossed({ origin, direction }: Ray, reachM: number): string[] {
+    const [ax, ay, az] = this.anchor;
+    this.root.updateMatrixWorld();
+    this.raycaster.set(toThree([origin[0] - ax, origin[1] - ay, origin[2] - az]), toThree(direction).normalize());
+    this.raycaster.far = reachM;
+    const standing = [...this.made].filter(([key, { object }]) => !isOpen(kindOf(key)) && object.visible).map(([, { object }]) => object);
+    const hits = this.raycaster.intersectObjects(standing, true);
+    this.raycaster.far = Infinity;
+    return [...new Set(hits.map(({ object }) => keyOf(object)))];
+  }
+
+  /** Lets what lies behind these things shine through, by key; all others are as they were. */
+  fade(opacities: ReadonlyMap<string, number>): void {
+    for (const [key, made] of this.made) {
+      const faded = opacities.get(key) ?? 1;
+      if (faded === made.faded) continue;
+      made.faded = faded;
+      this.dress(made);
+    }
+  }
+
+  private dress({ object, style, faded }: Made): void {
+    dress(object, faded < 1 ? { ...style, opacity: (style.opacity ?? 1) * faded } : style);
+    // Ground after what stands on it, so that what is hidden is not drawn before.
+    const order = faded < 1 ? FADED_ORDER : isOpen(kindOf(keyOf(object))) ? 1 : 0;
+    object.traverse((part) => (part.renderOrder = order));
+  }
+
   /** Shows a thing otherwise than the document says, until told otherwise. */
   style(key: string, style: Style): void {
     const made = this.made.get(key);
     if (!made) return;
     made.style = style;
-    dress(made.object, style);
+    this.dress(made);
     this.onChange();
   }
 
@@ -114,7 +149,7 @@ export class Surfaces {
   /** Makes a thing, in the object that it has already if it can be. */
   private make(key: string, kind: Kind, thing: Thing, rank: number): void {
     const old = this.made.get(key);
-    const style = old?.style ?? {};
+    const [style, faded] = [old?.style ?? {}, old?.faded ?? 1];
     if (kind === "models") {
       const model = thing as Thing<"models">;
       const isMoved = old?.model && isSame(unmoved(old.thing as Thing<"models">), unmoved(model));
@@ -122,7 +157,7 @@ export class Surfaces {
       const made = (isMoved ? old.model : null) ?? modelObject(model, this.shading, () => this.modelCame(key));
       made.rescale(model.scale ?? 1);
       this.put(made.object, pointOf(model.position_m), ((model.yaw_deg ?? 0) * Math.PI) / 180);
-      this.keep(key, { thing, rank, object: made.object, style, model: made });
+      this.keep(key, { thing, rank, object: made.object, style, faded, model: made });
       return;
     }
     const mesh = (old?.object as Drawn | undefined) ?? new Mesh<Shaped["geometry"], ShaderMaterial | ShaderMaterial[]>();
@@ -132,10 +167,8 @@ export class Surfaces {
     mesh.geometry = shaped.geometry;
     mesh.material = this.shading.material({ color, rank, isOpen: isOpen(kind) });
     mesh.layers.enable(SURFACE_LAYER);
-    // Ground after what stands on it, so that what is hidden is not drawn before.
-    mesh.renderOrder = isOpen(kind) ? 1 : 0;
     this.put(mesh, shaped.place, shaped.yaw);
-    const made: Made = { thing, rank, object: mesh, style, model: null };
+    const made: Made = { thing, rank, object: mesh, style, faded, model: null };
     this.keep(key, made);
     void this.paint(key, kind, made, mesh);
   }
@@ -145,12 +178,12 @@ export class Surfaces {
     this.made.set(key, made);
     this.things.set(key, made.object);
     this.root.add(made.object);
-    dress(made.object, made.style);
+    this.dress(made);
   }
 
   private modelCame(key: string): void {
     const made = this.made.get(key);
-    if (made) dress(made.object, made.style);
+    if (made) this.dress(made);
     this.onChange();
   }
 
@@ -199,7 +232,7 @@ export class Surfaces {
     materials[PARTS.level] = painted(level ? textureOf(level.image, { repeats: map === null }) : null);
     materials[PARTS.plain] = plain;
     mesh.material = materials;
-    dress(mesh, made.style);
+    this.dress(made);
     this.onChange();
   }
 

@@ -82,7 +82,7 @@ export default function Audit() {
           <p class="quiet" role="status">{say("system.audit.shown", { n: shown.length, of: learnt.entries.length })}</p>
           <Table caption={say("system.audit")} none={say("system.audit.none")} columns={["column.number", "column.time", "column.user", "column.action", "column.target", "column.status"]}
             rows={shown.map((entry) => [
-              entry.number, <span key="at" class="nowrap">{when(entry.at)}</span>, entry.user ?? say("system.audit.nobody"), entry.action, <span key="target" title={entry.digest}>{entry.target}</span>, entry.status,
+              entry.number, <span key="at" class="nowrap">{when(entry.at)}</span>, entry.user ?? say("system.audit.nobody"), <span key="action" class="long">{entry.action}</span>, <span key="target" class="long" title={entry.digest}>{entry.target}</span>, entry.status,
             ])} />
           {learnt.from > 0 && <button type="button" disabled={isBusy} onClick={() => void more(false)}>{say("system.older")}</button>}
         </>

@@ -31,7 +31,7 @@ function Now() {
               return [
                 <a key="name" href={wayTo("operate", { camera: camera.id })}>{camera.name}</a>,
                 <Badge key="state" state={word} text={sayWord("state", word)} />,
-                when(camera.since),
+                <span key="since" class="nowrap">{when(camera.since)}</span>,
                 camera.age_secs === null ? "" : say("camera.age", { age: duration(camera.age_secs) }),
                 camera.size_px?.join(" × ") ?? say("camera.noFrame"),
                 camera.frames, camera.dropped, camera.retries,
@@ -66,7 +66,7 @@ function Past() {
         <>
           <p class="quiet">{say("system.history.help")}</p>
           <Table caption={say("system.history")} none={say("system.history.none")} columns={["column.time", "column.camera", "column.kind", "column.reason"]}
-            rows={all.map(({ at, camera, text, reason }) => [clock(at), nameOf(camera), text, reason])} />
+            rows={all.map(({ at, camera, text, reason }) => [<span key="at" class="nowrap">{clock(at)}</span>, nameOf(camera), text, reason])} />
         </>
       )}
     </Part>

@@ -84,7 +84,7 @@ export default function Storage() {
             rows={kept.map(({ camera, first, last, secs, gaps }) => {
               const recording = state.cameras.value?.find(({ id }) => id === camera)?.recording;
               const word = recording ? sayWord("recording", recording.state) : say("system.spans.memory");
-              return [nameOf(camera), word, Number.isFinite(first) ? clock(first) : "–", Number.isFinite(last) ? clock(last) : "–", duration(secs), gaps];
+              return [nameOf(camera), word, ...[first, last].map((at) => <span key={at} class="nowrap">{Number.isFinite(at) ? clock(at) : "–"}</span>), duration(secs), gaps];
             })} />
         )}
       </Part>

@@ -24,6 +24,7 @@ import * as state from "../state";
 import { people, peopleAt } from "../tracking";
 import { MEASURE_MILLIS, isLost, rate } from "./choose";
 import { type Drawn, Drawing } from "./drawing";
+import { NO_GAINS, followGains } from "./gains";
 import "./browser.css";
 
 /** Nothing newer for so long is said to be old. */
@@ -97,6 +98,15 @@ function follow(host: HTMLElement): () => void {
       else if (scene !== undefined && sceneDocument.value) void learnOwnView(scene, ending.signal).catch(() => null);
     }),
     effect(() => made.setEntities(state.entities.value !== "none")),
+    effect(() => made.setSeeThrough(state.seeThrough.value === "on")),
+    effect(() => {
+      const id = state.scene.value?.id;
+      made.setGains(NO_GAINS);
+      if (id === undefined || state.colors.value !== "even") return undefined;
+      const gone = new AbortController();
+      void followGains(id, (gains) => made.setGains(gains), gone.signal);
+      return () => gone.abort();
+    }),
     effect(() => made.setKnown([...people.value.values()], peopleAt.value)),
     effect(() => {
       made.stage.isPaced = state.quality.value !== "exact";
@@ -151,7 +161,7 @@ export default function BrowserView() {
     <Stage stage={stage} isOld={isOld} time={shown?.millis}>
       <div ref={host} class="drawn-here" role="img" aria-label={scene ? say("view.alt", { scene: scene.name }) : ""}
         data-rate={drawn.value?.rate.toFixed(1)} data-measured={rate.value?.toFixed(1)} data-cameras={drawn.value?.cameras.length}
-        data-people={drawn.value?.people} />
+        data-people={drawn.value?.people} data-opened={drawn.value?.opened} />
       {!shown && <p class="waiting">{say(state.scenes.value?.length === 0 ? "scene.none" : "view.waiting")}</p>}
       {shown && (
         <p class="stamp">

@@ -9,6 +9,8 @@ import { type Surfaces, surfacesOf } from "../../spatial/surfaces";
 import type { Point, View } from "../orbit";
 import { type Known, type Memory, type Seen, chosen, memory } from "./crowd";
 import { Feed, type Frame } from "./feed";
+import { type Gains, NO_GAINS } from "./gains";
+import { type Hiding, Openings, hidingOf } from "./seeThrough";
 import { type Sprite, Sprites } from "./sprites";
 import { type Upright, uprightOf } from "./upright";
 
@@ -19,6 +21,8 @@ export type Drawn = {
   readonly people: number;
   /** Whose backgrounds are on the surfaces. */
   readonly cameras: readonly string[];
+  /** Buildings that are seen through. */
+  readonly opened: number;
 };
 
 type Thing = Frame["things"][number];
@@ -26,6 +30,17 @@ type Sight = Seen & { readonly thing: Thing; readonly lens: Lens; readonly size:
 
 /** Things of the newest frame that are older than this are not there any more, milliseconds. */
 const STALE_MILLIS = 3_000;
+
+/** What lies no farther above or below a foot is what it stands on, metres. */
+const STEP_M = 0.1;
+
+/** What people stand on, which is ground as well. */
+function stoodUpon(standing: readonly Sprite[], surfaces: Surfaces): Set<string> {
+  return new Set(standing.flatMap(({ place: [x, y, z] }) => {
+    const below = surfaces.pick({ origin: [x, y, z + STEP_M], direction: [0, 0, -1] });
+    return below && below.distance_m <= 2 * STEP_M ? [below.key] : [];
+  }));
+}
 
 export class Drawing {
   readonly stage: Stage;
@@ -40,6 +55,9 @@ export class Drawing {
   /** Where what moves in a frame stands, worked out once. */
   private readonly uprights = new WeakMap<Thing, { version: number; upright: Upright | null }>();
   private hasEntities = true;
+  private isSeenThrough = true;
+  private readonly openings = new Openings();
+  private gains = NO_GAINS;
   private isProjectionStale = true;
   private document: SceneDocument | null = null;
 
@@ -83,6 +101,18 @@ export class Drawing {
     this.stage.redraw();
   }
 
+  /** Whether buildings let through whom they hide. */
+  setSeeThrough(isOn: boolean): void {
+    this.isSeenThrough = isOn;
+    this.stage.redraw();
+  }
+
+  /** What cameras' colours are multiplied by. */
+  setGains(gains: Gains): void {
+    this.gains = gains;
+    this.came();
+  }
+
   /** What the daemon knows of who is where. */
   setKnown(known: readonly Known[], at: number): void {
     [this.known, this.knownAt] = [known, at];
@@ -112,24 +142,41 @@ export class Drawing {
     this.stage.redraw();
   };
 
-  private readonly prepare = (): boolean => {
+  private readonly prepare = (millis: number): boolean => {
     if (this.isProjectionStale) {
       this.isProjectionStale = false;
       this.projection?.set([...this.feeds].flatMap(([id, { background }]) => {
         const lens = this.lenses.get(id);
-        return lens && background.texture ? [{ id, lens, picture: background }] : [];
+        return lens && background.texture ? [{ id, lens, picture: background, gain: this.gainOf(id) }] : [];
       }));
     }
     const { eye } = this.stage;
-    this.sprites.show(this.hasEntities ? this.standing(eye) : [], this.stage.anchor);
+    const standing = this.hasEntities ? this.standing(eye) : [];
+    this.sprites.show(standing, this.stage.anchor);
     this.sprites.face(eye);
-    return false;
+    return this.open(standing, eye, millis);
   };
+
+  /** Opens what hides somebody; true while that still moves. */
+  private open(standing: readonly Sprite[], eye: Point, millis: number): boolean {
+    const { surfaces } = this;
+    if (!surfaces) return false;
+    const hiding: Hiding = this.isSeenThrough ? hidingOf(standing, eye, (ray, reach) => surfaces.crossed(ray, reach), stoodUpon(standing, surfaces)) : new Map();
+    const isMoving = this.openings.step(hiding, millis);
+    surfaces.fade(this.openings.opacities);
+    this.sprites.order(new Set([...hiding.values()].flatMap(({ hides }) => [...hides])));
+    return isMoving;
+  }
+
+  private gainOf(camera: string): Point {
+    return this.gains.get(camera) ?? [1, 1, 1];
+  }
 
   private standing(eye: Point): Sprite[] {
     const sights = [...this.feeds].flatMap(([camera, feed]) => this.sightsOf(camera, feed));
     return chosen(sights, this.known, this.knownAt, eye, this.remembered)
-      .map(({ seen: { upright, lens, size, thing }, place }) => ({ upright, place, lens, size, rectangle: thing.rectangle, image: thing.image }));
+      .map(({ seen: { camera, upright, lens, size, thing }, place }) => (
+        { upright, place, lens, gain: this.gainOf(camera), size, rectangle: thing.rectangle, image: thing.image }));
   }
 
   private sightsOf(camera: string, { frame, heardAt }: Feed): Sight[] {
@@ -149,6 +196,6 @@ export class Drawing {
 
   private readonly tell = (): void => {
     const frames = new Map([...this.feeds].flatMap(([id, { frame }]) => (frame ? [[id, frame.millis] as const] : [])));
-    this.onDrawn({ frames, rate: this.stage.pace.rate(), people: this.sprites.count, cameras: this.projection?.cameras ?? [] });
+    this.onDrawn({ frames, rate: this.stage.pace.rate(), people: this.sprites.count, cameras: this.projection?.cameras ?? [], opened: this.openings.opacities.size });
   };
 }

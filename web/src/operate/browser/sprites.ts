@@ -6,6 +6,7 @@ import {
   Vector2, Vector3, Vector4,
 } from "three";
 import { type Lens, LENS_GLSL, lensDefines, lensUniform } from "../../spatial/lens";
+import { FADED_ORDER } from "../../spatial/surfaces";
 import type { Point } from "../orbit";
 import type { Rectangle } from "./foreground";
 import { type Upright, turnedTowards } from "./upright";
@@ -15,6 +16,8 @@ export type Sprite = {
   readonly upright: Upright;
   readonly place: Point;
   readonly lens: Lens;
+  /** What its camera's colours are multiplied by, in linear light. */
+  readonly gain: Point;
   readonly rectangle: Rectangle;
   readonly image: ImageBitmap;
   /** Columns and rows of the camera's picture. */
@@ -49,6 +52,7 @@ uniform sampler2D picture;
 uniform sampler2D mask;
 uniform vec4 rect; // left, top, columns, rows of the picture
 uniform vec2 size;
+uniform vec3 gain;
 ${LENS_GLSL}
 void main() {
   LensPlace seen = lensProject(0, vSeen);
@@ -58,7 +62,7 @@ void main() {
   float moving = texture(mask, clamp(at, 0.0, 1.0)).r;
   float alpha = seen.isSeen ? smoothstep(0.2, 0.8, moving) * inside : 0.0;
   if (alpha <= 0.0) discard;
-  gl_FragColor = vec4(texture(picture, clamp(at, 0.0, 1.0)).rgb, alpha);
+  gl_FragColor = vec4(texture(picture, clamp(at, 0.0, 1.0)).rgb * gain, alpha);
   #include <colorspace_fragment>
 }
 `;
@@ -105,6 +109,11 @@ export class Sprites {
       uniforms["turnedRight"] = { value: vector(right) };
       uniforms["turnedUp"] = { value: vector(up) };
     });
+  }
+
+  /** Draws these (indices of what is shown) before what is seen through, all others after it. */
+  order(hidden: ReadonlySet<number>): void {
+    this.meshes.forEach((mesh, i) => (mesh.renderOrder = hidden.has(i) ? FADED_ORDER - 1 : FADED_ORDER + 1));
   }
 
   get count(): number {
@@ -169,7 +178,7 @@ export class Sprites {
   }
 }
 
-function place(mesh: Board, { upright, place, lens, size }: Sprite, anchor: Point): void {
+function place(mesh: Board, { upright, place, lens, gain, size }: Sprite, anchor: Point): void {
   const from = (point: Point): Point => [point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]];
   const { foot, right, halfWidth, height } = upright;
   const distance = Math.hypot(foot[0] - lens.position[0], foot[1] - lens.position[1], foot[2] - lens.position[2]);
@@ -180,6 +189,7 @@ function place(mesh: Board, { upright, place, lens, size }: Sprite, anchor: Poin
     seenRight: { value: vector(right) },
     extent: { value: new Vector3(-halfWidth - edge, halfWidth + edge, height + edge) },
     lenses: { value: lensUniform(lens, anchor) },
+    gain: { value: vector(gain) },
   });
   // What is farther away is drawn first.
   mesh.position.copy(vector(from(place)));
