@@ -54,6 +54,8 @@ pub mod track;
 
 pub mod condition;
 
+pub mod hull;
+
 pub mod archive;
 
 pub mod timeline;

@@ -16,6 +16,7 @@
 mod correspondence;
 mod json;
 mod opencv;
+mod picture_set;
 mod tsai;
 mod vanishing;
 mod xml;
@@ -28,6 +29,7 @@ use std::str::FromStr;
 
 pub use correspondence::{MAX_PAIRS, Miss, Pair, Solved, Unknowns, solve};
 pub use json::{CameraDocument, DistortionDocument};
+pub use picture_set::{MAX_PICTURES, PictureCamera, SetFormat, SetOptions, SizeOf, import_set};
 pub use vanishing::{KnownView, MAX_LINES, Pencil, Turned, WorldAxis, turn};
 
 /// Most bytes that a calibration may have: a thousand times what honest ones need.

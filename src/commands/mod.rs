@@ -13,6 +13,7 @@ pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod doctor;
 mod given;
+pub(crate) mod hull;
 pub(crate) mod manual;
 mod operator;
 pub(crate) mod progress;

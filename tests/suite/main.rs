@@ -17,6 +17,7 @@ mod engine;
 mod faults;
 mod fuse;
 mod geometry;
+mod hull;
 mod ingest;
 mod ingest_live;
 mod mapping;

@@ -37,17 +37,47 @@ const ROTATION_SLACK: f64 = 1e-3;
 pub(super) fn import(text: &str, options: &ImportOptions) -> Result<Imported, CalibrateError> {
     let root = read::tree(text)?;
     let place = find_camera(&root, options)?;
-    let (focal_px, center_px) = intrinsics(&place)?;
-    let size_px = agreed_size(picture_size(&place)?, options, &place.pointer)?;
-    let distortion = distortion(&place)?;
-    let pose = pose(&place, options)?;
-    let camera = Camera::new(size_px, focal_px, center_px, distortion, pose)
-        .map_err(|error| CalibrateError::no_camera(pointer_of(&place, &error), &error))?;
+    let agreed = |said| agreed_size(said, options, &place.pointer);
+    let camera = camera_at(&place, options.metres_per_unit, agreed)?;
     Ok(Imported { camera, residual_px: None })
 }
 
-/// The camera asked for: the text itself, a member of it, or an element of a list or map that is a member.
-fn find_camera<'a>(root: &'a Node, options: &ImportOptions) -> Result<Place<'a>, CalibrateError> {
+/// Every camera of the text, with its pointer and its name: what it calls itself, else its key or index; one that
+/// is the whole text and has no name is `0`. `size_px` knows the picture's size from the camera's name, what the
+/// text says, and the pointer.
+pub(super) fn import_all(
+    text: &str,
+    metres_per_unit: Option<f64>,
+    size_px: impl Fn(&str, Option<[u32; 2]>, &str) -> Result<(u32, u32), CalibrateError>,
+) -> Result<Vec<(String, String, Camera)>, CalibrateError> {
+    let root = read::tree(text)?;
+    let cameras = cameras_of(&root);
+    if cameras.is_empty() {
+        return Err(no_camera_matrix());
+    }
+    let imported = cameras.into_iter().map(|(name, place)| {
+        let name = name.unwrap_or_else(|| "0".to_owned());
+        let camera = camera_at(&place, metres_per_unit, |said| size_px(&name, said, &place.pointer))?;
+        Ok((place.pointer, name, camera))
+    });
+    imported.collect()
+}
+
+fn camera_at(
+    place: &Place<'_>,
+    metres_per_unit: Option<f64>,
+    size_px: impl FnOnce(Option<[u32; 2]>) -> Result<(u32, u32), CalibrateError>,
+) -> Result<Camera, CalibrateError> {
+    let (focal_px, center_px) = intrinsics(place)?;
+    let size_px = size_px(picture_size(place)?)?;
+    let distortion = distortion(place)?;
+    let pose = pose(place, metres_per_unit)?;
+    Camera::new(size_px, focal_px, center_px, distortion, pose)
+        .map_err(|error| CalibrateError::no_camera(pointer_of(place, &error), &error))
+}
+
+/// The cameras and their names: the text itself, a member of it, or an element of a list or map that is a member.
+fn cameras_of(root: &Node) -> Vec<(Option<String>, Place<'_>)> {
     let root = Place::root(root);
     let mut cameras = Vec::new();
     if root.find(CAMERA_MATRIX).is_some() {
@@ -62,6 +92,12 @@ fn find_camera<'a>(root: &'a Node, options: &ImportOptions) -> Result<Place<'a>,
             cameras.extend(inner.map(|(key, place)| (name_of(&place).or(Some(key)), place)));
         }
     }
+    cameras
+}
+
+/// The camera asked for.
+fn find_camera<'a>(root: &'a Node, options: &ImportOptions) -> Result<Place<'a>, CalibrateError> {
+    let mut cameras = cameras_of(root);
     let known = |cameras: &[(Option<String>, Place<'_>)]| {
         list_names(cameras.iter().map(|(name, _)| name.as_deref().unwrap_or_default()))
     };
@@ -71,10 +107,12 @@ fn find_camera<'a>(root: &'a Node, options: &ImportOptions) -> Result<Place<'a>,
             None => Err(CalibrateError::NoSuchCamera { name: name.clone(), known: known(&cameras) }),
         },
         None if cameras.len() > 1 => Err(CalibrateError::CameraNotNamed { known: known(&cameras) }),
-        None => cameras.pop().map(|(_, place)| place).ok_or_else(|| {
-            CalibrateError::invalid("/camera_matrix", "no camera matrix (K, camera_matrix, CameraMatrix)")
-        }),
+        None => cameras.pop().map(|(_, place)| place).ok_or_else(no_camera_matrix),
     }
+}
+
+fn no_camera_matrix() -> CalibrateError {
+    CalibrateError::invalid("/camera_matrix", "no camera matrix (K, camera_matrix, CameraMatrix)")
 }
 
 fn name_of(place: &Place<'_>) -> Option<String> {
@@ -172,10 +210,10 @@ fn is_fisheye(camera: &Place<'_>) -> Result<bool, CalibrateError> {
     }
 }
 
-fn pose(camera: &Place<'_>, options: &ImportOptions) -> Result<Pose, CalibrateError> {
+fn pose(camera: &Place<'_>, metres_per_unit: Option<f64>) -> Result<Pose, CalibrateError> {
     let rotation = camera.find(ROTATION).ok_or_else(|| camera.fault("no rotation (R, Rotation or rvec)"))?;
     let camera_from_world = camera_from_world(&rotation)?;
-    let (place, metres) = translation(camera, options)?;
+    let (place, metres) = translation(camera, metres_per_unit)?;
     let Matrix { values, .. } = place.matrix()?;
     let [x, y, z] = values.as_slice() else {
         return Err(place.fault(&format!("expected 3 numbers, got {}", values.len())));
@@ -194,23 +232,32 @@ fn camera_from_world(place: &Place<'_>) -> Result<DQuat, CalibrateError> {
         let message = format!("expected 3 or 3 x 3 numbers, got {n_rows} x {n_columns}");
         return Err(place.fault(&message));
     }
-    // Row-major in the file, column-major here.
-    let rotation = DMat3::from_cols_slice(&values).transpose();
+    let values = <[f64; 9]>::try_from(values.as_slice()).ok();
+    values
+        .and_then(|values| rotation(&values))
+        .ok_or_else(|| place.fault("must be a rotation: orthonormal rows, determinant 1"))
+}
+
+/// The rotation of finite numbers in rows; `None` where they are none within [`ROTATION_SLACK`].
+pub(super) fn rotation(values: &[f64; 9]) -> Option<DQuat> {
+    // Row-major in files, column-major here.
+    let rotation = DMat3::from_cols_array(values).transpose();
     let gram = rotation.transpose() * rotation - DMat3::IDENTITY;
     let deviation = gram.to_cols_array().into_iter().map(f64::abs).fold(0.0, f64::max);
-    if deviation > ROTATION_SLACK || rotation.determinant() < 0.0 {
-        return Err(place.fault("must be a rotation: orthonormal rows, determinant 1"));
-    }
-    Ok(DQuat::from_mat3(&rotation).normalize())
+    let is_rotation = deviation <= ROTATION_SLACK && rotation.determinant() > 0.0;
+    is_rotation.then(|| DQuat::from_mat3(&rotation).normalize())
 }
 
 /// The translation and the length of its unit in metres.
-fn translation<'a>(camera: &Place<'a>, options: &ImportOptions) -> Result<(Place<'a>, f64), CalibrateError> {
+fn translation<'a>(
+    camera: &Place<'a>,
+    metres_per_unit: Option<f64>,
+) -> Result<(Place<'a>, f64), CalibrateError> {
     for (suffix, unit) in [("", None), ("m", Some(1.0)), ("cm", Some(0.01)), ("mm", Some(0.001))] {
         let names: Vec<_> = TRANSLATION.iter().map(|name| format!("{name}{suffix}")).collect();
         let names: Vec<_> = names.iter().map(String::as_str).collect();
         let Some(place) = camera.find(&names) else { continue };
-        return match (unit, options.metres_per_unit) {
+        return match (unit, metres_per_unit) {
             (Some(said), Some(asked)) if said != asked => Err(place.fault(&format!(
                 "its name says {said} metres a unit, but metres_per_unit is {asked}; drop that"
             ))),

@@ -1,0 +1,34 @@
+//! Visual hulls: what silhouettes of one thing in several calibrated cameras leave of space.
+//!
+//! In: cameras and the silhouettes that they see at one instant. Out: where rays are within the hull, which voxels are, and its
+//! surface as a mesh with colours. Knows nothing of tracks, scenes, files or the GPU: the arithmetic here is the truth that drawn
+//! hulls are held to.
+//!
+//! | file | what |
+//! | --- | --- |
+//! | `outline` | masks as polygons, and what lines cross of them |
+//! | `silhouettes` | cameras with outlines, and the hull that they make: rays cut by them (image-based) |
+//! | `voxels` | the same in runs of voxels, camera by camera |
+//! | `bounds` | how large it is, where nobody says |
+//! | `extraction` | its surface by either method, on a grid |
+//! | `net`, `mesh` | a closed surface around what is inside of a grid; meshes and how they are written |
+//! | `foreground` | silhouettes of pictures of one thing before a plain background |
+//! | `paint` | a mesh's colours from pictures, and how it agrees with silhouettes |
+
+mod bounds;
+mod extraction;
+mod foreground;
+mod mesh;
+mod net;
+mod outline;
+mod paint;
+mod silhouettes;
+mod voxels;
+
+pub use bounds::Bounds;
+pub use extraction::{Method, RESOLUTION, extract};
+pub use foreground::{largest, silhouette};
+pub use mesh::{Mesh, MeshError};
+pub use net::{Crossings, Occupancy};
+pub use paint::{Agreement, paint};
+pub use silhouettes::{Hull, HullError, Scratch, View};
