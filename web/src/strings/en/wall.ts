@@ -7,7 +7,7 @@ export const wall = {
   "wall.none": "There is no wall yet. Operators and admins make one here.",
   "wall.none.add": "There is no wall yet. \"New wall\" makes one: tiles, bezels, and what they show.",
   "wall.none.open": "No wall is open.",
-  "wall.help": "Open each screen's page on the machine that drives it, full screen. Keys there: t shows the test pattern, i which screen it is, 0 the picture, h how the screen fares.",
+  "wall.help": "Open each screen's page on the machine that drives it, full screen. Keys there: t shows the test pattern, i which screen it is, 0 what all of them show, h how the screen fares.",
   "wall.tile": "Screen {tile} of {wall}, {width} × {height} pixels",
   "wall.about": "{count} screens of scene {scene}, {rate} pictures a second",
   "wall.back": "All walls",
