@@ -22,8 +22,11 @@ const TIME: Duration = Duration::from_secs(5);
 
 const MAX_PATH_CHARS: usize = 1024;
 
-const PARAMETERS: &[Parameter] =
-    &[Parameter::free("under", (1, MAX_PATH_CHARS), "Beneath this folder alone, which lies in a media root")];
+const PARAMETERS: &[Parameter] = &[Parameter::text(
+    "under",
+    (r"^/[\s\S]{0,1023}$", "/films"),
+    "Beneath this folder alone, which lies in a media root",
+)];
 
 /// The route about files.
 pub(super) fn routes() -> Routes {

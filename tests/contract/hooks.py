@@ -236,6 +236,9 @@ RULES = [
     r"unknown camera of the scene",
     # Texts of calibrations say by themselves what they are, or nothing can be made of them.
     r"the format is none of",
+    # What a text has no camera of, and what lies where nobody may look.
+    r"no camera is named",
+    r"lies outside the media roots",
     # A frame of a wall that is not due for long.
     r"is due in [0-9.]+s; at most",
     # Years that nanoseconds in 64 bits do not reach.
@@ -246,7 +249,8 @@ RULES = [
 DOCUMENTS = {
     "put_scene", "change_scene", "import_scene", "put_wall", "change_wall", "put_named_view", "change_named_view",
     "put_privacy", "change_privacy", "change_source", "change_segment", "put_user", "put_calibration", "put_playhead", "change_playhead",
-    "ask_export", "make_snapshot", "annotate_snapshot", "add_token",
+    "ask_export", "make_snapshot", "annotate_snapshot", "add_token", "read_calibration", "look_at_source",
+    "solve_calibration", "turn_calibration",
 }
 
 

@@ -69,7 +69,7 @@ pub(in crate::api) fn pairs() -> Value {
 }
 
 fn focal() -> Value {
-    number_within(0.001, 1e7)
+    json!({"type": "number", "exclusiveMinimum": 0.001, "maximum": 1e7})
 }
 
 fn center() -> Value {

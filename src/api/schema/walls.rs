@@ -157,7 +157,7 @@ pub(in crate::api) fn pattern_asked() -> Value {
         &["shows"],
         [
             ("shows", word(&PATTERNS), "Lines, the tiles' names, or their pictures again"),
-            ("seconds", whole_within(1, 3600), "For how long; default 60"),
+            ("seconds", nullable(whole_within(1, 3600)), "For how long; default 60"),
         ],
     )
 }
