@@ -238,6 +238,7 @@ RULES = [
     r"the format is none of",
     # What a text has no camera of, and what lies where nobody may look.
     r"no camera is named",
+    r"the json format is in metres",
     r"lies outside the media roots",
     # A frame of a wall that is not due for long.
     r"is due in [0-9.]+s; at most",
