@@ -2,7 +2,8 @@
 
 use super::bounds::Bounds;
 use super::mesh::{Mesh, MeshError};
-use super::net::{Crossings, Halfway, Occupancy, surface};
+use super::net::{Crossings, Halfway, surface};
+use super::occupancy::Occupancy;
 use super::silhouettes::{Hull, HullError, Scratch};
 use super::voxels;
 use crate::geometry::Ray;

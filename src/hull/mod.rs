@@ -11,7 +11,7 @@
 //! | `voxels` | the same in runs of voxels, camera by camera |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
-//! | `net`, `mesh` | a closed surface around what is inside of a grid; meshes and how they are written |
+//! | `occupancy`, `net`, `mesh` | what is inside of a grid; a closed surface around it; meshes and how they are written |
 //! | `foreground` | silhouettes of pictures of one thing before a plain background |
 //! | `paint` | a mesh's colours from pictures, and how it agrees with silhouettes |
 
@@ -20,6 +20,7 @@ mod extraction;
 mod foreground;
 mod mesh;
 mod net;
+mod occupancy;
 mod outline;
 mod paint;
 mod silhouettes;
@@ -29,6 +30,7 @@ pub use bounds::Bounds;
 pub use extraction::{Method, RESOLUTION, extract};
 pub use foreground::{largest, silhouette};
 pub use mesh::{Mesh, MeshError};
-pub use net::{Crossings, Occupancy};
+pub use net::Crossings;
+pub use occupancy::Occupancy;
 pub use paint::{Agreement, paint};
 pub use silhouettes::{Hull, HullError, Scratch, View};

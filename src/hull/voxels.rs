@@ -3,7 +3,7 @@
 //! `[G03]` Goldluecke and Magnor 2003, Real-time microfacet billboarding for free-viewpoint video rendering, section 2. A voxel is left
 //! by a camera that sees its middle inside the silhouette, or does not see it.
 
-use super::net::Occupancy;
+use super::occupancy::Occupancy;
 use super::silhouettes::{Hull, HullError};
 use glam::DVec3;
 use rayon::prelude::*;
