@@ -293,6 +293,8 @@ pub struct Metrics {
     pub api_requests: IntCounterVec,
     /// Seconds from a request to its answer. Labels: route.
     pub api_request: HistogramVec,
+    /// How often the configuration was read again, good or at fault.
+    pub config_reloads: IntCounter,
     /// 1 where the configuration was good when it was read last, 0 where it was at fault.
     pub config_reload_success: IntGauge,
     /// When a good one was read last, seconds since 1970.
@@ -469,6 +471,11 @@ impl Metrics {
                 "Time from a request to its answer.",
                 &["route"],
                 &REQUEST_SECONDS,
+            ),
+            config_reloads: counter(
+                r,
+                "config_reloads_total",
+                "Times that the configuration was read again, good or at fault.",
             ),
             config_reload_success: int_gauge(
                 r,

@@ -16,6 +16,7 @@ fn metric(daemon: &Daemon, name: &str) -> f64 {
 
 const SUCCESS: &str = "videofields_config_reload_success";
 const TIME: &str = "videofields_config_reload_timestamp_seconds";
+const COUNT: &str = "videofields_config_reloads_total";
 
 /// What a configuration that is read again is.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -27,13 +28,11 @@ enum Expected {
 /// Has the daemon read its configuration again, and waits until it has.
 fn reload(daemon: &Daemon, expected: Expected) {
     let is_good = expected == Expected::Good;
-    let before = metric(daemon, TIME);
+    let (count, time) = (metric(daemon, COUNT), metric(daemon, TIME));
     signal(daemon, "HUP");
-    wait_for("the configuration to be read again", || {
-        let is_done = if is_good { metric(daemon, TIME) > before } else { metric(daemon, SUCCESS) == 0.0 };
-        is_done.then_some(())
-    });
+    wait_for("the configuration to be read again", || (metric(daemon, COUNT) > count).then_some(()));
     assert_eq!(metric(daemon, SUCCESS), f64::from(u8::from(is_good)));
+    assert_eq!(metric(daemon, TIME) > time, is_good, "only a good one is told with its time");
 }
 
 fn ids(daemon: &Daemon) -> Vec<String> {
