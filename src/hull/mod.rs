@@ -32,5 +32,6 @@ pub use foreground::{largest, silhouette};
 pub use mesh::{Mesh, MeshError};
 pub use net::Crossings;
 pub use occupancy::Occupancy;
+pub use outline::{LEAF_EDGES, Outline};
 pub use paint::{Agreement, paint};
-pub use silhouettes::{Hull, HullError, Scratch, View};
+pub use silhouettes::{Hull, HullError, Scratch, View, Window};

@@ -1,19 +1,22 @@
 //! The outline of a silhouette: closed polygons, and where a line of the picture crosses them.
 //!
-//! In: a mask. Out: polygons in pixels (`trace`), and, once they are brought into the camera's tangent plane, crossings with a
-//! line in time that grows with the logarithm of their length ([`Outline`]). Holes are polygons as well: a place is inside where
-//! a line to it crosses them an odd number of times.
+//! In: a mask. Out: polygons in pixels (`trace`) around what of the picture is **outside** the silhouette, and, once they are
+//! brought into the camera's tangent plane, crossings with a line in time that grows with the logarithm of their length
+//! ([`Outline`]). Holes are polygons as well: a place is surrounded where a line to it crosses them an odd number of times.
+//!
+//! What is outside, and not what is inside: a picture takes nothing away beyond its border, so the border of what it takes away is
+//! both the silhouette's and its own.
 //!
 //! The line between two pixels of unlike kind runs half-way between their centres (marching squares of a binary picture), which
 //! is the pixels' border where that is straight.
 
 use glam::{DVec2, DVec3};
 
-/// Edges of an outline beneath one leaf of its hierarchy.
-const LEAF_EDGES: usize = 8;
+/// Edges of an outline beneath one leaf of its hierarchy: `LEAF_EDGES` of common/hull.wgsl.
+pub const LEAF_EDGES: usize = 8;
 
-/// The polygons of a mask of `width` columns, row by row, pixels; centres of pixels lie at +0.5. Beyond the border the mask goes on
-/// for a pixel as it is at the border, so that what touches it is not cut there. Pixels that meet at a corner alone are joined.
+/// The polygons around what of a mask of `width` columns is not inside, row by row, pixels; centres of pixels lie at +0.5. They end at
+/// the mask's border. Pixels inside that meet at a corner alone are joined.
 #[must_use]
 pub(super) fn trace(width: usize, is_inside: &[bool]) -> Vec<Vec<DVec2>> {
     if width == 0 || is_inside.len() < width {
@@ -28,7 +31,7 @@ pub(super) fn trace(width: usize, is_inside: &[bool]) -> Vec<Vec<DVec2>> {
         let mut at = first;
         while !std::mem::replace(&mut is_used[at], true) {
             let (from, to) = steps[at];
-            polygon.push(place(width + 4, from));
+            polygon.push(place(width + 2, from));
             // Every crossing is left by one step and reached by one.
             at = steps.partition_point(|(known, _)| *known < to);
         }
@@ -46,14 +49,11 @@ struct Steps(Vec<(u32, u32)>);
 impl Steps {
     fn of(width: usize, is_inside: &[bool]) -> Self {
         let height = is_inside.len() / width;
-        let (columns, rows) = (width + 4, height + 4);
-        // Two pixels of padding: one that goes on, one that is outside.
+        let (columns, rows) = (width + 2, height + 2);
+        // A pixel of padding, where nothing is outside.
         let is_in = |x: usize, y: usize| {
             let is_beyond = x == 0 || y == 0 || x + 1 >= columns || y + 1 >= rows;
-            !is_beyond && {
-                let (x, y) = (x.clamp(2, width + 1) - 2, y.clamp(2, height + 1) - 2);
-                is_inside[y * width + x]
-            }
+            is_beyond || is_inside[(y - 1) * width + x - 1]
         };
         let mut steps = Vec::new();
         for y in 0..rows - 1 {
@@ -104,7 +104,7 @@ const fn steps_of(kind: u8) -> &'static [(u8, u8)] {
 
 fn place(columns: usize, crossing: u32) -> DVec2 {
     let (pixel, is_down) = ((crossing / 2) as usize, crossing % 2 == 1);
-    let centre = DVec2::new((pixel % columns) as f64, (pixel / columns) as f64) - 1.5;
+    let centre = DVec2::new((pixel % columns) as f64, (pixel / columns) as f64) - 0.5;
     centre + if is_down { DVec2::new(0.0, 0.5) } else { DVec2::new(0.5, 0.0) }
 }
 
@@ -155,6 +155,17 @@ pub(super) fn simplified(polygon: &[DVec2], error_px: f64) -> Vec<DVec2> {
     if kept.len() >= 3 { kept } else { polygon.to_vec() }
 }
 
+/// A closed polygon with corners on its long sides: none is longer than `most_px`, so that a lens bends it as it bends the picture.
+#[must_use]
+pub(super) fn refined(polygon: &[DVec2], most_px: f64) -> Vec<DVec2> {
+    let sides = (0..polygon.len()).map(|i| (polygon[i], polygon[(i + 1) % polygon.len()]));
+    let parts = |(from, to): (DVec2, DVec2)| {
+        let n = (from.distance(to) / most_px).ceil().max(1.0) as usize;
+        (0..n).map(move |part| from.lerp(to, part as f64 / n as f64))
+    };
+    sides.flat_map(parts).collect()
+}
+
 /// How far a point is from a stretch of a line.
 fn distance_to(point: DVec2, from: DVec2, to: DVec2) -> f64 {
     let along = to - from;
@@ -164,7 +175,7 @@ fn distance_to(point: DVec2, from: DVec2, to: DVec2) -> f64 {
 
 /// Closed polygons in a camera's tangent plane (x / z, y / z), with boxes over stretches of them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Outline {
+pub struct Outline {
     edges: Vec<[DVec2; 2]>,
     /// A full binary tree over `edges`, the root first; children of node i are 2 i + 1 and 2 i + 2.
     boxes: Vec<[DVec2; 2]>,
@@ -189,6 +200,19 @@ impl Outline {
             boxes[i] = joined(boxes[2 * i + 1], boxes[2 * i + 2]);
         }
         Self { edges, boxes, n_leaves }
+    }
+
+    /// Its edges, ends in the tangent plane; [`LEAF_EDGES`] of them a leaf of the tree, in order.
+    #[must_use]
+    pub fn edges(&self) -> &[[DVec2; 2]] {
+        &self.edges
+    }
+
+    /// Lower and upper corners of the boxes of a full binary tree over the edges, the root first; the children of node i are
+    /// 2 i + 1 and 2 i + 2, the last half are the leaves. A box around nothing is upside down and infinite.
+    #[must_use]
+    pub fn boxes(&self) -> &[[DVec2; 2]] {
+        &self.boxes
     }
 
     /// Lower and upper corner of what it surrounds; none where that is nothing.
@@ -263,32 +287,48 @@ mod tests {
     }
 
     #[test]
-    fn a_square_is_surrounded_along_its_pixels_borders() {
+    fn a_square_is_left_out_along_its_pixels_borders() {
         let (width, mask) = drawn(&["......", ".####.", ".####.", ".####.", "......"]);
         let polygons = trace(width, &mask);
-        assert_eq!(polygons.len(), 1);
-        let (low, high) = polygons[0]
-            .iter()
-            .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), at| (low.min(*at), high.max(*at)));
-        assert_eq!((low, high), (DVec2::new(1.0, 1.0), DVec2::new(5.0, 4.0)));
+        assert_eq!(polygons.len(), 2, "the picture's border, and the square");
+        let bounds = |polygon: &[DVec2]| {
+            let nothing = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+            polygon.iter().fold(nothing, |(low, high), at| (low.min(*at), high.max(*at)))
+        };
+        assert_eq!(bounds(&polygons[0]), (DVec2::ZERO, DVec2::new(6.0, 5.0)));
+        assert_eq!(bounds(&polygons[1]), (DVec2::new(1.0, 1.0), DVec2::new(5.0, 4.0)));
         // Four corners are cut by an eighth of a pixel each.
-        assert!((area(&polygons[0]).abs() - 11.5).abs() < 1e-12, "{}", area(&polygons[0]));
-        assert_eq!(polygons[0].len(), 8);
+        assert!((area(&polygons[0]).abs() - 29.5).abs() < 1e-12, "{}", area(&polygons[0]));
+        assert!((area(&polygons[1]).abs() - 11.5).abs() < 1e-12, "{}", area(&polygons[1]));
+        assert!(polygons.iter().all(|polygon| polygon.len() == 8));
+        assert!(area(&polygons[0]) * area(&polygons[1]) < 0.0);
     }
 
     #[test]
-    fn holes_are_polygons_of_their_own_that_run_the_other_way() {
+    fn a_hole_is_outside_and_what_touches_the_border_is_not_cut_there() {
         let (width, mask) = drawn(&["#####", "#...#", "#...#", "#####"]);
         let polygons = trace(width, &mask);
-        assert_eq!(polygons.len(), 2);
-        assert!(area(&polygons[0]) * area(&polygons[1]) < 0.0);
+        assert_eq!(polygons.len(), 1);
         let outline = Outline::new(&polygons);
         let mut scratch = Vec::new();
-        assert!(outline.contains(DVec2::new(0.5, 0.5), &mut scratch));
-        assert!(!outline.contains(DVec2::new(2.5, 1.5), &mut scratch), "the hole");
-        // What touches the border goes on for a pixel.
-        assert!(outline.contains(DVec2::new(-0.6, 2.0), &mut scratch));
-        assert!(!outline.contains(DVec2::new(-1.2, 2.0), &mut scratch));
+        assert!(!outline.contains(DVec2::new(0.5, 0.5), &mut scratch));
+        assert!(outline.contains(DVec2::new(2.5, 1.5), &mut scratch), "the hole");
+        // Beyond the border nothing is taken away.
+        for beyond in [DVec2::new(-0.1, 2.0), DVec2::new(-1e3, 2.0), DVec2::new(2.0, 4.1)] {
+            assert!(!outline.contains(beyond, &mut scratch), "{beyond}");
+        }
+        let empty = Outline::new(&trace(3, &[false; 9]));
+        assert!(empty.contains(DVec2::new(0.3, 0.9), &mut scratch));
+        assert!(!empty.contains(DVec2::new(-0.1, 0.9), &mut scratch));
+    }
+
+    #[test]
+    fn long_sides_are_parted_and_nothing_else_changes() {
+        let square = [DVec2::ZERO, DVec2::X * 9.0, DVec2::splat(9.0), DVec2::Y * 9.0];
+        let found = refined(&square, 3.0);
+        assert_eq!(found.len(), 12);
+        assert!((area(&found) - 81.0).abs() < 1e-12);
+        assert_eq!(refined(&square, 100.0), square);
     }
 
     #[test]
@@ -305,10 +345,10 @@ mod tests {
             let mut scratch = Vec::new();
             for (i, is_inside) in mask.iter().enumerate() {
                 let centre = DVec2::new((i % size) as f64 + 0.5, (i / size) as f64 + 0.5);
-                assert_eq!(outline.contains(centre, &mut scratch), *is_inside, "{size} {centre}");
+                assert_eq!(outline.contains(centre, &mut scratch), !*is_inside, "{size} {centre}");
             }
         }
-        assert!(trace(3, &[false; 9]).is_empty());
+        assert!(trace(3, &[true; 9]).is_empty());
         assert!(trace(0, &[]).is_empty());
     }
 
@@ -328,7 +368,7 @@ mod tests {
             }
         }
         outline.crossings(DVec3::new(0.0, 1.0, -3.5), DVec2::X, &mut found);
-        assert_eq!(found, [1.0, 6.0]);
+        assert_eq!(found, [0.0, 1.0, 6.0, 7.0]);
     }
 
     #[test]
@@ -338,13 +378,14 @@ mod tests {
             .map(|i| (DVec2::new((i % width) as f64, (i / width) as f64) - 99.5).length() < 80.0)
             .collect();
         let polygons = trace(width, &disc);
-        let fewer = simplified(&polygons[0], 0.75);
-        assert!(fewer.len() * 4 < polygons[0].len(), "{} of {}", fewer.len(), polygons[0].len());
-        for at in &polygons[0] {
+        let disc = &polygons[1];
+        let fewer = simplified(disc, 0.75);
+        assert!(fewer.len() * 4 < disc.len(), "{} of {}", fewer.len(), disc.len());
+        for at in disc {
             let nearest = (0..fewer.len()).map(|i| distance_to(*at, fewer[i], fewer[(i + 1) % fewer.len()]));
             assert!(nearest.fold(f64::INFINITY, f64::min) <= 0.75 + 1e-9, "{at}");
         }
-        assert_eq!(simplified(&polygons[0], 0.0), polygons[0]);
-        assert!(simplified(&polygons[0], 1e9).len() >= 3);
+        assert_eq!(simplified(disc, 0.0), *disc);
+        assert!(simplified(disc, 1e9).len() >= 3);
     }
 }
