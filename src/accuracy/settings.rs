@@ -3,7 +3,7 @@
 use crate::config::{CameraSettings, RenderSettings, Resolution};
 use crate::mapping::{Builder, GridSettings};
 use crate::plan::{
-    Detail, EntityStyle, Filtering, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES, Sampling, Settings,
+    Detail, EntityStyle, Filtering, HullForm, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES, Sampling, Settings,
 };
 
 /// Steps of the map's grid, metres, from coarse to fine.
@@ -145,6 +145,7 @@ impl SurfaceForm {
             entities: form.style,
             point_stride: form.stride,
             sources: form.sources,
+            hull: form.hull,
             most_cameras: self.most_cameras,
             depth_maps: self.depth_map_side_px.is_some(),
             filtering: self.filtering,
@@ -173,23 +174,32 @@ pub struct EntityForm {
     pub stride: u32,
     /// With billboards, by how many cameras one entity is shown.
     pub sources: u32,
+    /// With hulls, how they are drawn.
+    pub hull: HullForm,
 }
 
 impl EntityForm {
     /// What is drawn where nothing else is asked for.
-    pub const DEFAULT: Self = Self { style: EntityStyle::Billboards, stride: 1, sources: MAX_ENTITY_SOURCES };
+    pub const DEFAULT: Self = Self {
+        style: EntityStyle::Billboards,
+        stride: 1,
+        sources: MAX_ENTITY_SOURCES,
+        hull: HullForm::EXACT,
+    };
 
     /// Nothing is drawn: what the others are held against.
     pub const NOTHING: Self = Self { style: EntityStyle::None, ..Self::DEFAULT };
 
     /// All forms from cheap to exact, after nothing.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 8] = [
         Self::NOTHING,
         Self { style: EntityStyle::Points, stride: 4, ..Self::DEFAULT },
         Self { style: EntityStyle::Points, stride: 2, ..Self::DEFAULT },
         Self { style: EntityStyle::Points, stride: 1, ..Self::DEFAULT },
         Self { sources: 1, ..Self::DEFAULT },
         Self::DEFAULT,
+        Self { style: EntityStyle::Hulls, hull: HullForm::CHEAP, ..Self::DEFAULT },
+        Self { style: EntityStyle::Hulls, ..Self::DEFAULT },
     ];
 
     /// The form in words.
@@ -200,6 +210,8 @@ impl EntityForm {
             EntityStyle::Billboards if self.sources == 1 => "billboards, one source".to_owned(),
             EntityStyle::Billboards => "billboards".to_owned(),
             EntityStyle::Points => format!("points, stride {}", self.stride),
+            EntityStyle::Hulls if !self.hull.texture.visibility => "hulls, visible or not".to_owned(),
+            EntityStyle::Hulls => "hulls".to_owned(),
         }
     }
 }

@@ -14,7 +14,7 @@ use crate::config::RenderSettings;
 use crate::frame::RgbImage;
 use crate::geometry::Shape;
 use crate::mapping::{Builder, MappingError};
-use crate::plan::{self, CostRow, EntityStyle, MAX_ENTITY_SOURCES, Sampling, Spread};
+use crate::plan::{self, CostRow, EntityStyle, HullForm, MAX_ENTITY_SOURCES, Sampling, Spread};
 use crate::simulate::World;
 use std::collections::BTreeMap;
 
@@ -431,6 +431,7 @@ impl Sweeper<'_> {
         let is_shown = match form.style {
             EntityStyle::Points => form.stride == 1,
             EntityStyle::Billboards => form.sources == MAX_ENTITY_SOURCES,
+            EntityStyle::Hulls => form.hull == HullForm::EXACT,
             EntityStyle::None => true,
         };
         let (Some((frame, picture)), Some(view)) = (run.examples.first(), self.subject.views.first()) else {

@@ -79,15 +79,15 @@ impl Easel {
         clock: &dyn Clock,
     ) -> Result<Drawn, RenderError> {
         let started = clock.monotonic();
-        let stride = (entities.style == EntityStyle::Points).then_some(entities.stride);
         let find = |id: &CameraId| {
             let background = Arc::clone(&observations.of_frame(moment.background_frame, id)?.background);
             Some(Observation { background, ..observations.of_frame(moment.frame, id)?.clone() })
         };
         let instant = subject.instant(moment.frame + subject.n_frames());
-        let state = fuse::assemble(&subject.scene, instant, find, stride);
+        let mut state = fuse::assemble(&subject.scene, instant, find, None);
         let picture = Picture::from(view.view);
         let settings = surface.with(entities);
+        settings.place(&mut state);
         let plan = plan::make(&state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
         let survey = Survey::of(&state, &picture, &plan);
         let work = survey.work(&settings, self.renderer.pending(&state, &plan));
@@ -241,6 +241,10 @@ fn entity_bytes(state: &SceneState, style: EntityStyle) -> usize {
         EntityStyle::Points => state.points.len() * size_of::<PointRun>(),
         EntityStyle::Billboards => {
             state.entities.iter().map(|entity| entity.sources.len() * size_of::<Billboard>()).sum()
+        }
+        EntityStyle::Hulls => {
+            let distances = state.hulls.iter().flat_map(|hull| &hull.distances);
+            distances.map(|mask| mask.data.len()).sum()
         }
         EntityStyle::None => 0,
     }

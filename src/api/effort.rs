@@ -3,14 +3,14 @@
 use super::parameters::{Parameter, words};
 use super::query::Query;
 use crate::plan::{
-    Aim, Deadline, Detail, Effort, EntityStyle, Filtering, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Named,
-    Preset,
+    Aim, Deadline, Detail, Effort, EntityStyle, Filtering, HullMethod, MAX_BLENDED_CAMERAS,
+    MAX_SUPERSAMPLING, Named, Preset,
 };
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// The parameters that are read here.
-pub(super) const PARAMETERS: [Parameter; 10] = [
+pub(super) const PARAMETERS: [Parameter; 12] = [
     Parameter::word("quality", || words(&Preset::ALL), "How exactly it is drawn: sets every knob")
         .default_is("balanced"),
     Parameter::number(
@@ -39,7 +39,17 @@ pub(super) const PARAMETERS: [Parameter; 10] = [
     Parameter::word(
         "sources",
         || vec!["1", "2"],
-        "By how many cameras one entity is shown; of `entities=billboards`",
+        "By how many cameras one entity is shown; of `entities=billboards`, and of `hulls` for whom one camera sees",
+    ),
+    Parameter::word(
+        "method",
+        || HullMethod::ALL.iter().map(|(word, _)| *word).collect(),
+        "How hulls' surfaces are found; of `entities=hulls`",
+    ),
+    Parameter::word(
+        "hull_visibility",
+        || vec!["on", "off"],
+        "Whether a camera is left out where something else stands before it; of `entities=hulls`",
     ),
     Parameter::word(
         "stride",
@@ -57,11 +67,13 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
         query.refuse("deadline_ms", "cannot be asked for together with quality");
     }
     let styles = [
-        ("sources", EntityStyle::Billboards, "entities=billboards"),
-        ("stride", EntityStyle::Points, "entities=points"),
+        ("sources", style.has_billboards(), "entities=billboards and entities=hulls"),
+        ("stride", style == EntityStyle::Points, "entities=points"),
+        ("method", style == EntityStyle::Hulls, "entities=hulls"),
+        ("hull_visibility", style == EntityStyle::Hulls, "entities=hulls"),
     ];
-    for (parameter, only, named) in styles {
-        if style != only {
+    for (parameter, is_meant, named) in styles {
+        if !is_meant {
             query.refuse(parameter, &format!("means something to {named} alone"));
         }
     }
@@ -75,6 +87,8 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
         named: Named {
             point_stride: query.choice("stride", &[("1", 1), ("2", 2), ("4", 4)]),
             sources: query.choice("sources", &[("1", 1), ("2", 2)]),
+            hull_method: query.choice("method", &HullMethod::ALL),
+            hull_visibility: query.choice("hull_visibility", &[("on", true), ("off", false)]),
             most_cameras: query.whole("cameras", &(1..=most)).map(|cameras| cameras as usize),
             depth_maps: query.choice("depth_maps", &[("on", true), ("off", false)]),
             filtering: query.choice("filtering", &Filtering::ALL),

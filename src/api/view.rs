@@ -37,8 +37,12 @@ const FOV_DEGREES: RangeInclusive<f64> = 1.0..=170.0;
 /// Least distance between eye and target, metres: below it there is no direction to look in.
 const MIN_DISTANCE_M: f64 = 1e-6;
 
-pub(super) const STYLES: [(&str, EntityStyle); 3] =
-    [("billboards", EntityStyle::Billboards), ("points", EntityStyle::Points), ("none", EntityStyle::None)];
+pub(super) const STYLES: [(&str, EntityStyle); 4] = [
+    ("billboards", EntityStyle::Billboards),
+    ("points", EntityStyle::Points),
+    ("hulls", EntityStyle::Hulls),
+    ("none", EntityStyle::None),
+];
 
 /// The kinds of pictures, with the parameters that mean something to each alone.
 const KINDS: [(&str, &[&str]); 6] = [

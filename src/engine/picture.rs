@@ -11,8 +11,8 @@ use crate::frame::{CameraId, Mask, YuvImage};
 use crate::fuse::{self, Exposure, SceneState};
 use crate::geometry::Surfaces;
 use crate::plan::{
-    self, ACROSS_M, Colors, Deadline, EntityStyle, Named, Pending, Picture, Plan, Settings, StageTimes,
-    Survey, View, ViewLimits, ViewSession, Wishes,
+    self, ACROSS_M, Colors, Deadline, Named, Pending, Picture, Plan, Settings, StageTimes, Survey, View,
+    ViewLimits, ViewSession, Wishes,
 };
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
@@ -197,9 +197,7 @@ impl Subject {
     }
 
     fn plan(&self, state: &mut SceneState, settings: Settings, session: Option<&mut ViewSession>) -> Plan {
-        if settings.entities == EntityStyle::Points {
-            state.place_points(settings.point_stride);
-        }
+        settings.place(state);
         plan::make_for(state, &self.picture, Wishes { settings, ..self.wishes }, session)
     }
 

@@ -9,6 +9,7 @@ mod estimate;
 mod exposure;
 mod gains;
 mod grouping;
+mod hulls;
 mod line;
 mod look;
 mod overlap;
@@ -21,6 +22,7 @@ mod walk;
 
 pub use association::Association;
 pub use exposure::Exposure;
+pub use hulls::{EntityHull, LEAST_VIEWS};
 pub use overlap::Overlap;
 pub(crate) use points::MAX_RUN;
 
@@ -91,6 +93,7 @@ pub fn assemble_within(
         cameras,
         n_overlapping: 0,
         points: Vec::new(),
+        hulls: Vec::new(),
     };
     if let Some(stride) = point_stride {
         state.place_points(stride);
@@ -126,6 +129,8 @@ pub struct SceneState {
     pub entities: Vec<Entity>,
     /// The entities' foreground texels as points; empty unless points were asked for.
     pub points: Vec<PointRun>,
+    /// The entities' hulls; empty unless they were asked for ([`SceneState::place_hulls`]).
+    pub hulls: Vec<EntityHull>,
 }
 
 impl SceneState {

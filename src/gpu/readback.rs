@@ -5,7 +5,6 @@ use super::{Gpu, GpuError};
 
 /// Rows in a buffer that textures are copied to start at multiples of this.
 const ROW_ALIGNMENT: u32 = wgpu::COPY_BYTES_PER_ROW_ALIGNMENT;
-const BYTES_PER_PIXEL: u32 = 4;
 
 /// A mappable buffer that is kept between pictures of one size.
 #[derive(Debug, Default)]
@@ -13,17 +12,20 @@ pub struct Readback {
     buffer: Option<wgpu::Buffer>,
     width: u32,
     height: u32,
-}
-
-const fn padded_row_bytes(width: u32) -> u32 {
-    (width * BYTES_PER_PIXEL).next_multiple_of(ROW_ALIGNMENT)
+    pixel_bytes: u32,
 }
 
 impl Readback {
-    /// Records the copy of a 4-byte-a-pixel texture's first level.
+    const fn padded_row_bytes(&self) -> u32 {
+        (self.width * self.pixel_bytes).next_multiple_of(ROW_ALIGNMENT)
+    }
+
+    /// Records the copy of a texture's first level, of a format of so many bytes a pixel.
     pub fn copy(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) {
         (self.width, self.height) = (texture.width(), texture.height());
-        let size = u64::from(padded_row_bytes(self.width)) * u64::from(self.height);
+        self.pixel_bytes = texture.format().block_copy_size(None).unwrap_or(4);
+        let row_bytes = self.padded_row_bytes();
+        let size = u64::from(row_bytes) * u64::from(self.height);
         if self.buffer.as_ref().is_some_and(|buffer| buffer.size() != size) {
             self.buffer = None;
         }
@@ -42,7 +44,7 @@ impl Readback {
                 buffer,
                 layout: wgpu::TexelCopyBufferLayout {
                     offset: 0,
-                    bytes_per_row: Some(padded_row_bytes(self.width)),
+                    bytes_per_row: Some(row_bytes),
                     rows_per_image: None,
                 },
             },
@@ -57,7 +59,7 @@ impl Readback {
         }
     }
 
-    /// Waits for everything submitted and writes the first three bytes of every pixel into `rgb`, rows from the top, each
+    /// Waits for everything submitted and writes the first three bytes of every pixel of four into `rgb`, rows from the top, each
     /// `row_bytes` behind the one before it.
     ///
     /// # Errors
@@ -67,15 +69,39 @@ impl Readback {
             .buffer
             .as_ref()
             .ok_or_else(|| GpuError::Refused { message: "nothing was copied to be read back".to_owned() })?;
-        let copied_bytes = (self.width * BYTES_PER_PIXEL) as usize;
+        let copied_bytes = (self.width * self.pixel_bytes) as usize;
         read(gpu, buffer, |bytes| {
-            let copied = bytes.chunks_exact(padded_row_bytes(self.width) as usize);
+            let copied = bytes.chunks_exact(self.padded_row_bytes() as usize);
             for (from, to) in copied.zip(rgb.chunks_mut(row_bytes)) {
                 let (from, _) = from[..copied_bytes].as_chunks::<4>();
                 let (to, _) = to.as_chunks_mut::<3>();
                 for (to, [r, g, b, _]) in to.iter_mut().zip(from) {
                     *to = [*r, *g, *b];
                 }
+            }
+        })
+    }
+}
+
+impl Readback {
+    /// Waits for everything submitted and appends every pixel, of as many bytes as a `T`, to `texels`, row by row from the top.
+    ///
+    /// # Errors
+    /// What the device reported, or where nothing of that kind was copied.
+    pub fn read_texels<T: bytemuck::AnyBitPattern>(
+        &self,
+        gpu: &Gpu,
+        texels: &mut Vec<T>,
+    ) -> Result<(), GpuError> {
+        let is_kind = |_: &&wgpu::Buffer| self.pixel_bytes as usize == size_of::<T>();
+        let Some(buffer) = self.buffer.as_ref().filter(is_kind) else {
+            return Err(GpuError::Refused { message: "nothing was copied to be read back".to_owned() });
+        };
+        read(gpu, buffer, |bytes| {
+            let row_bytes = (self.width * self.pixel_bytes) as usize;
+            for row in bytes.chunks_exact(self.padded_row_bytes() as usize) {
+                let pixels = row[..row_bytes].chunks_exact(size_of::<T>());
+                texels.extend(pixels.map(bytemuck::pod_read_unaligned::<T>));
             }
         })
     }

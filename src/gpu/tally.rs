@@ -85,6 +85,17 @@ impl Gpu {
         self.device.create_render_pipeline(descriptor)
     }
 
+    /// Makes a pipeline that computes.
+    #[must_use]
+    pub fn compute_pipeline(
+        &self,
+        label: &'static str,
+        descriptor: &wgpu::ComputePipelineDescriptor<'_>,
+    ) -> wgpu::ComputePipeline {
+        self.tally.add(Counted::Pipeline, label, 0);
+        self.device.create_compute_pipeline(descriptor)
+    }
+
     /// Writes texels that lie as `layout` says.
     pub fn upload(
         &self,
@@ -107,6 +118,18 @@ impl Gpu {
     ) -> wgpu::RenderPass<'e> {
         self.tally.add(Counted::Pass, label, 0);
         encoder.begin_render_pass(descriptor)
+    }
+
+    /// Begins a pass that computes.
+    #[must_use]
+    pub fn begin_compute_pass<'e>(
+        &self,
+        encoder: &'e mut wgpu::CommandEncoder,
+        label: &'static str,
+        timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    ) -> wgpu::ComputePass<'e> {
+        self.tally.add(Counted::Pass, label, 0);
+        encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
     }
 }
 

@@ -93,6 +93,17 @@ impl Timer {
         })
     }
 
+    /// As [`Self::writes`], of a span that is one pass that computes.
+    #[must_use]
+    pub fn compute_writes(&self, span: Span) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let (queries, query) = (self.queries.as_ref()?, span.0?);
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: &queries.set,
+            beginning_of_pass_write_index: Some(query * 2),
+            end_of_pass_write_index: Some(query * 2 + 1),
+        })
+    }
+
     /// Records that the times are made readable; the last command of a frame.
     pub fn resolve(&self, encoder: &mut wgpu::CommandEncoder) {
         let (Some(queries), false) = (&self.queries, self.passes.is_empty()) else { return };

@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | `outline` | masks as polygons, and what lines cross of them |
 //! | `silhouettes` | cameras with outlines, and the hull that they make: rays cut by them (image-based) |
+//! | `distances` | how far pixels lie within a silhouette |
 //! | `voxels` | the same in runs of voxels, camera by camera |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
@@ -16,6 +17,7 @@
 //! | `paint` | a mesh's colours from pictures, and how it agrees with silhouettes |
 
 mod bounds;
+mod distances;
 mod extraction;
 mod foreground;
 mod mesh;
@@ -27,6 +29,7 @@ mod silhouettes;
 mod voxels;
 
 pub use bounds::Bounds;
+pub use distances::REACH_PX;
 pub use extraction::{Method, RESOLUTION, extract};
 pub use foreground::{largest, silhouette};
 pub use mesh::{Mesh, MeshError};

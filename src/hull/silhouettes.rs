@@ -173,6 +173,18 @@ impl View {
         [self.width, self.is_inside.len() / self.width]
     }
 
+    /// Columns and rows of the picture that the mask is of or a part of.
+    #[must_use]
+    pub const fn picture_px(&self) -> DVec2 {
+        self.picture_px
+    }
+
+    /// The mask's first column and row in the picture.
+    #[must_use]
+    pub const fn left_top(&self) -> [usize; 2] {
+        self.left_top
+    }
+
     /// How many pixels of the mask are inside.
     #[must_use]
     pub fn n_inside(&self) -> usize {

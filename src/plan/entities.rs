@@ -14,78 +14,126 @@ const MAX_ENTITIES: usize = 1024;
 /// Fills in the entities' part of a plan.
 pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, plan: &mut Plan) {
     let style = settings.entities;
-    let (billboard, points) = match style {
-        EntityStyle::Billboards => {
-            let seen = billboards(state, picture, settings.sources);
-            let n_seen = seen.len();
-            let seen = largest(seen, MAX_ENTITIES);
-            let of = |planned: &PlannedBillboard| {
-                state.entities[planned.entity].sources[planned.source].camera_idx
-            };
-            let beside = |planned: &PlannedBillboard| {
-                let source = planned.beside?.source;
-                Some(state.entities[planned.entity].sources[source].camera_idx)
-            };
-            // Of too many cameras, those that show somebody first go before those that show somebody beside another.
-            let shown = seen.iter().map(|(px, planned)| (of(planned), *px));
-            let first = most_salient(shown, state.cameras.len());
-            let shown = seen.iter().filter_map(|(px, planned)| Some((beside(planned)?, *px)));
-            let second = most_salient(shown, state.cameras.len());
-            let room = MAX_ENTITY_CAMERAS - first.len();
-            let added: Vec<usize> =
-                second.into_iter().filter(|idx| !first.contains(idx)).take(room).collect();
-            plan.entity_cameras = first;
-            plan.entity_cameras.extend(added);
-            plan.entity_cameras.sort_unstable();
-            let seen = seen.into_iter().map(|(_, planned)| planned);
-            plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
-            // Whose second camera has no room is shown by the first alone.
-            for planned in &mut plan.billboards {
-                if beside(planned).is_some_and(|idx| !plan.entity_cameras.contains(&idx)) {
-                    (planned.weight, planned.beside) = (1.0, None);
-                }
-            }
-            let drawn = (plan.billboards.len(), n_seen, state.entities.len());
-            (Some(because_of(drawn, "entities")), None)
+    let (mut billboard, mut points, mut hull) = (None, None, None);
+    match style {
+        EntityStyle::Billboards => billboard = Some(plan_billboards(state, picture, settings, plan)),
+        EntityStyle::Points => points = Some(plan_points(state, picture, plan)),
+        EntityStyle::Hulls => {
+            hull = Some(plan_hulls(state, picture, plan));
+            billboard = Some(plan_billboards(state, picture, settings, plan));
         }
-        EntityStyle::Points => {
-            // Each stands on one upright plane, where its camera saw it: that of the camera that looks as the viewer does.
-            let seen = largest(billboards(state, picture, 1), MAX_ENTITIES);
-            let of = |planned: &PlannedBillboard| {
-                state.entities[planned.entity].sources[planned.source].camera_idx
-            };
-            plan.entity_cameras =
-                most_salient(seen.iter().map(|(px, planned)| (of(planned), *px)), state.cameras.len());
-            let seen = seen.into_iter().map(|(_, planned)| planned);
-            plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
-            let mut camera_of = vec![None; state.entities.len()];
-            for planned in &plan.billboards {
-                camera_of[planned.entity] = Some(of(planned));
-            }
-            let is_drawn = |run: &&PointRun| camera_of[run.entity_idx] == Some(run.camera_idx);
-            let n_drawn = state.points.iter().filter(is_drawn).count();
-            let because = match (n_drawn, state.points.len()) {
-                (_, 0) => "no points at this instant".to_owned(),
-                (0, n) => format!("none of {n} runs of points lies in view"),
-                (drawn, n) => {
-                    format!("{drawn} of {n} runs of points, of the cameras that look most as the viewer does")
-                }
-            };
-            if n_drawn == 0 {
-                plan.entity_cameras.clear();
-                plan.billboards.clear();
-            }
-            (None, Some((n_drawn > 0, because)))
-        }
-        EntityStyle::None => (None, None),
-    };
-    for (effect, outcome) in [("billboard", billboard), ("points", points)] {
+        EntityStyle::None => {}
+    }
+    for (effect, outcome) in [("billboard", billboard), ("points", points), ("hull", hull)] {
         let (is_on, because) = outcome.unwrap_or_else(|| (false, "not asked for".to_owned()));
         plan.reasons.push(Reason { effect, is_on, because });
     }
     if !plan.entity_cameras.is_empty() {
         plan.entities = style;
     }
+}
+
+fn plan_hulls(state: &SceneState, picture: &Picture, plan: &mut Plan) -> (bool, String) {
+    let (chosen, left_out) = super::hulls::choose(state, picture);
+    let of = |idx: &usize| state.hulls[*idx].cameras.as_slice();
+    plan.entity_cameras = chosen.iter().flat_map(of).copied().collect();
+    plan.entity_cameras.sort_unstable();
+    plan.entity_cameras.dedup();
+    plan.hulls = chosen;
+    let n_alone = state.entities.len() - state.hulls.len();
+    let mut because = match (plan.hulls.len(), state.entities.len()) {
+        (_, 0) => "no entities at this instant".to_owned(),
+        (0, all) => format!("none of {all} entities in view is seen by two cameras at once"),
+        (n, all) => format!("{n} of {all} entities are in view and seen by two cameras or more at once"),
+    };
+    if n_alone > 0 && !plan.hulls.is_empty() {
+        because.push_str(&format!("; {n_alone} seen by one camera"));
+    }
+    for reason in left_out {
+        because.push_str("; ");
+        because.push_str(&reason);
+    }
+    (!plan.hulls.is_empty(), because)
+}
+
+/// Plans the billboards of all who are not drawn as hulls.
+fn plan_billboards(
+    state: &SceneState,
+    picture: &Picture,
+    settings: &Settings,
+    plan: &mut Plan,
+) -> (bool, String) {
+    let is_hull = |planned: &PlannedBillboard| {
+        plan.hulls.iter().any(|idx| state.hulls[*idx].entity_idx == planned.entity)
+    };
+    let mut seen = billboards(state, picture, settings.sources);
+    seen.retain(|(_, planned)| !is_hull(planned));
+    let n_seen = seen.len();
+    let seen = largest(seen, MAX_ENTITIES);
+    let of = |planned: &PlannedBillboard| state.entities[planned.entity].sources[planned.source].camera_idx;
+    let beside = |planned: &PlannedBillboard| {
+        let source = planned.beside?.source;
+        Some(state.entities[planned.entity].sources[source].camera_idx)
+    };
+    // Those of hulls are there already. Of too many cameras, those that show somebody first go before those that show somebody
+    // beside another.
+    let hull_cameras = std::mem::take(&mut plan.entity_cameras);
+    let shown = seen.iter().map(|(px, planned)| (of(planned), *px));
+    let mut chosen = hull_cameras;
+    for cameras in [
+        most_salient(shown, state.cameras.len()),
+        most_salient(
+            seen.iter().filter_map(|(px, planned)| Some((beside(planned)?, *px))),
+            state.cameras.len(),
+        ),
+    ] {
+        let room = MAX_ENTITY_CAMERAS - chosen.len();
+        let added: Vec<usize> = cameras.into_iter().filter(|idx| !chosen.contains(idx)).take(room).collect();
+        chosen.extend(added);
+    }
+    chosen.sort_unstable();
+    plan.entity_cameras = chosen;
+    let seen = seen.into_iter().map(|(_, planned)| planned);
+    plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+    // Whose second camera has no room is shown by the first alone.
+    for planned in &mut plan.billboards {
+        if beside(planned).is_some_and(|idx| !plan.entity_cameras.contains(&idx)) {
+            (planned.weight, planned.beside) = (1.0, None);
+        }
+    }
+    let n_others = state.entities.len() - plan.hulls.len();
+    because_of(
+        (plan.billboards.len(), n_seen, n_others),
+        if plan.hulls.is_empty() { "entities" } else { "others" },
+    )
+}
+
+fn plan_points(state: &SceneState, picture: &Picture, plan: &mut Plan) -> (bool, String) {
+    // Each stands on one upright plane, where its camera saw it: that of the camera that looks as the viewer does.
+    let seen = largest(billboards(state, picture, 1), MAX_ENTITIES);
+    let of = |planned: &PlannedBillboard| state.entities[planned.entity].sources[planned.source].camera_idx;
+    plan.entity_cameras =
+        most_salient(seen.iter().map(|(px, planned)| (of(planned), *px)), state.cameras.len());
+    let seen = seen.into_iter().map(|(_, planned)| planned);
+    plan.billboards = seen.filter(|planned| plan.entity_cameras.contains(&of(planned))).collect();
+    let mut camera_of = vec![None; state.entities.len()];
+    for planned in &plan.billboards {
+        camera_of[planned.entity] = Some(of(planned));
+    }
+    let is_drawn = |run: &&PointRun| camera_of[run.entity_idx] == Some(run.camera_idx);
+    let n_drawn = state.points.iter().filter(is_drawn).count();
+    let because = match (n_drawn, state.points.len()) {
+        (_, 0) => "no points at this instant".to_owned(),
+        (0, n) => format!("none of {n} runs of points lies in view"),
+        (drawn, n) => {
+            format!("{drawn} of {n} runs of points, of the cameras that look most as the viewer does")
+        }
+    };
+    if n_drawn == 0 {
+        plan.entity_cameras.clear();
+        plan.billboards.clear();
+    }
+    (n_drawn > 0, because)
 }
 
 fn because_of((n_drawn, n_seen, n_all): (usize, usize, usize), what: &str) -> (bool, String) {

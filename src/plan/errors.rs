@@ -136,7 +136,8 @@ impl Errors {
             + at(&self.depth_maps, u32::from(settings.depth_maps));
         let entities = match settings.entities {
             EntityStyle::None => return still.max(0.0).sqrt(),
-            EntityStyle::Billboards => at(&self.sources, settings.sources),
+            // Until hulls are measured, no better than what they stand in for.
+            EntityStyle::Billboards | EntityStyle::Hulls => at(&self.sources, settings.sources),
             EntityStyle::Points => at(&self.strides, settings.point_stride),
         };
         let people = self.default.people + pixels + entities;

@@ -10,6 +10,7 @@ mod entities;
 mod errors;
 mod exposure;
 mod fit;
+mod hulls;
 mod picture;
 mod predict;
 mod see_through;
@@ -24,6 +25,7 @@ mod work;
 pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use errors::Errors;
+pub use hulls::{HullForm, HullMethod, HullTexture, MAX_SKEW_S};
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
 pub use predict::{Basis, Forecast, Model, Task, told};
 pub use see_through::{OPEN_OPACITY, Opened, ViewSession};
@@ -61,8 +63,18 @@ pub enum EntityStyle {
     Billboards,
     /// One small square a foreground texel (early pruning, Video Fields algorithm 1).
     Points,
+    /// The shape that all silhouettes leave, where two cameras or more see somebody at once; else a billboard.
+    Hulls,
     /// Not at all.
     None,
+}
+
+impl EntityStyle {
+    /// Whether any may be drawn as billboards.
+    #[must_use]
+    pub const fn has_billboards(self) -> bool {
+        matches!(self, Self::Billboards | Self::Hulls)
+    }
 }
 
 /// Most samples a pixel each way that are drawn and averaged.
@@ -131,6 +143,10 @@ pub struct Plan {
     pub entities: EntityStyle,
     /// Entities that are drawn, each by which of its sources.
     pub billboards: Vec<PlannedBillboard>,
+    /// Hulls that are drawn (indices into `SceneState::hulls`), the largest first.
+    pub hulls: Vec<usize>,
+    /// How hulls are drawn.
+    pub hull: HullForm,
     /// Cameras whose live frames are uploaded for entities.
     pub entity_cameras: Vec<usize>,
     /// Buildings that are drawn translucent, since they hide an entity, the farthest first.
@@ -219,6 +235,8 @@ pub fn make_for(
         depth_map_cameras,
         entities: EntityStyle::None,
         billboards: Vec::new(),
+        hulls: Vec::new(),
+        hull: settings.hull,
         entity_cameras: Vec::new(),
         opened: Vec::new(),
         evens_colors: false,

@@ -339,6 +339,7 @@ mod tests {
             n_overlapping: 0,
             entities: feet.iter().map(entity).collect(),
             points: Vec::new(),
+            hulls: Vec::new(),
         }
     }
 

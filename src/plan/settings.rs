@@ -1,7 +1,8 @@
 //! How exactly a picture is drawn: every knob in one value, the presets, and what a caller may ask for.
 
-use super::{EntityStyle, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Sampling};
+use super::{EntityStyle, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Sampling};
 use crate::error::Fault;
+use crate::fuse::SceneState;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -88,6 +89,8 @@ pub struct Settings {
     pub point_stride: u32,
     /// With billboards, by how many cameras one entity is shown: 1 to [`MAX_ENTITY_SOURCES`].
     pub sources: u32,
+    /// With hulls, how they are drawn.
+    pub hull: HullForm,
     /// Most cameras that are blended at a pixel: 1 to [`MAX_BLENDED_CAMERAS`].
     pub most_cameras: usize,
     /// Whether what stands before a surface keeps a camera's picture off it.
@@ -131,6 +134,15 @@ impl Settings {
         Ok(())
     }
 
+    /// Adds to `state` what is drawn with these settings and is not always there: points, or hulls.
+    pub fn place(&self, state: &mut SceneState) {
+        match self.entities {
+            EntityStyle::Points => state.place_points(self.point_stride),
+            EntityStyle::Hulls => state.place_hulls(super::hulls::OUTLINE_ERROR_PX),
+            EntityStyle::Billboards | EntityStyle::None => {}
+        }
+    }
+
     /// Every knob that means something to the style, by its parameter, with its value as the parameter has it.
     #[must_use]
     pub fn knobs(&self) -> Vec<(&'static str, String)> {
@@ -145,6 +157,12 @@ impl Settings {
         match self.entities {
             EntityStyle::Billboards => knobs.push(("sources", self.sources.to_string())),
             EntityStyle::Points => knobs.push(("stride", self.point_stride.to_string())),
+            EntityStyle::Hulls => {
+                knobs.push(("sources", self.sources.to_string()));
+                knobs.push(("method", self.hull.method.as_str().to_owned()));
+                let visibility = if self.hull.texture.visibility { "on" } else { "off" };
+                knobs.push(("hull_visibility", visibility.to_owned()));
+            }
             EntityStyle::None => {}
         }
         knobs
@@ -160,7 +178,13 @@ impl Settings {
             ("filtering", self.filtering < other.filtering),
             ("cameras", self.most_cameras < other.most_cameras),
             ("depth_maps", !self.depth_maps && other.depth_maps),
-            ("sources", self.entities == EntityStyle::Billboards && self.sources < other.sources),
+            ("sources", self.entities.has_billboards() && self.sources < other.sources),
+            (
+                "hull_visibility",
+                self.entities == EntityStyle::Hulls
+                    && !self.hull.texture.visibility
+                    && other.hull.texture.visibility,
+            ),
             ("stride", self.entities == EntityStyle::Points && self.point_stride > other.point_stride),
         ];
         cheaper.into_iter().filter_map(|(knob, is_cheaper)| is_cheaper.then_some(knob)).collect()
@@ -205,6 +229,7 @@ impl Preset {
             entities: EntityStyle::Billboards,
             point_stride: 1,
             sources: MAX_ENTITY_SOURCES,
+            hull: HullForm::EXACT,
             most_cameras: MAX_BLENDED_CAMERAS,
             depth_maps: true,
             filtering: Filtering::Levels,
@@ -215,6 +240,7 @@ impl Preset {
             Self::Draft => Settings {
                 point_stride: 4,
                 sources: 1,
+                hull: HullForm::CHEAP,
                 most_cameras: 3,
                 filtering: Filtering::Bilinear,
                 sampling: Sampling::ONCE,
@@ -234,6 +260,10 @@ pub struct Named {
     pub point_stride: Option<u32>,
     /// See [`Settings::sources`].
     pub sources: Option<u32>,
+    /// See [`HullForm::method`].
+    pub hull_method: Option<HullMethod>,
+    /// See [`super::HullTexture::visibility`].
+    pub hull_visibility: Option<bool>,
     /// See [`Settings::most_cameras`].
     pub most_cameras: Option<usize>,
     /// See [`Settings::depth_maps`].
@@ -249,6 +279,14 @@ pub struct Named {
 }
 
 impl Named {
+    fn hull_over(&self, hull: HullForm) -> HullForm {
+        let visibility = self.hull_visibility.unwrap_or(hull.texture.visibility);
+        HullForm {
+            method: self.hull_method.unwrap_or(hull.method),
+            texture: super::HullTexture { visibility, ..hull.texture },
+        }
+    }
+
     /// `settings` with what is named here in their place.
     #[must_use]
     pub fn over(&self, settings: Settings) -> Settings {
@@ -256,6 +294,7 @@ impl Named {
             entities: settings.entities,
             point_stride: self.point_stride.unwrap_or(settings.point_stride),
             sources: self.sources.unwrap_or(settings.sources),
+            hull: self.hull_over(settings.hull),
             most_cameras: self.most_cameras.unwrap_or(settings.most_cameras),
             depth_maps: self.depth_maps.unwrap_or(settings.depth_maps),
             filtering: self.filtering.unwrap_or(settings.filtering),
@@ -342,11 +381,16 @@ pub fn candidates(entities: EntityStyle, named: &Named) -> Vec<Settings> {
     fn values<T: Copy>(named: Option<T>, all: &[T]) -> Vec<T> {
         named.map_or_else(|| all.to_vec(), |value| vec![value])
     }
-    let is_of = |style, of: &[u32]| if entities == style { of.to_vec() } else { vec![of[of.len() - 1]] };
-    let strides = values(named.point_stride, &is_of(EntityStyle::Points, &[4, 2, 1]));
-    let sources = values(named.sources, &is_of(EntityStyle::Billboards, &[1, MAX_ENTITY_SOURCES]));
+    let is_of = |is_so: bool, of: &[u32]| if is_so { of.to_vec() } else { vec![of[of.len() - 1]] };
+    let strides = values(named.point_stride, &is_of(entities == EntityStyle::Points, &[4, 2, 1]));
+    let sources = values(named.sources, &is_of(entities.has_billboards(), &[1, MAX_ENTITY_SOURCES]));
     let forms: Vec<(u32, u32)> =
         strides.iter().flat_map(|stride| sources.iter().map(|sources| (*stride, *sources))).collect();
+    // What is shown by one source at most is shown as cheaply as a hull.
+    let hull = |sources: u32| {
+        let form = if sources < MAX_ENTITY_SOURCES { HullForm::CHEAP } else { HullForm::EXACT };
+        named.hull_over(form)
+    };
     let most = values(named.most_cameras, &[1, 2, 3, 4, 6, MAX_BLENDED_CAMERAS]);
     let depth_maps = values(named.depth_maps, &[false, true]);
     let filtering = values(named.filtering, &Filtering::ALL.map(|(_, filtering)| filtering));
@@ -363,6 +407,7 @@ pub fn candidates(entities: EntityStyle, named: &Named) -> Vec<Settings> {
                 entities,
                 point_stride: *point_stride,
                 sources: *sources,
+                hull: hull(*sources),
                 most_cameras: *most_cameras,
                 depth_maps: *depth_maps,
                 filtering: *filtering,

@@ -29,7 +29,10 @@ pub(super) type StageForm = (&'static str, &'static [(Feature, f64)]);
 
 /// By [`TimedStage`].
 pub(super) const STAGES: [StageForm; 7] = [
-    ("fuse", &[(F::One, 0.3), (F::Cameras, 0.1), (F::Sources, 5.0), (F::Points, 0.3)]),
+    (
+        "fuse",
+        &[(F::One, 0.3), (F::Cameras, 0.1), (F::Sources, 5.0), (F::Points, 0.3), (F::Silhouettes, 80.0)],
+    ),
     ("yuv", &[(F::Uploads, 3.0)]),
     ("camera_depth", &[(F::DepthMaps, 12.0)]),
     (
@@ -54,6 +57,7 @@ pub(super) const STAGES: [StageForm; 7] = [
             (F::Rectangles, 12.0),
             (F::Entities, 1.0),
             (F::Points, 0.2),
+            (F::HullRays, 200.0),
             (F::Later, 0.5),
             (F::EntityPrograms, 40.0),
         ],
@@ -82,7 +86,7 @@ impl StageTimes {
                 "yuv" => TimedStage::Yuv,
                 "camera_depth" => TimedStage::CameraDepth,
                 "surface" => TimedStage::Surface,
-                "billboard" | "points" | "see_through" => TimedStage::Entities,
+                "billboard" | "points" | "hull_rays" | "hull" | "see_through" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,
                 _ => continue,
             };

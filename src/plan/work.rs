@@ -5,9 +5,10 @@
 
 use super::coverage;
 use super::{
-    EntityStyle, Filtering, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling, Settings,
+    EntityStyle, Filtering, HullForm, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling,
+    Settings,
 };
-use crate::fuse::{Billboard, Entity, MAX_RUN, SceneState};
+use crate::fuse::{Billboard, Entity, LEAST_VIEWS, MAX_RUN, SceneState};
 use glam::DVec3;
 
 /// Bytes of a megabyte, pixels of a megapixel, runs of a thousand: features are of the order of one.
@@ -42,6 +43,10 @@ pub enum Feature {
     Entities,
     /// Runs of points, by the thousand.
     Points,
+    /// Drawn megapixels that hulls' bounds cover, times their silhouettes.
+    HullRays,
+    /// Silhouettes of hulls, by the hundred.
+    Silhouettes,
     /// Drawn megapixels times samples where entities are drawn over them, else 0.
     Later,
     /// Megabytes of pictures that are new to the device.
@@ -69,7 +74,7 @@ pub(super) const N_FEATURES: usize = Feature::ALL.len();
 
 impl Feature {
     /// All of them with their names in tables.
-    pub const ALL: [(&'static str, Self); 23] = [
+    pub const ALL: [(&'static str, Self); 25] = [
         ("one", Self::One),
         ("parts", Self::Parts),
         ("drawn", Self::Drawn),
@@ -83,6 +88,8 @@ impl Feature {
         ("rectangles", Self::Rectangles),
         ("entities", Self::Entities),
         ("points", Self::Points),
+        ("hull_rays", Self::HullRays),
+        ("silhouettes", Self::Silhouettes),
         ("later", Self::Later),
         ("uploads", Self::Uploads),
         ("depth_maps", Self::DepthMaps),
@@ -139,6 +146,9 @@ pub struct Survey {
     /// Pixels that the first sources' rectangles cover, and those of the sources beside them.
     rectangles_px: [f64; 2],
     n_billboards: usize,
+    /// Pixels that hulls' bounds cover, times their silhouettes; and how many silhouettes there are.
+    hulls_px: f64,
+    n_silhouettes: usize,
     /// Runs of points that the entities' blobs come to with every row, about.
     n_runs: f64,
     n_observations: usize,
@@ -163,6 +173,8 @@ pub enum Program {
     Billboard(bool, u32),
     /// Samples.
     Points(u32),
+    /// How hulls are drawn; samples.
+    Hull(HullForm, u32),
     /// Pixels drawn for one each way, and drawn one for.
     Resample(u32, u32),
 }
@@ -172,7 +184,7 @@ impl Program {
     pub(super) const fn pass(self) -> usize {
         match self {
             Self::Surface(..) => 0,
-            Self::Billboard(..) | Self::Points(_) => 1,
+            Self::Billboard(..) | Self::Points(_) | Self::Hull(..) => 1,
             Self::Resample(..) => 2,
         }
     }
@@ -246,6 +258,13 @@ impl Survey {
             rectangles_px[0] += area(planned, planned.source);
             rectangles_px[1] += planned.beside.map_or(0.0, |beside| area(planned, beside.source));
         }
+        // Of hulls that are not made yet: who has several cameras will have one.
+        let hulls: Vec<&Entity> =
+            state.entities.iter().filter(|entity| entity.sources.len() >= LEAST_VIEWS).collect();
+        let of_hull =
+            |entity: &&Entity| drawn_px(picture, entity, &entity.sources[0]) * entity.sources.len() as f64;
+        let hulls_px = hulls.iter().map(of_hull).sum();
+        let n_silhouettes = hulls.iter().map(|entity| entity.sources.len()).sum();
         let runs = |entity: usize, source: usize| {
             let rect = state.entities[entity].sources.get(source).map(|source| source.rect);
             rect.map_or(0.0, |rect| f64::from(rect.width.div_ceil(MAX_RUN)) * f64::from(rect.height))
@@ -265,6 +284,8 @@ impl Survey {
             evens_colors: plan.evens_colors,
             rectangles_px,
             n_billboards: plan.billboards.len(),
+            hulls_px,
+            n_silhouettes,
             n_runs,
             n_observations: state.cameras.len(),
             n_sources: sources().count(),
@@ -291,13 +312,14 @@ impl Survey {
         let n_samples = f64::from(settings.sampling.samples);
         // Where rectangles lie over one another, or reach beyond the picture, each pixel of theirs counts once and more.
         let share = |pixels: f64| drawn * pixels / (finished * MILLION).max(1.0);
-        let is_billboards = settings.entities == EntityStyle::Billboards;
+        let is_billboards = settings.entities.has_billboards();
         let [alone, beside] = self.rectangles_px;
         let rectangles = alone + if settings.sources > 1 { beside } else { 0.0 };
         let stride = f64::from(settings.point_stride);
         let n_runs = if settings.entities == EntityStyle::Points { self.n_runs / stride } else { 0.0 };
         let n_shown = if is_billboards { self.n_billboards } else { 0 };
-        let has_entities = n_shown > 0 || n_runs > 0.0;
+        let is_hulls = settings.entities == EntityStyle::Hulls;
+        let has_entities = n_shown > 0 || n_runs > 0.0 || is_hulls && self.n_silhouettes > 0;
         let is_resampled = step > 1.0 || times > 1.0;
         let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
         let is_filtering = |filtering| settings.filtering == filtering;
@@ -316,6 +338,8 @@ impl Survey {
             (Feature::Rectangles, only(is_billboards, share(rectangles))),
             (Feature::Entities, n_shown as f64 / 100.0),
             (Feature::Points, n_runs / 1000.0),
+            (Feature::HullRays, only(is_hulls, share(self.hulls_px))),
+            (Feature::Silhouettes, only(is_hulls, self.n_silhouettes as f64 / 100.0)),
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
             (Feature::DepthMaps, only(settings.depth_maps, f64::from(pending.depth_maps))),
@@ -344,7 +368,10 @@ impl Survey {
         };
         let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;
         let entities = match settings.entities {
-            EntityStyle::Billboards if self.n_billboards > 0 => Some(Program::Billboard(has_beside, samples)),
+            EntityStyle::Hulls if self.n_silhouettes > 0 => Some(Program::Hull(settings.hull, samples)),
+            EntityStyle::Billboards | EntityStyle::Hulls if self.n_billboards > 0 => {
+                Some(Program::Billboard(has_beside, samples))
+            }
             EntityStyle::Points if self.n_runs > 0.0 => Some(Program::Points(samples)),
             _ => None,
         };

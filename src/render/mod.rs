@@ -8,6 +8,8 @@
 mod camera_data;
 mod coplanar;
 mod error;
+mod found_hulls;
+mod hull_data;
 mod image_array;
 mod mesh;
 mod passes;
@@ -22,6 +24,7 @@ mod texture_store;
 
 pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
+pub use found_hulls::{FoundHull, FoundHulls};
 pub use ready::MAX_READY_SCENES;
 pub use renderer::{Rendered, Renderer, view_limits};
 pub use texture_store::TextureUse;
@@ -43,6 +46,10 @@ pub enum Pass {
     Billboard,
     /// Entities as squares.
     Points,
+    /// Surfaces of entities' hulls, by the rays of the picture's pixels.
+    HullRays,
+    /// Entities as hulls.
+    Hull,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
     SeeThrough,
     /// Several pixels averaged into one.
@@ -62,6 +69,8 @@ impl Pass {
             Self::Sky => "sky",
             Self::Billboard => "billboard",
             Self::Points => "points",
+            Self::HullRays => "hull_rays",
+            Self::Hull => "hull",
             Self::SeeThrough => "see_through",
             Self::Average => "average",
             Self::Enlarge => "enlarge",
@@ -74,6 +83,7 @@ impl Pass {
 pub fn mirrors() -> Vec<Mirror> {
     let mut mirrors =
         vec![camera_data::View::MIRROR, camera_data::Camera::MIRROR, patches::CameraList::MIRROR];
+    mirrors.extend([hull_data::HullFrame::MIRROR, hull_data::Hull::MIRROR, hull_data::HullView::MIRROR]);
     mirrors.extend(passes::mirrors());
     mirrors
 }

@@ -1,5 +1,6 @@
 //! What is made ready once for all parts of a picture that are seen from one place.
 
+use super::hull_data::HullData;
 use super::image_array::{Job, Wanted};
 use super::mesh::Mesh;
 use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
@@ -132,7 +133,7 @@ impl Renderer {
         self.slot_ends.clear();
         self.points.clear();
         match plan.entities {
-            EntityStyle::Billboards => {
+            EntityStyle::Billboards | EntityStyle::Hulls => {
                 // Before the farthest building that hides it, after those farther away.
                 let slot = |entity: usize| {
                     let hides = |opened: &Opened| opened.hides.contains(&entity);
@@ -161,6 +162,11 @@ impl Renderer {
                 let end = |idx: usize| ordered.partition_point(|(slot, ..)| *slot <= idx) as u32;
                 self.slot_ends.extend((0..plan.opened.len()).map(end));
                 self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
+                if !plan.hulls.is_empty() {
+                    let gpu = &self.gpu;
+                    let hulls = self.hulls.get_or_insert_with(|| HullData::new(gpu));
+                    hulls.assign(gpu, (state, plan), anchor, shader_idx);
+                }
             }
             EntityStyle::Points => {
                 let mut camera_of = vec![None; state.entities.len()];

@@ -2,11 +2,13 @@
 
 use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
 use super::error::RenderError;
+use super::hull_data::HullData;
 use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
+    HullPass, HullRaysPass, HullSurface, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass,
+    see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -63,6 +65,9 @@ pub struct Renderer {
     /// How many of the billboards are drawn before each building that is open.
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
+    /// Made when a plan first has one.
+    pub(super) hulls: Option<HullData>,
+    pub(super) hull_surface: Option<HullSurface>,
 }
 
 /// Pipelines, each made when a plan first calls for it.
@@ -74,6 +79,8 @@ struct Passes {
     sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
+    hull_rays: Option<HullRaysPass>,
+    hull: Option<HullPass>,
     average: Option<AveragePass>,
     enlarge: Option<EnlargePass>,
 }
@@ -137,6 +144,8 @@ impl Renderer {
             billboards: Vec::new(),
             slot_ends: Vec::new(),
             points: Vec::new(),
+            hulls: None,
+            hull_surface: None,
             gpu,
         };
         renderer.gpu.check()?;
@@ -202,6 +211,7 @@ impl Renderer {
         }
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
+        self.hull_surface.take_if(|kept| kept.n_bytes() > MAX_KEPT_READBACK_BYTES);
         if let Some(average) = &mut self.passes.average {
             average.trim(MAX_KEPT_READBACK_BYTES);
         }
@@ -338,7 +348,29 @@ impl Renderer {
             is_read: times > 1 || step_px > 1,
         };
         let targets = self.targets.get(gpu, targets);
-        let has_more = !self.billboards.is_empty() || !self.points.is_empty() || !plan.opened.is_empty();
+        // Before the targets are drawn on: where the hulls' surfaces are.
+        let hulls = self.hulls.as_mut().filter(|_| !plan.hulls.is_empty());
+        let found = match hulls {
+            Some(hulls) => {
+                let (group, shown) = hulls.bind(gpu, (view, times, stand.anchor_in_world));
+                let size = [view.width_px * times, view.height_px * times];
+                match shown {
+                    Some(shown) => {
+                        let surface = HullSurface::sized(&mut self.hull_surface, gpu, size);
+                        let pass =
+                            made(&mut passes.hull_rays, || HullRaysPass::new(gpu, frame.layout(), hulls))?;
+                        pass.record(&mut recording, &frame_group, &group, surface);
+                        Some((&*hulls, group, surface, shown))
+                    }
+                    None => None,
+                }
+            }
+            None => None,
+        };
+        let has_more = !self.billboards.is_empty()
+            || !self.points.is_empty()
+            || !plan.opened.is_empty()
+            || found.is_some();
         let place = Place { clear: Some(clear_color(&scene.sky)), is_last: !has_more && !plan.sky };
         let has_gains = plan.evens_colors;
         let mut into =
@@ -360,6 +392,12 @@ impl Renderer {
             let pass = made(&mut passes.sky, || Ok(SkyPass::new(gpu)))?;
             let picture = pictures.sky.as_ref().map(|picture| (picture, textures.layout(gpu)));
             pass.record(&mut recording, &into, (&scene.sky, view), picture)?;
+        }
+        if let Some((hulls, group, surface, shown)) = &found {
+            into.place.is_last = self.billboards.is_empty() && opened.is_none();
+            let pass = made(&mut passes.hull, || Ok(HullPass::new(gpu)))?;
+            let of = (&**hulls, group);
+            pass.record(&mut recording, &into, of, (&surface.view, *shown), (plan.hull.texture, frames))?;
         }
         into.place.is_last = true;
         if !self.billboards.is_empty() {
@@ -422,6 +460,13 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
     if needed > MAX_CAMERAS {
         let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
         return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
+    }
+    for idx in &plan.hulls {
+        let cameras = state.hulls.get(*idx).map(|hull| &hull.cameras);
+        if cameras.is_none_or(|cameras| cameras.iter().any(|camera| *camera >= state.cameras.len())) {
+            let message = format!("hulls names hull {idx} of {}", state.hulls.len());
+            return Err(RenderError::Plan(message));
+        }
     }
     for planned in &plan.billboards {
         let source_of =

@@ -6,6 +6,8 @@ mod blend;
 mod counted;
 #[path = "render/exposure.rs"]
 mod exposure;
+#[path = "render/hulls.rs"]
+mod hulls;
 #[path = "render/knobs.rs"]
 mod knobs;
 #[path = "render/leak.rs"]

@@ -50,6 +50,7 @@ pub(super) struct Views {
 enum Entities {
     Billboards,
     Points,
+    Hulls,
 }
 
 impl Entities {
@@ -57,6 +58,7 @@ impl Entities {
         match self {
             Self::Billboards => EntityStyle::Billboards,
             Self::Points => EntityStyle::Points,
+            Self::Hulls => EntityStyle::Hulls,
         }
     }
 }
@@ -223,9 +225,7 @@ fn drawn(
 ) -> Result<RgbImage> {
     let picture = Picture::from(view.view);
     let mut state = state.clone();
-    if settings.entities == EntityStyle::Points {
-        state.place_points(settings.point_stride);
-    }
+    settings.place(&mut state);
     let state = &state;
     let plan = plan::make(state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
     Ok(renderer.render(state, &picture, &plan)?.image)

@@ -702,6 +702,8 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         depth_map_cameras: vec![],
         entities: EntityStyle::None,
         billboards: vec![],
+        hulls: vec![],
+        hull: videofields::plan::HullForm::EXACT,
         entity_cameras: vec![],
         opened: vec![],
         evens_colors: false,

@@ -65,6 +65,7 @@ impl Place {
             n_overlapping: 0,
             entities: Vec::new(),
             points: Vec::new(),
+            hulls: Vec::new(),
         };
         Self { state, truth }
     }

@@ -151,6 +151,7 @@ impl Stage {
             n_overlapping: 0,
             entities,
             points: Vec::new(),
+            hulls: Vec::new(),
         }
     }
 

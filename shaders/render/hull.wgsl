@@ -1,0 +1,119 @@
+// Hulls as they are shown: the surface that a method found, textured fragment by fragment from all cameras that see it, W = V Wf Ws Wd
+// (hybrid 2004, sections 4.3 and 4.4).
+#import "common/hull.wgsl"
+#import "common/fullscreen.wgsl"
+
+// rgb: the picture, linear light; a: the soft foreground mask.
+@group(1) @binding(0) var frames: texture_2d_array<f32>;
+@group(1) @binding(1) var frame_sampler: sampler;
+@group(3) @binding(0) var surface: texture_2d<u32>;
+
+// Whether cameras before whom another part of a hull stands are left out.
+override HAS_VISIBILITY: bool = true;
+// Whether weights fall off towards the silhouettes' outlines.
+override HAS_FEATHER: bool = true;
+
+// Exponents of obliqueness and of likeness of direction.
+const ALPHA: f32 = 5.0;
+const BETA: f32 = 5.0;
+// Pixels of a camera's picture within an outline over which it comes to count in full.
+const FEATHER_PX: f32 = 4.0;
+// Metres by which a surface may lie behind what a camera sees, for it to be the same.
+const SAME_M: f32 = 0.04;
+// Weights below have no say: what they are of falls back on the next in order.
+const LEAST_WEIGHT: f32 = 1e-5;
+
+@vertex
+fn vs_main(@builtin(vertex_index) vertex_idx: u32) -> @builtin(position) vec4<f32> {
+    return fullscreen_position(vertex_idx);
+}
+
+// Whether anything of the hulls lies between a view's camera and a place on one of them.
+fn is_hidden(view_idx: u32, own: u32, place: vec3<f32>) -> bool {
+    let eye = cameras[hull_views[view_idx].camera_idx].position_from_anchor;
+    let way = place - eye;
+    let distance = length(way);
+    let direction = way / max(distance, 1e-9);
+    let until = distance - SAME_M;
+    for (var hull_idx = 0u; hull_idx < hull_frame.n_hulls; hull_idx++) {
+        let range = within_bounds(hull_idx, HullRay(eye, direction));
+        let first = max(range.x, 0.0);
+        let last = min(range.y, until);
+        if first >= last {
+            continue;
+        }
+        let near = HullRay(eye + direction * first, direction);
+        // Along its own rays a camera's silhouette says nothing.
+        let but = select(NO_VIEW, view_idx, hull_idx == own);
+        if hull_hit(hull_idx, near, vec2<f32>(0.0, last - first), but).is_hit {
+            return true;
+        }
+    }
+    return false;
+}
+
+struct Shown {
+    @location(0) color: vec4<f32>,
+    @builtin(frag_depth) depth: f32,
+}
+
+@fragment
+fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
+    let texel = textureLoad(surface, vec2<u32>(position.xy), 0);
+    if texel.z == 0u {
+        discard;
+    }
+    let found = unpacked_surface(texel);
+    let ray = hull_ray(position.xy);
+    let place = ray.origin + ray.direction * found.t;
+    let middle = ray.origin + ray.direction * (found.t + 0.5 * found.thickness);
+    let to_viewer = to_viewer_from(place);
+    let first = hulls[found.hull_idx].first_view;
+    var coverage = found.coverage;
+    // By all four weights; without visibility; by direction alone.
+    var sums = array<vec4<f32>, 3>(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
+    for (var k = 0u; k < hulls[found.hull_idx].n_views; k++) {
+        let view_idx = first + k;
+        let camera_idx = hull_views[view_idx].camera_idx;
+        if found.thickness > 0.0 {
+            coverage = min(coverage, silhouette_distance(view_idx, middle) + 0.5);
+        }
+        let seen = project(camera_idx, place);
+        if !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0)) {
+            continue;
+        }
+        let at = seen.texture * cameras[camera_idx].frame_scale;
+        let color = textureSampleLevel(frames, frame_sampler, at, cameras[camera_idx].frame_layer, 0.0);
+        let to_camera = normalize(cameras[camera_idx].position_from_anchor - place);
+        let likeness = 0.5 * (dot(to_camera, to_viewer) + 1.0);
+        let by_direction = pow(max(likeness, 1e-4), BETA);
+        let within = silhouette_distance(view_idx, place) + 0.5;
+        // What shows the background, or somebody else before it, is not of its colour.
+        let is_own = smoothstep(0.25, 0.75, color.a);
+        let feather = select(is_own, is_own * clamp(within / FEATHER_PX, 0.0, 1.0), HAS_FEATHER);
+        let by_angle = pow(max(dot(to_camera, found.normal), 0.0), ALPHA);
+        var weight = feather * by_angle * by_direction;
+        let rgb = evened(camera_idx, color.rgb);
+        sums[1] += vec4<f32>(rgb, 1.0) * (feather * by_direction);
+        sums[2] += vec4<f32>(rgb, 1.0) * by_direction;
+        if HAS_VISIBILITY && weight > LEAST_WEIGHT {
+            if is_hidden(view_idx, found.hull_idx, place) {
+                weight = 0.0;
+            }
+        }
+        sums[0] += vec4<f32>(rgb, 1.0) * weight;
+    }
+    var sum = sums[0];
+    if sum.a <= LEAST_WEIGHT {
+        sum = sums[1];
+    }
+    if sum.a <= LEAST_WEIGHT {
+        sum = sums[2];
+    }
+    if sum.a <= 0.0 {
+        discard;
+    }
+    let alpha = clamp(coverage, 0.0, 1.0);
+    let clip = view.clip_from_anchor * vec4<f32>(place, 1.0);
+    return Shown(vec4<f32>(sum.rgb / sum.a * alpha, alpha), clamp(clip.z / clip.w, 0.0, 1.0));
+}

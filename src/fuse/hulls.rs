@@ -1,0 +1,278 @@
+//! Silhouettes of entities: what every camera that sees one has of it, as the hull of them all.
+//!
+//! A camera takes away only what it surely sees beside the entity. What it does not see, beyond its picture's border or behind a
+//! building, it leaves to the others, so that somebody who is half hidden from one camera is not cut in half; of several people in
+//! one blob it takes none away from any other, and the other cameras part them.
+
+use super::billboard::MOVING;
+use super::{CameraState, Entity, SceneState};
+use crate::frame::Mask;
+use crate::geometry::{Camera, Surfaces};
+use crate::hull::{Hull, View, Window};
+use crate::segment::{DistanceTransform, PixelRect};
+use glam::{DVec2, DVec3};
+
+/// Least value of the soft mask that is inside a silhouette: half of its ramp.
+const LEAST_SOFT: u8 = 128;
+
+/// Pixels by which a window reaches beyond what may show the entity.
+const MARGIN_PX: f64 = 2.0;
+
+/// Pixels of a square in which one ray tells whether a building stands before the entity.
+const CELL_PX: usize = 8;
+
+/// What an entity's bounds have beyond what its billboards say: a share of them, and metres.
+const WIDER: f64 = 1.15;
+const BESIDE_M: f64 = 0.2;
+const BENEATH_M: f64 = 0.08;
+const TALLER: f64 = 1.06;
+const ABOVE_M: f64 = 0.08;
+
+/// Most of a foot's uncertainty that bounds are widened by, metres.
+const MOST_UNCERTAIN_M: f64 = 0.4;
+
+/// Silhouettes of fewer cameras are no hull.
+pub const LEAST_VIEWS: usize = 2;
+
+/// One entity as its silhouettes have it.
+#[derive(Clone, Debug)]
+pub struct EntityHull {
+    /// Index into [`SceneState::entities`].
+    pub entity_idx: usize,
+    /// Lower and upper corner of the box that it is looked for in, metres.
+    pub bounds_in_world: [DVec3; 2],
+    /// Of each view of the hull, index into [`SceneState::cameras`]; at least [`LEAST_VIEWS`].
+    pub cameras: Vec<usize>,
+    /// How far apart the cameras' frames are in time, seconds: who walks is seen in two places by so much.
+    pub skew_s: f64,
+    /// The silhouettes.
+    pub hull: Hull,
+    /// Of each view, how far its pixels lie within its silhouette ([`View::distances`]).
+    pub distances: Vec<Mask>,
+}
+
+impl SceneState {
+    /// Makes the hull of every entity that several cameras see, in place of those that there are; outlines are simplified by at most
+    /// `error_px` of the masks' pixels. Where a lens sees a right angle or more from its axis, that camera is left out.
+    ///
+    /// **Cost** linear in the pixels of the entities' windows, and a ray for every 8 x 8 of them.
+    pub fn place_hulls(&mut self, error_px: f64) {
+        let of = |(entity_idx, entity): (usize, &Entity)| self.hull_of(entity_idx, entity, error_px);
+        self.hulls = self.entities.iter().enumerate().filter_map(of).collect();
+    }
+
+    fn hull_of(&self, entity_idx: usize, entity: &Entity, error_px: f64) -> Option<EntityHull> {
+        let n_cameras = {
+            let mut cameras: Vec<usize> = entity.sources.iter().map(|source| source.camera_idx).collect();
+            cameras.dedup();
+            cameras.len()
+        };
+        if n_cameras < LEAST_VIEWS {
+            return None;
+        }
+        let bounds_in_world = bounds(entity);
+        let mut cameras: Vec<usize> = Vec::new();
+        let mut views: Vec<View> = Vec::new();
+        for source in &entity.sources {
+            let state = &self.cameras[source.camera_idx];
+            // What one camera sees in several pieces is one silhouette.
+            if cameras.contains(&source.camera_idx) {
+                continue;
+            }
+            let rects: Vec<PixelRect> = entity
+                .sources
+                .iter()
+                .filter(|of| of.camera_idx == source.camera_idx)
+                .map(|of| of.rect)
+                .collect();
+            let window = silhouette(state, &self.scene.surfaces, (entity, bounds_in_world), &rects);
+            let view = window.map(|window| View::within((*state.camera).clone(), window, error_px));
+            if let Some(Ok(view)) = view {
+                cameras.push(source.camera_idx);
+                views.push(view);
+            }
+        }
+        if cameras.len() < LEAST_VIEWS {
+            return None;
+        }
+        let instants = cameras.iter().map(|idx| self.cameras[*idx].observation.frame.timestamp.as_nanos());
+        let (first, last) = instants.fold((i64::MAX, i64::MIN), |(a, b), at| (a.min(at), b.max(at)));
+        let skew_s = last.saturating_sub(first) as f64 * 1e-9;
+        // Within its bounds, what but one camera sees may be part of it.
+        let mut transform = DistanceTransform::default();
+        let distances = views.iter().map(|view| view.distances(&mut transform)).collect();
+        let hull = Hull::new(views, 1).ok()?;
+        Some(EntityHull { entity_idx, bounds_in_world, cameras, skew_s, hull, distances })
+    }
+}
+
+/// What surely holds an entity.
+fn bounds(entity: &Entity) -> [DVec3; 2] {
+    // The middle one of what its cameras say: the widest may be of two people in one blob.
+    let mut reaches: Vec<f64> = entity
+        .sources
+        .iter()
+        .map(|source| source.left_right_m[0].abs().max(source.left_right_m[1].abs()))
+        .collect();
+    reaches.sort_unstable_by(f64::total_cmp);
+    let reach = reaches[reaches.len() / 2].max(0.0);
+    let variance = entity.foot_covariance_m2.x_axis.x.max(entity.foot_covariance_m2.y_axis.y).max(0.0);
+    let radius = reach * WIDER + BESIDE_M + variance.sqrt().min(MOST_UNCERTAIN_M);
+    let foot = entity.foot_in_world;
+    [
+        foot - DVec3::new(radius, radius, BENEATH_M),
+        foot + DVec3::new(radius, radius, entity.height_m * TALLER + ABOVE_M),
+    ]
+}
+
+/// What one camera has of the entity, whose pieces lie in `rects`, in the part of its picture that may show the bounds.
+fn silhouette(
+    state: &CameraState,
+    surfaces: &Surfaces,
+    (entity, bounds): (&Entity, [DVec3; 2]),
+    rects: &[PixelRect],
+) -> Option<Window> {
+    let (labels, soft) = (&*state.observation.labels, &*state.observation.soft_mask);
+    let [columns, rows] = seen_at(&state.camera, bounds, [labels.width, labels.height]);
+    let (width, height) = (columns.len(), rows.len());
+    if width == 0 || height == 0 {
+        return None;
+    }
+    let mut is_inside = joined(labels, soft, (&columns, &rows), rects);
+    let distance_m = entity.foot_in_world.distance(state.camera.pose().position_in_world);
+    let nearer_than_m = distance_m - (bounds[1] - bounds[0]).truncate().length() / 2.0;
+    let is_hidden = |x: usize, y: usize| {
+        let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
+        let at = DVec2::new((columns.start + x) as f64 + 0.5, (rows.start + y) as f64 + 0.5);
+        let hit = state.camera.ray(at / size).and_then(|ray| surfaces.hit(&ray, 0.0));
+        // The ground before its feet hides nothing.
+        hit.is_some_and(|hit| {
+            let distance_m = hit.point_in_world.distance(state.camera.pose().position_in_world);
+            distance_m < nearer_than_m && hit.point_in_world.z > bounds[0].z + 2.0 * BENEATH_M
+        })
+    };
+    open_hidden((width, height), &mut is_inside, is_hidden);
+    Some(Window {
+        picture_px: [labels.width as usize, labels.height as usize],
+        left_top: [columns.start, rows.start],
+        width,
+        is_inside,
+    })
+}
+
+/// The columns and rows of a picture that may show a box; all where part of it is beside the lens or behind the camera.
+fn seen_at(camera: &Camera, [low, high]: [DVec3; 2], size: [u32; 2]) -> [std::ops::Range<usize>; 2] {
+    let size_px = DVec2::new(f64::from(size[0]), f64::from(size[1]));
+    let pick =
+        |bit: usize, low: f64, high: f64, corner: usize| if corner >> bit & 1 == 0 { low } else { high };
+    let corners = (0..8).map(|corner| {
+        let at = |axis: usize| pick(axis, low[axis], high[axis], corner);
+        camera.project(DVec3::new(at(0), at(1), at(2))).map(|seen| seen.texture * size_px)
+    });
+    let whole = [DVec2::ZERO, size_px];
+    let seen: Option<Vec<DVec2>> = corners.collect();
+    let [low, high] = seen.map_or(whole, |corners| {
+        let nothing = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        let (low, high) = corners.iter().fold(nothing, |(low, high), at| (low.min(*at), high.max(*at)));
+        [low - MARGIN_PX, high + MARGIN_PX]
+    });
+    [0, 1].map(|axis| {
+        let most = size_px[axis];
+        low[axis].floor().clamp(0.0, most) as usize..high[axis].ceil().clamp(0.0, most) as usize
+    })
+}
+
+/// What moves in a window and is joined, within it, to what moves in the rectangles.
+fn joined(
+    labels: &Mask,
+    soft: &Mask,
+    (columns, rows): (&std::ops::Range<usize>, &std::ops::Range<usize>),
+    rects: &[PixelRect],
+) -> Vec<bool> {
+    let (width, height) = (columns.len(), rows.len());
+    let moves = |x: usize, y: usize| {
+        let (x, y) = ((columns.start + x) as u32, (rows.start + y) as u32);
+        labels.get(x, y) == MOVING || soft.get(x, y) >= LEAST_SOFT
+    };
+    let mut is_inside = vec![false; width * height];
+    let mut open: Vec<(usize, usize)> = Vec::new();
+    for rect in rects {
+        let within = |range: &std::ops::Range<usize>, first: u32, n: u32| {
+            let clamped = |at: usize| at.clamp(range.start, range.end) - range.start;
+            clamped(first as usize)..clamped((first + n) as usize)
+        };
+        for y in within(rows, rect.y, rect.height) {
+            open.extend(within(columns, rect.x, rect.width).filter(|x| moves(*x, y)).map(|x| (x, y)));
+        }
+    }
+    while let Some((x, y)) = open.pop() {
+        if std::mem::replace(&mut is_inside[y * width + x], true) {
+            continue;
+        }
+        for y in y.saturating_sub(1)..(y + 2).min(height) {
+            let beside = x.saturating_sub(1)..(x + 2).min(width);
+            open.extend(beside.filter(|x| !is_inside[y * width + x] && moves(*x, y)).map(|x| (x, y)));
+        }
+    }
+    is_inside
+}
+
+/// Lets all be inside where something stands before the entity, which is looked up once a cell, and in the cells around.
+fn open_hidden(
+    (width, height): (usize, usize),
+    is_inside: &mut [bool],
+    is_hidden: impl Fn(usize, usize) -> bool,
+) {
+    let cells = |n: usize| n.div_ceil(CELL_PX);
+    for row in 0..cells(height) {
+        for column in 0..cells(width) {
+            let middle = |cell: usize, n: usize| (cell * CELL_PX + CELL_PX / 2).min(n - 1);
+            if !is_hidden(middle(column, width), middle(row, height)) {
+                continue;
+            }
+            let around = |cell: usize, n: usize| {
+                (cell * CELL_PX).saturating_sub(CELL_PX / 2)..(cell * CELL_PX + CELL_PX + CELL_PX / 2).min(n)
+            };
+            for y in around(row, height) {
+                is_inside[y * width..(y + 1) * width][around(column, width)].fill(true);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(rows: &[&str]) -> Mask {
+        let data: Vec<u8> =
+            rows.iter().flat_map(|row| row.bytes()).map(|at| 255 * u8::from(at == b'#')).collect();
+        Mask { width: rows[0].len() as u32, height: rows.len() as u32, data: data.into() }
+    }
+
+    #[test]
+    fn what_is_joined_to_its_rectangle_is_the_entitys_and_nothing_else() {
+        let labels = mask(&["##..#...", "##..#...", ".#..##..", "....#..#", ".......#"]);
+        let found =
+            joined(&labels, &labels, (&(0..8), &(0..5)), &[PixelRect { x: 3, y: 0, width: 2, height: 2 }]);
+        let shown: Vec<String> = found
+            .chunks(8)
+            .map(|row| row.iter().map(|is_in| if *is_in { '#' } else { '.' }).collect())
+            .collect();
+        assert_eq!(shown, ["....#...", "....#...", "....##..", "....#...", "........"]);
+        // In a window, places are the window's.
+        let found =
+            joined(&labels, &labels, (&(4..6), &(1..3)), &[PixelRect { x: 0, y: 0, width: 8, height: 5 }]);
+        assert_eq!(found, [true, false, true, true]);
+        assert!(joined(&labels, &labels, (&(2..4), &(0..2)), &[]).iter().all(|is_in| !is_in));
+    }
+
+    #[test]
+    fn what_a_building_hides_is_left_to_other_cameras() {
+        let mut is_inside = vec![false; 40 * 24];
+        open_hidden((40, 24), &mut is_inside, |x, _| x >= 24);
+        for (i, is_in) in is_inside.iter().enumerate() {
+            assert_eq!(*is_in, i % 40 >= 20, "{i}");
+        }
+    }
+}

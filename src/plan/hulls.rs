@@ -1,0 +1,108 @@
+//! Which entities are drawn as hulls, and how their surfaces are found and textured.
+
+use super::{MAX_ENTITY_CAMERAS, Picture};
+use crate::fuse::{EntityHull, SceneState};
+use serde::{Deserialize, Serialize};
+
+/// Most hulls of one picture, and most silhouettes of them all: what every device's arrays hold. Of more, those are drawn that cover
+/// most of it, the others as billboards.
+const MAX_HULLS: usize = 64;
+const MAX_VIEWS: usize = 256;
+
+/// Frames that are further apart in time are no silhouettes of one shape, seconds: who walks moves by 0.15 m.
+pub const MAX_SKEW_S: f64 = 0.1;
+
+/// Of a mask's pixels, by how much outlines are simplified.
+pub(super) const OUTLINE_ERROR_PX: f64 = 0.5;
+
+/// How a hull's surface is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HullMethod {
+    /// Every pixel's ray is cut by the outlines (image-based; Matusik et al. 2000).
+    #[default]
+    Rays,
+}
+
+impl HullMethod {
+    /// All of them with their words.
+    pub const ALL: [(&'static str, Self); 1] = [("rays", Self::Rays)];
+
+    /// Its word in requests and answers.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Rays => "rays",
+        }
+    }
+}
+
+/// How a hull's surface is textured from the cameras that see it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+pub struct HullTexture {
+    /// Whether cameras are left out before whom something else of the hulls stands.
+    pub visibility: bool,
+    /// Whether cameras count less towards their silhouettes' outlines.
+    pub feather: bool,
+}
+
+/// How hulls are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+pub struct HullForm {
+    /// How the surface is found.
+    pub method: HullMethod,
+    /// How it is textured.
+    pub texture: HullTexture,
+}
+
+impl HullForm {
+    /// The exact form.
+    pub const EXACT: Self =
+        Self { method: HullMethod::Rays, texture: HullTexture { visibility: true, feather: true } };
+
+    /// The cheap form.
+    pub const CHEAP: Self =
+        Self { texture: HullTexture { visibility: false, ..Self::EXACT.texture }, ..Self::EXACT };
+}
+
+/// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.
+pub(super) fn choose(state: &SceneState, picture: &Picture) -> (Vec<usize>, Vec<String>) {
+    let is_in_view = |hull: &EntityHull| {
+        let [low, high] = hull.bounds_in_world;
+        picture.may_show((low + high) / 2.0, (high - low).length() / 2.0)
+    };
+    let in_view: Vec<usize> = (0..state.hulls.len()).filter(|idx| is_in_view(&state.hulls[*idx])).collect();
+    let (mut chosen, skewed): (Vec<usize>, Vec<usize>) =
+        in_view.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
+    let size = |idx: &usize| {
+        let [low, high] = state.hulls[*idx].bounds_in_world;
+        let middle = (low + high) / 2.0;
+        let pixels = |part: &super::Part| part.view.pixels_per_metre(middle)[1];
+        picture.parts.iter().map(pixels).fold(0.0, f64::max) * (high.z - low.z)
+    };
+    chosen.sort_by(|a, b| size(b).total_cmp(&size(a)).then(a.cmp(b)));
+    let n_chosen = chosen.len();
+    chosen.truncate(MAX_HULLS);
+    let (mut n_views, mut cameras) = (0, Vec::new());
+    let fits = |idx: &usize| {
+        let of = &state.hulls[*idx].cameras;
+        let new: Vec<usize> = of.iter().filter(|camera| !cameras.contains(*camera)).copied().collect();
+        if n_views + of.len() > MAX_VIEWS || cameras.len() + new.len() > MAX_ENTITY_CAMERAS {
+            return false;
+        }
+        n_views += of.len();
+        cameras.extend(new);
+        true
+    };
+    let mut fits = fits;
+    chosen.retain(|idx| fits(idx));
+    let mut because = Vec::new();
+    if let Some(most) = skewed.iter().map(|idx| state.hulls[*idx].skew_s).reduce(f64::max) {
+        let (n, limit) = (skewed.len(), MAX_SKEW_S);
+        because.push(format!("{n} seen up to {most:.2} s apart, more than {limit} s"));
+    }
+    if chosen.len() < n_chosen {
+        because.push(format!("{} beyond what one picture holds", n_chosen - chosen.len()));
+    }
+    (chosen, because)
+}

@@ -1,0 +1,363 @@
+//! What the device knows of entities' hulls: bind group 2 of the passes that find and show them.
+
+use super::passes::{FILTERED, texture_entry};
+use crate::frame::Mask;
+use crate::fuse::{EntityHull, SceneState};
+use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
+use crate::hull::{LEAF_EDGES, View as Silhouette};
+use crate::plan::{Plan, Projection, View};
+use glam::{DVec2, DVec3};
+
+/// Sides of a layer of distances, texels: what is larger is told by one pixel in several.
+const LAYER_SIDES: [u32; 3] = [64, 128, 256];
+
+/// What is infinite in a tree of boxes, as numbers that can be multiplied.
+const FAR: f64 = 1e15;
+
+mirror! { "common/hull.wgsl",
+/// The picture that hulls are looked for in.
+pub(super) struct HullFrame {
+    corner: [f32; 3],
+    n_hulls: u32,
+    across: [f32; 3],
+    pad_across: u32,
+    along: [f32; 3],
+    pad_along: u32,
+}}
+
+mirror! { "common/hull.wgsl",
+/// One entity's hull. The shader documents the fields.
+pub(super) struct Hull {
+    low: [f32; 3],
+    first_view: u32,
+    high: [f32; 3],
+    n_views: u32,
+    rect_px: [f32; 4],
+}}
+
+mirror! { "common/hull.wgsl",
+/// One camera's silhouette of it. The shader documents the fields.
+pub(super) struct HullView {
+    camera_idx: u32,
+    first_edge: u32,
+    first_box: u32,
+    n_leaves: u32,
+    scale: [f32; 2],
+    offset: [f32; 2],
+    limit: [f32; 2],
+    layer: u32,
+    pad_layer: u32,
+}}
+
+/// Bind group 2, and what is written into its buffers.
+#[derive(Debug)]
+pub(super) struct HullData {
+    layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    frame: GrowingBuffer,
+    hulls: GrowingBuffer,
+    views: GrowingBuffer,
+    edges: GrowingBuffer,
+    boxes: GrowingBuffer,
+    distances: Option<wgpu::Texture>,
+    scratch: Scratch,
+}
+
+/// Lists of one frame, kept for their memory.
+#[derive(Debug, Default)]
+struct Scratch {
+    hulls: Vec<Hull>,
+    bounds: Vec<[DVec3; 2]>,
+    views: Vec<HullView>,
+    edges: Vec<[f32; 4]>,
+    boxes: Vec<[f32; 4]>,
+    texels: Vec<u8>,
+}
+
+impl HullData {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let visibility = wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE;
+        let buffer = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let storage = wgpu::BufferBindingType::Storage { read_only: true };
+        let texture = texture_entry(5, wgpu::TextureViewDimension::D2Array, FILTERED);
+        let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("hulls"),
+            entries: &[
+                buffer(0, wgpu::BufferBindingType::Uniform),
+                buffer(1, storage),
+                buffer(2, storage),
+                buffer(3, storage),
+                buffer(4, storage),
+                wgpu::BindGroupLayoutEntry { visibility, ..texture },
+                wgpu::BindGroupLayoutEntry { binding: 6, visibility, ty: sampler, count: None },
+            ],
+        });
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("hull distances"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..wgpu::SamplerDescriptor::default()
+        });
+        let storage = |label| GrowingBuffer::new(label, wgpu::BufferUsages::STORAGE);
+        Self {
+            layout,
+            sampler,
+            frame: GrowingBuffer::new("hull frame", wgpu::BufferUsages::UNIFORM),
+            hulls: storage("hulls"),
+            views: storage("hull views"),
+            edges: storage("hull edges"),
+            boxes: storage("hull boxes"),
+            distances: None,
+            scratch: Scratch::default(),
+        }
+    }
+
+    /// Layout of bind group 2.
+    pub(super) const fn layout(&self) -> &wgpu::BindGroupLayout {
+        &self.layout
+    }
+
+    /// Writes the plan's hulls; `shader_idx` tells which of the shader's cameras a camera is.
+    pub(super) fn assign(
+        &mut self,
+        gpu: &Gpu,
+        (state, plan): (&SceneState, &Plan),
+        anchor: DVec3,
+        shader_idx: impl Fn(usize) -> Option<usize>,
+    ) {
+        let chosen: Vec<&EntityHull> = plan.hulls.iter().map(|idx| &state.hulls[*idx]).collect();
+        let side = |mask: &Mask| mask.width.max(mask.height);
+        let largest = chosen.iter().flat_map(|hull| &hull.distances).map(side).max().unwrap_or(1);
+        let layer_px = LAYER_SIDES.into_iter().find(|side| *side >= largest).unwrap_or(LAYER_SIDES[2]);
+        let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
+        self.make_room(gpu, layer_px, n_layers);
+        let Scratch { hulls, bounds, views, edges, boxes, texels } = &mut self.scratch;
+        hulls.clear();
+        bounds.clear();
+        views.clear();
+        edges.clear();
+        boxes.clear();
+        let texture = self.distances.as_ref().expect("there is room");
+        for of in chosen {
+            let first_view = views.len() as u32;
+            for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
+                let Some(camera_idx) = shader_idx(*camera_idx) else { continue };
+                let layer = views.len() as u32;
+                let data = silhouette(view, (camera_idx, layer), texture.width(), (edges, boxes));
+                upload(gpu, texture, (distances, layer), texels);
+                views.push(data);
+            }
+            let corner = |corner: DVec3| (corner - anchor).as_vec3().to_array();
+            let [low, high] = of.bounds_in_world;
+            bounds.push(of.bounds_in_world);
+            hulls.push(Hull {
+                low: corner(low),
+                first_view,
+                high: corner(high),
+                n_views: views.len() as u32 - first_view,
+                rect_px: [0.0; 4],
+            });
+        }
+        self.views.write(gpu, views);
+        self.edges.write(gpu, edges);
+        self.boxes.write(gpu, boxes);
+    }
+
+    fn make_room(&mut self, gpu: &Gpu, layer_px: u32, n_layers: u32) {
+        let (kept_px, kept) =
+            self.distances.as_ref().map_or((0, 0), |kept| (kept.width(), kept.depth_or_array_layers()));
+        if kept_px == layer_px && kept >= n_layers {
+            return;
+        }
+        let n_layers = n_layers.next_power_of_two().min(gpu.limits().max_texture_array_layers);
+        self.distances = Some(gpu.texture(&TextureDescriptor {
+            label: Some("hull distances"),
+            // An array of one layer is no array to some devices.
+            size: wgpu::Extent3d {
+                width: layer_px,
+                height: layer_px,
+                depth_or_array_layers: n_layers.max(2),
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::R8Unorm,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        }));
+    }
+
+    /// Writes where a piece of a picture looks through, of `times` pixels drawn for one, and binds all. What of the piece may show
+    /// any of them, pixels: left, top, right, bottom; none where nothing is in it.
+    pub(super) fn bind(
+        &mut self,
+        gpu: &Gpu,
+        (view, times, anchor): (&View, u32, DVec3),
+    ) -> (wgpu::BindGroup, Option<[u32; 4]>) {
+        let size = DVec2::new(f64::from(view.width_px * times), f64::from(view.height_px * times));
+        let mut all: Option<[f64; 4]> = None;
+        let Scratch { hulls, bounds, .. } = &mut self.scratch;
+        for (hull, bounds) in hulls.iter_mut().zip(bounds) {
+            let rect = rect(view, *bounds, size);
+            hull.rect_px = rect.map(|at| at as f32);
+            if rect[0] < rect[2] && rect[1] < rect[3] {
+                let [left, top, right, bottom] = all.unwrap_or(rect);
+                all = Some([left.min(rect[0]), top.min(rect[1]), right.max(rect[2]), bottom.max(rect[3])]);
+            }
+        }
+        let axes = glam::DMat3::from_quat(view.pose.world_from_local);
+        let per_pixel = |[first, last]: [f64; 2], n: f64| (last - first) / n;
+        let offset = axes.x_axis * view.frustum.x[0] + axes.y_axis * view.frustum.y[0];
+        let corner = match view.frustum.projection {
+            Projection::Perspective => axes.z_axis + offset,
+            Projection::Orthographic => view.pose.position_in_world - anchor + offset,
+        };
+        let direction = |of: DVec3| of.as_vec3().to_array();
+        let frame = HullFrame {
+            corner: direction(corner),
+            n_hulls: hulls.len() as u32,
+            across: direction(axes.x_axis * per_pixel(view.frustum.x, size.x)),
+            pad_across: 0,
+            along: direction(axes.y_axis * per_pixel(view.frustum.y, size.y)),
+            pad_along: 0,
+        };
+        let written = |buffer: &GrowingBuffer| buffer.get().expect("hulls are assigned before").clone();
+        let buffers = [
+            self.frame.write(gpu, &[frame]).clone(),
+            self.hulls.write(gpu, hulls).clone(),
+            written(&self.views),
+            written(&self.edges),
+            written(&self.boxes),
+        ];
+        let texture = self.distances.as_ref().expect("hulls are assigned before");
+        let texture = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..wgpu::TextureViewDescriptor::default()
+        });
+        let mut entries: Vec<_> = (0..)
+            .zip(&buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        entries.push(wgpu::BindGroupEntry {
+            binding: 5,
+            resource: wgpu::BindingResource::TextureView(&texture),
+        });
+        entries.push(wgpu::BindGroupEntry {
+            binding: 6,
+            resource: wgpu::BindingResource::Sampler(&self.sampler),
+        });
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("hulls"),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        let shown = all.map(|[left, top, right, bottom]| {
+            [left.floor() as u32, top.floor() as u32, right.ceil() as u32, bottom.ceil() as u32]
+        });
+        (group, shown)
+    }
+}
+
+/// A view with its outline and its tree added to `edges` and `boxes`.
+fn silhouette(
+    view: &Silhouette,
+    (camera_idx, layer): (usize, u32),
+    layer_px: u32,
+    (edges, boxes): (&mut Vec<[f32; 4]>, &mut Vec<[f32; 4]>),
+) -> HullView {
+    let outline = view.outside();
+    let (first_edge, first_box) = (edges.len() as u32, boxes.len() as u32);
+    let is_empty = outline.edges().is_empty();
+    if !is_empty {
+        let of = |[from, to]: &[DVec2; 2]| [from.x, from.y, to.x, to.y].map(|at| at.clamp(-FAR, FAR) as f32);
+        edges.extend(outline.edges().iter().map(of));
+        // Leaves are read whole: an edge of no length is never crossed.
+        edges.resize(edges.len().next_multiple_of(LEAF_EDGES), [0.0; 4]);
+        debug_assert_eq!(first_edge as usize % LEAF_EDGES, 0);
+        boxes.extend(outline.boxes().iter().map(of));
+    }
+    let [width, height] = view.size_px().map(|side| side as f64);
+    let layer_side = f64::from(layer_px);
+    let step = f64::from(step_px(view.size_px(), layer_px));
+    let [left, top] = view.left_top().map(|first| first as f64);
+    // Texel centres of the layer are at pixel 0, step, 2 step, ... of the window, each half a pixel within.
+    let scale = view.picture_px() / (step * layer_side);
+    let offset = (0.5 - (DVec2::new(left, top) + 0.5) / step) / layer_side;
+    let n = DVec2::new((width / step).ceil(), (height / step).ceil());
+    HullView {
+        camera_idx: camera_idx as u32,
+        first_edge,
+        first_box,
+        n_leaves: if is_empty { 0 } else { outline.boxes().len().div_ceil(2) as u32 },
+        scale: scale.as_vec2().to_array(),
+        offset: offset.as_vec2().to_array(),
+        limit: ((n - 0.5) / layer_side).as_vec2().to_array(),
+        layer,
+        pad_layer: 0,
+    }
+}
+
+/// Every how manieth pixel of a window is a texel of its layer.
+fn step_px([width, height]: [usize; 2], layer_px: u32) -> u32 {
+    (width.max(height) as u32).div_ceil(layer_px).max(1)
+}
+
+fn upload(gpu: &Gpu, texture: &wgpu::Texture, (distances, layer): (&Mask, u32), texels: &mut Vec<u8>) {
+    let size = [distances.width as usize, distances.height as usize];
+    let step = step_px(size, texture.width());
+    texels.clear();
+    for y in (0..distances.height).step_by(step as usize) {
+        texels.extend(distances.row(y).iter().step_by(step as usize));
+    }
+    let (width, height) = (distances.width.div_ceil(step), distances.height.div_ceil(step));
+    gpu.upload(
+        "hull distances",
+        wgpu::TexelCopyTextureInfo {
+            texture,
+            mip_level: 0,
+            origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+            aspect: wgpu::TextureAspect::All,
+        },
+        (
+            texels,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(width),
+                rows_per_image: Some(height),
+            },
+        ),
+        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+    );
+}
+
+/// What of a picture of `size` pixels may show a box: all of it where a corner lies behind the eye, nothing where all do.
+fn rect(view: &View, [low, high]: [DVec3; 2], size: DVec2) -> [f64; 4] {
+    let corner = |i: usize| {
+        let at = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        view.project(DVec3::new(at(0), at(1), at(2))).map(DVec2::from_array)
+    };
+    let seen: Vec<DVec2> = (0..8).filter_map(corner).map(|share| share * size).collect();
+    let whole = [0.0, 0.0, size.x, size.y];
+    match seen.len() {
+        0 => {
+            // Around the eye, or behind it.
+            let eye = view.pose.position_in_world;
+            if eye.cmpge(low).all() && eye.cmple(high).all() { whole } else { [0.0; 4] }
+        }
+        8 => {
+            let (first, last) = seen
+                .iter()
+                .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(a, b), at| (a.min(*at), b.max(*at)));
+            let first = (first - 1.0).clamp(DVec2::ZERO, size);
+            let last = (last + 1.0).clamp(DVec2::ZERO, size);
+            [first.x, first.y, last.x, last.y]
+        }
+        _ => whole,
+    }
+}
