@@ -43,7 +43,7 @@ struct HullView {
     first_box: u32,
     // 0 where nothing of the picture is outside the silhouette.
     n_leaves: u32,
-    // From the camera's texture coordinates to those of its layer of distances.
+    // From the camera's texture coordinates to those of its layer of masks.
     scale: vec2<f32>,
     offset: vec2<f32>,
     // Greatest coordinates of the layer that mean anything.
@@ -59,8 +59,8 @@ struct HullView {
 @group(2) @binding(3) var<storage, read> hull_edges: array<vec4<f32>>;
 // Lower and upper corner of the edges beneath a node.
 @group(2) @binding(4) var<storage, read> hull_boxes: array<vec4<f32>>;
-// How far a texel lies within its silhouette: 0.5 on the outline, 1 REACH_PX within.
-@group(2) @binding(5) var hull_distances: texture_2d_array<f32>;
+// How far a texel lies within its silhouette: 0.5 on the outline, 1 REACH_PX within; and whether it is inside.
+@group(2) @binding(5) var hull_masks: texture_2d_array<f32>;
 @group(2) @binding(6) var hull_sampler: sampler;
 
 struct HullRay {
@@ -265,16 +265,16 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
     return hit;
 }
 
-// How far within a view's silhouette a place is seen, pixels from -REACH_PX to REACH_PX; that far within where the view does not
-// see it.
-fn silhouette_distance(view_idx: u32, place: vec3<f32>) -> f32 {
+// What a view's texels say of a place: how far within the silhouette it is seen, pixels from -REACH_PX to REACH_PX; and the mask
+// between its pixels, which is one half on the outline. Where the view does not see the place, that it is well within.
+fn silhouette_texel(view_idx: u32, place: vec3<f32>) -> vec2<f32> {
     let seen = project(hull_views[view_idx].camera_idx, place);
     let is_beside = !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0));
     let at = seen.texture * hull_views[view_idx].scale + hull_views[view_idx].offset;
     let coded = textureSampleLevel(
-        hull_distances, hull_sampler, clamp(at, vec2<f32>(0.0), hull_views[view_idx].limit), hull_views[view_idx].layer, 0.0,
-    ).r;
-    return select((2.0 * coded - 1.0) * REACH_PX, REACH_PX, is_beside);
+        hull_masks, hull_sampler, clamp(at, vec2<f32>(0.0), hull_views[view_idx].limit), hull_views[view_idx].layer, 0.0,
+    ).rg;
+    return select(vec2<f32>((2.0 * coded.x - 1.0) * REACH_PX, coded.y), vec2<f32>(REACH_PX, 1.0), is_beside);
 }
 
 // The surface nearest to the eye at a pixel, as every method tells it.

@@ -76,7 +76,7 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         let view_idx = first + k;
         let camera_idx = hull_views[view_idx].camera_idx;
         if found.thickness > 0.0 {
-            coverage = min(coverage, silhouette_distance(view_idx, middle) + 0.5);
+            coverage = min(coverage, silhouette_texel(view_idx, middle).x + 0.5);
         }
         let seen = project(camera_idx, place);
         if !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0)) {
@@ -87,7 +87,7 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         let to_camera = normalize(cameras[camera_idx].position_from_anchor - place);
         let likeness = 0.5 * (dot(to_camera, to_viewer) + 1.0);
         let by_direction = pow(max(likeness, 1e-4), BETA);
-        let within = silhouette_distance(view_idx, place) + 0.5;
+        let within = silhouette_texel(view_idx, place).x + 0.5;
         // What shows the background, or somebody else before it, is not of its colour.
         let is_own = smoothstep(0.25, 0.75, color.a);
         let feather = select(is_own, is_own * clamp(within / FEATHER_PX, 0.0, 1.0), HAS_FEATHER);

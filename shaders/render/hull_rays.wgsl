@@ -1,6 +1,9 @@
 // Hulls by the rays of the picture's pixels, each cut by every outline along its epipolar line: no geometry, exact to the texel.
 #import "common/hull.wgsl"
 
+// Nearer to the eye nothing is drawn: VIEW_NEAR_M of src/render/camera_data.rs.
+const VIEW_NEAR_M: f32 = 0.05;
+
 @group(1) @binding(0) var surface: texture_storage_2d<rgba32uint, write>;
 
 @compute @workgroup_size(8, 8)
@@ -19,13 +22,19 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         var range = within_bounds(hull_idx, ray);
-        range = vec2<f32>(max(range.x, 0.0), min(range.y, nearest));
+        let is_eye_within = range.x < VIEW_NEAR_M;
+        range = vec2<f32>(max(range.x, VIEW_NEAR_M), min(range.y, nearest));
         if range.x >= range.y {
             continue;
         }
         // From the bounds on, so that an eye far away costs no digits.
         let near = HullRay(ray.origin + ray.direction * range.x, ray.direction);
-        let hit = hull_hit(hull_idx, near, vec2<f32>(0.0, range.y - range.x), NO_VIEW);
+        let length = range.y - range.x;
+        var hit = hull_hit(hull_idx, near, vec2<f32>(0.0, length), NO_VIEW);
+        // An eye in the hull sees what lies behind it.
+        if hit.is_hit && hit.t == 0.0 && is_eye_within {
+            hit = hull_hit(hull_idx, near, vec2<f32>(hit.exit + 1e-4, length), NO_VIEW);
+        }
         if hit.is_hit {
             nearest = range.x + hit.t;
             texel = packed_surface(HullSurface(nearest, hit.normal, hull_idx, hit.exit - hit.t, 1.0));

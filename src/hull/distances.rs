@@ -25,19 +25,21 @@ impl View {
         // From the middle of the nearest pixel of the other kind, half a pixel beyond the outline.
         for (kind, sign) in [(1, 1.0), (0, -1.0)] {
             transform.compute(&mask, |value| value == kind);
-            for y in 0..height {
-                let of_row = transform.squared_row(y as u32);
-                let inside =
-                    found[y * width..(y + 1) * width].iter_mut().zip(of_row).filter(|(_, d2)| **d2 > 0);
-                for (distance, squared) in inside {
-                    let is_none = *squared == NO_OUTSIDE;
-                    *distance = sign * if is_none { REACH_PX } else { f64::from(*squared).sqrt() - 0.5 };
+            for (y, row) in found.chunks_exact_mut(width).enumerate() {
+                let squared = transform.squared_row(y as u32);
+                for (distance, squared) in row.iter_mut().zip(squared).filter(|(_, squared)| **squared > 0) {
+                    *distance = sign * from_outline(*squared);
                 }
             }
         }
         let byte = |distance: f64| ((distance / REACH_PX).clamp(-1.0, 1.0) * 127.5 + 127.5).round() as u8;
         Mask { data: found.into_iter().map(byte).collect::<Vec<u8>>().into(), ..mask }
     }
+}
+
+/// Of a squared distance from the middle of the nearest pixel of the other kind.
+fn from_outline(squared: u32) -> f64 {
+    if squared == NO_OUTSIDE { REACH_PX } else { f64::from(squared).sqrt() - 0.5 }
 }
 
 #[cfg(test)]

@@ -19,6 +19,8 @@ pub(super) const OUTLINE_ERROR_PX: f64 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HullMethod {
+    /// Every cone's faces are drawn where all other silhouettes hold them (2003).
+    Trimming,
     /// Every pixel's ray is cut by the outlines (image-based; Matusik et al. 2000).
     #[default]
     Rays,
@@ -26,12 +28,13 @@ pub enum HullMethod {
 
 impl HullMethod {
     /// All of them with their words.
-    pub const ALL: [(&'static str, Self); 1] = [("rays", Self::Rays)];
+    pub const ALL: [(&'static str, Self); 2] = [("trimming", Self::Trimming), ("rays", Self::Rays)];
 
     /// Its word in requests and answers.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
+            Self::Trimming => "trimming",
             Self::Rays => "rays",
         }
     }

@@ -86,7 +86,9 @@ impl StageTimes {
                 "yuv" => TimedStage::Yuv,
                 "camera_depth" => TimedStage::CameraDepth,
                 "surface" => TimedStage::Surface,
-                "billboard" | "points" | "hull_rays" | "hull" | "see_through" => TimedStage::Entities,
+                "billboard" | "points" | "hull_rays" | "hull_trim" | "hull" | "see_through" => {
+                    TimedStage::Entities
+                }
                 "average" | "enlarge" => TimedStage::Resample,
                 _ => continue,
             };

@@ -5,11 +5,14 @@ use crate::frame::Mask;
 use crate::fuse::{EntityHull, SceneState};
 use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
 use crate::hull::{LEAF_EDGES, View as Silhouette};
-use crate::plan::{Plan, Projection, View};
+use crate::plan::{HullMethod, Plan, Projection, View};
 use glam::{DVec2, DVec3};
 
-/// Sides of a layer of distances, texels: what is larger is told by one pixel in several.
+/// Sides of a layer of masks, texels: what is larger is told by one pixel in several.
 const LAYER_SIDES: [u32; 3] = [64, 128, 256];
+
+/// In place of a view, one of the bounds' sides.
+const NO_VIEW: u32 = u32::MAX;
 
 /// What is infinite in a tree of boxes, as numbers that can be multiplied.
 const FAR: f64 = 1e15;
@@ -59,7 +62,10 @@ pub(super) struct HullData {
     views: GrowingBuffer,
     edges: GrowingBuffer,
     boxes: GrowingBuffer,
-    distances: Option<wgpu::Texture>,
+    /// Faces of cones and bounds, for methods that draw them: hull, view, edge.
+    faces: GrowingBuffer,
+    /// Distances from outlines, and masks.
+    masks: Option<wgpu::Texture>,
     scratch: Scratch,
 }
 
@@ -71,12 +77,13 @@ struct Scratch {
     views: Vec<HullView>,
     edges: Vec<[f32; 4]>,
     boxes: Vec<[f32; 4]>,
+    faces: Vec<[u32; 3]>,
     texels: Vec<u8>,
 }
 
 impl HullData {
     pub(super) fn new(gpu: &Gpu) -> Self {
-        let visibility = wgpu::ShaderStages::FRAGMENT | wgpu::ShaderStages::COMPUTE;
+        let visibility = wgpu::ShaderStages::VERTEX_FRAGMENT | wgpu::ShaderStages::COMPUTE;
         let buffer = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
             visibility,
@@ -99,7 +106,7 @@ impl HullData {
             ],
         });
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("hull distances"),
+            label: Some("hull masks"),
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
             ..wgpu::SamplerDescriptor::default()
@@ -113,7 +120,8 @@ impl HullData {
             views: storage("hull views"),
             edges: storage("hull edges"),
             boxes: storage("hull boxes"),
-            distances: None,
+            faces: GrowingBuffer::new("hull faces", wgpu::BufferUsages::VERTEX),
+            masks: None,
             scratch: Scratch::default(),
         }
     }
@@ -137,13 +145,15 @@ impl HullData {
         let layer_px = LAYER_SIDES.into_iter().find(|side| *side >= largest).unwrap_or(LAYER_SIDES[2]);
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
         self.make_room(gpu, layer_px, n_layers);
-        let Scratch { hulls, bounds, views, edges, boxes, texels } = &mut self.scratch;
+        let Scratch { hulls, bounds, views, edges, boxes, faces, texels } = &mut self.scratch;
         hulls.clear();
         bounds.clear();
         views.clear();
         edges.clear();
         boxes.clear();
-        let texture = self.distances.as_ref().expect("there is room");
+        faces.clear();
+        let texture = self.masks.as_ref().expect("there is room");
+        let draws_faces = plan.hull.method != HullMethod::Rays;
         for of in chosen {
             let first_view = views.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
@@ -151,7 +161,15 @@ impl HullData {
                 let layer = views.len() as u32;
                 let data = silhouette(view, (camera_idx, layer), texture.width(), (edges, boxes));
                 upload(gpu, texture, (distances, layer), texels);
+                if draws_faces {
+                    let first = data.first_edge;
+                    let n_edges = view.outside().edges().len() as u32;
+                    faces.extend((first..first + n_edges).map(|edge| [hulls.len() as u32, layer, edge]));
+                }
                 views.push(data);
+            }
+            if draws_faces {
+                faces.extend((0..6).map(|side| [hulls.len() as u32, NO_VIEW, side]));
             }
             let corner = |corner: DVec3| (corner - anchor).as_vec3().to_array();
             let [low, high] = of.bounds_in_world;
@@ -167,17 +185,25 @@ impl HullData {
         self.views.write(gpu, views);
         self.edges.write(gpu, edges);
         self.boxes.write(gpu, boxes);
+        if draws_faces {
+            self.faces.write(gpu, faces);
+        }
+    }
+
+    /// Faces of cones and bounds, and how many: for methods that draw them.
+    pub(super) fn faces(&self) -> (&wgpu::Buffer, u32) {
+        (self.faces.get().expect("hulls are assigned before"), self.scratch.faces.len() as u32)
     }
 
     fn make_room(&mut self, gpu: &Gpu, layer_px: u32, n_layers: u32) {
         let (kept_px, kept) =
-            self.distances.as_ref().map_or((0, 0), |kept| (kept.width(), kept.depth_or_array_layers()));
+            self.masks.as_ref().map_or((0, 0), |kept| (kept.width(), kept.depth_or_array_layers()));
         if kept_px == layer_px && kept >= n_layers {
             return;
         }
         let n_layers = n_layers.next_power_of_two().min(gpu.limits().max_texture_array_layers);
-        self.distances = Some(gpu.texture(&TextureDescriptor {
-            label: Some("hull distances"),
+        self.masks = Some(gpu.texture(&TextureDescriptor {
+            label: Some("hull masks"),
             // An array of one layer is no array to some devices.
             size: wgpu::Extent3d {
                 width: layer_px,
@@ -187,7 +213,7 @@ impl HullData {
             mip_level_count: 1,
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::R8Unorm,
+            format: wgpu::TextureFormat::Rg8Unorm,
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
         }));
@@ -235,7 +261,7 @@ impl HullData {
             written(&self.edges),
             written(&self.boxes),
         ];
-        let texture = self.distances.as_ref().expect("hulls are assigned before");
+        let texture = self.masks.as_ref().expect("hulls are assigned before");
         let texture = texture.create_view(&wgpu::TextureViewDescriptor {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..wgpu::TextureViewDescriptor::default()
@@ -313,11 +339,13 @@ fn upload(gpu: &Gpu, texture: &wgpu::Texture, (distances, layer): (&Mask, u32), 
     let step = step_px(size, texture.width());
     texels.clear();
     for y in (0..distances.height).step_by(step as usize) {
-        texels.extend(distances.row(y).iter().step_by(step as usize));
+        // Inside is what lies within the outline by half a pixel or more.
+        let inside = |distance: u8| if distance >= 128 { 255 } else { 0 };
+        texels.extend(distances.row(y).iter().step_by(step as usize).flat_map(|of| [*of, inside(*of)]));
     }
     let (width, height) = (distances.width.div_ceil(step), distances.height.div_ceil(step));
     gpu.upload(
-        "hull distances",
+        "hull masks",
         wgpu::TexelCopyTextureInfo {
             texture,
             mip_level: 0,
@@ -328,7 +356,7 @@ fn upload(gpu: &Gpu, texture: &wgpu::Texture, (distances, layer): (&Mask, u32), 
             texels,
             wgpu::TexelCopyBufferLayout {
                 offset: 0,
-                bytes_per_row: Some(width),
+                bytes_per_row: Some(2 * width),
                 rows_per_image: Some(height),
             },
         ),

@@ -48,6 +48,8 @@ pub enum Pass {
     Points,
     /// Surfaces of entities' hulls, by the rays of the picture's pixels.
     HullRays,
+    /// The same by the faces of their silhouettes' cones, each trimmed by the other silhouettes.
+    HullTrim,
     /// Entities as hulls.
     Hull,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
@@ -70,6 +72,7 @@ impl Pass {
             Self::Billboard => "billboard",
             Self::Points => "points",
             Self::HullRays => "hull_rays",
+            Self::HullTrim => "hull_trim",
             Self::Hull => "hull",
             Self::SeeThrough => "see_through",
             Self::Average => "average",

@@ -7,8 +7,8 @@ use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    HullPass, HullRaysPass, HullSurface, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass,
-    see_through,
+    HullPass, HullRaysPass, HullSurface, HullTrimPass, PointsPass, Recording, SkyPass, StaticScene,
+    SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -21,7 +21,7 @@ use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
+use crate::plan::{Detail, HullMethod, Part, Picture, Plan, View, ViewLimits};
 use crate::scene::{Scene, Sky};
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -80,6 +80,7 @@ struct Passes {
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
     hull_rays: Option<HullRaysPass>,
+    hull_trim: Option<HullTrimPass>,
     hull: Option<HullPass>,
     average: Option<AveragePass>,
     enlarge: Option<EnlargePass>,
@@ -357,9 +358,18 @@ impl Renderer {
                 match shown {
                     Some(shown) => {
                         let surface = HullSurface::sized(&mut self.hull_surface, gpu, size);
-                        let pass =
-                            made(&mut passes.hull_rays, || HullRaysPass::new(gpu, frame.layout(), hulls))?;
-                        pass.record(&mut recording, &frame_group, &group, surface);
+                        match plan.hull.method {
+                            HullMethod::Rays => {
+                                let make = || HullRaysPass::new(gpu, frame.layout(), hulls);
+                                let pass = made(&mut passes.hull_rays, make)?;
+                                pass.record(&mut recording, &frame_group, &group, surface);
+                            }
+                            HullMethod::Trimming => {
+                                let make = || HullTrimPass::new(gpu, frame.layout(), hulls);
+                                let pass = made(&mut passes.hull_trim, make)?;
+                                pass.record(&mut recording, &frame_group, (hulls, &group), surface);
+                            }
+                        }
                         Some((&*hulls, group, surface, shown))
                     }
                     None => None,

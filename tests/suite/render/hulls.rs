@@ -226,6 +226,10 @@ pub(super) fn check(name: &str, state: &SceneState, view: &View) {
         let compared = compare(&found, &exact);
         let Comparison { n_wrong, n_exact, depths_m } = &compared;
         assert!(*n_exact > 50, "{name}: {n_exact}");
+        eprintln!(
+            "{name}: {n_wrong} of {n_exact}; {:?}",
+            [0.5, 0.9, 0.97, 1.0].map(|share: f64| depths_m[(share * (depths_m.len() - 1) as f64) as usize])
+        );
         assert_eq!(*n_wrong, 0, "{name}: of {n_exact}");
         let at = |share: f64| depths_m[(share * (depths_m.len() - 1) as f64) as usize];
         assert!(at(0.5) < 0.002 && at(0.97) < 0.01, "{name}: {} {} {}", at(0.5), at(0.97), at(1.0));

@@ -1,0 +1,34 @@
+// Hulls by trimmed cones: every face of every silhouette's cone, where all other silhouettes hold it (Li, Magnor and Seidel 2003,
+// Hardware-Accelerated Visual Hull Reconstruction and Rendering).
+#import "common/hull_faces.wgsl"
+
+// Masks between texels are one half on an outline, but for rounding: what is trimmed there would leave cracks where cones meet.
+const LEAST_MASK: f32 = 0.45;
+
+@vertex
+fn vs_main(@builtin(vertex_index) corner: u32, face: HullFace) -> FaceVarying {
+    return face_vertex(corner, face);
+}
+
+@fragment
+fn fs_main(in: FaceVarying) -> @location(0) vec4<u32> {
+    if !is_within_hull_bounds(in.face.x, in.place) {
+        discard;
+    }
+    let ray = hull_ray(in.position.xy);
+    let normal = face_normal(in.face);
+    // Where a ray comes in; where it leaves is no surface to the eye.
+    if dot(normal, ray.direction) >= 0.0 {
+        discard;
+    }
+    let first = hulls[in.face.x].first_view;
+    for (var k = 0u; k < hulls[in.face.x].n_views; k++) {
+        if first + k != in.face.y {
+            if silhouette_texel(first + k, in.place).y < LEAST_MASK {
+                discard;
+            }
+        }
+    }
+    let t = dot(in.place - ray.origin, view.forward);
+    return packed_surface(HullSurface(t, normal, in.face.x, 0.0, 1.0));
+}
