@@ -10,7 +10,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// The parameters that are read here.
-pub(super) const PARAMETERS: [Parameter; 12] = [
+pub(super) const PARAMETERS: [Parameter; 13] = [
     Parameter::word("quality", || words(&Preset::ALL), "How exactly it is drawn: sets every knob")
         .default_is("balanced"),
     Parameter::number(
@@ -47,6 +47,11 @@ pub(super) const PARAMETERS: [Parameter; 12] = [
         "How hulls' surfaces are found; of `entities=hulls`",
     ),
     Parameter::word(
+        "voxels",
+        || vec!["32", "64", "128", "256"],
+        "Voxels along the longest side of a hull; of `method=voxels`",
+    ),
+    Parameter::word(
         "hull_visibility",
         || vec!["on", "off"],
         "Whether a camera is left out where something else stands before it; of `entities=hulls`",
@@ -70,6 +75,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
         ("sources", style.has_billboards(), "entities=billboards and entities=hulls"),
         ("stride", style == EntityStyle::Points, "entities=points"),
         ("method", style == EntityStyle::Hulls, "entities=hulls"),
+        ("voxels", style == EntityStyle::Hulls, "entities=hulls"),
         ("hull_visibility", style == EntityStyle::Hulls, "entities=hulls"),
     ];
     for (parameter, is_meant, named) in styles {
@@ -88,6 +94,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
             point_stride: query.choice("stride", &[("1", 1), ("2", 2), ("4", 4)]),
             sources: query.choice("sources", &[("1", 1), ("2", 2)]),
             hull_method: query.choice("method", &HullMethod::ALL),
+            hull_voxels: query.choice("voxels", &[("32", 32), ("64", 64), ("128", 128), ("256", 256)]),
             hull_visibility: query.choice("hull_visibility", &[("on", true), ("off", false)]),
             most_cameras: query.whole("cameras", &(1..=most)).map(|cameras| cameras as usize),
             depth_maps: query.choice("depth_maps", &[("on", true), ("off", false)]),

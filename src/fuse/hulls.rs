@@ -8,7 +8,7 @@ use super::billboard::MOVING;
 use super::{CameraState, Entity, SceneState};
 use crate::frame::Mask;
 use crate::geometry::{Camera, Surfaces};
-use crate::hull::{Hull, View, Window};
+use crate::hull::{Bounds, Hull, Shell, View, Window};
 use crate::segment::{DistanceTransform, PixelRect};
 use glam::{DVec2, DVec3};
 
@@ -49,6 +49,8 @@ pub struct EntityHull {
     pub hull: Hull,
     /// Of each view, how far its pixels lie within its silhouette ([`View::distances`]).
     pub distances: Vec<Mask>,
+    /// Its outermost voxels, where they were asked for and there are any.
+    pub shell: Option<Shell>,
 }
 
 impl SceneState {
@@ -59,6 +61,18 @@ impl SceneState {
     pub fn place_hulls(&mut self, error_px: f64) {
         let of = |(entity_idx, entity): (usize, &Entity)| self.hull_of(entity_idx, entity, error_px);
         self.hulls = self.entities.iter().enumerate().filter_map(of).collect();
+    }
+
+    /// Carves every hull that there is in voxels, so many along the longest side of its bounds.
+    ///
+    /// **Cost** a projection a camera and voxel.
+    pub fn carve_hulls(&mut self, n_voxels: u32) {
+        for hull in &mut self.hulls {
+            let [low, high] = hull.bounds_in_world;
+            let shell = Bounds::new(low, high).map(|bounds| Shell::carve(&hull.hull, &bounds, n_voxels));
+            // Silhouettes that have nothing in common leave nothing to draw.
+            hull.shell = shell.and_then(Result::ok);
+        }
     }
 
     fn hull_of(&self, entity_idx: usize, entity: &Entity, error_px: f64) -> Option<EntityHull> {
@@ -102,7 +116,7 @@ impl SceneState {
         let mut transform = DistanceTransform::default();
         let distances = views.iter().map(|view| view.distances(&mut transform)).collect();
         let hull = Hull::new(views, 1).ok()?;
-        Some(EntityHull { entity_idx, bounds_in_world, cameras, skew_s, hull, distances })
+        Some(EntityHull { entity_idx, bounds_in_world, cameras, skew_s, hull, distances, shell: None })
     }
 }
 

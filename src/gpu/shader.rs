@@ -24,6 +24,7 @@ shaders![
     "render/hull.wgsl",
     "render/hull_rays.wgsl",
     "render/hull_trim.wgsl",
+    "render/hull_voxels.wgsl",
     "render/points.wgsl",
     "render/sky.wgsl",
     "render/surface.wgsl",

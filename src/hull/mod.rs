@@ -10,6 +10,7 @@
 //! | `silhouettes` | cameras with outlines, and the hull that they make: rays cut by them (image-based) |
 //! | `distances` | how far pixels lie within a silhouette |
 //! | `voxels` | the same in runs of voxels, camera by camera |
+//! | `shell` | the outermost of them, to be drawn |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
 //! | `occupancy`, `net`, `mesh` | what is inside of a grid; a closed surface around it; meshes and how they are written |
@@ -25,6 +26,7 @@ mod net;
 mod occupancy;
 mod outline;
 mod paint;
+mod shell;
 mod silhouettes;
 mod voxels;
 
@@ -37,4 +39,5 @@ pub use net::Crossings;
 pub use occupancy::Occupancy;
 pub use outline::{LEAF_EDGES, Outline};
 pub use paint::{Agreement, paint};
+pub use shell::Shell;
 pub use silhouettes::{Hull, HullError, Scratch, View, Window};

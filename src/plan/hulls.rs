@@ -15,10 +15,15 @@ pub const MAX_SKEW_S: f64 = 0.1;
 /// Of a mask's pixels, by how much outlines are simplified.
 pub(super) const OUTLINE_ERROR_PX: f64 = 0.5;
 
+/// Voxels along the longest side of an entity's bounds.
+pub const HULL_VOXELS: [u32; 4] = [32, 64, 128, 256];
+
 /// How a hull's surface is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum HullMethod {
+    /// The outermost voxels of a grid, a square each that faces the eye (microfacets, 2003).
+    Voxels,
     /// Every cone's faces are drawn where all other silhouettes hold them (2003).
     Trimming,
     /// Every pixel's ray is cut by the outlines (image-based; Matusik et al. 2000).
@@ -28,12 +33,14 @@ pub enum HullMethod {
 
 impl HullMethod {
     /// All of them with their words.
-    pub const ALL: [(&'static str, Self); 2] = [("trimming", Self::Trimming), ("rays", Self::Rays)];
+    pub const ALL: [(&'static str, Self); 3] =
+        [("voxels", Self::Voxels), ("trimming", Self::Trimming), ("rays", Self::Rays)];
 
     /// Its word in requests and answers.
     #[must_use]
     pub const fn as_str(self) -> &'static str {
         match self {
+            Self::Voxels => "voxels",
             Self::Trimming => "trimming",
             Self::Rays => "rays",
         }
@@ -54,18 +61,26 @@ pub struct HullTexture {
 pub struct HullForm {
     /// How the surface is found.
     pub method: HullMethod,
+    /// With voxels, how many along the longest side of an entity's bounds: one of [`HULL_VOXELS`].
+    pub n_voxels: u32,
     /// How it is textured.
     pub texture: HullTexture,
 }
 
 impl HullForm {
     /// The exact form.
-    pub const EXACT: Self =
-        Self { method: HullMethod::Rays, texture: HullTexture { visibility: true, feather: true } };
+    pub const EXACT: Self = Self {
+        method: HullMethod::Rays,
+        n_voxels: 128,
+        texture: HullTexture { visibility: true, feather: true },
+    };
 
     /// The cheap form.
-    pub const CHEAP: Self =
-        Self { texture: HullTexture { visibility: false, ..Self::EXACT.texture }, ..Self::EXACT };
+    pub const CHEAP: Self = Self {
+        n_voxels: 64,
+        texture: HullTexture { visibility: false, ..Self::EXACT.texture },
+        ..Self::EXACT
+    };
 }
 
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.

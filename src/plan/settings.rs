@@ -1,6 +1,8 @@
 //! How exactly a picture is drawn: every knob in one value, the presets, and what a caller may ask for.
 
-use super::{EntityStyle, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Sampling};
+use super::{
+    EntityStyle, HULL_VOXELS, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Sampling,
+};
 use crate::error::Fault;
 use crate::fuse::SceneState;
 use serde::{Deserialize, Serialize};
@@ -123,6 +125,12 @@ impl Settings {
         if !(1..=MAX_ENTITY_SOURCES).contains(&self.sources) {
             return Err(Fault::new("sources", format!("must be 1 or 2, got {}", self.sources)));
         }
+        if !HULL_VOXELS.contains(&self.hull.n_voxels) {
+            return Err(Fault::new(
+                "voxels",
+                format!("must be 32, 64, 128 or 256, got {}", self.hull.n_voxels),
+            ));
+        }
         if !(1..=MAX_BLENDED_CAMERAS).contains(&self.most_cameras) {
             let message = format!("must be 1 to {MAX_BLENDED_CAMERAS}, got {}", self.most_cameras);
             return Err(Fault::new("cameras", message));
@@ -138,7 +146,12 @@ impl Settings {
     pub fn place(&self, state: &mut SceneState) {
         match self.entities {
             EntityStyle::Points => state.place_points(self.point_stride),
-            EntityStyle::Hulls => state.place_hulls(super::hulls::OUTLINE_ERROR_PX),
+            EntityStyle::Hulls => {
+                state.place_hulls(super::hulls::OUTLINE_ERROR_PX);
+                if self.hull.method == HullMethod::Voxels {
+                    state.carve_hulls(self.hull.n_voxels);
+                }
+            }
             EntityStyle::Billboards | EntityStyle::None => {}
         }
     }
@@ -162,6 +175,9 @@ impl Settings {
                 knobs.push(("method", self.hull.method.as_str().to_owned()));
                 let visibility = if self.hull.texture.visibility { "on" } else { "off" };
                 knobs.push(("hull_visibility", visibility.to_owned()));
+                if self.hull.method == HullMethod::Voxels {
+                    knobs.push(("voxels", self.hull.n_voxels.to_string()));
+                }
             }
             EntityStyle::None => {}
         }
@@ -262,6 +278,8 @@ pub struct Named {
     pub sources: Option<u32>,
     /// See [`HullForm::method`].
     pub hull_method: Option<HullMethod>,
+    /// See [`HullForm::n_voxels`].
+    pub hull_voxels: Option<u32>,
     /// See [`super::HullTexture::visibility`].
     pub hull_visibility: Option<bool>,
     /// See [`Settings::most_cameras`].
@@ -283,6 +301,7 @@ impl Named {
         let visibility = self.hull_visibility.unwrap_or(hull.texture.visibility);
         HullForm {
             method: self.hull_method.unwrap_or(hull.method),
+            n_voxels: self.hull_voxels.unwrap_or(hull.n_voxels),
             texture: super::HullTexture { visibility, ..hull.texture },
         }
     }

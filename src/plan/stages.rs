@@ -86,9 +86,8 @@ impl StageTimes {
                 "yuv" => TimedStage::Yuv,
                 "camera_depth" => TimedStage::CameraDepth,
                 "surface" => TimedStage::Surface,
-                "billboard" | "points" | "hull_rays" | "hull_trim" | "hull" | "see_through" => {
-                    TimedStage::Entities
-                }
+                "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_voxels" | "hull"
+                | "see_through" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,
                 _ => continue,
             };

@@ -153,7 +153,7 @@ impl HullData {
         boxes.clear();
         faces.clear();
         let texture = self.masks.as_ref().expect("there is room");
-        let draws_faces = plan.hull.method != HullMethod::Rays;
+        let draws_faces = plan.hull.method == HullMethod::Trimming;
         for of in chosen {
             let first_view = views.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {

@@ -50,6 +50,8 @@ pub enum Pass {
     HullRays,
     /// The same by the faces of their silhouettes' cones, each trimmed by the other silhouettes.
     HullTrim,
+    /// The same by their outermost voxels.
+    HullVoxels,
     /// Entities as hulls.
     Hull,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
@@ -73,6 +75,7 @@ impl Pass {
             Self::Points => "points",
             Self::HullRays => "hull_rays",
             Self::HullTrim => "hull_trim",
+            Self::HullVoxels => "hull_voxels",
             Self::Hull => "hull",
             Self::SeeThrough => "see_through",
             Self::Average => "average",

@@ -7,8 +7,8 @@ use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    HullPass, HullRaysPass, HullSurface, HullTrimPass, PointsPass, Recording, SkyPass, StaticScene,
-    SurfacePass, YuvPass, see_through,
+    HullPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, PointsPass, Recording, SkyPass,
+    StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -22,7 +22,7 @@ use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{Detail, HullMethod, Part, Picture, Plan, View, ViewLimits};
-use crate::scene::{Scene, Sky};
+use crate::scene::Sky;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
 const BACKGROUND_LEVELS: u32 = 5;
@@ -81,6 +81,7 @@ struct Passes {
     points: Option<PointsPass>,
     hull_rays: Option<HullRaysPass>,
     hull_trim: Option<HullTrimPass>,
+    hull_voxels: Option<HullVoxelsPass>,
     hull: Option<HullPass>,
     average: Option<AveragePass>,
     enlarge: Option<EnlargePass>,
@@ -263,7 +264,7 @@ impl Renderer {
                 };
                 let piece =
                     Shown { view, size_px, mesh: &mesh, patches: &patches, stand, pictures: &pictures };
-                self.submit(&state.scene, &piece, plan, &std::mem::take(&mut uploads))?;
+                self.submit(state, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
                     match timings.iter_mut().find(|sum| sum.pass == time.pass) {
@@ -292,7 +293,7 @@ impl Renderer {
     /// Hands the drawing of one piece of a picture to the device.
     fn submit(
         &mut self,
-        scene: &Scene,
+        state: &SceneState,
         piece: &Shown<'_>,
         plan: &Plan,
         uploads: &Uploads<'_>,
@@ -301,7 +302,7 @@ impl Renderer {
         let mut encoder =
             self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("frame") });
         self.convert(&mut encoder, uploads)?;
-        self.record(&mut encoder, scene, piece, plan)?;
+        self.record(&mut encoder, state, piece, plan)?;
         self.timer.resolve(&mut encoder);
         self.gpu.queue.submit([encoder.finish()]);
         Ok(())
@@ -326,12 +327,13 @@ impl Renderer {
     fn record(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        scene: &Scene,
+        state: &SceneState,
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
         let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, .. } = self;
         let gpu = &*gpu;
+        let scene = &*state.scene;
         let Shown { view, size_px, mesh, patches, stand, pictures } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
@@ -363,6 +365,12 @@ impl Renderer {
                                 let make = || HullRaysPass::new(gpu, frame.layout(), hulls);
                                 let pass = made(&mut passes.hull_rays, make)?;
                                 pass.record(&mut recording, &frame_group, &group, surface);
+                            }
+                            HullMethod::Voxels => {
+                                let make = || HullVoxelsPass::new(gpu, frame.layout(), hulls);
+                                let pass = made(&mut passes.hull_voxels, make)?;
+                                let of = (state, plan, stand.anchor_in_world);
+                                pass.record(&mut recording, (&frame_group, &group), of, surface);
                             }
                             HullMethod::Trimming => {
                                 let make = || HullTrimPass::new(gpu, frame.layout(), hulls);

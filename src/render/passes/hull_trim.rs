@@ -24,48 +24,12 @@ impl HullTrimPass {
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
     ) -> Result<Self, GpuError> {
-        let module = gpu.shader("render/hull_trim.wgsl")?;
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(LABEL),
-            bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
-            immediate_size: 0,
-        });
         let faces = wgpu::VertexBufferLayout {
             array_stride: size_of::<[u32; 3]>() as u64,
             step_mode: wgpu::VertexStepMode::Instance,
             attributes: &FACE,
         };
-        let descriptor = wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[Some(faces)],
-            },
-            primitive: wgpu::PrimitiveState {
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                ..wgpu::PrimitiveState::default()
-            },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(wgpu::ColorTargetState::from(SURFACE_FORMAT))],
-            }),
-            multiview_mask: None,
-            cache: None,
-        };
-        Ok(Self { pipeline: gpu.pipeline(LABEL, &descriptor), depth: None })
+        Ok(Self { pipeline: surface_pipeline(gpu, LABEL, (frame_layout, hulls), faces)?, depth: None })
     }
 
     /// Records that `surface` gets the nearest face of any trimmed cone.
@@ -76,43 +40,108 @@ impl HullTrimPass {
         (hulls, group): (&HullData, &wgpu::BindGroup),
         surface: &HullSurface,
     ) {
-        let gpu = recording.gpu;
-        let [width, height] = surface.size_px();
-        self.depth.take_if(|kept| [kept.width(), kept.height()] != [width, height]);
-        let depth = self.depth.get_or_insert_with(|| depth_texture(gpu, [width, height]));
-        let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
-        let span = recording.timer.span(LABEL);
-        let descriptor = wgpu::RenderPassDescriptor {
-            label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &surface.view,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
-            timestamp_writes: recording.timer.writes(span, 0, 1),
-            occlusion_query_set: None,
-            multiview_mask: None,
-        };
-        let (faces, n_faces) = hulls.faces();
-        let mut pass = gpu.begin_pass(recording.encoder, LABEL, &descriptor);
-        pass.set_pipeline(&self.pipeline);
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(2, group, &[]);
-        pass.set_vertex_buffer(0, faces.slice(..));
-        pass.draw(0..4, 0..n_faces);
+        let (vertices, n_instances) = hulls.faces();
+        let drawn = Drawn { pipeline: &self.pipeline, vertices, n_instances };
+        surface_pass(recording, LABEL, (frame, group), (surface, &mut self.depth), &drawn);
     }
+}
+
+/// A pipeline that draws strips of four corners into a surface, the nearest of them left, by the shader of the label's stem.
+pub(super) fn surface_pipeline(
+    gpu: &Gpu,
+    label: &'static str,
+    (frame_layout, hulls): (&wgpu::BindGroupLayout, &HullData),
+    vertices: wgpu::VertexBufferLayout<'_>,
+) -> Result<wgpu::RenderPipeline, GpuError> {
+    let module = gpu.shader(&format!("render/{label}.wgsl"))?;
+    let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(label),
+        bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
+        immediate_size: 0,
+    });
+    let descriptor = wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module: &module,
+            entry_point: Some("vs_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            buffers: &[Some(vertices)],
+        },
+        primitive: wgpu::PrimitiveState {
+            topology: wgpu::PrimitiveTopology::TriangleStrip,
+            ..wgpu::PrimitiveState::default()
+        },
+        depth_stencil: Some(wgpu::DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(wgpu::CompareFunction::Greater),
+            stencil: wgpu::StencilState::default(),
+            bias: wgpu::DepthBiasState::default(),
+        }),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module: &module,
+            entry_point: Some("fs_main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            targets: &[Some(wgpu::ColorTargetState::from(SURFACE_FORMAT))],
+        }),
+        multiview_mask: None,
+        cache: None,
+    };
+    Ok(gpu.pipeline(label, &descriptor))
+}
+
+/// Strips of four corners, one an instance.
+pub(super) struct Drawn<'a> {
+    pub pipeline: &'a wgpu::RenderPipeline,
+    pub vertices: &'a wgpu::Buffer,
+    pub n_instances: u32,
+}
+
+/// Records one pass that draws into a surface that nothing is on yet.
+pub(super) fn surface_pass(
+    recording: &mut Recording<'_>,
+    label: &'static str,
+    (frame, group): (&wgpu::BindGroup, &wgpu::BindGroup),
+    (surface, depth): (&HullSurface, &mut Option<wgpu::Texture>),
+    drawn: &Drawn<'_>,
+) {
+    let gpu = recording.gpu;
+    let size = surface.size_px();
+    depth.take_if(|kept| [kept.width(), kept.height()] != size);
+    let depth = depth.get_or_insert_with(|| depth_texture(gpu, size));
+    let depth = depth.create_view(&wgpu::TextureViewDescriptor::default());
+    let span = recording.timer.span(label);
+    let descriptor = wgpu::RenderPassDescriptor {
+        label: Some(label),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view: &surface.view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+            view: &depth,
+            depth_ops: Some(wgpu::Operations {
+                load: wgpu::LoadOp::Clear(0.0),
+                store: wgpu::StoreOp::Discard,
+            }),
+            stencil_ops: None,
+        }),
+        timestamp_writes: recording.timer.writes(span, 0, 1),
+        occlusion_query_set: None,
+        multiview_mask: None,
+    };
+    let mut pass = gpu.begin_pass(recording.encoder, label, &descriptor);
+    pass.set_pipeline(drawn.pipeline);
+    pass.set_bind_group(0, frame, &[]);
+    pass.set_bind_group(2, group, &[]);
+    pass.set_vertex_buffer(0, drawn.vertices.slice(..));
+    pass.draw(0..4, 0..drawn.n_instances);
 }
 
 /// Depths of hulls' surfaces, of a picture of that size.

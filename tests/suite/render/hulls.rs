@@ -126,8 +126,12 @@ pub(super) fn peopled(stage: &Stage, feet: &[DVec3]) -> SceneState {
         .filter(|entity| !entity.sources.is_empty())
         .collect();
     state.place_hulls(0.0);
+    state.carve_hulls(N_VOXELS);
     state
 }
+
+/// Voxels along the longest side of a hull.
+const N_VOXELS: u32 = 128;
 
 /// Cameras in a ring around the middle, tinted by nothing.
 pub(super) fn ring(n: usize) -> Stage {
@@ -182,19 +186,19 @@ pub(super) fn found(
 
 /// How a method's picture compares with the exact one.
 struct Comparison {
-    /// Of pixels that have the hull in either, how many have it in one alone and are farther than a pixel and a half from the exact
-    /// silhouette.
+    /// Pixels that have the hull in one alone, and are farther than so many pixels from the exact silhouette.
     n_wrong: usize,
     n_exact: usize,
     /// Differences of depth, metres, in order.
     depths_m: Vec<f64>,
 }
 
-fn compare(found: &FoundHulls, exact: &[Option<f64>]) -> Comparison {
-    let (width, height) = (found.width_px as i64, found.height_px as i64);
+fn compare(found: &FoundHulls, exact: &[Option<f64>], within_px: i64) -> Comparison {
+    let (width, height) = (i64::from(found.width_px), i64::from(found.height_px));
     let is_near_outline = |idx: usize| {
         let (x, y) = (idx as i64 % width, idx as i64 / width);
-        let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
+        let reach = -within_px..=within_px;
+        let around = reach.clone().flat_map(|dy| reach.clone().map(move |dx| (x + dx, y + dy)));
         let mut around = around.filter(|(x, y)| (0..width).contains(x) && (0..height).contains(y));
         around.any(|(x, y)| exact[(y * width + x) as usize].is_some() != exact[idx].is_some())
     };
@@ -215,24 +219,42 @@ fn compare(found: &FoundHulls, exact: &[Option<f64>]) -> Comparison {
     result
 }
 
-/// Holds every method to the exact hulls of a state, seen by a view. `share` of the pixels have the same depth.
+/// What a method is held to.
+struct Bound {
+    /// Pixels from the exact silhouette, and the share of the hull's pixels that may be farther off.
+    within_px: i64,
+    wrong: f64,
+    /// Median of differences of depth, and what all but a thirtieth stay below, metres.
+    depths_m: [f64; 2],
+}
+
+fn bound(method: HullMethod) -> Bound {
+    // Voxels are as coarse as they are, and half a diagonal larger: their weakness.
+    let voxel_m = 2.2 / f64::from(N_VOXELS);
+    match method {
+        HullMethod::Rays => Bound { within_px: 1, wrong: 0.0, depths_m: [1e-3, 5e-3] },
+        // Masks between texels are not quite straight where outlines are.
+        HullMethod::Trimming => Bound { within_px: 1, wrong: 1e-3, depths_m: [1e-3, 1e-2] },
+        HullMethod::Voxels => Bound { within_px: 3, wrong: 5e-3, depths_m: [1.2 * voxel_m, 4.0 * voxel_m] },
+    }
+}
+
+/// Holds every method to the exact hulls of a state, seen by a view.
 pub(super) fn check(name: &str, state: &SceneState, view: &View) {
     let Some(mut brush) = renderer("", 1) else { return };
     assert!(!state.hulls.is_empty(), "{name}");
     let exact = exact(state, view);
     for (word, method) in HullMethod::ALL {
+        let Bound { within_px, wrong, depths_m: most_m } = bound(method);
         let name = format!("hulls_{name}_{word}");
         let found = found(&mut brush, state, view, (method, &name));
-        let compared = compare(&found, &exact);
-        let Comparison { n_wrong, n_exact, depths_m } = &compared;
-        assert!(*n_exact > 50, "{name}: {n_exact}");
-        eprintln!(
-            "{name}: {n_wrong} of {n_exact}; {:?}",
-            [0.5, 0.9, 0.97, 1.0].map(|share: f64| depths_m[(share * (depths_m.len() - 1) as f64) as usize])
-        );
-        assert_eq!(*n_wrong, 0, "{name}: of {n_exact}");
+        let Comparison { n_wrong, n_exact, depths_m } = compare(&found, &exact, within_px);
+        assert!(n_exact > 50, "{name}: {n_exact}");
         let at = |share: f64| depths_m[(share * (depths_m.len() - 1) as f64) as usize];
-        assert!(at(0.5) < 0.002 && at(0.97) < 0.01, "{name}: {} {} {}", at(0.5), at(0.97), at(1.0));
+        let told = format!("{name}: {n_wrong} of {n_exact} wrong, depths {:?}", [0.5, 0.97, 1.0].map(at));
+        assert!(n_wrong as f64 <= wrong * n_exact as f64, "{told}");
+        assert!(at(0.5) <= most_m[0] && at(0.97) <= most_m[1], "{told}");
+        eprintln!("{told}");
     }
 }
 
