@@ -10,6 +10,10 @@ const MOST_ADVANCES: u32 = 96u;
 // Steps of a ray through what no camera sees, as a share of its way through the bounds.
 const UNSEEN_STEP: f32 = 0.02;
 const FAR: f32 = 1e30;
+// Nearer to the eye nothing is drawn: VIEW_NEAR_M of src/render/camera_data.rs.
+const VIEW_NEAR_M: f32 = 0.05;
+// Of parallel rays, the depth in which cones are told apart.
+const PARALLEL_REACH_M: f32 = 4000.0;
 const NO_VIEW: u32 = 0xffffffffu;
 // Thickness that a texel can tell, metres along the ray: MOST_THICKNESS of src/render/found_hulls.rs.
 const MOST_THICKNESS: f32 = 16.0;
@@ -24,7 +28,8 @@ struct HullFrame {
     across: vec3<f32>,
     pad_across: u32,
     along: vec3<f32>,
-    pad_along: u32,
+    // Of parallel rays, how far the middle of all bounds lies before the plane through the eye.
+    middle_m: f32,
 }
 
 struct Hull {

@@ -1,9 +1,6 @@
 // Hulls by the rays of the picture's pixels, each cut by every outline along its epipolar line: no geometry, exact to the texel.
 #import "common/hull.wgsl"
 
-// Nearer to the eye nothing is drawn: VIEW_NEAR_M of src/render/camera_data.rs.
-const VIEW_NEAR_M: f32 = 0.05;
-
 @group(1) @binding(0) var surface: texture_storage_2d<rgba32uint, write>;
 
 @compute @workgroup_size(8, 8)

@@ -26,6 +26,10 @@ pub enum HullMethod {
     Voxels,
     /// Every cone's faces are drawn where all other silhouettes hold them (2003).
     Trimming,
+    /// Where trimming finds anything, coarsely, the cones' faces are peeled and counted (2004).
+    Hybrid,
+    /// The cones' faces are peeled layer by layer, and counted from infinity (2004).
+    Csg,
     /// Every pixel's ray is cut by the outlines (image-based; Matusik et al. 2000).
     #[default]
     Rays,
@@ -33,8 +37,13 @@ pub enum HullMethod {
 
 impl HullMethod {
     /// All of them with their words.
-    pub const ALL: [(&'static str, Self); 3] =
-        [("voxels", Self::Voxels), ("trimming", Self::Trimming), ("rays", Self::Rays)];
+    pub const ALL: [(&'static str, Self); 5] = [
+        ("voxels", Self::Voxels),
+        ("trimming", Self::Trimming),
+        ("hybrid", Self::Hybrid),
+        ("csg", Self::Csg),
+        ("rays", Self::Rays),
+    ];
 
     /// Its word in requests and answers.
     #[must_use]
@@ -42,6 +51,8 @@ impl HullMethod {
         match self {
             Self::Voxels => "voxels",
             Self::Trimming => "trimming",
+            Self::Hybrid => "hybrid",
+            Self::Csg => "csg",
             Self::Rays => "rays",
         }
     }

@@ -86,7 +86,7 @@ impl StageTimes {
                 "yuv" => TimedStage::Yuv,
                 "camera_depth" => TimedStage::CameraDepth,
                 "surface" => TimedStage::Surface,
-                "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_voxels" | "hull"
+                "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_peel" | "hull_voxels" | "hull"
                 | "see_through" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,
                 _ => continue,

@@ -202,7 +202,8 @@ fn lens_limits(camera: &geometry::Camera) -> Vec<f32> {
 #[derive(Debug)]
 pub(super) struct FrameData {
     layout: wgpu::BindGroupLayout,
-    view: GrowingBuffer,
+    /// Of the picture, and of another one that is drawn for it.
+    views: [GrowingBuffer; 2],
     cameras: GrowingBuffer,
     limits: GrowingBuffer,
     /// The cameras of the frame, in the order in which shaders count them.
@@ -227,7 +228,7 @@ impl FrameData {
         });
         Self {
             layout,
-            view: GrowingBuffer::new("view", wgpu::BufferUsages::UNIFORM),
+            views: [0, 1].map(|_| GrowingBuffer::new("view", wgpu::BufferUsages::UNIFORM)),
             cameras: GrowingBuffer::new("cameras", wgpu::BufferUsages::UNIFORM),
             limits: GrowingBuffer::new("lens limits", wgpu::BufferUsages::STORAGE),
             scratch: Vec::new(),
@@ -274,9 +275,19 @@ impl FrameData {
 
     /// Writes a piece's view and binds it with the cameras, which must have been written.
     pub(super) fn bind(&mut self, gpu: &Gpu, view: View) -> wgpu::BindGroup {
+        self.bind_as(gpu, 0, view)
+    }
+
+    /// As [`Self::bind`], of another picture that is drawn for the piece.
+    pub(super) fn bind_beside(&mut self, gpu: &Gpu, view: View) -> wgpu::BindGroup {
+        self.bind_as(gpu, 1, view)
+    }
+
+    fn bind_as(&mut self, gpu: &Gpu, which: usize, view: View) -> wgpu::BindGroup {
         let written =
             |buffer: &GrowingBuffer| buffer.get().expect("cameras are written before they are bound").clone();
-        let buffers = [self.view.write(gpu, &[view]).clone(), written(&self.cameras), written(&self.limits)];
+        let buffers =
+            [self.views[which].write(gpu, &[view]).clone(), written(&self.cameras), written(&self.limits)];
         let entries: Vec<_> = (0..)
             .zip(&buffers)
             .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })

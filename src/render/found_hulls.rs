@@ -39,15 +39,15 @@ impl Renderer {
     /// # Errors
     /// What the device reported.
     pub fn found_hulls(&mut self) -> Result<Option<FoundHulls>, RenderError> {
-        let Some(surface) = &self.hull_surface else { return Ok(None) };
+        let Some(surface) = self.hulls.surface() else { return Ok(None) };
         let mut readback = Readback::default();
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("found hulls") };
         let mut encoder = self.gpu.device.create_command_encoder(&descriptor);
-        readback.copy(&self.gpu, &mut encoder, &surface.texture);
+        readback.copy(&self.gpu, &mut encoder, surface);
         self.gpu.queue.submit([encoder.finish()]);
         let mut texels: Vec<[u32; 4]> = Vec::new();
         readback.read_texels(&self.gpu, &mut texels)?;
-        let (width_px, height_px) = (surface.texture.width(), surface.texture.height());
+        let (width_px, height_px) = (surface.width(), surface.height());
         Ok(Some(FoundHulls { width_px, height_px, pixels: texels.into_iter().map(unpacked).collect() }))
     }
 }

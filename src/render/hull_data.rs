@@ -25,7 +25,7 @@ pub(super) struct HullFrame {
     across: [f32; 3],
     pad_across: u32,
     along: [f32; 3],
-    pad_along: u32,
+    middle_m: f32,
 }}
 
 mirror! { "common/hull.wgsl",
@@ -57,7 +57,8 @@ pub(super) struct HullView {
 pub(super) struct HullData {
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
-    frame: GrowingBuffer,
+    /// Of the picture, and of its valid region.
+    frames: [GrowingBuffer; 2],
     hulls: GrowingBuffer,
     views: GrowingBuffer,
     edges: GrowingBuffer,
@@ -69,6 +70,14 @@ pub(super) struct HullData {
     scratch: Scratch,
 }
 
+/// A hull's part of all faces: those of its cones, and then the six sides of its bounds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HullFaces {
+    pub first: u32,
+    pub n_edges: u32,
+    pub n_views: u32,
+}
+
 /// Lists of one frame, kept for their memory.
 #[derive(Debug, Default)]
 struct Scratch {
@@ -78,6 +87,7 @@ struct Scratch {
     edges: Vec<[f32; 4]>,
     boxes: Vec<[f32; 4]>,
     faces: Vec<[u32; 3]>,
+    of_hulls: Vec<HullFaces>,
     texels: Vec<u8>,
 }
 
@@ -115,7 +125,7 @@ impl HullData {
         Self {
             layout,
             sampler,
-            frame: GrowingBuffer::new("hull frame", wgpu::BufferUsages::UNIFORM),
+            frames: [0, 1].map(|_| GrowingBuffer::new("hull frame", wgpu::BufferUsages::UNIFORM)),
             hulls: storage("hulls"),
             views: storage("hull views"),
             edges: storage("hull edges"),
@@ -145,17 +155,19 @@ impl HullData {
         let layer_px = LAYER_SIDES.into_iter().find(|side| *side >= largest).unwrap_or(LAYER_SIDES[2]);
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
         self.make_room(gpu, layer_px, n_layers);
-        let Scratch { hulls, bounds, views, edges, boxes, faces, texels } = &mut self.scratch;
+        let Scratch { hulls, bounds, views, edges, boxes, faces, of_hulls, texels } = &mut self.scratch;
         hulls.clear();
         bounds.clear();
         views.clear();
         edges.clear();
         boxes.clear();
         faces.clear();
+        of_hulls.clear();
         let texture = self.masks.as_ref().expect("there is room");
-        let draws_faces = plan.hull.method == HullMethod::Trimming;
+        let draws_faces = !matches!(plan.hull.method, HullMethod::Rays | HullMethod::Voxels);
         for of in chosen {
             let first_view = views.len() as u32;
+            let first_face = faces.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
                 let Some(camera_idx) = shader_idx(*camera_idx) else { continue };
                 let layer = views.len() as u32;
@@ -169,6 +181,12 @@ impl HullData {
                 views.push(data);
             }
             if draws_faces {
+                let n_edges = faces.len() as u32 - first_face;
+                of_hulls.push(HullFaces {
+                    first: first_face,
+                    n_edges,
+                    n_views: views.len() as u32 - first_view,
+                });
                 faces.extend((0..6).map(|side| [hulls.len() as u32, NO_VIEW, side]));
             }
             let corner = |corner: DVec3| (corner - anchor).as_vec3().to_array();
@@ -195,6 +213,11 @@ impl HullData {
         (self.faces.get().expect("hulls are assigned before"), self.scratch.faces.len() as u32)
     }
 
+    /// The same, and which of them are each hull's.
+    pub(super) fn faces_by_hull(&self) -> (&wgpu::Buffer, &[HullFaces]) {
+        (self.faces().0, &self.scratch.of_hulls)
+    }
+
     fn make_room(&mut self, gpu: &Gpu, layer_px: u32, n_layers: u32) {
         let (kept_px, kept) =
             self.masks.as_ref().map_or((0, 0), |kept| (kept.width(), kept.depth_or_array_layers()));
@@ -219,19 +242,23 @@ impl HullData {
         }));
     }
 
-    /// Writes where a piece of a picture looks through, of `times` pixels drawn for one, and binds all. What of the piece may show
+    /// Writes where a piece of a picture of `size_px` pixels looks through, and binds all; the second `which` is another picture of the
+    /// same frame. What of the piece may show
     /// any of them, pixels: left, top, right, bottom; none where nothing is in it.
     pub(super) fn bind(
         &mut self,
         gpu: &Gpu,
-        (view, times, anchor): (&View, u32, DVec3),
+        (view, anchor): (&View, DVec3),
+        (which, [width_px, height_px]): (usize, [u32; 2]),
     ) -> (wgpu::BindGroup, Option<[u32; 4]>) {
-        let size = DVec2::new(f64::from(view.width_px * times), f64::from(view.height_px * times));
+        let size = DVec2::new(f64::from(width_px), f64::from(height_px));
         let mut all: Option<[f64; 4]> = None;
         let Scratch { hulls, bounds, .. } = &mut self.scratch;
-        for (hull, bounds) in hulls.iter_mut().zip(bounds) {
+        for (hull, bounds) in hulls.iter_mut().zip(&*bounds) {
             let rect = rect(view, *bounds, size);
-            hull.rect_px = rect.map(|at| at as f32);
+            if which == 0 {
+                hull.rect_px = rect.map(|at| at as f32);
+            }
             if rect[0] < rect[2] && rect[1] < rect[3] {
                 let [left, top, right, bottom] = all.unwrap_or(rect);
                 all = Some([left.min(rect[0]), top.min(rect[1]), right.max(rect[2]), bottom.max(rect[3])]);
@@ -244,6 +271,10 @@ impl HullData {
             Projection::Perspective => axes.z_axis + offset,
             Projection::Orthographic => view.pose.position_in_world - anchor + offset,
         };
+        // Of parallel rays depths are told from here on.
+        let before =
+            |[low, high]: &[DVec3; 2]| ((*low + *high) / 2.0 - view.pose.position_in_world).dot(axes.z_axis);
+        let middle_m = bounds.iter().map(before).sum::<f64>() / bounds.len().max(1) as f64;
         let direction = |of: DVec3| of.as_vec3().to_array();
         let frame = HullFrame {
             corner: direction(corner),
@@ -251,11 +282,11 @@ impl HullData {
             across: direction(axes.x_axis * per_pixel(view.frustum.x, size.x)),
             pad_across: 0,
             along: direction(axes.y_axis * per_pixel(view.frustum.y, size.y)),
-            pad_along: 0,
+            middle_m: middle_m as f32,
         };
         let written = |buffer: &GrowingBuffer| buffer.get().expect("hulls are assigned before").clone();
         let buffers = [
-            self.frame.write(gpu, &[frame]).clone(),
+            self.frames[which].write(gpu, &[frame]).clone(),
             self.hulls.write(gpu, hulls).clone(),
             written(&self.views),
             written(&self.edges),

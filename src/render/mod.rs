@@ -10,6 +10,7 @@ mod coplanar;
 mod error;
 mod found_hulls;
 mod hull_data;
+mod hulls;
 mod image_array;
 mod mesh;
 mod passes;
@@ -50,6 +51,8 @@ pub enum Pass {
     HullRays,
     /// The same by the faces of their silhouettes' cones, each trimmed by the other silhouettes.
     HullTrim,
+    /// The same by layers of their cones' faces, counting what takes away behind each.
+    HullPeel,
     /// The same by their outermost voxels.
     HullVoxels,
     /// Entities as hulls.
@@ -75,6 +78,7 @@ impl Pass {
             Self::Points => "points",
             Self::HullRays => "hull_rays",
             Self::HullTrim => "hull_trim",
+            Self::HullPeel => "hull_peel",
             Self::HullVoxels => "hull_voxels",
             Self::Hull => "hull",
             Self::SeeThrough => "see_through",

@@ -1,6 +1,5 @@
 //! What is made ready once for all parts of a picture that are seen from one place.
 
-use super::hull_data::HullData;
 use super::image_array::{Job, Wanted};
 use super::mesh::Mesh;
 use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
@@ -163,9 +162,7 @@ impl Renderer {
                 self.slot_ends.extend((0..plan.opened.len()).map(end));
                 self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
                 if !plan.hulls.is_empty() {
-                    let gpu = &self.gpu;
-                    let hulls = self.hulls.get_or_insert_with(|| HullData::new(gpu));
-                    hulls.assign(gpu, (state, plan), anchor, shader_idx);
+                    self.hulls.assign(&self.gpu, (state, plan), anchor, shader_idx);
                 }
             }
             EntityStyle::Points => {

@@ -2,13 +2,12 @@
 
 use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
 use super::error::RenderError;
-use super::hull_data::HullData;
+use super::hulls::{HullPiece, Hulls};
 use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    HullPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, PointsPass, Recording, SkyPass,
-    StaticScene, SurfacePass, YuvPass, see_through,
+    PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -21,7 +20,7 @@ use crate::config::RenderSettings;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{Detail, HullMethod, Part, Picture, Plan, View, ViewLimits};
+use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
 use crate::scene::Sky;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -65,9 +64,7 @@ pub struct Renderer {
     /// How many of the billboards are drawn before each building that is open.
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
-    /// Made when a plan first has one.
-    pub(super) hulls: Option<HullData>,
-    pub(super) hull_surface: Option<HullSurface>,
+    pub(super) hulls: Hulls,
 }
 
 /// Pipelines, each made when a plan first calls for it.
@@ -79,10 +76,6 @@ struct Passes {
     sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
     points: Option<PointsPass>,
-    hull_rays: Option<HullRaysPass>,
-    hull_trim: Option<HullTrimPass>,
-    hull_voxels: Option<HullVoxelsPass>,
-    hull: Option<HullPass>,
     average: Option<AveragePass>,
     enlarge: Option<EnlargePass>,
 }
@@ -112,7 +105,10 @@ pub const fn view_limits(max_pixels: u64) -> ViewLimits {
 }
 
 /// The pass in `slot`, made now if it was not before.
-fn made<P>(slot: &mut Option<P>, make: impl FnOnce() -> Result<P, GpuError>) -> Result<&mut P, GpuError> {
+pub(super) fn made<P>(
+    slot: &mut Option<P>,
+    make: impl FnOnce() -> Result<P, GpuError>,
+) -> Result<&mut P, GpuError> {
     match slot {
         Some(pass) => Ok(pass),
         None => Ok(slot.insert(make()?)),
@@ -146,8 +142,7 @@ impl Renderer {
             billboards: Vec::new(),
             slot_ends: Vec::new(),
             points: Vec::new(),
-            hulls: None,
-            hull_surface: None,
+            hulls: Hulls::default(),
             gpu,
         };
         renderer.gpu.check()?;
@@ -213,7 +208,7 @@ impl Renderer {
         }
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
-        self.hull_surface.take_if(|kept| kept.n_bytes() > MAX_KEPT_READBACK_BYTES);
+        self.hulls.trim(MAX_KEPT_READBACK_BYTES);
         if let Some(average) = &mut self.passes.average {
             average.trim(MAX_KEPT_READBACK_BYTES);
         }
@@ -331,7 +326,7 @@ impl Renderer {
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, .. } = self;
+        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, hulls, .. } = self;
         let gpu = &*gpu;
         let scene = &*state.scene;
         let Shown { view, size_px, mesh, patches, stand, pictures } = piece;
@@ -352,39 +347,8 @@ impl Renderer {
         };
         let targets = self.targets.get(gpu, targets);
         // Before the targets are drawn on: where the hulls' surfaces are.
-        let hulls = self.hulls.as_mut().filter(|_| !plan.hulls.is_empty());
-        let found = match hulls {
-            Some(hulls) => {
-                let (group, shown) = hulls.bind(gpu, (view, times, stand.anchor_in_world));
-                let size = [view.width_px * times, view.height_px * times];
-                match shown {
-                    Some(shown) => {
-                        let surface = HullSurface::sized(&mut self.hull_surface, gpu, size);
-                        match plan.hull.method {
-                            HullMethod::Rays => {
-                                let make = || HullRaysPass::new(gpu, frame.layout(), hulls);
-                                let pass = made(&mut passes.hull_rays, make)?;
-                                pass.record(&mut recording, &frame_group, &group, surface);
-                            }
-                            HullMethod::Voxels => {
-                                let make = || HullVoxelsPass::new(gpu, frame.layout(), hulls);
-                                let pass = made(&mut passes.hull_voxels, make)?;
-                                let of = (state, plan, stand.anchor_in_world);
-                                pass.record(&mut recording, (&frame_group, &group), of, surface);
-                            }
-                            HullMethod::Trimming => {
-                                let make = || HullTrimPass::new(gpu, frame.layout(), hulls);
-                                let pass = made(&mut passes.hull_trim, make)?;
-                                pass.record(&mut recording, &frame_group, (hulls, &group), surface);
-                            }
-                        }
-                        Some((&*hulls, group, surface, shown))
-                    }
-                    None => None,
-                }
-            }
-            None => None,
-        };
+        let looked_for = HullPiece { view, times, anchor: stand.anchor_in_world, reach: &reach };
+        let found = hulls.find(&mut recording, (frame, &frame_group), (state, plan), &looked_for)?;
         let has_more = !self.billboards.is_empty()
             || !self.points.is_empty()
             || !plan.opened.is_empty()
@@ -411,11 +375,9 @@ impl Renderer {
             let picture = pictures.sky.as_ref().map(|picture| (picture, textures.layout(gpu)));
             pass.record(&mut recording, &into, (&scene.sky, view), picture)?;
         }
-        if let Some((hulls, group, surface, shown)) = &found {
+        if let Some(found) = &found {
             into.place.is_last = self.billboards.is_empty() && opened.is_none();
-            let pass = made(&mut passes.hull, || Ok(HullPass::new(gpu)))?;
-            let of = (&**hulls, group);
-            pass.record(&mut recording, &into, of, (&surface.view, *shown), (plan.hull.texture, frames))?;
+            hulls.show(&mut recording, &into, found, (plan, frames))?;
         }
         into.place.is_last = true;
         if !self.billboards.is_empty() {

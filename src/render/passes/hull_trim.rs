@@ -32,6 +32,11 @@ impl HullTrimPass {
         Ok(Self { pipeline: surface_pipeline(gpu, LABEL, (frame_layout, hulls), faces)?, depth: None })
     }
 
+    /// What it tests depths with.
+    pub(in crate::render) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
+        &mut self.depth
+    }
+
     /// Records that `surface` gets the nearest face of any trimmed cone.
     pub(in crate::render) fn record(
         &mut self,

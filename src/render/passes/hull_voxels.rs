@@ -46,6 +46,11 @@ impl HullVoxelsPass {
         Ok(Self { pipeline, instances, scratch: Vec::new(), depth: None })
     }
 
+    /// What it tests depths with.
+    pub(in crate::render) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
+        &mut self.depth
+    }
+
     /// Records that `surface` gets the nearest voxels of the plan's hulls.
     pub(in crate::render) fn record(
         &mut self,

@@ -5,6 +5,7 @@ mod billboard;
 mod camera_depth;
 mod enlarge;
 mod hull;
+mod hull_peel;
 mod hull_rays;
 mod hull_trim;
 mod hull_voxels;
@@ -20,6 +21,7 @@ pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use hull::HullPass;
+pub(super) use hull_peel::{HullPeelPass, VALID_PX};
 pub(super) use hull_rays::{HullRaysPass, HullSurface};
 pub(super) use hull_trim::HullTrimPass;
 pub(super) use hull_voxels::HullVoxelsPass;

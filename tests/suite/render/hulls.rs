@@ -232,7 +232,9 @@ fn bound(method: HullMethod) -> Bound {
     // Voxels are as coarse as they are, and half a diagonal larger: their weakness.
     let voxel_m = 2.2 / f64::from(N_VOXELS);
     match method {
-        HullMethod::Rays => Bound { within_px: 1, wrong: 0.0, depths_m: [1e-3, 5e-3] },
+        HullMethod::Rays | HullMethod::Csg | HullMethod::Hybrid => {
+            Bound { within_px: 1, wrong: 0.0, depths_m: [1e-3, 5e-3] }
+        }
         // Masks between texels are not quite straight where outlines are.
         HullMethod::Trimming => Bound { within_px: 1, wrong: 1e-3, depths_m: [1e-3, 1e-2] },
         HullMethod::Voxels => Bound { within_px: 3, wrong: 5e-3, depths_m: [1.2 * voxel_m, 4.0 * voxel_m] },

@@ -1,0 +1,138 @@
+//! Entities' hulls in a picture: what is known of them, the method that finds their surfaces, and the pass that shows them.
+
+use super::camera_data::{FrameData, Reach, View as ViewData};
+use super::hull_data::HullData;
+use super::image_array::ImageArray;
+use super::passes::{
+    DrawInto, HullPass, HullPeelPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, Recording,
+    VALID_PX,
+};
+use super::renderer::made;
+use crate::fuse::SceneState;
+use crate::gpu::{Gpu, GpuError};
+use crate::plan::{HullMethod, Plan, View};
+use glam::DVec3;
+
+/// What is kept of hulls between frames; each part is made when a plan first calls for it.
+#[derive(Debug, Default)]
+pub(super) struct Hulls {
+    data: Option<HullData>,
+    surface: Option<HullSurface>,
+    /// Where there may be hulls, coarsely.
+    valid: Option<HullSurface>,
+    rays: Option<HullRaysPass>,
+    trim: Option<HullTrimPass>,
+    voxels: Option<HullVoxelsPass>,
+    peel: Option<HullPeelPass>,
+    shown: Option<HullPass>,
+}
+
+/// The piece of a picture that hulls are looked for in.
+pub(super) struct HullPiece<'a> {
+    pub view: &'a View,
+    /// Pixels each way that are drawn for one.
+    pub times: u32,
+    pub anchor: DVec3,
+    pub reach: &'a Reach,
+}
+
+/// Where hulls were found.
+pub(super) struct Found {
+    group: wgpu::BindGroup,
+    /// Left, top, right and bottom of what may show any, pixels.
+    rect: [u32; 4],
+}
+
+impl Hulls {
+    /// Writes what the device must know of the plan's hulls; `shader_idx` tells which of the shader's cameras a camera is.
+    pub(super) fn assign(
+        &mut self,
+        gpu: &Gpu,
+        of: (&SceneState, &Plan),
+        anchor: DVec3,
+        shader_idx: impl Fn(usize) -> Option<usize>,
+    ) {
+        let data = self.data.get_or_insert_with(|| HullData::new(gpu));
+        data.assign(gpu, of, anchor, shader_idx);
+    }
+
+    /// Records that the surfaces of the plan's hulls are found; none where none is in the piece.
+    pub(super) fn find(
+        &mut self,
+        recording: &mut Recording<'_>,
+        (frame, frame_group): (&mut FrameData, &wgpu::BindGroup),
+        (state, plan): (&SceneState, &Plan),
+        piece: &HullPiece<'_>,
+    ) -> Result<Option<Found>, GpuError> {
+        let Some(data) = self.data.as_mut().filter(|_| !plan.hulls.is_empty()) else { return Ok(None) };
+        let gpu = recording.gpu;
+        let HullPiece { view, times, anchor, reach } = piece;
+        let size = [view.width_px * times, view.height_px * times];
+        let (group, rect) = data.bind(gpu, (view, *anchor), (0, size));
+        let Some(rect) = rect else { return Ok(None) };
+        let surface = HullSurface::sized(&mut self.surface, gpu, size);
+        match plan.hull.method {
+            HullMethod::Rays => {
+                let pass = made(&mut self.rays, || HullRaysPass::new(gpu, frame.layout(), data))?;
+                pass.record(recording, frame_group, &group, surface);
+            }
+            HullMethod::Voxels => {
+                let pass = made(&mut self.voxels, || HullVoxelsPass::new(gpu, frame.layout(), data))?;
+                pass.record(recording, (frame_group, &group), (state, plan, *anchor), surface);
+            }
+            HullMethod::Trimming => {
+                let pass = made(&mut self.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
+                pass.record(recording, frame_group, (data, &group), surface);
+            }
+            HullMethod::Csg => {
+                let pass = made(&mut self.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
+                pass.record(recording, frame_group, (data, &group), (surface, None));
+            }
+            HullMethod::Hybrid => {
+                let coarse = view.enlarged(*times).coarse(VALID_PX, 0);
+                let coarse_px = [coarse.width_px, coarse.height_px];
+                let (coarse_group, _) = data.bind(gpu, (&coarse, *anchor), (1, coarse_px));
+                let coarse_frame = frame.bind_beside(gpu, ViewData::new(&coarse, reach));
+                let valid = HullSurface::sized(&mut self.valid, gpu, coarse_px);
+                let trim = made(&mut self.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
+                trim.record(recording, &coarse_frame, (data, &coarse_group), valid);
+                let peel = made(&mut self.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
+                peel.record(recording, frame_group, (data, &group), (surface, Some(&valid.view)));
+            }
+        }
+        Ok(Some(Found { group, rect }))
+    }
+
+    /// Records that what was found is shown.
+    pub(super) fn show(
+        &mut self,
+        recording: &mut Recording<'_>,
+        into: &DrawInto<'_>,
+        found: &Found,
+        (plan, frames): (&Plan, &mut ImageArray),
+    ) -> Result<(), GpuError> {
+        let gpu = recording.gpu;
+        let (Some(data), Some(surface)) = (&self.data, &self.surface) else { return Ok(()) };
+        let pass = made(&mut self.shown, || Ok(HullPass::new(gpu)))?;
+        let of = (data, &found.group);
+        pass.record(recording, into, of, (&surface.view, found.rect), (plan.hull.texture, frames))
+    }
+
+    /// The surface that was found last.
+    pub(super) fn surface(&self) -> Option<&wgpu::Texture> {
+        self.surface.as_ref().map(|surface| &surface.texture)
+    }
+
+    /// Lets go of what is drawn on where that is more than `max_bytes`.
+    pub(super) fn trim(&mut self, max_bytes: u64) {
+        self.surface.take_if(|kept| kept.n_bytes() > max_bytes);
+        let trim = self.trim.as_mut().map(HullTrimPass::depth);
+        let voxels = self.voxels.as_mut().map(HullVoxelsPass::depth);
+        for depth in [trim, voxels].into_iter().flatten() {
+            depth.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
+        }
+        if let Some(peel) = &mut self.peel {
+            peel.trim(max_bytes);
+        }
+    }
+}
