@@ -15,6 +15,7 @@ struct Varying {
     @location(1) @interpolate(flat) more: vec2<u32>,
 }
 
+const LOOKS_AWAY: f32 = 0.5;
 const SQRT_3: f32 = 1.7320508;
 
 @vertex
@@ -40,5 +41,10 @@ fn vs_main(@builtin(vertex_index) corner: u32, in: VoxelIn) -> Varying {
 fn fs_main(in: Varying) -> @location(0) vec4<u32> {
     let ray = hull_ray(in.position.xy);
     let t = dot(in.place - ray.origin, view.forward);
-    return packed_surface(HullSurface(t, from_octahedral(unpack2x16snorm(in.more.y)), in.more.x, 0.0, 1.0));
+    let normal = from_octahedral(unpack2x16snorm(in.more.y));
+    // The far side, which an eye within would see; normals of voxels are not good enough to tell it at its edge.
+    if dot(normal, ray.direction) > LOOKS_AWAY * length(ray.direction) {
+        discard;
+    }
+    return packed_surface(HullSurface(t, normal, in.more.x, 0.0, 1.0));
 }

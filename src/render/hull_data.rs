@@ -68,6 +68,8 @@ pub(super) struct HullData {
     /// Distances from outlines, and masks.
     masks: Option<wgpu::Texture>,
     scratch: Scratch,
+    /// Of every hull, how many pixels of a camera's mask a metre of it is, at most: nothing of a silhouette is thinner than one.
+    mask_px_per_m: Vec<f64>,
 }
 
 /// A hull's part of all faces: those of its cones, and then the six sides of its bounds.
@@ -133,6 +135,7 @@ impl HullData {
             faces: GrowingBuffer::new("hull faces", wgpu::BufferUsages::VERTEX),
             masks: None,
             scratch: Scratch::default(),
+            mask_px_per_m: Vec::new(),
         }
     }
 
@@ -165,7 +168,10 @@ impl HullData {
         of_hulls.clear();
         let texture = self.masks.as_ref().expect("there is room");
         let draws_faces = !matches!(plan.hull.method, HullMethod::Rays | HullMethod::Voxels);
+        self.mask_px_per_m.clear();
         for of in chosen {
+            let finest = of.hull.views().iter().map(|view| mask_px_per_m(view, of.bounds_in_world));
+            self.mask_px_per_m.push(finest.fold(0.0, f64::max));
             let first_view = views.len() as u32;
             let first_face = faces.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
@@ -216,6 +222,18 @@ impl HullData {
     /// The same, and which of them are each hull's.
     pub(super) fn faces_by_hull(&self) -> (&wgpu::Buffer, &[HullFaces]) {
         (self.faces().0, &self.scratch.of_hulls)
+    }
+
+    /// Pixels a side, a power of two up to `most`, of squares that are no larger in `view` than the thinnest that a silhouette of
+    /// the hulls can be.
+    pub(super) fn coarse_px(&self, view: &View, most: u32) -> u32 {
+        let thinnest = |(bounds, mask_px): (&[DVec3; 2], &f64)| {
+            let [across, down] = view.pixels_per_metre((bounds[0] + bounds[1]) / 2.0);
+            across.min(down) / mask_px.max(1e-9)
+        };
+        let thinnest =
+            self.scratch.bounds.iter().zip(&self.mask_px_per_m).map(thinnest).fold(f64::INFINITY, f64::min);
+        (0..).map(|power| most >> power).find(|px| *px <= 1 || f64::from(*px) <= thinnest).unwrap_or(1)
     }
 
     fn make_room(&mut self, gpu: &Gpu, layer_px: u32, n_layers: u32) {
@@ -319,6 +337,14 @@ impl HullData {
         });
         (group, shown)
     }
+}
+
+/// How many pixels of a view's mask a metre in the middle of some bounds is.
+fn mask_px_per_m(view: &Silhouette, [low, high]: [DVec3; 2]) -> f64 {
+    let camera = view.camera();
+    let distance_m = camera.pose().position_in_world.distance((low + high) / 2.0).max(1e-3);
+    let mask_px = view.picture_px().x / f64::from(camera.size_px().0);
+    camera.focal_px().max_element() * mask_px / distance_m
 }
 
 /// A view with its outline and its tree added to `edges` and `boxes`.

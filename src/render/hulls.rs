@@ -4,8 +4,8 @@ use super::camera_data::{FrameData, Reach, View as ViewData};
 use super::hull_data::HullData;
 use super::image_array::ImageArray;
 use super::passes::{
-    DrawInto, HullPass, HullPeelPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, Recording,
-    VALID_PX,
+    DrawInto, HullPass, HullPeelPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, MOST_VALID_PX,
+    Recording,
 };
 use super::renderer::made;
 use crate::fuse::SceneState;
@@ -89,7 +89,9 @@ impl Hulls {
                 pass.record(recording, frame_group, (data, &group), (surface, None));
             }
             HullMethod::Hybrid => {
-                let coarse = view.enlarged(*times).coarse(VALID_PX, 0);
+                let view = view.enlarged(*times);
+                let valid_px = data.coarse_px(&view, MOST_VALID_PX);
+                let coarse = view.coarse(valid_px, 0);
                 let coarse_px = [coarse.width_px, coarse.height_px];
                 let (coarse_group, _) = data.bind(gpu, (&coarse, *anchor), (1, coarse_px));
                 let coarse_frame = frame.bind_beside(gpu, ViewData::new(&coarse, reach));
@@ -97,7 +99,7 @@ impl Hulls {
                 let trim = made(&mut self.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
                 trim.record(recording, &coarse_frame, (data, &coarse_group), valid);
                 let peel = made(&mut self.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
-                peel.record(recording, frame_group, (data, &group), (surface, Some(&valid.view)));
+                peel.record(recording, frame_group, (data, &group), (surface, Some((&valid.view, valid_px))));
             }
         }
         Ok(Some(Found { group, rect }))

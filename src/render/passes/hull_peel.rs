@@ -22,8 +22,8 @@ const MOST_LAYERS: u32 = 256;
 /// Bytes between the draws of one layer and of the next: buffers are bound at multiples of it.
 const STRIDE: u64 = 256;
 
-/// Pixels a side of a texel of the valid region.
-pub(in crate::render) const VALID_PX: u32 = 8;
+/// Most pixels a side of a texel of the valid region.
+pub(in crate::render) const MOST_VALID_PX: u32 = 8;
 
 /// Peels cones.
 #[derive(Debug)]
@@ -31,8 +31,8 @@ pub(in crate::render) struct HullPeelPass {
     depths_layout: wgpu::BindGroupLayout,
     layer_layout: wgpu::BindGroupLayout,
     draws_layout: wgpu::BindGroupLayout,
-    /// Without a valid region, and with.
-    peel: [wgpu::RenderPipeline; 2],
+    /// By pixels a side of a texel of the valid region; 0 without one.
+    peel: Vec<(u32, wgpu::RenderPipeline)>,
     count: wgpu::RenderPipeline,
     resolve: wgpu::RenderPipeline,
     stop: wgpu::ComputePipeline,
@@ -205,7 +205,10 @@ impl HullPeelPass {
             mapped_at_creation: false,
         });
         Ok(Self {
-            peel: [0, VALID_PX].map(|px| pipeline(&drawn, ["vs_closed", "fs_layer"], Kind::Peel, px)),
+            // As few as powers of two up to the most.
+            peel: [0, 1, 2, 4, MOST_VALID_PX]
+                .map(|px| (px, pipeline(&drawn, ["vs_closed", "fs_layer"], Kind::Peel, px)))
+                .to_vec(),
             count: pipeline(&drawn, ["vs_closed", "fs_count"], Kind::Count, 0),
             resolve: pipeline(&resolved, ["vs_full", "fs_resolve"], Kind::Resolve, 0),
             stop,
@@ -225,10 +228,12 @@ impl HullPeelPass {
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,
         (hulls, group): (&HullData, &wgpu::BindGroup),
-        (surface, valid): (&HullSurface, Option<&wgpu::TextureView>),
+        (surface, valid): (&HullSurface, Option<(&wgpu::TextureView, u32)>),
     ) {
         let gpu = recording.gpu;
         let size = surface.size_px();
+        let valid_px = valid.map_or(0, |(_, px)| px);
+        let valid = valid.map(|(view, _)| view);
         self.targets.take_if(|kept| kept.size != size);
         if self.targets.is_none() {
             self.targets = Some(PeelTargets::new(gpu, size));
@@ -237,6 +242,7 @@ impl HullPeelPass {
         let n_layers = |of: &HullFaces| (of.n_views * LAYERS_A_VIEW + 4).min(MOST_LAYERS);
         self.write_draws(gpu, hulls_faces.iter().map(|of| (of, n_layers(of))));
         let (Some(targets), Some(draws)) = (&self.targets, &self.draws) else { return };
+        let peel = self.peel.iter().find(|(px, _)| *px == valid_px).map_or(&self.peel[0].1, |(_, peel)| peel);
         let span = recording.timer.span(LABEL);
         let n_passes: usize = hulls_faces.iter().map(|of| 2 + 3 * n_layers(of) as usize).sum();
         let timer = &*recording.timer;
@@ -274,7 +280,7 @@ impl HullPeelPass {
                     query: true,
                 };
                 let mut pass = self.begin(gpu, encoder, &on, times());
-                pass.set_pipeline(&self.peel[usize::from(valid.is_some())]);
+                pass.set_pipeline(peel);
                 pass.set_bind_group(0, frame, &[]);
                 pass.set_bind_group(1, &depths[last], &[]);
                 pass.set_bind_group(2, group, &[]);

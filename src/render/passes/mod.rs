@@ -21,7 +21,7 @@ pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use hull::HullPass;
-pub(super) use hull_peel::{HullPeelPass, VALID_PX};
+pub(super) use hull_peel::{HullPeelPass, MOST_VALID_PX};
 pub(super) use hull_rays::{HullRaysPass, HullSurface};
 pub(super) use hull_trim::HullTrimPass;
 pub(super) use hull_voxels::HullVoxelsPass;
