@@ -23,6 +23,7 @@ mod contract;
 mod documents;
 mod effort;
 mod encoding;
+mod entities;
 mod error;
 mod event_stream;
 mod events;
@@ -159,6 +160,7 @@ struct Api {
     requests: Arc<Semaphore>,
     encoders: Arc<Semaphore>,
     encoding_pace: Arc<encoding::EncodingPace>,
+    meshes: Arc<Semaphore>,
     strips: Arc<Semaphore>,
     streams: Arc<Semaphore>,
     listeners: Arc<Semaphore>,
@@ -257,6 +259,7 @@ pub fn router_within(
         encoders,
         encoding_pace: Arc::default(),
         strips,
+        meshes: Arc::new(Semaphore::new(entities::AT_ONCE)),
         streams: frames::places(),
         listeners: Arc::new(Semaphore::new(guests::LISTENERS)),
         answers,
@@ -335,6 +338,7 @@ fn resources() -> Routes {
         jobs::routes(),
         snapshots::routes(),
         which_cameras::routes(),
+        entities::routes(),
         accuracy::routes(),
         session::routes(),
         users::routes(),

@@ -10,6 +10,7 @@ use crate::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use crate::clock::Timestamp;
 use crate::config::{CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::frame::{CameraId, YuvImage};
+use crate::fuse::SceneState;
 use crate::geometry::SurfaceId;
 use crate::ingest::{Look, StopFlag};
 use crate::scene::Scene;
@@ -463,6 +464,13 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
+
+    /// What stands in a scene at a time. Who stands there now has the ids that [`Self::present`] tells; at another time, such as hold
+    /// for that instant alone. Blocks where an instant is asked for that memory does not hold.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Gap`], [`EngineError::Forbidden`].
+    fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError>;
 
     /// Changes with every frame that a camera has seen.
     ///

@@ -62,7 +62,7 @@ pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
 pub use playheads::{ENDED, PlayheadChange, PlayheadState};
-pub use presence::{Present, PresentEntity};
+pub use presence::{Present, PresentEntity, present_in};
 pub use privacy::{LiftedZone, Privacy, PrivacySummary};
 pub use reload::Reloader;
 pub use seeing::{CameraSight, Sight, which_cameras};

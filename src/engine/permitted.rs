@@ -27,6 +27,7 @@ use crate::archive::{ExportFile, ExportStatus};
 use crate::clock::Timestamp;
 use crate::config::{CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::frame::CameraId;
+use crate::fuse::SceneState;
 use crate::ingest::{Look, StopFlag};
 use crate::scene::Scene;
 use crate::store::ActivityRecord;
@@ -413,6 +414,12 @@ impl Door for Permitted {
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
         let scene = self.scene_with(scene, &self.seeing(At::Live), "live")?;
         self.shared.present_of(&scene)
+    }
+
+    fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError> {
+        let what = if at == At::Live { "live" } else { "history" };
+        let scene = self.scene_with(scene, &self.seeing(at), what)?;
+        self.shared.standing_in(&scene, at)
     }
 
     fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {

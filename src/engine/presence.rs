@@ -1,4 +1,4 @@
-//! Who is before a scene's cameras now, without a picture: asked for again and again by those who follow it.
+//! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at another time.
 //!
 //! Remembers who is who by itself, so that whoever looks at pictures of the past disturbs nobody's present. What is answered
 //! hangs on the scene's identity, and so on the cameras that the caller may see.
@@ -6,12 +6,14 @@
 use super::EngineError;
 use super::associations::MAX_SCENES;
 use super::handle::At;
+use super::picture::Observations;
 use super::shared::Shared;
 use super::view::SourceTime;
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
 use crate::fuse::{self, Association, Entity, SceneState};
 use crate::scene::Scene;
+use crate::timeline::Observation;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -58,13 +60,48 @@ impl Shared {
         let changes = self.privacies.changes();
         let instant = self.live_instant(scene)?;
         let (observations, _gaps) = self.seen_at(scene, At::Live, (instant, None))?;
-        let source = |(camera, of): &(CameraId, crate::timeline::Observation)| SourceTime {
+        let source = |(camera, of): &(CameraId, Observation)| SourceTime {
             camera: camera.clone(),
             timestamp: of.frame.timestamp,
         };
         let sources: Vec<SourceTime> = observations.iter().map(source).collect();
-        // A panic costs what is known of who is who in one scene: its entry is out of the list meanwhile.
-        let mut kept = self.presences.0.lock().unwrap_or_else(PoisonError::into_inner);
+        self.presences.within(scene, |own| {
+            let is_it = |of: &Present| of.instant == instant && of.sources == sources;
+            let known = own.newest.clone().filter(|(number, of)| *number == changes && is_it(of));
+            let known = known.map(|(_, present)| present);
+            let present = known.unwrap_or_else(|| {
+                let state =
+                    fuse::assemble_within(&mut own.association, scene, instant, find_in(&observations), None);
+                Arc::new(Present { instant, sources, entities: present_in(&state) })
+            });
+            own.newest = Some((changes, Arc::clone(&present)));
+            Ok(present)
+        })
+    }
+
+    /// What stands in `scene` at a time: now with the ids that [`Self::present_of`] tells, at another time with such as hold for that
+    /// instant alone.
+    pub(super) fn standing_in(&self, scene: &Arc<Scene>, at: At) -> Result<SceneState, EngineError> {
+        let instant = match at {
+            At::Live => self.live_instant(scene)?,
+            At::Time(instant) => instant,
+        };
+        let (observations, _gaps) = self.seen_at(scene, at, (instant, None))?;
+        let assembled = |association: &mut Association| {
+            fuse::assemble_within(association, scene, instant, find_in(&observations), None)
+        };
+        Ok(match at {
+            At::Live => self.presences.within(scene, |own| assembled(&mut own.association)),
+            At::Time(_) => assembled(&mut Association::default()),
+        })
+    }
+}
+
+impl Presences {
+    /// Has something done with what is known of who is who in a scene. A panic costs that of one scene: its entry is out of the list
+    /// meanwhile.
+    fn within<T>(&self, scene: &Arc<Scene>, with: impl FnOnce(&mut Kept) -> T) -> T {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let place = kept.iter().position(|of| Arc::ptr_eq(&of.scene, scene));
         let mut own = match place {
             Some(place) => kept.remove(place),
@@ -73,23 +110,24 @@ impl Shared {
                 Kept { scene: Arc::clone(scene), association: Association::default(), newest: None }
             }
         };
-        let is_it = |of: &Present| of.instant == instant && of.sources == sources;
-        let known = own.newest.clone().filter(|(number, of)| *number == changes && is_it(of));
-        let known = known.map(|(_, present)| present);
-        let present = known.unwrap_or_else(|| {
-            let find =
-                |id: &CameraId| observations.iter().find(|(of, _)| of == id).map(|(_, seen)| seen.clone());
-            let state = fuse::assemble_within(&mut own.association, scene, instant, find, None);
-            let entities = state.entities.iter().map(|entity| present(&state, entity)).collect();
-            Arc::new(Present { instant, sources, entities })
-        });
-        own.newest = Some((changes, Arc::clone(&present)));
+        let done = with(&mut own);
         if kept.len() == MAX_SCENES {
             kept.remove(0);
         }
         kept.push(own);
-        Ok(present)
+        done
     }
+}
+
+/// Gives each camera's observation.
+fn find_in(observations: &Observations) -> impl FnMut(&CameraId) -> Option<Observation> {
+    |id: &CameraId| observations.iter().find(|(of, _)| of == id).map(|(_, seen)| seen.clone())
+}
+
+/// Who stands in a state.
+#[must_use]
+pub fn present_in(state: &SceneState) -> Vec<PresentEntity> {
+    state.entities.iter().map(|entity| present(state, entity)).collect()
 }
 
 fn present(state: &SceneState, entity: &Entity) -> PresentEntity {

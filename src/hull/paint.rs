@@ -29,7 +29,7 @@ pub fn paint(mesh: &mut Mesh, hull: &Hull, pictures: &[Option<RgbImage>]) {
         sums.par_iter_mut().zip(&mesh.positions_m).zip(&mesh.normals).for_each(|((sum, place), normal)| {
             let Some(seen) = view.camera().project(*place).filter(|seen| seen.is_inside()) else { return };
             let facing = (eye - *place).normalize_or_zero().dot(normal.as_dvec3());
-            if facing <= 0.0 || !depths.sees(seen.texture, seen.depth_m - slack_m) {
+            if facing <= 0.0 || !depths.sees(view.mask_px(seen.texture), seen.depth_m - slack_m) {
                 return;
             }
             let weight = facing.powi(OBLIQUENESS) as f32;
@@ -120,11 +120,13 @@ impl Depths {
     fn of(mesh: &Mesh, view: &View) -> Self {
         let [width, height] = view.size_px();
         let mut depths = Self { width, height, depths_m: vec![f32::INFINITY; width * height] };
-        let size = DVec2::new(width as f64, height as f64);
         let seen: Vec<Option<DVec3>> = mesh
             .positions_m
             .par_iter()
-            .map(|place| view.camera().project(*place).map(|seen| (seen.texture * size).extend(seen.depth_m)))
+            .map(|place| {
+                let seen = view.camera().project(*place)?;
+                Some(view.mask_px(seen.texture).extend(seen.depth_m))
+            })
             .collect();
         for triangle in &mesh.triangles {
             let corners = triangle.map(|corner| seen[corner as usize]);
@@ -162,10 +164,10 @@ impl Depths {
         }
     }
 
-    /// Whether nothing nearer than `depth_m` is seen at a place.
-    fn sees(&self, texture: DVec2, depth_m: f64) -> bool {
-        let x = ((texture.x * self.width as f64) as usize).min(self.width - 1);
-        let y = ((texture.y * self.height as f64) as usize).min(self.height - 1);
+    /// Whether nothing nearer than `depth_m` is seen at a place of the mask.
+    fn sees(&self, mask_px: DVec2, depth_m: f64) -> bool {
+        let x = (mask_px.x.max(0.0) as usize).min(self.width - 1);
+        let y = (mask_px.y.max(0.0) as usize).min(self.height - 1);
         f64::from(self.depths_m[y * self.width + x]) >= depth_m
     }
 }

@@ -204,12 +204,17 @@ impl View {
         self.is_inside[y * self.width + x]
     }
 
+    /// Where a texture coordinate lies in the mask, pixels from its first.
+    pub(super) fn mask_px(&self, texture: DVec2) -> DVec2 {
+        let [left, top] = self.left_top.map(|first| first as f64);
+        texture * self.picture_px - DVec2::new(left, top)
+    }
+
     /// What the mask has at a texture coordinate; none beside the picture.
     #[must_use]
     pub fn at(&self, texture: DVec2) -> Option<bool> {
         let [width, height] = self.size_px();
-        let [left, top] = self.left_top.map(|first| first as f64);
-        let at = texture * self.picture_px - DVec2::new(left, top);
+        let at = self.mask_px(texture);
         let is_in = at.x >= 0.0 && at.y >= 0.0 && at.x < width as f64 && at.y < height as f64;
         is_in.then(|| self.is_inside[at.y as usize * width + at.x as usize])
     }

@@ -12,6 +12,7 @@ mod evidence;
 mod feed;
 mod frozen;
 pub(crate) mod house;
+mod hulls;
 mod jobs;
 mod kept_scenes;
 mod masked;

@@ -26,6 +26,22 @@ pub(in crate::api) fn all() -> Value {
     object([("scenes", list(scene), "The default one first")])
 }
 
+/// Who stands before a scene's cameras.
+pub(in crate::api) fn entities() -> Value {
+    let entity = object([
+        ("id", count(), ""),
+        ("position_m", exactly(3, number()), "Where it touches the ground"),
+        ("height_m", number(), ""),
+        ("cameras", list(id()), "Those that see it"),
+        ("has_hull", boolean(), "Whether enough of them do for its silhouettes to leave a shape"),
+    ]);
+    object([
+        ("scene", id(), ""),
+        ("time", time(), "The instant"),
+        ("entities", list(entity), "By growing ids"),
+    ])
+}
+
 /// A file that scenes may name.
 pub(in crate::api) fn asset() -> Value {
     object([

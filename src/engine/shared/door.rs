@@ -26,6 +26,7 @@ use crate::clock::Timestamp;
 use crate::config::{self, CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use crate::error::Fault;
 use crate::frame::CameraId;
+use crate::fuse::SceneState;
 use crate::ingest::{Look, StopFlag};
 use crate::mapping::{self, Location};
 use crate::scene::Scene;
@@ -353,6 +354,10 @@ impl Door for Shared {
 
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
         self.present_of(&self.scene(scene)?)
+    }
+
+    fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError> {
+        self.standing_in(&self.scene(scene)?, at)
     }
 
     fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {

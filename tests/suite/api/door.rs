@@ -1,6 +1,6 @@
 //! A stand-in for the engine: two cameras and one scene, and whatever failure a test asks for.
 
-use glam::{DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, SyncSender};
@@ -22,6 +22,7 @@ use videofields::engine::{
     StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields::fuse::{Entity, SceneState};
 use videofields::geometry::Surfaces;
 use videofields::plan::{
     Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
@@ -242,6 +243,25 @@ impl Door for FakeDoor {
             seen_by: vec![id("north")],
         };
         Ok(Arc::new(Present { instant: LAST, sources: Vec::new(), entities: vec![entity] }))
+    }
+
+    fn standing(&self, scene: &str, _at: At) -> Result<SceneState, EngineError> {
+        self.failure()?;
+        Ok(SceneState {
+            scene: self.scene(scene)?,
+            instant: LAST,
+            cameras: Vec::new(),
+            n_overlapping: 0,
+            entities: vec![Entity {
+                id: 3,
+                foot_in_world: DVec3::new(1.0, -2.0, 0.0),
+                foot_covariance_m2: DMat2::IDENTITY,
+                height_m: 1.75,
+                sources: Vec::new(),
+            }],
+            points: Vec::new(),
+            hulls: Vec::new(),
+        })
     }
 
     fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError> {

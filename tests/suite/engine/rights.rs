@@ -408,6 +408,10 @@ fn routes() -> Vec<String> {
         routes.extend([of.clone(), format!("{of}/alignment"), format!("{of}/timeline?{span}")]);
         routes.push(format!("{of}/which-cameras?point=0,0,0"));
         routes.extend(
+            ["entities", "entities?t=200000000", "entities/1/hull.glb", "entities/2/hull.ply?t=200000000"]
+                .map(|rest| format!("{of}/{rest}")),
+        );
+        routes.extend(
             ["", "&camera=south", "&camera=north"].map(|of_camera| format!("{of}/tracks?{span}{of_camera}")),
         );
         for what in ["view.png", "view.jpg", "plan"] {

@@ -291,11 +291,16 @@ fn looks() -> Vec<Ask> {
         );
         paths.push(format!("{of}/view.mjpeg?width=64&height=48&rate=30"));
         paths.push(format!("{of}/which-cameras?point=0,0,0"));
+        paths.extend(
+            ["entities", "entities?t=200000000", "entities/1/hull.glb", "entities/2/hull.ply?t=200000000"]
+                .map(|rest| format!("{of}/{rest}")),
+        );
         paths.extend(["frames", "tracks/stream"].map(|rest| format!("{of}/{rest}")));
         for what in ["view.png", "view.jpg", "plan"] {
             for wishes in [
                 "",
                 "&entities=points",
+                "&entities=hulls",
                 "&quality=draft",
                 "&quality=exact&colors=raw",
                 "&session=wall",

@@ -17,4 +17,5 @@ test("what is wished for is done where it can be", () => {
   expect(decide({ ...usual, wish: "browser", isPast: true })).toEqual({ by: "server", why: "past" });
   expect(decide({ ...usual, wish: "browser", isLost: true }).by).toBe("server");
   expect(decide({ ...usual, wish: "browser", entities: "points" }).by).toBe("server");
+  expect(decide({ ...usual, wish: "browser", entities: "hulls" })).toEqual({ by: "server", why: "hulls" });
 });

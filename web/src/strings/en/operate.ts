@@ -6,6 +6,7 @@ export const operate = {
 
   "entities.label": "People and things",
   "entities.billboards": "Billboards",
+  "entities.hulls": "Shapes",
   "entities.points": "Points",
   "entities.none": "None",
 

@@ -18,6 +18,7 @@ export const spatial = {
   "spatial.why.software": "since this browser has no graphics card to draw with.",
   "spatial.why.past": "since cameras tell the browser only of now.",
   "spatial.why.lost": "since this browser lost its graphics card.",
+  "spatial.why.hulls": "since the browser draws no shapes.",
   "spatial.why.points": "since the browser draws no points.",
 
   "spatial.headset.enter": "Enter VR",

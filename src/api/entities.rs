@@ -1,0 +1,197 @@
+//! `/api/v1/scenes/{id}/entities`: who stands before a scene's cameras at a time, and the shape that their silhouettes leave.
+
+use super::error::Problem;
+use super::identity::Asked;
+use super::openapi::Routes;
+use super::operation::{Answer, Operation};
+use super::parameters::Parameter;
+use super::query::Query;
+use super::segments::Segments;
+use super::{scenes, schema};
+use crate::access::Right;
+use crate::engine::{PresentEntity, present_in};
+use crate::error::ErrorKind;
+use crate::frame::RgbImage;
+use crate::fuse::{EntityHull, LEAST_VIEWS, SceneState};
+use crate::hull::{self, Bounds, Mesh, Method};
+use axum::Json;
+use axum::extract::RawQuery;
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+use std::ops::RangeInclusive;
+
+/// Meshes that are made at once; more wait.
+pub(super) const AT_ONCE: usize = 2;
+
+/// Places of the grid along a hull's longest side.
+const RESOLUTION: RangeInclusive<u32> = 16..=256;
+const DEFAULT_RESOLUTION: u32 = 96;
+
+/// Of the masks' pixels, by how much outlines are simplified.
+const OUTLINE_ERROR_PX: f64 = 0.25;
+
+/// How a mesh is written, by the file's name.
+const FILES: [(&str, Written, &str); 2] =
+    [("hull.glb", Written::Glb, "model/gltf-binary"), ("hull.ply", Written::Ply, "application/octet-stream")];
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Written {
+    Glb,
+    Ply,
+}
+
+const T: &[Parameter] = &[Parameter::moment("t", "Which time is asked for")];
+
+const PARAMETERS: &[Parameter] = &[
+    Parameter::moment("t", "Which time is asked for"),
+    Parameter::whole("resolution", &(16..=256), "Places of the grid along the longest side").default_is("96"),
+];
+
+const SEGMENTS: &[Parameter] = &[
+    Parameter::id("id", "A scene"),
+    Parameter::whole("entity", &(0..=(1 << 53) - 1), "An entity"),
+    Parameter::files(
+        "file",
+        || FILES.iter().map(|(name, ..)| (*name).to_owned()).collect(),
+        "How the mesh is written",
+    ),
+];
+
+/// Routes about who stands in a scene.
+pub(super) fn routes() -> Routes {
+    let list = Operation::new("list_entities", "Who stands before a scene's cameras at a time")
+        .about("Now with the ids of its tracks' stream; at another time with ids of that instant alone.")
+        .right(Right::Live)
+        .parameters(T)
+        .answers(Answer::json(200, "Who is there and where", schema::scenes::entities()));
+    let mesh = Operation::new("show_hull", "The shape that an entity's silhouettes leave, as a closed mesh")
+        .about("With colours of the cameras that see it. Needs two cameras that see it.")
+        .right(Right::Live)
+        .parameters(PARAMETERS)
+        .answers(
+            Answer::bytes(200, "The mesh", &["model/gltf-binary", "application/octet-stream"])
+                .field("Videofields-Time", "The instant shown, RFC 3339")
+                .field("Videofields-Cameras", "The cameras whose silhouettes it is of")
+                .field("Videofields-Skew", "How far apart their frames are, seconds"),
+        );
+    Routes::of(scenes::TAG, SEGMENTS).get("/api/v1/scenes/{id}/entities", self::list, list).get(
+        "/api/v1/scenes/{id}/entities/{entity}/{file}",
+        self::mesh,
+        mesh,
+    )
+}
+
+/// Who stands there.
+async fn list(
+    Asked(api): Asked,
+    Segments(id): Segments<String>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let mut query = Query::parse(raw.as_deref(), T);
+    let moment = query.moment(|id| api.door.playhead_at(id));
+    let moment = query.finish(Some(moment))?;
+    let scene = id.clone();
+    let state = api.ask("looking who was there", move |door| door.standing(&scene, moment.at)).await;
+    let state = state.map_err(|error| scenes::problem_of(&api, error))?;
+    let millimetres = |metres: f64| (metres * 1e3).round() / 1e3;
+    let entity = |of: &PresentEntity| {
+        json!({
+            "id": of.id,
+            "position_m": of.foot_in_world.to_array().map(millimetres),
+            "height_m": millimetres(of.height_m),
+            "cameras": of.seen_by,
+            "has_hull": of.seen_by.len() >= LEAST_VIEWS,
+        })
+    };
+    let entities: Vec<Value> = present_in(&state).iter().map(entity).collect();
+    let body = json!({ "scene": id, "time": state.instant.to_string(), "entities": entities });
+    Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
+}
+
+/// One hull.
+async fn mesh(
+    Asked(api): Asked,
+    Segments((id, entity, file)): Segments<(String, String, String)>,
+    RawQuery(raw): RawQuery,
+) -> Result<Response, Problem> {
+    let names = FILES.map(|(name, ..)| name);
+    let Some((_, written, content_type)) = FILES.into_iter().find(|(name, ..)| *name == file) else {
+        return Err(Problem::missing("file", &file, &names));
+    };
+    let mut query = Query::parse(raw.as_deref(), PARAMETERS);
+    let moment = query.moment(|id| api.door.playhead_at(id));
+    let resolution = query.whole("resolution", &RESOLUTION).unwrap_or(DEFAULT_RESOLUTION);
+    let (moment, resolution) = query.finish(Some((moment, resolution)))?;
+    // Held until the mesh is made, though nobody waits for it any more.
+    let turn =
+        std::sync::Arc::clone(&api.meshes).acquire_owned().await.expect("the semaphore is never closed");
+    let scene = id.clone();
+    let made = api.ask("making a hull", move |door| {
+        let made = door.standing(&scene, moment.at).map(|state| made(state, &entity, (resolution, written)));
+        drop(turn);
+        made
+    });
+    let Made { bytes, time, cameras, skew_s } =
+        made.await.map_err(|error| scenes::problem_of(&api, error))??;
+    let mut response = bytes.into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(content_type));
+    headers.insert(header::CACHE_CONTROL, HeaderValue::from_static("no-store"));
+    for (name, value) in [
+        ("content-disposition", format!("attachment; filename=\"{file}\"")),
+        ("videofields-time", time),
+        ("videofields-cameras", cameras),
+        ("videofields-skew", format!("{skew_s:.3}")),
+    ] {
+        if let Ok(value) = HeaderValue::try_from(value) {
+            headers.insert(name, value);
+        }
+    }
+    Ok(response)
+}
+
+/// A mesh in a file's bytes.
+struct Made {
+    bytes: Vec<u8>,
+    time: String,
+    cameras: String,
+    skew_s: f64,
+}
+
+fn made(mut state: SceneState, entity: &str, (resolution, written): (u32, Written)) -> Result<Made, Problem> {
+    let idx = entity.parse().ok().and_then(|id: u64| state.entities.iter().position(|of| of.id == id));
+    let Some(idx) = idx else {
+        let ids: Vec<String> = state.entities.iter().map(|of| of.id.to_string()).collect();
+        let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+        return Err(Problem::missing("entity", entity, &ids));
+    };
+    let refused = |why: String| {
+        Problem::new(ErrorKind::NotFound, format!("there is no hull of entity {entity}: {why}"))
+    };
+    state.entities.swap(0, idx);
+    state.entities.truncate(1);
+    state.place_hulls(OUTLINE_ERROR_PX);
+    let Some(of) = state.hulls.first() else {
+        return Err(refused(format!("fewer than {LEAST_VIEWS} cameras see it")));
+    };
+    let mesh = painted(&state, of, resolution).map_err(|error| refused(error.to_string()))?;
+    let mut bytes = Vec::new();
+    match written {
+        Written::Glb => mesh.write_glb(&mut bytes),
+        Written::Ply => mesh.write_ply(&mut bytes),
+    }
+    .map_err(|error| refused(error.to_string()))?;
+    let ids: Vec<&str> = of.cameras.iter().map(|camera| state.cameras[*camera].id.as_str()).collect();
+    Ok(Made { bytes, time: state.instant.to_string(), cameras: ids.join(","), skew_s: of.skew_s })
+}
+
+fn painted(state: &SceneState, of: &EntityHull, resolution: u32) -> Result<Mesh, hull::HullError> {
+    let [low, high] = of.bounds_in_world;
+    let bounds = Bounds::new(low, high).ok_or(hull::HullError::Unbounded)?;
+    let mut mesh = hull::extract(&of.hull, &bounds, (Method::ImageBased, resolution))?;
+    let picture = |camera: &usize| Some(state.cameras[*camera].observation.frame.image.to_rgb());
+    let pictures: Vec<Option<RgbImage>> = of.cameras.iter().map(picture).collect();
+    hull::paint(&mut mesh, &of.hull, &pictures);
+    Ok(mesh)
+}
