@@ -100,7 +100,15 @@ fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<Came
     };
     let instant = Timestamp::from_nanos(0);
     let (entities, points) = (Vec::new(), Vec::new());
-    SceneState { scene: Arc::new(scene), instant, cameras, n_overlapping: 0, entities, points }
+    SceneState {
+        scene: Arc::new(scene),
+        instant,
+        cameras,
+        n_overlapping: 0,
+        entities,
+        points,
+        hulls: Vec::new(),
+    }
 }
 
 fn square(half_m: f64) -> GroundPolygon {

@@ -82,6 +82,7 @@ fn state(n_cameras: u32) -> SceneState {
         n_overlapping: 0,
         entities: Vec::new(),
         points: Vec::new(),
+        hulls: Vec::new(),
     }
 }
 

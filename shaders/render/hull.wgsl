@@ -16,8 +16,11 @@ override HAS_FEATHER: bool = true;
 // Exponents of obliqueness and of likeness of direction.
 const ALPHA: f32 = 5.0;
 const BETA: f32 = 5.0;
-// Pixels of a camera's picture within an outline over which it comes to count in full.
+// Pixels of a camera's picture within an outline that count for nothing, and over which it then comes to count in full.
+const BORDER_PX: f32 = 1.0;
 const FEATHER_PX: f32 = 4.0;
+// Share by which outlines count where nothing else is seen.
+const LEAST_SHARE: f32 = 1e-3;
 // Metres by which a surface may lie behind what a camera sees, for it to be the same.
 const SAME_M: f32 = 0.04;
 // Weights below have no say: what they are of falls back on the next in order.
@@ -70,8 +73,9 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     let to_viewer = to_viewer_from(place);
     let first = hulls[found.hull_idx].first_view;
     var coverage = found.coverage;
-    // By all four weights; without visibility; by direction alone.
-    var sums = array<vec4<f32>, 3>(vec4<f32>(0.0), vec4<f32>(0.0), vec4<f32>(0.0));
+    // By all four weights; and, for what nobody sees well, as what lies before it is seen from the viewer's side: filled from beside,
+    // away from outlines where there is more than that.
+    var sums = array<vec4<f32>, 2>(vec4<f32>(0.0), vec4<f32>(0.0));
     for (var k = 0u; k < hulls[found.hull_idx].n_views; k++) {
         let view_idx = first + k;
         let camera_idx = hull_views[view_idx].camera_idx;
@@ -88,14 +92,14 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         let likeness = 0.5 * (dot(to_camera, to_viewer) + 1.0);
         let by_direction = pow(max(likeness, 1e-4), BETA);
         let within = silhouette_texel(view_idx, place).x + 0.5;
-        // What shows the background, or somebody else before it, is not of its colour.
+        // What shows the background is not of its colour; pixels on the outline are of both.
         let is_own = smoothstep(0.25, 0.75, color.a);
-        let feather = select(is_own, is_own * clamp(within / FEATHER_PX, 0.0, 1.0), HAS_FEATHER);
+        let share = clamp((within - BORDER_PX) / FEATHER_PX, 0.0, 1.0);
+        let feather = select(is_own, is_own * share, HAS_FEATHER);
         let by_angle = pow(max(dot(to_camera, found.normal), 0.0), ALPHA);
         var weight = feather * by_angle * by_direction;
         let rgb = evened(camera_idx, color.rgb);
-        sums[1] += vec4<f32>(rgb, 1.0) * (feather * by_direction);
-        sums[2] += vec4<f32>(rgb, 1.0) * by_direction;
+        sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * by_direction);
         if HAS_VISIBILITY && weight > LEAST_WEIGHT {
             if is_hidden(view_idx, found.hull_idx, place) {
                 weight = 0.0;
@@ -107,9 +111,7 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     if sum.a <= LEAST_WEIGHT {
         sum = sums[1];
     }
-    if sum.a <= LEAST_WEIGHT {
-        sum = sums[2];
-    }
+    // What no camera has a foreground for is nobody.
     if sum.a <= 0.0 {
         discard;
     }

@@ -92,7 +92,8 @@ fn is_seen_by_any(hull_idx: u32, place: vec3<f32>) -> bool {
 fn fs_layer(in: ClosedVarying) -> @location(0) vec4<u32> {
     let pixel = vec2<u32>(in.position.xy);
     let is_behind = in.position.z < textureLoad(layer_depth, pixel, 0);
-    let is_wanted = is_behind && textureLoad(found_depth, pixel, 0) == 0.0;
+    // Behind what is found already nothing is looked for.
+    let is_wanted = is_behind && in.position.z > textureLoad(found_depth, pixel, 0);
     if !is_wanted || !is_valid(pixel) || !is_within_hull_bounds(in.face.x, in.place) {
         discard;
     }

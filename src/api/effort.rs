@@ -2,15 +2,16 @@
 
 use super::parameters::{Parameter, words};
 use super::query::Query;
+use crate::fuse::LEAST_VIEWS;
 use crate::plan::{
     Aim, Deadline, Detail, Effort, EntityStyle, Filtering, HullMethod, MAX_BLENDED_CAMERAS,
-    MAX_SUPERSAMPLING, Named, Preset,
+    MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Named, Preset,
 };
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// The parameters that are read here.
-pub(super) const PARAMETERS: [Parameter; 13] = [
+pub(super) const PARAMETERS: [Parameter; 14] = [
     Parameter::word("quality", || words(&Preset::ALL), "How exactly it is drawn: sets every knob")
         .default_is("balanced"),
     Parameter::number(
@@ -51,6 +52,11 @@ pub(super) const PARAMETERS: [Parameter; 13] = [
         || vec!["32", "64", "128", "256"],
         "Voxels along the longest side of a hull; of `method=voxels`",
     ),
+    Parameter::whole(
+        "hull_cameras",
+        &(LEAST_VIEWS as u64..=MAX_ENTITY_CAMERAS as u64),
+        "Cameras that must see somebody for a hull; of `entities=hulls`",
+    ),
     Parameter::word(
         "hull_visibility",
         || vec!["on", "off"],
@@ -75,6 +81,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
         ("sources", style.has_billboards(), "entities=billboards and entities=hulls"),
         ("stride", style == EntityStyle::Points, "entities=points"),
         ("method", style == EntityStyle::Hulls, "entities=hulls"),
+        ("hull_cameras", style == EntityStyle::Hulls, "entities=hulls"),
         ("voxels", style == EntityStyle::Hulls, "entities=hulls"),
         ("hull_visibility", style == EntityStyle::Hulls, "entities=hulls"),
     ];
@@ -94,6 +101,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
             point_stride: query.choice("stride", &[("1", 1), ("2", 2), ("4", 4)]),
             sources: query.choice("sources", &[("1", 1), ("2", 2)]),
             hull_method: query.choice("method", &HullMethod::ALL),
+            hull_cameras: query.whole("hull_cameras", &(LEAST_VIEWS as u32..=MAX_ENTITY_CAMERAS as u32)),
             hull_voxels: query.choice("voxels", &[("32", 32), ("64", 64), ("128", 128), ("256", 256)]),
             hull_visibility: query.choice("hull_visibility", &[("on", true), ("off", false)]),
             most_cameras: query.whole("cameras", &(1..=most)).map(|cameras| cameras as usize),

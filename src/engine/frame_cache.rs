@@ -166,6 +166,8 @@ mod tests {
                 depth_map_cameras: Vec::new(),
                 entities: EntityStyle::None,
                 billboards: Vec::new(),
+                hulls: Vec::new(),
+                hull: crate::plan::HullForm::EXACT,
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
                 evens_colors: false,

@@ -22,14 +22,14 @@ const MARGIN_PX: f64 = 2.0;
 const CELL_PX: usize = 8;
 
 /// What an entity's bounds have beyond what its billboards say: a share of them, and metres.
-const WIDER: f64 = 1.15;
-const BESIDE_M: f64 = 0.2;
+const WIDER: f64 = 1.1;
+const BESIDE_M: f64 = 0.08;
 const BENEATH_M: f64 = 0.08;
 const TALLER: f64 = 1.06;
 const ABOVE_M: f64 = 0.08;
 
 /// Most of a foot's uncertainty that bounds are widened by, metres.
-const MOST_UNCERTAIN_M: f64 = 0.4;
+const MOST_UNCERTAIN_M: f64 = 0.15;
 
 /// Silhouettes of fewer cameras are no hull.
 pub const LEAST_VIEWS: usize = 2;

@@ -19,7 +19,7 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
         EntityStyle::Billboards => billboard = Some(plan_billboards(state, picture, settings, plan)),
         EntityStyle::Points => points = Some(plan_points(state, picture, plan)),
         EntityStyle::Hulls => {
-            hull = Some(plan_hulls(state, picture, plan));
+            hull = Some(plan_hulls(state, picture, settings, plan));
             billboard = Some(plan_billboards(state, picture, settings, plan));
         }
         EntityStyle::None => {}
@@ -33,8 +33,8 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
     }
 }
 
-fn plan_hulls(state: &SceneState, picture: &Picture, plan: &mut Plan) -> (bool, String) {
-    let (chosen, left_out) = super::hulls::choose(state, picture);
+fn plan_hulls(state: &SceneState, picture: &Picture, settings: &Settings, plan: &mut Plan) -> (bool, String) {
+    let (chosen, left_out) = super::hulls::choose(state, picture, &settings.hull);
     let of = |idx: &usize| state.hulls[*idx].cameras.as_slice();
     plan.entity_cameras = chosen.iter().flat_map(of).copied().collect();
     plan.entity_cameras.sort_unstable();
@@ -43,10 +43,10 @@ fn plan_hulls(state: &SceneState, picture: &Picture, plan: &mut Plan) -> (bool, 
     let n_alone = state.entities.len() - state.hulls.len();
     let mut because = match (plan.hulls.len(), state.entities.len()) {
         (_, 0) => "no entities at this instant".to_owned(),
-        (0, all) => format!("none of {all} entities in view is seen by two cameras at once"),
-        (n, all) => format!("{n} of {all} entities are in view and seen by two cameras or more at once"),
+        (0, all) => format!("none of {all} entities is in view and seen by enough cameras at once"),
+        (n, all) => format!("{n} of {all} entities are in view and seen by enough cameras at once"),
     };
-    if n_alone > 0 && !plan.hulls.is_empty() {
+    if n_alone > 0 {
         because.push_str(&format!("; {n_alone} seen by one camera"));
     }
     for reason in left_out {

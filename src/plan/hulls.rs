@@ -1,7 +1,7 @@
 //! Which entities are drawn as hulls, and how their surfaces are found and textured.
 
 use super::{MAX_ENTITY_CAMERAS, Picture};
-use crate::fuse::{EntityHull, SceneState};
+use crate::fuse::{EntityHull, LEAST_VIEWS, SceneState};
 use serde::{Deserialize, Serialize};
 
 /// Most hulls of one picture, and most silhouettes of them all: what every device's arrays hold. Of more, those are drawn that cover
@@ -74,6 +74,9 @@ pub struct HullForm {
     pub method: HullMethod,
     /// With voxels, how many along the longest side of an entity's bounds: one of [`HULL_VOXELS`].
     pub n_voxels: u32,
+    /// Whom fewer cameras see is drawn as a billboard: 2 or more. By two alone a shape is a slab, and still truer halfway between them
+    /// than either's billboard (docs/benchmarks/hulls.md).
+    pub least_cameras: u32,
     /// How it is textured.
     pub texture: HullTexture,
 }
@@ -83,6 +86,7 @@ impl HullForm {
     pub const EXACT: Self = Self {
         method: HullMethod::Rays,
         n_voxels: 128,
+        least_cameras: LEAST_VIEWS as u32,
         texture: HullTexture { visibility: true, feather: true },
     };
 
@@ -95,14 +99,16 @@ impl HullForm {
 }
 
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.
-pub(super) fn choose(state: &SceneState, picture: &Picture) -> (Vec<usize>, Vec<String>) {
+pub(super) fn choose(state: &SceneState, picture: &Picture, form: &HullForm) -> (Vec<usize>, Vec<String>) {
     let is_in_view = |hull: &EntityHull| {
         let [low, high] = hull.bounds_in_world;
         picture.may_show((low + high) / 2.0, (high - low).length() / 2.0)
     };
     let in_view: Vec<usize> = (0..state.hulls.len()).filter(|idx| is_in_view(&state.hulls[*idx])).collect();
+    let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= form.least_cameras as usize;
+    let (enough, few): (Vec<usize>, Vec<usize>) = in_view.into_iter().partition(is_enough);
     let (mut chosen, skewed): (Vec<usize>, Vec<usize>) =
-        in_view.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
+        enough.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
     let size = |idx: &usize| {
         let [low, high] = state.hulls[*idx].bounds_in_world;
         let middle = (low + high) / 2.0;
@@ -126,6 +132,9 @@ pub(super) fn choose(state: &SceneState, picture: &Picture) -> (Vec<usize>, Vec<
     let mut fits = fits;
     chosen.retain(|idx| fits(idx));
     let mut because = Vec::new();
+    if !few.is_empty() {
+        because.push(format!("{} seen by fewer than {} cameras", few.len(), form.least_cameras));
+    }
     if let Some(most) = skewed.iter().map(|idx| state.hulls[*idx].skew_s).reduce(f64::max) {
         let (n, limit) = (skewed.len(), MAX_SKEW_S);
         because.push(format!("{n} seen up to {most:.2} s apart, more than {limit} s"));

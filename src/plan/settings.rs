@@ -1,10 +1,11 @@
 //! How exactly a picture is drawn: every knob in one value, the presets, and what a caller may ask for.
 
 use super::{
-    EntityStyle, HULL_VOXELS, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_SUPERSAMPLING, Sampling,
+    EntityStyle, HULL_VOXELS, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS,
+    MAX_SUPERSAMPLING, Sampling,
 };
 use crate::error::Fault;
-use crate::fuse::SceneState;
+use crate::fuse::{LEAST_VIEWS, SceneState};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -125,6 +126,11 @@ impl Settings {
         if !(1..=MAX_ENTITY_SOURCES).contains(&self.sources) {
             return Err(Fault::new("sources", format!("must be 1 or 2, got {}", self.sources)));
         }
+        if !(LEAST_VIEWS as u32..=MAX_ENTITY_CAMERAS as u32).contains(&self.hull.least_cameras) {
+            let message =
+                format!("must be {LEAST_VIEWS} to {MAX_ENTITY_CAMERAS}, got {}", self.hull.least_cameras);
+            return Err(Fault::new("hull_cameras", message));
+        }
         if !HULL_VOXELS.contains(&self.hull.n_voxels) {
             return Err(Fault::new(
                 "voxels",
@@ -175,6 +181,7 @@ impl Settings {
                 knobs.push(("method", self.hull.method.as_str().to_owned()));
                 let visibility = if self.hull.texture.visibility { "on" } else { "off" };
                 knobs.push(("hull_visibility", visibility.to_owned()));
+                knobs.push(("hull_cameras", self.hull.least_cameras.to_string()));
                 if self.hull.method == HullMethod::Voxels {
                     knobs.push(("voxels", self.hull.n_voxels.to_string()));
                 }
@@ -278,6 +285,8 @@ pub struct Named {
     pub sources: Option<u32>,
     /// See [`HullForm::method`].
     pub hull_method: Option<HullMethod>,
+    /// See [`HullForm::least_cameras`].
+    pub hull_cameras: Option<u32>,
     /// See [`HullForm::n_voxels`].
     pub hull_voxels: Option<u32>,
     /// See [`super::HullTexture::visibility`].
@@ -302,6 +311,7 @@ impl Named {
         HullForm {
             method: self.hull_method.unwrap_or(hull.method),
             n_voxels: self.hull_voxels.unwrap_or(hull.n_voxels),
+            least_cameras: self.hull_cameras.unwrap_or(hull.least_cameras),
             texture: super::HullTexture { visibility, ..hull.texture },
         }
     }

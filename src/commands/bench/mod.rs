@@ -3,6 +3,7 @@
 
 mod background;
 mod deadlines;
+mod hulls;
 mod load;
 mod quality;
 mod views;
@@ -21,6 +22,7 @@ pub(crate) struct Bench {
 enum What {
     Background(background::Background),
     Deadlines(deadlines::Deadlines),
+    Hulls(hulls::Hulls),
     Load(load::Load),
     Quality(quality::Quality),
     Views(views::Views),
@@ -32,6 +34,7 @@ impl Bench {
         match &self.what {
             What::Background(background) => background.run(),
             What::Deadlines(deadlines) => deadlines.run(),
+            What::Hulls(hulls) => hulls.run(),
             What::Load(load) => load.run(),
             What::Quality(quality) => quality.run(),
             What::Views(views) => views.run(),

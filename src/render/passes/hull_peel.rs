@@ -244,7 +244,7 @@ impl HullPeelPass {
         let (Some(targets), Some(draws)) = (&self.targets, &self.draws) else { return };
         let peel = self.peel.iter().find(|(px, _)| *px == valid_px).map_or(&self.peel[0].1, |(_, peel)| peel);
         let span = recording.timer.span(LABEL);
-        let n_passes: usize = hulls_faces.iter().map(|of| 2 + 3 * n_layers(of) as usize).sum();
+        let n_passes: usize = 1 + hulls_faces.iter().map(|of| 1 + 3 * n_layers(of) as usize).sum::<usize>();
         let timer = &*recording.timer;
         // Which of all passes is the next.
         let mut next_pass = 0..n_passes;
@@ -255,7 +255,7 @@ impl HullPeelPass {
         let mut draw = 0;
         for (idx, of) in hulls_faces.iter().enumerate() {
             let range = u64::from(of.first) * 12..u64::from(of.first + of.n_edges + 6) * 12;
-            // The last layer of the first is before all; nothing is found of the first hull of all.
+            // The layer before the first is before all; before the first hull nothing is found.
             let before = On {
                 color: &targets.layer,
                 loads: false,
@@ -263,13 +263,11 @@ impl HullPeelPass {
                 query: false,
             };
             drop(self.begin(gpu, encoder, &before, times()));
-            let found = On {
-                color: &surface.view,
-                loads: idx > 0,
-                depth: Some((&targets.found, Some(0.0))),
-                query: false,
-            };
-            drop(self.begin(gpu, encoder, &found, times()));
+            if idx == 0 {
+                let depth = Some((&targets.found, Some(0.0)));
+                let found = On { color: &surface.view, loads: false, depth, query: false };
+                drop(self.begin(gpu, encoder, &found, times()));
+            }
             for layer_idx in 0..n_layers(of) as usize {
                 let at = draw * STRIDE;
                 let (now, last) = (layer_idx % 2, 1 - layer_idx % 2);

@@ -2,8 +2,8 @@
 
 use super::has_adapter;
 use super::walls::start;
+use crate::support::wait_for;
 use serde_json::Value;
-use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
 #[test]
@@ -12,20 +12,15 @@ fn who_several_cameras_see_has_a_hull_as_a_mesh_and_in_views() {
     let house = start(folder.path());
     let base = "/api/v1/scenes/plaza";
     // People come and go: until one stands before two cameras at an instant that is still remembered.
-    let begun = Instant::now();
-    let (time, entity) = loop {
+    let (time, entity) = wait_for("somebody before two cameras", || {
         let live = house.get(&format!("{base}/entities"));
         assert_eq!(live.status, 200, "{}", live.body);
         // Looked at again by its time, of which the ids are.
-        let time = live.body["time"].as_str().unwrap().to_owned();
+        let time = live.body["time"].as_str()?.to_owned();
         let told = house.get(&format!("{base}/entities?t={time}")).body;
-        let found = told["entities"].as_array().unwrap().iter().find(|of| of["has_hull"] == true).cloned();
-        if let Some(entity) = found {
-            break (time, entity);
-        }
-        assert!(begun.elapsed() < Duration::from_secs(30), "nobody is seen by two cameras: {told}");
-        std::thread::sleep(Duration::from_millis(200));
-    };
+        let entity = told["entities"].as_array()?.iter().find(|of| of["has_hull"] == true)?.clone();
+        Some((time, entity))
+    });
     let id = &entity["id"];
     for (file, kind, magic) in
         [("hull.glb", "model/gltf-binary", &b"glTF"[..]), ("hull.ply", "application/octet-stream", b"ply\n")]

@@ -9,7 +9,9 @@ use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, YuvImage};
 use videofields::fuse::{Billboard, Entity, SceneState};
 use videofields::geometry::{Camera, Ray};
 use videofields::hull::Scratch;
-use videofields::plan::{self, Colors, EntityStyle, HullMethod, Picture, Settings, View, Wishes};
+use videofields::plan::{
+    self, Colors, EntityStyle, HullForm, HullMethod, Picture, Sampling, Settings, View, Wishes,
+};
 use videofields::render::FoundHulls;
 use videofields::segment::PixelRect;
 use videofields::timeline::Observation;
@@ -177,9 +179,12 @@ pub(super) fn found(
     view: &View,
     (method, name): (HullMethod, &str),
 ) -> FoundHulls {
-    let mut plan = brush.plan(state, view, EntityStyle::Hulls);
+    let hull = HullForm { method, ..HullForm::EXACT };
+    let settings =
+        Settings { entities: EntityStyle::Hulls, hull, sampling: Sampling::ONCE, ..Settings::default() };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw };
+    let plan = plan::make(state, &Picture::from(*view), wishes);
     assert!(!plan.hulls.is_empty(), "{:?}", plan.reasons);
-    plan.hull.method = method;
     let rendered = brush.render(state, view, &plan).unwrap();
     keep(name, &rendered.image);
     brush.renderer.found_hulls().unwrap().unwrap()
@@ -267,7 +272,6 @@ fn check_by(name: &str, state: &SceneState, view: &View, is_held: impl Fn(HullMe
         let told = format!("{name}: {n_wrong} of {n_exact} wrong, depths {:?}", [0.5, 0.97, 1.0].map(at));
         assert!(n_wrong as f64 <= wrong * n_exact as f64, "{told}");
         assert!(depths.iter().all(|(share, most_m)| at(*share) <= *most_m), "{told}");
-        eprintln!("{told}");
     }
 }
 
@@ -348,7 +352,7 @@ fn a_silhouette_at_the_border_takes_nothing_away_beyond_it() {
     let state = peopled(&stage, &[DVec3::ZERO]);
     let whole = masked(state, |idx, _, mask| {
         if idx == 3 {
-            mask.fill(255)
+            mask.fill(255);
         }
     });
     let cut = whole.hulls[0].hull.views().last().unwrap();
@@ -366,7 +370,7 @@ fn an_empty_silhouette_and_ones_that_contradict_each_other_leave_nothing_and_no_
     let state = peopled(&ring(4), &[DVec3::ZERO]);
     let empty = masked(state.clone(), |idx, _, mask| {
         if idx == 2 {
-            mask.fill(0)
+            mask.fill(0);
         }
     });
     // Two say that only the feet are there, two that only the head is.
@@ -460,7 +464,11 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     let state = peopled(&ring(5), &[DVec3::ZERO]);
     let view = seen_from(v(2.0, -4.0, 1.7));
     let wishes = |entities| Wishes {
-        settings: Settings { entities, ..Settings::default() },
+        settings: Settings {
+            entities,
+            hull: HullForm { least_cameras: 4, ..HullForm::EXACT },
+            ..Settings::default()
+        },
         see_through: false,
         colors: Colors::Raw,
     };
@@ -477,7 +485,12 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     alone.place_hulls(0.5);
     let (n_hulls, n_billboards, is_on, because) = reason(&alone, "hull");
     assert_eq!((n_hulls, n_billboards, is_on), (0, 1, false), "{because}");
-    assert!(because.contains("two cameras"), "{because}");
+    assert!(because.contains("1 seen by one camera"), "{because}");
+    // Fewer than are asked for.
+    let few = peopled(&ring(3), &[DVec3::ZERO]);
+    let (n_hulls, n_billboards, is_on, because) = reason(&few, "hull");
+    assert_eq!((n_hulls, n_billboards, is_on), (0, 1, false), "{because}");
+    assert!(because.contains("fewer than 4 cameras"), "{because}");
     // A camera whose frame is of another moment.
     let mut skewed = state;
     let late = &mut skewed.cameras[1].observation.frame;
