@@ -77,7 +77,7 @@ else
   echo "no PETS 2009 S2.L1 at ../shared/data/pets2009_s2l1: its pictures are left out"
 fi
 if [[ -d ../shared/data/utrecht_voxel4 ]]; then
-  for style in billboards points; do
+  for style in billboards points hulls; do
     view config/pictures/utrecht.toml utrecht "$out/utrecht-$style.png" --width 1280 --height 720 \
       --t 2020-01-01T00:00:08Z --entities "$style"
   done

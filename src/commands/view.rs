@@ -43,7 +43,7 @@ pub(crate) struct View {
     /// live (each clip's end), an RFC 3339 time, or nanoseconds since 1970; live if absent.
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     t: Option<String>,
-    /// How moving entities are drawn: billboards, points or none; billboards if absent.
+    /// How moving entities are drawn: billboards, points, hulls or none; billboards if absent.
     #[arg(long, value_name = "STYLE")]
     entities: Option<String>,
     /// perspective, orthographic, map, panorama, stereo or window; perspective if absent.
@@ -100,6 +100,18 @@ pub(crate) struct View {
     /// With points, every how manieth texel each way: 1, 2 or 4.
     #[arg(long, value_name = "TEXELS", allow_hyphen_values = true)]
     stride: Option<String>,
+    /// With hulls, how their surfaces are found: voxels, trimming, hybrid, csg or rays; rays if absent.
+    #[arg(long, value_name = "METHOD")]
+    method: Option<String>,
+    /// With voxels, how many along the longest side of a hull: 32, 64, 128 or 256.
+    #[arg(long, value_name = "COUNT")]
+    voxels: Option<String>,
+    /// With hulls, cameras that must see somebody: 2 or more; who fewer see is a billboard.
+    #[arg(long, value_name = "COUNT")]
+    hull_cameras: Option<String>,
+    /// With hulls, whether a camera lends no colour where somebody stands before it: on or off.
+    #[arg(long, value_name = "SWITCH")]
+    hull_visibility: Option<String>,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]
     explain: bool,
@@ -167,6 +179,10 @@ impl View {
             ("depth_maps", &self.depth_maps),
             ("sources", &self.sources),
             ("stride", &self.stride),
+            ("method", &self.method),
+            ("voxels", &self.voxels),
+            ("hull_cameras", &self.hull_cameras),
+            ("hull_visibility", &self.hull_visibility),
         ];
         let pair = |(name, value): (&str, &Option<String>)| {
             value.as_ref().map(|value| format!("{name}={}", utf8_percent_encode(value, NON_ALPHANUMERIC)))

@@ -5,7 +5,7 @@
 //! one blob it takes none away from any other, and the other cameras part them.
 
 use super::billboard::MOVING;
-use super::{CameraState, Entity, SceneState};
+use super::{Billboard, CameraState, Entity, SceneState};
 use crate::frame::Mask;
 use crate::geometry::{Camera, Surfaces};
 use crate::hull::{Bounds, Hull, Shell, View, Window};
@@ -22,14 +22,17 @@ const MARGIN_PX: f64 = 2.0;
 const CELL_PX: usize = 8;
 
 /// What an entity's bounds have beyond what its billboards say: a share of them, and metres.
-const WIDER: f64 = 1.1;
-const BESIDE_M: f64 = 0.08;
+const WIDER: f64 = 0.1;
+const BESIDE_M: f64 = 0.1;
 const BENEATH_M: f64 = 0.08;
 const TALLER: f64 = 1.06;
 const ABOVE_M: f64 = 0.08;
 
 /// Most of a foot's uncertainty that bounds are widened by, metres.
 const MOST_UNCERTAIN_M: f64 = 0.15;
+
+/// Half the side of bounds where cameras do not agree on any place, metres.
+const UNAGREED_M: f64 = 0.6;
 
 /// Silhouettes of fewer cameras are no hull.
 pub const LEAST_VIEWS: usize = 2;
@@ -120,23 +123,50 @@ impl SceneState {
     }
 }
 
-/// What surely holds an entity.
+/// What holds an entity: on the ground where all its cameras' billboards may be, each a strip along the way that its camera looks;
+/// upwards what the tallest are. Who sits has their feet at one end of it.
 fn bounds(entity: &Entity) -> [DVec3; 2] {
-    // The middle one of what its cameras say: the widest may be of two people in one blob.
-    let mut reaches: Vec<f64> = entity
-        .sources
-        .iter()
-        .map(|source| source.left_right_m[0].abs().max(source.left_right_m[1].abs()))
-        .collect();
-    reaches.sort_unstable_by(f64::total_cmp);
-    let reach = reaches[reaches.len() / 2].max(0.0);
     let variance = entity.foot_covariance_m2.x_axis.x.max(entity.foot_covariance_m2.y_axis.y).max(0.0);
-    let radius = reach * WIDER + BESIDE_M + variance.sqrt().min(MOST_UNCERTAIN_M);
+    let beside_m = BESIDE_M + variance.sqrt().min(MOST_UNCERTAIN_M);
+    let reach_m = |source: &Billboard| source.left_right_m[0].abs().max(source.left_right_m[1].abs());
+    let widest_m = entity.sources.iter().map(reach_m).fold(0.0, f64::max);
     let foot = entity.foot_in_world;
-    [
-        foot - DVec3::new(radius, radius, BENEATH_M),
-        foot + DVec3::new(radius, radius, entity.height_m * TALLER + ABOVE_M),
-    ]
+    // No strip is as long as two of the widest.
+    let half = 2.0 * widest_m + beside_m;
+    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+    let mut place: Vec<DVec2> = corners.map(|corner| foot.truncate() + DVec2::from_array(corner)).to_vec();
+    for source in &entity.sources {
+        let [left, right] = source.left_right_m;
+        let (across, from) = (source.right_in_world.truncate(), source.foot_in_world.truncate());
+        let more_m = beside_m + WIDER * (right - left).abs();
+        place = cut(&place, from + across * (right + more_m), across);
+        place = cut(&place, from + across * (left - more_m), -across);
+    }
+    let nothing = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    let (low, high) = place.iter().fold(nothing, |(low, high), at| (low.min(*at), high.max(*at)));
+    let (low, high) = if place.len() < 3 {
+        (foot.truncate() - UNAGREED_M, foot.truncate() + UNAGREED_M)
+    } else {
+        (low, high)
+    };
+    [low.extend(foot.z - BENEATH_M), high.extend(foot.z + entity.height_m * TALLER + ABOVE_M)]
+}
+
+/// What of a convex polygon does not lie beyond the line through `at` across `outwards`.
+fn cut(polygon: &[DVec2], at: DVec2, outwards: DVec2) -> Vec<DVec2> {
+    let beyond = |place: DVec2| (place - at).dot(outwards);
+    let mut left = Vec::with_capacity(polygon.len() + 1);
+    for (idx, place) in polygon.iter().enumerate() {
+        let next = polygon[(idx + 1) % polygon.len()];
+        let (here, there) = (beyond(*place), beyond(next));
+        if here <= 0.0 {
+            left.push(*place);
+        }
+        if (here < 0.0 && there > 0.0) || (here > 0.0 && there < 0.0) {
+            left.push(place.lerp(next, here / (here - there)));
+        }
+    }
+    left
 }
 
 /// What one camera has of the entity, whose pieces lie in `rects`, in the part of its picture that may show the bounds.
@@ -262,6 +292,45 @@ mod tests {
         let data: Vec<u8> =
             rows.iter().flat_map(|row| row.bytes()).map(|at| 255 * u8::from(at == b'#')).collect();
         Mask { width: rows[0].len() as u32, height: rows.len() as u32, data: data.into() }
+    }
+
+    /// An entity at the origin, of cameras that look along these directions and see it between these metres.
+    fn entity(sources: &[(DVec2, [f64; 2])]) -> Entity {
+        let source = |(camera_idx, (look, left_right_m)): (usize, &(DVec2, [f64; 2]))| Billboard {
+            camera_idx,
+            rect: PixelRect { x: 0, y: 0, width: 9, height: 9 },
+            foot_in_world: DVec3::ZERO,
+            right_in_world: DVec3::new(look.y, -look.x, 0.0),
+            left_right_m: *left_right_m,
+            height_m: 1.2,
+            is_truncated: false,
+        };
+        Entity {
+            id: 1,
+            foot_in_world: DVec3::ZERO,
+            foot_covariance_m2: glam::DMat2::ZERO,
+            height_m: 1.2,
+            sources: sources.iter().enumerate().map(source).collect(),
+        }
+    }
+
+    #[test]
+    fn bounds_lie_where_all_cameras_may_have_it() {
+        // Who sits, feet at the origin and the back at y = 0.8, is narrow from the front and long from the side.
+        let seated = [(DVec2::Y, [-0.25, 0.25]), (DVec2::NEG_X, [-0.1, 0.8])];
+        let [low, high] = bounds(&entity(&seated));
+        for (axis, expected) in [(0, [-0.4, 0.4]), (1, [-0.29, 0.99]), (2, [-0.08, 1.352])] {
+            assert!((low[axis] - expected[0]).abs() < 1e-9, "{axis}: {low}");
+            assert!((high[axis] - expected[1]).abs() < 1e-9, "{axis}: {high}");
+        }
+        // One camera has three people in one blob: the others tell them apart.
+        let merged = [(DVec2::Y, [-0.25, 2.5]), (DVec2::NEG_X, [-0.3, 0.3]), (DVec2::NEG_Y, [-0.3, 0.3])];
+        let [low, high] = bounds(&entity(&merged));
+        assert!((high - low).truncate().max_element() < 1.0, "{low} {high}");
+        // Cameras that have it in two places.
+        let apart = [(DVec2::Y, [3.0, 3.5]), (DVec2::Y, [-3.5, -3.0])];
+        let [low, high] = bounds(&entity(&apart));
+        assert!((high - low).truncate() == DVec2::splat(2.0 * UNAGREED_M) && low.is_finite());
     }
 
     #[test]

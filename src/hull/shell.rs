@@ -91,7 +91,7 @@ mod tests {
                 n_open += 1;
             }
         }
-        assert!((500..1200).contains(&n_open), "{n_open}");
+        assert!((400..700).contains(&n_open), "{n_open}");
         let mut lone = Occupancy::new([3; 3], DVec3::ZERO, 0.1).expect("a grid");
         lone.set([1, 1, 1]);
         let normal = outwards(&lone, [1, 1, 1]).expect("open");

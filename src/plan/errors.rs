@@ -32,6 +32,8 @@ pub struct Errors {
     depth_maps: Steps,
     sources: Steps,
     strides: Steps,
+    /// Of hulls beyond billboards, whether visibility is looked at or not.
+    hulls: Steps,
 }
 
 impl Default for Errors {
@@ -48,6 +50,7 @@ impl Default for Errors {
             depth_maps: vec![(0, 150.0), (1, 0.0)],
             sources: vec![(1, 30.0), (2, 0.0)],
             strides: vec![(4, 700.0), (2, 200.0), (1, 0.0)],
+            hulls: vec![(0, 5.0), (1, 0.0)],
         }
     }
 }
@@ -112,6 +115,9 @@ impl Errors {
                 &[("points, stride 4", 4), ("points, stride 2", 2), ("points, stride 1", 1)],
                 "points, stride 1",
             )?,
+            // Tables from before there were hulls say nothing of them.
+            hulls: styles(&[("hulls, visible or not", 0), ("hulls", 1)], "billboards")
+                .unwrap_or_else(|| Self::default().hulls),
         })
     }
 
@@ -136,8 +142,8 @@ impl Errors {
             + at(&self.depth_maps, u32::from(settings.depth_maps));
         let entities = match settings.entities {
             EntityStyle::None => return still.max(0.0).sqrt(),
-            // Until hulls are measured, no better than what they stand in for.
-            EntityStyle::Billboards | EntityStyle::Hulls => at(&self.sources, settings.sources),
+            EntityStyle::Billboards => at(&self.sources, settings.sources),
+            EntityStyle::Hulls => at(&self.hulls, u32::from(settings.hull.texture.visibility)),
             EntityStyle::Points => at(&self.strides, settings.point_stride),
         };
         let people = self.default.people + pixels + entities;

@@ -6,7 +6,7 @@
 use super::hull_rays::{HullSurface, SURFACE_FORMAT};
 use super::hull_trim::{FACE, depth_texture};
 use super::{Recording, texture_entry};
-use crate::gpu::{Gpu, GpuError, TextureDescriptor};
+use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor};
 use crate::render::hull_data::{HullData, HullFaces};
 use crate::render::targets::DEPTH_FORMAT;
 
@@ -38,7 +38,7 @@ pub(in crate::render) struct HullPeelPass {
     stop: wgpu::ComputePipeline,
     queries: wgpu::QuerySet,
     n_fragments: wgpu::Buffer,
-    draws: Option<wgpu::Buffer>,
+    draws: GrowingBuffer,
     targets: Option<PeelTargets>,
 }
 
@@ -198,12 +198,9 @@ impl HullPeelPass {
             ty: wgpu::QueryType::Occlusion,
             count: 1,
         });
-        let n_fragments = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("hull fragments"),
-            size: STRIDE,
-            usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::STORAGE,
-            mapped_at_creation: false,
-        });
+        let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::STORAGE;
+        let n_fragments = GrowingBuffer::new("hull fragments", usage).write(gpu, &[0_u32; 2]).clone();
+        let usage = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE;
         Ok(Self {
             // As few as powers of two up to the most.
             peel: [0, 1, 2, 4, MOST_VALID_PX]
@@ -217,7 +214,7 @@ impl HullPeelPass {
             draws_layout,
             queries,
             n_fragments,
-            draws: None,
+            draws: GrowingBuffer::new("hull draws", usage),
             targets: None,
         })
     }
@@ -241,7 +238,7 @@ impl HullPeelPass {
         let (faces, hulls_faces) = hulls.faces_by_hull();
         let n_layers = |of: &HullFaces| (of.n_views * LAYERS_A_VIEW + 4).min(MOST_LAYERS);
         self.write_draws(gpu, hulls_faces.iter().map(|of| (of, n_layers(of))));
-        let (Some(targets), Some(draws)) = (&self.targets, &self.draws) else { return };
+        let (Some(targets), Some(draws)) = (&self.targets, self.draws.get()) else { return };
         let peel = self.peel.iter().find(|(px, _)| *px == valid_px).map_or(&self.peel[0].1, |(_, peel)| peel);
         let span = recording.timer.span(LABEL);
         let n_passes: usize = 1 + hulls_faces.iter().map(|of| 1 + 3 * n_layers(of) as usize).sum::<usize>();
@@ -337,20 +334,7 @@ impl HullPeelPass {
                 words.resize(words.len().next_multiple_of(STRIDE as usize / 4), 0);
             }
         }
-        let bytes: &[u8] = bytemuck::cast_slice(&words);
-        let needed = bytes.len() as u64;
-        self.draws.take_if(|kept| kept.size() < needed);
-        let draws = self.draws.get_or_insert_with(|| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("hull draws"),
-                size: needed.next_power_of_two(),
-                usage: wgpu::BufferUsages::INDIRECT
-                    | wgpu::BufferUsages::STORAGE
-                    | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        });
-        gpu.queue.write_buffer(draws, 0, bytes);
+        self.draws.write(gpu, &words);
     }
 
     fn begin<'e>(

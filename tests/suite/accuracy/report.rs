@@ -93,8 +93,8 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
     assert_eq!(page.matches("<svg").count(), 6, "a figure for every stage, two for the entities");
     assert_eq!(
         page.matches("data:image/jpeg;base64,").count(),
-        9,
-        "three pictures, their truth and difference"
+        12,
+        "four pictures, their truth and difference"
     );
     for expected in ["Grid against ray map", "Early against deferred pruning", "knee", &found.adapter] {
         assert!(page.contains(expected), "{expected}");

@@ -242,12 +242,12 @@ fn bound(method: HullMethod) -> Bound {
         // Where faces of two cameras lie in each other, which of them is before the other is left to rounding.
         HullMethod::Csg => Bound { within_px: 1, wrong: 5e-4, depths: [(0.5, 1e-5), (0.97, 5e-3)] },
         // Masks between texels are not quite straight where outlines are.
-        HullMethod::Trimming => Bound { within_px: 1, wrong: 4e-3, depths: [(0.5, 1e-3), (0.97, 1e-2)] },
+        HullMethod::Trimming => Bound { within_px: 1, wrong: 4e-3, depths: [(0.5, 1e-3), (0.97, 2e-2)] },
         // Slivers where cones cross may be thinner than the valid region's texels.
         HullMethod::Hybrid => Bound { within_px: 1, wrong: 2e-3, depths: [(0.5, 1e-5), (0.97, 5e-3)] },
         // Where surfaces graze the eye's rays, a voxel is a long way: no more is held of their last quarter.
         HullMethod::Voxels => {
-            Bound { within_px: 3, wrong: 5e-3, depths: [(0.5, 1.5 * voxel_m), (0.75, 4.0 * voxel_m)] }
+            Bound { within_px: 3, wrong: 5e-3, depths: [(0.5, 2.0 * voxel_m), (0.75, 4.0 * voxel_m)] }
         }
     }
 }
