@@ -15,6 +15,8 @@ const VIEW_NEAR_M: f32 = 0.05;
 // Of parallel rays, the depth in which cones are told apart.
 const PARALLEL_REACH_M: f32 = 4000.0;
 const NO_VIEW: u32 = 0xffffffffu;
+// In place of the edge of an outline: a side of the bounds, or not known. Texels tell edges up to it, and hulls beside.
+const NO_EDGE: u32 = 0xffffffu;
 // Thickness that a texel can tell, metres along the ray: MOST_THICKNESS of src/render/found_hulls.rs.
 const MOST_THICKNESS: f32 = 16.0;
 // Pixels of distance from an outline that its texels tell: REACH_PX of src/hull/distances.rs.
@@ -26,7 +28,8 @@ struct HullFrame {
     corner: vec3<f32>,
     n_hulls: u32,
     across: vec3<f32>,
-    pad_across: u32,
+    // Depth maps of the views that lie beside each other; 0 without any.
+    tile_columns: u32,
     along: vec3<f32>,
     // Of parallel rays, how far the middle of all bounds lies before the plane through the eye.
     middle_m: f32,
@@ -55,6 +58,9 @@ struct HullView {
     limit: vec2<f32>,
     layer: u32,
     pad_layer: u32,
+    // From the camera's tangent plane to its depth map of the hulls; 0 where it has none.
+    tile_scale: vec2<f32>,
+    tile_offset: vec2<f32>,
 }
 
 @group(2) @binding(0) var<uniform> hull_frame: HullFrame;
@@ -217,6 +223,8 @@ struct HullHit {
     t: f32,
     exit: f32,
     normal: vec3<f32>,
+    // Where it comes in, or NO_EDGE.
+    edge: u32,
 }
 
 // The first place between two, within its bounds, at which a ray is in the hull by all of its views but one.
@@ -224,7 +232,7 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
     let first = hulls[hull_idx].first_view;
     let n_views = hulls[hull_idx].n_views;
     let toward = -ray.direction / length(ray.direction);
-    var hit = HullHit(false, range.x, range.y, toward);
+    var hit = HullHit(false, range.x, range.y, toward, NO_EDGE);
     if range.x >= range.y {
         return hit;
     }
@@ -244,6 +252,7 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
             }
             hit.t += (range.y - range.x) * UNSEEN_STEP;
             hit.normal = toward;
+            hit.edge = NO_EDGE;
             hit.exit = range.y;
             n_agreed = 0u;
             n_advances++;
@@ -258,6 +267,7 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
                 hit.t = found.next;
                 hit.exit = min(range.y, found.after);
                 hit.normal = edge_normal(at, found.edge, ray.direction);
+                hit.edge = found.edge;
                 n_agreed = 0u;
                 n_advances++;
             } else {
@@ -291,6 +301,8 @@ struct HullSurface {
     // How far the ray stays within; 0 where that is not known.
     thickness: f32,
     coverage: f32,
+    // Of an outline whose cone's face it is, or NO_EDGE.
+    edge: u32,
 }
 
 // Unit vectors as two numbers: [C14] Cigolle et al. 2014, A Survey of Efficient Representations for Independent Unit Vectors.
@@ -309,7 +321,8 @@ fn from_octahedral(p: vec2<f32>) -> vec3<f32> {
 
 fn packed_surface(surface: HullSurface) -> vec4<u32> {
     return vec4<u32>(
-        bitcast<u32>(surface.t), pack2x16snorm(octahedral(surface.normal)), surface.hull_idx + 1u,
+        bitcast<u32>(surface.t), pack2x16snorm(octahedral(surface.normal)),
+        (surface.hull_idx + 1u) << 24u | min(surface.edge, NO_EDGE),
         pack2x16unorm(vec2<f32>(surface.thickness / MOST_THICKNESS, surface.coverage)),
     );
 }
@@ -317,6 +330,7 @@ fn packed_surface(surface: HullSurface) -> vec4<u32> {
 fn unpacked_surface(texel: vec4<u32>) -> HullSurface {
     let more = unpack2x16unorm(texel.w) * vec2<f32>(MOST_THICKNESS, 1.0);
     return HullSurface(
-        bitcast<f32>(texel.x), from_octahedral(unpack2x16snorm(texel.y)), texel.z - 1u, more.x, more.y,
+        bitcast<f32>(texel.x), from_octahedral(unpack2x16snorm(texel.y)), (texel.z >> 24u) - 1u, more.x, more.y,
+        texel.z & NO_EDGE,
     );
 }

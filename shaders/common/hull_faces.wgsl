@@ -12,6 +12,9 @@ struct FaceVarying {
     @location(1) @interpolate(flat) face: vec3<u32>,
 }
 
+// Masks between texels are one half on an outline, and down to 7/16 where it cuts off a corner: what is trimmed there would leave
+// cracks where cones meet, and holes where two cameras stand in one place.
+const LEAST_MASK: f32 = 0.42;
 // Bounds are drawn by this share larger, and told by their own: sides that touch them are not lost to rounding.
 const WIDER: f32 = 1e-4;
 
@@ -67,6 +70,24 @@ fn face_normal(face: vec3<u32>) -> vec3<f32> {
         hull_views[face.y].camera_idx, cross(vec3<f32>(edge.xy, 1.0), vec3<f32>(edge.zw, 1.0)),
     );
     return -inwards / max(length(inwards), 1e-30);
+}
+
+// The edge whose cone's face it is, or NO_EDGE.
+fn edge_of(face: vec3<u32>) -> u32 {
+    return select(face.z, NO_EDGE, face.y == NO_VIEW);
+}
+
+// Whether all silhouettes but the face's own hold a place on it.
+fn is_held(face: vec3<u32>, place: vec3<f32>) -> bool {
+    let first = hulls[face.x].first_view;
+    for (var k = 0u; k < hulls[face.x].n_views; k++) {
+        if first + k != face.y {
+            if silhouette_texel(first + k, place).y < LEAST_MASK {
+                return false;
+            }
+        }
+    }
+    return true;
 }
 
 fn is_within_hull_bounds(hull_idx: u32, place: vec3<f32>) -> bool {

@@ -104,7 +104,7 @@ fn fs_layer(in: ClosedVarying) -> @location(0) vec4<u32> {
     let t = dot(in.place - ray.origin, view.forward);
     let normal = face_normal(in.face);
     let towards = select(normal, -normal, dot(normal, ray.direction) > 0.0);
-    return packed_surface(HullSurface(t, towards, in.face.x, 0.0, 1.0));
+    return packed_surface(HullSurface(t, towards, in.face.x, 0.0, 1.0, edge_of(in.face)));
 }
 
 // One for a cone that ends behind the layer, one less for one that begins: what is left holds what is just behind it.

@@ -34,7 +34,7 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         if hit.is_hit {
             nearest = range.x + hit.t;
-            texel = packed_surface(HullSurface(nearest, hit.normal, hull_idx, hit.exit - hit.t, 1.0));
+            texel = packed_surface(HullSurface(nearest, hit.normal, hull_idx, hit.exit - hit.t, 1.0, hit.edge));
         }
     }
     textureStore(surface, id.xy, texel);

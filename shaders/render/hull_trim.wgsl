@@ -2,10 +2,6 @@
 // Hardware-Accelerated Visual Hull Reconstruction and Rendering).
 #import "common/hull_faces.wgsl"
 
-// Masks between texels are one half on an outline, and down to 7/16 where it cuts off a corner: what is trimmed there would leave
-// cracks where cones meet, and holes where two cameras stand in one place.
-const LEAST_MASK: f32 = 0.42;
-
 @vertex
 fn vs_main(@builtin(vertex_index) corner: u32, face: HullFace) -> FaceVarying {
     return face_vertex(corner, face);
@@ -22,14 +18,9 @@ fn fs_main(in: FaceVarying) -> @location(0) vec4<u32> {
     if dot(normal, ray.direction) >= 0.0 {
         discard;
     }
-    let first = hulls[in.face.x].first_view;
-    for (var k = 0u; k < hulls[in.face.x].n_views; k++) {
-        if first + k != in.face.y {
-            if silhouette_texel(first + k, in.place).y < LEAST_MASK {
-                discard;
-            }
-        }
+    if !is_held(in.face, in.place) {
+        discard;
     }
     let t = dot(in.place - ray.origin, view.forward);
-    return packed_surface(HullSurface(t, normal, in.face.x, 0.0, 1.0));
+    return packed_surface(HullSurface(t, normal, in.face.x, 0.0, 1.0, edge_of(in.face)));
 }

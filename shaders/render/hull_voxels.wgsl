@@ -46,5 +46,5 @@ fn fs_main(in: Varying) -> @location(0) vec4<u32> {
     if dot(normal, ray.direction) > LOOKS_AWAY * length(ray.direction) {
         discard;
     }
-    return packed_surface(HullSurface(t, normal, in.more.x, 0.0, 1.0));
+    return packed_surface(HullSurface(t, normal, in.more.x, 0.0, 1.0, NO_EDGE));
 }

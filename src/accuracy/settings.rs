@@ -3,7 +3,8 @@
 use crate::config::{CameraSettings, RenderSettings, Resolution};
 use crate::mapping::{Builder, GridSettings};
 use crate::plan::{
-    Detail, EntityStyle, Filtering, HullForm, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES, Sampling, Settings,
+    Detail, EntityStyle, Filtering, HullForm, HullVisibility, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES,
+    Sampling, Settings,
 };
 
 /// Steps of the map's grid, metres, from coarse to fine.
@@ -210,8 +211,11 @@ impl EntityForm {
             EntityStyle::Billboards if self.sources == 1 => "billboards, one source".to_owned(),
             EntityStyle::Billboards => "billboards".to_owned(),
             EntityStyle::Points => format!("points, stride {}", self.stride),
-            EntityStyle::Hulls if !self.hull.texture.visibility => "hulls, visible or not".to_owned(),
+            EntityStyle::Hulls if self.hull.texture.visibility == HullVisibility::Off => {
+                "hulls, visible or not".to_owned()
+            }
             EntityStyle::Hulls => "hulls".to_owned(),
+            EntityStyle::Auto => "auto".to_owned(),
         }
     }
 }

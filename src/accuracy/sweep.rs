@@ -432,7 +432,7 @@ impl Sweeper<'_> {
             EntityStyle::Points => form.stride == 1,
             EntityStyle::Billboards => form.sources == MAX_ENTITY_SOURCES,
             EntityStyle::Hulls => form.hull == HullForm::EXACT,
-            EntityStyle::None => true,
+            EntityStyle::None | EntityStyle::Auto => true,
         };
         let (Some((frame, picture)), Some(view)) = (run.examples.first(), self.subject.views.first()) else {
             return;

@@ -242,7 +242,7 @@ fn entity_bytes(state: &SceneState, style: EntityStyle) -> usize {
         EntityStyle::Billboards => {
             state.entities.iter().map(|entity| entity.sources.len() * size_of::<Billboard>()).sum()
         }
-        EntityStyle::Hulls => {
+        EntityStyle::Hulls | EntityStyle::Auto => {
             let distances = state.hulls.iter().flat_map(|hull| &hull.distances);
             distances.map(|mask| mask.data.len()).sum()
         }

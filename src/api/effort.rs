@@ -4,7 +4,7 @@ use super::parameters::{Parameter, words};
 use super::query::Query;
 use crate::fuse::LEAST_VIEWS;
 use crate::plan::{
-    Aim, Deadline, Detail, Effort, EntityStyle, Filtering, HullMethod, MAX_BLENDED_CAMERAS,
+    Aim, Deadline, Detail, Effort, EntityStyle, Filtering, HullMethod, HullVisibility, MAX_BLENDED_CAMERAS,
     MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Named, Preset,
 };
 use std::ops::RangeInclusive;
@@ -59,8 +59,8 @@ pub(super) const PARAMETERS: [Parameter; 14] = [
     ),
     Parameter::word(
         "hull_visibility",
-        || vec!["on", "off"],
-        "Whether a camera is left out where something else stands before it; of `entities=hulls`",
+        || HullVisibility::ALL.iter().map(|(word, _)| *word).collect(),
+        "How cameras are found before whom something else of the hulls stands: they lend no colour; of `entities=hulls`",
     ),
     Parameter::word(
         "stride",
@@ -78,12 +78,12 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
         query.refuse("deadline_ms", "cannot be asked for together with quality");
     }
     let styles = [
-        ("sources", style.has_billboards(), "entities=billboards and entities=hulls"),
+        ("sources", style.has_billboards(), "entities=billboards, entities=hulls and entities=auto"),
         ("stride", style == EntityStyle::Points, "entities=points"),
-        ("method", style == EntityStyle::Hulls, "entities=hulls"),
-        ("hull_cameras", style == EntityStyle::Hulls, "entities=hulls"),
-        ("voxels", style == EntityStyle::Hulls, "entities=hulls"),
-        ("hull_visibility", style == EntityStyle::Hulls, "entities=hulls"),
+        ("method", style.has_hulls(), "entities=hulls and entities=auto"),
+        ("hull_cameras", style.has_hulls(), "entities=hulls and entities=auto"),
+        ("voxels", style.has_hulls(), "entities=hulls and entities=auto"),
+        ("hull_visibility", style.has_hulls(), "entities=hulls and entities=auto"),
     ];
     for (parameter, is_meant, named) in styles {
         if !is_meant {
@@ -103,7 +103,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
             hull_method: query.choice("method", &HullMethod::ALL),
             hull_cameras: query.whole("hull_cameras", &(LEAST_VIEWS as u32..=MAX_ENTITY_CAMERAS as u32)),
             hull_voxels: query.choice("voxels", &[("32", 32), ("64", 64), ("128", 128), ("256", 256)]),
-            hull_visibility: query.choice("hull_visibility", &[("on", true), ("off", false)]),
+            hull_visibility: query.choice("hull_visibility", &HullVisibility::ALL),
             most_cameras: query.whole("cameras", &(1..=most)).map(|cameras| cameras as usize),
             depth_maps: query.choice("depth_maps", &[("on", true), ("off", false)]),
             filtering: query.choice("filtering", &Filtering::ALL),

@@ -37,10 +37,11 @@ const FOV_DEGREES: RangeInclusive<f64> = 1.0..=170.0;
 /// Least distance between eye and target, metres: below it there is no direction to look in.
 const MIN_DISTANCE_M: f64 = 1e-6;
 
-pub(super) const STYLES: [(&str, EntityStyle); 4] = [
+pub(super) const STYLES: [(&str, EntityStyle); 5] = [
     ("billboards", EntityStyle::Billboards),
     ("points", EntityStyle::Points),
     ("hulls", EntityStyle::Hulls),
+    ("auto", EntityStyle::Auto),
     ("none", EntityStyle::None),
 ];
 

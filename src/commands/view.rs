@@ -43,7 +43,7 @@ pub(crate) struct View {
     /// live (each clip's end), an RFC 3339 time, or nanoseconds since 1970; live if absent.
     #[arg(long, value_name = "TIME", allow_hyphen_values = true)]
     t: Option<String>,
-    /// How moving entities are drawn: billboards, points, hulls or none; billboards if absent.
+    /// How moving entities are drawn: billboards, points, hulls, auto or none; billboards if absent.
     #[arg(long, value_name = "STYLE")]
     entities: Option<String>,
     /// perspective, orthographic, map, panorama, stereo or window; perspective if absent.
@@ -109,8 +109,8 @@ pub(crate) struct View {
     /// With hulls, cameras that must see somebody: 2 or more; who fewer see is a billboard.
     #[arg(long, value_name = "COUNT")]
     hull_cameras: Option<String>,
-    /// With hulls, whether a camera lends no colour where somebody stands before it: on or off.
-    #[arg(long, value_name = "SWITCH")]
+    /// With hulls, how cameras are found before whom somebody stands, and lend no colour: off, depths or rays.
+    #[arg(long, value_name = "FORM")]
     hull_visibility: Option<String>,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]

@@ -22,6 +22,7 @@ shaders![
     "render/billboard.wgsl",
     "render/camera_depth.wgsl",
     "render/hull.wgsl",
+    "render/hull_depths.wgsl",
     "render/hull_peel.wgsl",
     "render/hull_rays.wgsl",
     "render/hull_trim.wgsl",

@@ -18,7 +18,7 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
     match style {
         EntityStyle::Billboards => billboard = Some(plan_billboards(state, picture, settings, plan)),
         EntityStyle::Points => points = Some(plan_points(state, picture, plan)),
-        EntityStyle::Hulls => {
+        EntityStyle::Hulls | EntityStyle::Auto => {
             hull = Some(plan_hulls(state, picture, settings, plan));
             billboard = Some(plan_billboards(state, picture, settings, plan));
         }
@@ -29,12 +29,16 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, settings: &Settings, p
         plan.reasons.push(Reason { effect, is_on, because });
     }
     if !plan.entity_cameras.is_empty() {
-        plan.entities = style;
+        plan.entities = match style {
+            EntityStyle::Auto if plan.hulls.is_empty() => EntityStyle::Billboards,
+            EntityStyle::Auto => EntityStyle::Hulls,
+            style => style,
+        };
     }
 }
 
 fn plan_hulls(state: &SceneState, picture: &Picture, settings: &Settings, plan: &mut Plan) -> (bool, String) {
-    let (chosen, left_out) = super::hulls::choose(state, picture, &settings.hull);
+    let (chosen, left_out) = super::hulls::choose(state, picture, (settings.entities, &settings.hull));
     let of = |idx: &usize| state.hulls[*idx].cameras.as_slice();
     plan.entity_cameras = chosen.iter().flat_map(of).copied().collect();
     plan.entity_cameras.sort_unstable();
@@ -43,7 +47,7 @@ fn plan_hulls(state: &SceneState, picture: &Picture, settings: &Settings, plan: 
     let n_alone = state.entities.len() - state.hulls.len();
     let mut because = match (plan.hulls.len(), state.entities.len()) {
         (_, 0) => "no entities at this instant".to_owned(),
-        (0, all) => format!("none of {all} entities is in view and seen by enough cameras at once"),
+        (0, all) => format!("none of {all} entities is in view and seen as a hull needs it"),
         (n, all) => format!("{n} of {all} entities are in view and seen by enough cameras at once"),
     };
     if n_alone > 0 {

@@ -3,7 +3,7 @@
 //! A table's rows change one knob at a time. Errors of knobs are taken to be independent, so their squares add up: the square
 //! of a setting's error is the default's, and for every knob what its value adds to it or takes from it.
 
-use super::{CostRow, CostTable, Detail, EntityStyle, Filtering, Sampling, Settings};
+use super::{CostRow, CostTable, Detail, EntityStyle, Filtering, HullVisibility, Sampling, Settings};
 
 /// Squares of errors, 8-bit codes squared: of the still part of pictures, and at people.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -143,11 +143,20 @@ impl Errors {
         let entities = match settings.entities {
             EntityStyle::None => return still.max(0.0).sqrt(),
             EntityStyle::Billboards => at(&self.sources, settings.sources),
-            EntityStyle::Hulls => at(&self.hulls, u32::from(settings.hull.texture.visibility)),
+            EntityStyle::Hulls => self.hulls(settings),
+            // Each is a hull where that is truer.
+            EntityStyle::Auto => self.hulls(settings).min(at(&self.sources, settings.sources)),
             EntityStyle::Points => at(&self.strides, settings.point_stride),
         };
         let people = self.default.people + pixels + entities;
         0.5 * (still.max(0.0).sqrt() + people.max(0.0).sqrt())
+    }
+}
+
+impl Errors {
+    /// What hulls add beyond billboards.
+    fn hulls(&self, settings: &Settings) -> f64 {
+        at(&self.hulls, u32::from(settings.hull.texture.visibility != HullVisibility::Off))
     }
 }
 

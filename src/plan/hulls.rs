@@ -1,6 +1,6 @@
 //! Which entities are drawn as hulls, and how their surfaces are found and textured.
 
-use super::{MAX_ENTITY_CAMERAS, Picture};
+use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture};
 use crate::fuse::{EntityHull, LEAST_VIEWS, SceneState};
 use serde::{Deserialize, Serialize};
 
@@ -58,13 +58,52 @@ impl HullMethod {
     }
 }
 
+/// How cameras are found before whom something else of the hulls stands: they lend no colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum HullVisibility {
+    /// Not at all.
+    Off,
+    /// By what every camera sees of the hulls as depth maps, found by trimming (reference depth maps, 2004, section 4.3).
+    Depths,
+    /// By rays from the surface to the cameras: exact.
+    Rays,
+}
+
+impl HullVisibility {
+    /// All of them with their words, from cheap to exact.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("off", Self::Off), ("depths", Self::Depths), ("rays", Self::Rays)];
+
+    /// Its word in requests and answers.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Depths => "depths",
+            Self::Rays => "rays",
+        }
+    }
+}
+
+/// Where cameras' weights by obliqueness and direction are worked out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
+pub enum HullWeights {
+    /// At the corners of the cones' faces, and in between as the rasteriser would have it (2003); for comparison.
+    Corners,
+    /// At every fragment (2004, section 4.4).
+    Fragments,
+}
+
 /// How a hull's surface is textured from the cameras that see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]
 pub struct HullTexture {
-    /// Whether cameras are left out before whom something else of the hulls stands.
-    pub visibility: bool,
+    /// Which cameras are left out.
+    pub visibility: HullVisibility,
     /// Whether cameras count less towards their silhouettes' outlines.
     pub feather: bool,
+    /// Where weights are worked out; faces' corners are known to the methods that draw or cut faces, not to voxels.
+    pub weights: HullWeights,
 }
 
 /// How hulls are drawn.
@@ -87,28 +126,62 @@ impl HullForm {
         method: HullMethod::Rays,
         n_voxels: 128,
         least_cameras: LEAST_VIEWS as u32,
-        texture: HullTexture { visibility: true, feather: true },
+        texture: HullTexture {
+            visibility: HullVisibility::Rays,
+            feather: true,
+            weights: HullWeights::Fragments,
+        },
     };
 
     /// The cheap form.
     pub const CHEAP: Self = Self {
         n_voxels: 64,
-        texture: HullTexture { visibility: false, ..Self::EXACT.texture },
+        texture: HullTexture { visibility: HullVisibility::Off, ..Self::EXACT.texture },
         ..Self::EXACT
     };
 }
 
+/// Where each is drawn as what is truest of it, cameras that must see somebody for a hull: of two silhouettes slabs are left.
+const AUTO_LEAST_CAMERAS: u32 = 3;
+
+/// There, whom a camera sees from no further aside than this is shown by that camera alone: the picture that it took is truer than any
+/// shape (docs/benchmarks/hulls.md).
+const AUTO_BESIDE_DEG: f64 = 8.0;
+
+/// The angle between the viewer's direction to a hull and that of the camera of it that looks most like it, radians.
+fn beside_rad(state: &SceneState, picture: &Picture, hull: &EntityHull) -> f64 {
+    let [low, high] = hull.bounds_in_world;
+    let middle = (low + high) / 2.0;
+    let viewer = picture.viewer.direction_to(middle);
+    let angle = |idx: &usize| {
+        let eye = state.cameras[*idx].camera.pose().position_in_world;
+        viewer.angle_between(middle - eye)
+    };
+    // Where a camera stands in the middle there is no direction.
+    hull.cameras.iter().map(angle).filter(|angle| angle.is_finite()).fold(f64::INFINITY, f64::min)
+}
+
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.
-pub(super) fn choose(state: &SceneState, picture: &Picture, form: &HullForm) -> (Vec<usize>, Vec<String>) {
+pub(super) fn choose(
+    state: &SceneState,
+    picture: &Picture,
+    (style, form): (EntityStyle, &HullForm),
+) -> (Vec<usize>, Vec<String>) {
+    let is_auto = style == EntityStyle::Auto;
+    let least_cameras = if is_auto { form.least_cameras.max(AUTO_LEAST_CAMERAS) } else { form.least_cameras };
     let is_in_view = |hull: &EntityHull| {
         let [low, high] = hull.bounds_in_world;
         picture.may_show((low + high) / 2.0, (high - low).length() / 2.0)
     };
     let in_view: Vec<usize> = (0..state.hulls.len()).filter(|idx| is_in_view(&state.hulls[*idx])).collect();
-    let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= form.least_cameras as usize;
+    let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= least_cameras as usize;
     let (enough, few): (Vec<usize>, Vec<usize>) = in_view.into_iter().partition(is_enough);
-    let (mut chosen, skewed): (Vec<usize>, Vec<usize>) =
+    let (chosen, skewed): (Vec<usize>, Vec<usize>) =
         enough.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
+    let is_aside = |idx: &usize| {
+        !is_auto || beside_rad(state, picture, &state.hulls[*idx]) > AUTO_BESIDE_DEG.to_radians()
+    };
+    let (mut chosen, alike): (Vec<usize>, Vec<usize>) = chosen.into_iter().partition(is_aside);
     let size = |idx: &usize| {
         let [low, high] = state.hulls[*idx].bounds_in_world;
         let middle = (low + high) / 2.0;
@@ -133,11 +206,17 @@ pub(super) fn choose(state: &SceneState, picture: &Picture, form: &HullForm) -> 
     chosen.retain(|idx| fits(idx));
     let mut because = Vec::new();
     if !few.is_empty() {
-        because.push(format!("{} seen by fewer than {} cameras", few.len(), form.least_cameras));
+        because.push(format!("{} seen by fewer than {least_cameras} cameras", few.len()));
     }
     if let Some(most) = skewed.iter().map(|idx| state.hulls[*idx].skew_s).reduce(f64::max) {
         let (n, limit) = (skewed.len(), MAX_SKEW_S);
         because.push(format!("{n} seen up to {most:.2} s apart, more than {limit} s"));
+    }
+    if !alike.is_empty() {
+        because.push(format!(
+            "{} seen by a camera as the viewer does, within {AUTO_BESIDE_DEG} degrees",
+            alike.len()
+        ));
     }
     if chosen.len() < n_chosen {
         because.push(format!("{} beyond what one picture holds", n_chosen - chosen.len()));

@@ -25,7 +25,7 @@ mod work;
 pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use errors::Errors;
-pub use hulls::{HULL_VOXELS, HullForm, HullMethod, HullTexture, MAX_SKEW_S};
+pub use hulls::{HULL_VOXELS, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, MAX_SKEW_S};
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
 pub use predict::{Basis, Forecast, Model, Task, told};
 pub use see_through::{OPEN_OPACITY, Opened, ViewSession};
@@ -65,6 +65,8 @@ pub enum EntityStyle {
     Points,
     /// The shape that all silhouettes leave, where two cameras or more see somebody at once; else a billboard.
     Hulls,
+    /// What is truest of each: a hull where enough cameras see somebody and none of them as the viewer does, else a billboard.
+    Auto,
     /// Not at all.
     None,
 }
@@ -73,7 +75,13 @@ impl EntityStyle {
     /// Whether any may be drawn as billboards.
     #[must_use]
     pub const fn has_billboards(self) -> bool {
-        matches!(self, Self::Billboards | Self::Hulls)
+        matches!(self, Self::Billboards | Self::Hulls | Self::Auto)
+    }
+
+    /// Whether any may be drawn as hulls.
+    #[must_use]
+    pub const fn has_hulls(self) -> bool {
+        matches!(self, Self::Hulls | Self::Auto)
     }
 }
 

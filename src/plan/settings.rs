@@ -1,7 +1,7 @@
 //! How exactly a picture is drawn: every knob in one value, the presets, and what a caller may ask for.
 
 use super::{
-    EntityStyle, HULL_VOXELS, HullForm, HullMethod, MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS,
+    EntityStyle, HULL_VOXELS, HullForm, HullMethod, HullVisibility, MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS,
     MAX_SUPERSAMPLING, Sampling,
 };
 use crate::error::Fault;
@@ -152,7 +152,7 @@ impl Settings {
     pub fn place(&self, state: &mut SceneState) {
         match self.entities {
             EntityStyle::Points => state.place_points(self.point_stride),
-            EntityStyle::Hulls => {
+            EntityStyle::Hulls | EntityStyle::Auto => {
                 state.place_hulls(super::hulls::OUTLINE_ERROR_PX);
                 if self.hull.method == HullMethod::Voxels {
                     state.carve_hulls(self.hull.n_voxels);
@@ -176,11 +176,10 @@ impl Settings {
         match self.entities {
             EntityStyle::Billboards => knobs.push(("sources", self.sources.to_string())),
             EntityStyle::Points => knobs.push(("stride", self.point_stride.to_string())),
-            EntityStyle::Hulls => {
+            EntityStyle::Hulls | EntityStyle::Auto => {
                 knobs.push(("sources", self.sources.to_string()));
                 knobs.push(("method", self.hull.method.as_str().to_owned()));
-                let visibility = if self.hull.texture.visibility { "on" } else { "off" };
-                knobs.push(("hull_visibility", visibility.to_owned()));
+                knobs.push(("hull_visibility", self.hull.texture.visibility.as_str().to_owned()));
                 knobs.push(("hull_cameras", self.hull.least_cameras.to_string()));
                 if self.hull.method == HullMethod::Voxels {
                     knobs.push(("voxels", self.hull.n_voxels.to_string()));
@@ -204,9 +203,7 @@ impl Settings {
             ("sources", self.entities.has_billboards() && self.sources < other.sources),
             (
                 "hull_visibility",
-                self.entities == EntityStyle::Hulls
-                    && !self.hull.texture.visibility
-                    && other.hull.texture.visibility,
+                self.entities.has_hulls() && self.hull.texture.visibility < other.hull.texture.visibility,
             ),
             ("stride", self.entities == EntityStyle::Points && self.point_stride > other.point_stride),
         ];
@@ -290,7 +287,7 @@ pub struct Named {
     /// See [`HullForm::n_voxels`].
     pub hull_voxels: Option<u32>,
     /// See [`super::HullTexture::visibility`].
-    pub hull_visibility: Option<bool>,
+    pub hull_visibility: Option<HullVisibility>,
     /// See [`Settings::most_cameras`].
     pub most_cameras: Option<usize>,
     /// See [`Settings::depth_maps`].
@@ -407,6 +404,14 @@ impl Effort {
 /// hundreds.
 #[must_use]
 pub fn candidates(entities: EntityStyle, named: &Named) -> Vec<Settings> {
+    if entities != EntityStyle::Auto {
+        return candidates_of(entities, named);
+    }
+    let styles = [EntityStyle::Auto, EntityStyle::Billboards, EntityStyle::Points];
+    styles.into_iter().flat_map(|style| candidates_of(style, named)).collect()
+}
+
+fn candidates_of(entities: EntityStyle, named: &Named) -> Vec<Settings> {
     fn values<T: Copy>(named: Option<T>, all: &[T]) -> Vec<T> {
         named.map_or_else(|| all.to_vec(), |value| vec![value])
     }

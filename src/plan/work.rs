@@ -318,7 +318,7 @@ impl Survey {
         let stride = f64::from(settings.point_stride);
         let n_runs = if settings.entities == EntityStyle::Points { self.n_runs / stride } else { 0.0 };
         let n_shown = if is_billboards { self.n_billboards } else { 0 };
-        let is_hulls = settings.entities == EntityStyle::Hulls;
+        let is_hulls = settings.entities.has_hulls();
         let has_entities = n_shown > 0 || n_runs > 0.0 || is_hulls && self.n_silhouettes > 0;
         let is_resampled = step > 1.0 || times > 1.0;
         let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
@@ -368,8 +368,10 @@ impl Survey {
         };
         let has_beside = settings.sources > 1 && self.rectangles_px[1] > 0.0;
         let entities = match settings.entities {
-            EntityStyle::Hulls if self.n_silhouettes > 0 => Some(Program::Hull(settings.hull, samples)),
-            EntityStyle::Billboards | EntityStyle::Hulls if self.n_billboards > 0 => {
+            EntityStyle::Hulls | EntityStyle::Auto if self.n_silhouettes > 0 => {
+                Some(Program::Hull(settings.hull, samples))
+            }
+            EntityStyle::Billboards | EntityStyle::Hulls | EntityStyle::Auto if self.n_billboards > 0 => {
                 Some(Program::Billboard(has_beside, samples))
             }
             EntityStyle::Points if self.n_runs > 0.0 => Some(Program::Points(samples)),

@@ -54,7 +54,7 @@ impl Renderer {
 
 /// As `unpacked_surface` of common/hull.wgsl.
 fn unpacked([depth, normal, hull, more]: [u32; 4]) -> Option<FoundHull> {
-    let hull = hull.checked_sub(1)? as usize;
+    let hull = (hull >> 24).checked_sub(1)? as usize;
     let low = |bits: u32| bits as u16;
     let high = |bits: u32| (bits >> 16) as u16;
     let signed = |bits: u16| (f32::from(bits as i16) / 32767.0).max(-1.0);

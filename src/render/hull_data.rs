@@ -3,9 +3,10 @@
 use super::passes::{FILTERED, texture_entry};
 use crate::frame::Mask;
 use crate::fuse::{EntityHull, SceneState};
+use crate::geometry::NEAR_M;
 use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
 use crate::hull::{LEAF_EDGES, View as Silhouette};
-use crate::plan::{HullMethod, Plan, Projection, View};
+use crate::plan::{HullMethod, HullVisibility, Plan, Projection, View};
 use glam::{DVec2, DVec3};
 
 /// Sides of a layer of masks, texels: what is larger is told by one pixel in several.
@@ -23,7 +24,7 @@ pub(super) struct HullFrame {
     corner: [f32; 3],
     n_hulls: u32,
     across: [f32; 3],
-    pad_across: u32,
+    tile_columns: u32,
     along: [f32; 3],
     middle_m: f32,
 }}
@@ -50,6 +51,8 @@ pub(super) struct HullView {
     limit: [f32; 2],
     layer: u32,
     pad_layer: u32,
+    tile_scale: [f32; 2],
+    tile_offset: [f32; 2],
 }}
 
 /// Bind group 2, and what is written into its buffers.
@@ -70,6 +73,28 @@ pub(super) struct HullData {
     scratch: Scratch,
     /// Of every hull, how many pixels of a camera's mask a metre of it is, at most: nothing of a silhouette is thinner than one.
     mask_px_per_m: Vec<f64>,
+    /// How depth maps of all views lie beside each other; none where none are wanted.
+    tiles: Option<Tiles>,
+}
+
+/// Depth maps of the views, beside each other in one texture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tiles {
+    /// Texels a side of one.
+    pub side_px: u32,
+    /// How many lie beside each other, and how many rows there are of them.
+    pub columns: u32,
+    pub rows: u32,
+}
+
+/// Most depth maps beside each other.
+const MOST_COLUMNS: u32 = 16;
+
+/// A hull's faces that are drawn in a view's depth map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TileDraw {
+    pub view: u32,
+    pub hull: usize,
 }
 
 /// A hull's part of all faces: those of its cones, and then the six sides of its bounds.
@@ -90,6 +115,7 @@ struct Scratch {
     boxes: Vec<[f32; 4]>,
     faces: Vec<[u32; 3]>,
     of_hulls: Vec<HullFaces>,
+    tile_draws: Vec<TileDraw>,
     texels: Vec<u8>,
 }
 
@@ -136,6 +162,7 @@ impl HullData {
             masks: None,
             scratch: Scratch::default(),
             mask_px_per_m: Vec::new(),
+            tiles: None,
         }
     }
 
@@ -158,7 +185,12 @@ impl HullData {
         let layer_px = LAYER_SIDES.into_iter().find(|side| *side >= largest).unwrap_or(LAYER_SIDES[2]);
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
         self.make_room(gpu, layer_px, n_layers);
-        let Scratch { hulls, bounds, views, edges, boxes, faces, of_hulls, texels } = &mut self.scratch;
+        let has_tiles = plan.hull.texture.visibility == HullVisibility::Depths;
+        let columns = n_layers.min(MOST_COLUMNS);
+        self.tiles =
+            has_tiles.then(|| Tiles { side_px: layer_px, columns, rows: n_layers.div_ceil(columns) });
+        let Scratch { hulls, bounds, views, edges, boxes, faces, of_hulls, tile_draws, texels } =
+            &mut self.scratch;
         hulls.clear();
         bounds.clear();
         views.clear();
@@ -166,9 +198,11 @@ impl HullData {
         boxes.clear();
         faces.clear();
         of_hulls.clear();
+        tile_draws.clear();
         let texture = self.masks.as_ref().expect("there is room");
-        let draws_faces = !matches!(plan.hull.method, HullMethod::Rays | HullMethod::Voxels);
+        let draws_faces = has_tiles || !matches!(plan.hull.method, HullMethod::Rays | HullMethod::Voxels);
         self.mask_px_per_m.clear();
+        let mut silhouettes: Vec<(&Silhouette, [DVec3; 2])> = Vec::new();
         for of in chosen {
             let finest = of.hull.views().iter().map(|view| mask_px_per_m(view, of.bounds_in_world));
             self.mask_px_per_m.push(finest.fold(0.0, f64::max));
@@ -185,6 +219,9 @@ impl HullData {
                     faces.extend((first..first + n_edges).map(|edge| [hulls.len() as u32, layer, edge]));
                 }
                 views.push(data);
+                if has_tiles {
+                    silhouettes.push((view, of.bounds_in_world));
+                }
             }
             if draws_faces {
                 let n_edges = faces.len() as u32 - first_face;
@@ -206,6 +243,11 @@ impl HullData {
                 rect_px: [0.0; 4],
             });
         }
+        if has_tiles {
+            for (idx, ((view, own), data)) in silhouettes.into_iter().zip(&mut *views).enumerate() {
+                set_tile(view, (idx, own), bounds, (data, layer_px), tile_draws);
+            }
+        }
         self.views.write(gpu, views);
         self.edges.write(gpu, edges);
         self.boxes.write(gpu, boxes);
@@ -222,6 +264,24 @@ impl HullData {
     /// The same, and which of them are each hull's.
     pub(super) fn faces_by_hull(&self) -> (&wgpu::Buffer, &[HullFaces]) {
         (self.faces().0, &self.scratch.of_hulls)
+    }
+
+    /// What of the piece of `size_px` pixels that was bound last may show each hull: left, top, right, bottom.
+    pub(super) fn rects_px(&self, size_px: [u32; 2]) -> Vec<[u32; 4]> {
+        let [width, height] = size_px;
+        let of = |hull: &Hull| {
+            let [left, top, right, bottom] = hull.rect_px;
+            let ends = [left.floor(), top.floor(), right.ceil(), bottom.ceil()];
+            // Negative numbers are 0 as these.
+            let [left, top, right, bottom] = ends.map(|at| at as u32);
+            [left.min(width), top.min(height), right.min(width), bottom.min(height)]
+        };
+        self.scratch.hulls.iter().map(of).collect()
+    }
+
+    /// How depth maps of the views lie beside each other, and what is drawn in each; none where none are wanted.
+    pub(super) fn tiles(&self) -> Option<(Tiles, &[TileDraw])> {
+        self.tiles.map(|tiles| (tiles, self.scratch.tile_draws.as_slice()))
     }
 
     /// Pixels a side, a power of two up to `most`, of squares that are no larger in `view` than the thinnest that a silhouette of
@@ -298,7 +358,7 @@ impl HullData {
             corner: direction(corner),
             n_hulls: hulls.len() as u32,
             across: direction(axes.x_axis * per_pixel(view.frustum.x, size.x)),
-            pad_across: 0,
+            tile_columns: self.tiles.map_or(0, |tiles| tiles.columns),
             along: direction(axes.y_axis * per_pixel(view.frustum.y, size.y)),
             middle_m: middle_m as f32,
         };
@@ -337,6 +397,41 @@ impl HullData {
         });
         (group, shown)
     }
+}
+
+/// What of a camera's tangent plane may show a box: lower and upper corner; none where part of it is beside or behind the camera.
+fn window(view: &Silhouette, [low, high]: [DVec3; 2]) -> Option<[DVec2; 2]> {
+    let pose = view.camera().pose();
+    let camera_from_world = pose.world_from_local.inverse();
+    let corner = |i: usize| {
+        let at = |axis: usize| if i >> axis & 1 == 0 { low[axis] } else { high[axis] };
+        let local = camera_from_world * (DVec3::new(at(0), at(1), at(2)) - pose.position_in_world);
+        (local.z > NEAR_M).then(|| local.truncate() / local.z)
+    };
+    let corners: Option<Vec<DVec2>> = (0..8).map(corner).collect();
+    let nothing = [DVec2::INFINITY, DVec2::NEG_INFINITY];
+    Some(corners?.into_iter().fold(nothing, |[a, b], at| [a.min(at), b.max(at)]))
+}
+
+/// Where a view's depth map lies in its camera's tangent plane, and which hulls may be in it.
+fn set_tile(
+    view: &Silhouette,
+    (idx, own): (usize, [DVec3; 2]),
+    bounds: &[[DVec3; 2]],
+    (data, side_px): (&mut HullView, u32),
+    draws: &mut Vec<TileDraw>,
+) {
+    let Some([low, high]) = window(view, own) else { return };
+    // A texel more on every side.
+    let margin = 1.0 / f64::from(side_px);
+    let scale = (1.0 - 2.0 * margin) / (high - low).max(DVec2::splat(1e-9));
+    data.tile_scale = scale.as_vec2().to_array();
+    data.tile_offset = (margin - low * scale).as_vec2().to_array();
+    let is_before = |of: &[DVec3; 2]| {
+        window(view, *of).is_none_or(|[first, last]| first.cmple(high).all() && last.cmpge(low).all())
+    };
+    let before = bounds.iter().enumerate().filter(|(_, of)| is_before(of));
+    draws.extend(before.map(|(hull, _)| TileDraw { view: idx as u32, hull }));
 }
 
 /// How many pixels of a view's mask a metre in the middle of some bounds is.
@@ -383,6 +478,8 @@ fn silhouette(
         limit: ((n - 0.5) / layer_side).as_vec2().to_array(),
         layer,
         pad_layer: 0,
+        tile_scale: [0.0; 2],
+        tile_offset: [0.0; 2],
     }
 }
 

@@ -4,13 +4,13 @@ use super::camera_data::{FrameData, Reach, View as ViewData};
 use super::hull_data::HullData;
 use super::image_array::ImageArray;
 use super::passes::{
-    DrawInto, HullPass, HullPeelPass, HullRaysPass, HullSurface, HullTrimPass, HullVoxelsPass, MOST_VALID_PX,
-    Recording,
+    DrawInto, HullDepthsPass, HullPass, HullPeelPass, HullRaysPass, HullSeen, HullSurface, HullTrimPass,
+    HullVoxelsPass, MOST_VALID_PX, Recording,
 };
 use super::renderer::made;
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError};
-use crate::plan::{HullMethod, Plan, View};
+use crate::plan::{HullMethod, HullVisibility, Plan, View};
 use glam::DVec3;
 
 /// What is kept of hulls between frames; each part is made when a plan first calls for it.
@@ -24,6 +24,7 @@ pub(super) struct Hulls {
     trim: Option<HullTrimPass>,
     voxels: Option<HullVoxelsPass>,
     peel: Option<HullPeelPass>,
+    depths: Option<HullDepthsPass>,
     shown: Option<HullPass>,
 }
 
@@ -39,6 +40,8 @@ pub(super) struct HullPiece<'a> {
 /// Where hulls were found.
 pub(super) struct Found {
     group: wgpu::BindGroup,
+    /// What every camera sees of the hulls, where that was asked for.
+    depths: Option<wgpu::TextureView>,
     /// Left, top, right and bottom of what may show any, pixels.
     rect: [u32; 4],
 }
@@ -102,7 +105,12 @@ impl Hulls {
                 peel.record(recording, frame_group, (data, &group), (surface, Some((&valid.view, valid_px))));
             }
         }
-        Ok(Some(Found { group, rect }))
+        let mut depths = None;
+        if plan.hull.texture.visibility == HullVisibility::Depths {
+            let pass = made(&mut self.depths, || HullDepthsPass::new(gpu, frame.layout(), data))?;
+            depths = pass.record(recording, frame_group, (data, &group));
+        }
+        Ok(Some(Found { group, depths, rect }))
     }
 
     /// Records that what was found is shown.
@@ -117,7 +125,8 @@ impl Hulls {
         let (Some(data), Some(surface)) = (&self.data, &self.surface) else { return Ok(()) };
         let pass = made(&mut self.shown, || Ok(HullPass::new(gpu)))?;
         let of = (data, &found.group);
-        pass.record(recording, into, of, (&surface.view, found.rect), (plan.hull.texture, frames))
+        let seen = HullSeen { surface: &surface.view, depths: found.depths.as_ref(), rect: found.rect };
+        pass.record(recording, into, of, &seen, (plan.hull.texture, frames))
     }
 
     /// The surface that was found last.
@@ -130,7 +139,8 @@ impl Hulls {
         self.surface.take_if(|kept| kept.n_bytes() > max_bytes);
         let trim = self.trim.as_mut().map(HullTrimPass::depth);
         let voxels = self.voxels.as_mut().map(HullVoxelsPass::depth);
-        for depth in [trim, voxels].into_iter().flatten() {
+        let depths = self.depths.as_mut().map(HullDepthsPass::maps);
+        for depth in [trim, voxels, depths].into_iter().flatten() {
             depth.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
         }
         if let Some(peel) = &mut self.peel {

@@ -55,6 +55,8 @@ pub enum Pass {
     HullPeel,
     /// The same by their outermost voxels.
     HullVoxels,
+    /// What every camera sees of the hulls, as depth maps.
+    HullDepths,
     /// Entities as hulls.
     Hull,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
@@ -80,6 +82,7 @@ impl Pass {
             Self::HullTrim => "hull_trim",
             Self::HullPeel => "hull_peel",
             Self::HullVoxels => "hull_voxels",
+            Self::HullDepths => "hull_depths",
             Self::Hull => "hull",
             Self::SeeThrough => "see_through",
             Self::Average => "average",

@@ -132,7 +132,7 @@ impl Renderer {
         self.slot_ends.clear();
         self.points.clear();
         match plan.entities {
-            EntityStyle::Billboards | EntityStyle::Hulls => {
+            EntityStyle::Billboards | EntityStyle::Hulls | EntityStyle::Auto => {
                 // Before the farthest building that hides it, after those farther away.
                 let slot = |entity: usize| {
                     let hides = |opened: &Opened| opened.hides.contains(&entity);

@@ -15,7 +15,8 @@ use videofields::fuse::{Association, SceneState, assemble_within};
 use videofields::gpu::Gpu;
 use videofields::ingest::Pipeline;
 use videofields::plan::{
-    self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, Picture, Preset, Settings, Wishes,
+    self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
+    Preset, Settings, Wishes,
 };
 use videofields::render::{FoundHulls, Renderer};
 use videofields::simulate::{JudgedView, World};
@@ -58,8 +59,8 @@ fn forms() -> Vec<Form> {
         name: name.to_owned(),
         settings: Settings { entities, hull, ..Preset::Balanced.settings(1) },
     };
-    let textured =
-        |visibility, feather| HullForm { texture: HullTexture { visibility, feather }, ..HullForm::EXACT };
+    let textured = |texture| HullForm { texture, ..HullForm::EXACT };
+    let exact = HullForm::EXACT.texture;
     let mut forms = vec![
         of("billboards", EntityStyle::Billboards, HullForm::EXACT),
         of("points", EntityStyle::Points, HullForm::EXACT),
@@ -75,8 +76,15 @@ fn forms() -> Vec<Form> {
             forms.push(of(&format!("hulls, {word}"), EntityStyle::Hulls, hull));
         }
     }
-    forms.push(of("rays, not feathered", EntityStyle::Hulls, textured(true, false)));
-    forms.push(of("rays, visible or not", EntityStyle::Hulls, textured(false, true)));
+    for (name, texture) in [
+        ("rays, not feathered", HullTexture { feather: false, ..exact }),
+        ("rays, visible or not", HullTexture { visibility: HullVisibility::Off, ..exact }),
+        ("rays, visible by depth maps", HullTexture { visibility: HullVisibility::Depths, ..exact }),
+        ("rays, weights at corners", HullTexture { weights: HullWeights::Corners, ..exact }),
+    ] {
+        forms.push(of(name, EntityStyle::Hulls, textured(texture)));
+    }
+    forms.push(of("auto", EntityStyle::Auto, HullForm::EXACT));
     forms
 }
 
@@ -228,7 +236,7 @@ impl Hulls {
             outcome.drawing_ms.push(since_ms(begun));
             outcome.bare_ms.push(bare_ms);
             outcome.run.judge(view, judged, &shown, &bare)?;
-            if form.settings.entities == EntityStyle::Hulls
+            if form.settings.entities.has_hulls()
                 && let Some(found) = renderer.found_hulls()?
             {
                 outcome.depths_m.extend(depth_errors(&found, judged));

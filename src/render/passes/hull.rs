@@ -1,8 +1,11 @@
 //! Entities as visual hulls: what a method found of their surfaces, textured by every camera that sees it.
 
-use super::{BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline};
+use super::hull_trim::depth_texture;
+use super::{
+    BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline, texture_entry,
+};
 use crate::gpu::{Gpu, GpuError};
-use crate::plan::HullTexture;
+use crate::plan::{HullTexture, HullVisibility, HullWeights};
 use crate::render::hull_data::HullData;
 use crate::render::image_array::ImageArray;
 
@@ -13,40 +16,50 @@ const LABEL: &str = "hull";
 pub(in crate::render) struct HullPass {
     frames: LiveFrames,
     surface_layout: wgpu::BindGroupLayout,
-    /// By gains, visibility and feathering.
-    pipelines: [BySamples; 8],
+    /// In place of depth maps that nobody asks.
+    no_depths: wgpu::TextureView,
+    /// By gains, visibility, feathering and where weights are worked out.
+    pipelines: [BySamples; 24],
+}
+
+/// What a hull's surface is shown by.
+pub(in crate::render) struct HullSeen<'a> {
+    pub surface: &'a wgpu::TextureView,
+    /// What every camera sees of the hulls, where that is asked.
+    pub depths: Option<&'a wgpu::TextureView>,
+    /// Left, top, right, bottom of what may show any, pixels.
+    pub rect: [u32; 4],
 }
 
 impl HullPass {
     pub(in crate::render) fn new(gpu: &Gpu) -> Self {
-        let entry = wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::FRAGMENT,
-            ty: wgpu::BindingType::Texture {
-                sample_type: wgpu::TextureSampleType::Uint,
-                view_dimension: wgpu::TextureViewDimension::D2,
-                multisampled: false,
-            },
-            count: None,
-        };
+        let flat = |binding, kind| texture_entry(binding, wgpu::TextureViewDimension::D2, kind);
         let surface_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
-            entries: &[entry],
+            entries: &[flat(0, wgpu::TextureSampleType::Uint), flat(1, wgpu::TextureSampleType::Depth)],
         });
-        Self { frames: LiveFrames::new(gpu, LABEL), surface_layout, pipelines: Default::default() }
+        let no_depths = depth_texture(gpu, [1, 1]).create_view(&wgpu::TextureViewDescriptor::default());
+        let pipelines = std::array::from_fn(|_| BySamples::default());
+        Self { frames: LiveFrames::new(gpu, LABEL), surface_layout, no_depths, pipelines }
     }
 
-    /// Records hulls where `surface` has them, within `shown` (left, top, right, bottom).
+    /// Records hulls where their surface was found.
     pub(in crate::render) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,
         (hulls, group): (&HullData, &wgpu::BindGroup),
-        (surface, shown): (&wgpu::TextureView, [u32; 4]),
+        seen: &HullSeen<'_>,
         (texture, frames): (HullTexture, &mut ImageArray),
     ) -> Result<(), GpuError> {
         let gpu = recording.gpu;
         let number = |is_so: bool| f64::from(u8::from(is_so));
+        let visibility = match texture.visibility {
+            HullVisibility::Off => 0,
+            HullVisibility::Depths => 1,
+            HullVisibility::Rays => 2,
+        };
+        let at_corners = texture.weights == HullWeights::Corners;
         let wanted = DrawPipeline {
             label: LABEL,
             bind_groups: &[
@@ -66,26 +79,28 @@ impl HullPass {
             },
             variant: &[
                 ("HAS_GAINS", number(into.has_gains)),
-                ("HAS_VISIBILITY", number(texture.visibility)),
+                ("VISIBILITY", visibility as f64),
                 ("HAS_FEATHER", number(texture.feather)),
+                ("AT_CORNERS", number(at_corners)),
             ],
             samples: into.targets.samples(),
         };
-        let variant = [into.has_gains, texture.visibility, texture.feather];
-        let variant = variant.into_iter().fold(0, |idx, is_so| 2 * idx + usize::from(is_so));
+        let variant = [into.has_gains, texture.feather, at_corners];
+        let variant = variant.into_iter().fold(visibility, |idx, is_so| 2 * idx + usize::from(is_so));
         let pipeline =
             self.pipelines[variant].get(into.targets.samples(), || draw_pipeline(gpu, wanted))?.clone();
         let textures = self.frames.bind(gpu, frames);
+        let of = |binding, view| wgpu::BindGroupEntry {
+            binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        };
         let surface = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),
             layout: &self.surface_layout,
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: wgpu::BindingResource::TextureView(surface),
-            }],
+            entries: &[of(0, seen.surface), of(1, seen.depths.unwrap_or(&self.no_depths))],
         });
         let mut pass = recording.draw(LABEL, into);
-        let [left, top, right, bottom] = shown;
+        let [left, top, right, bottom] = seen.rect;
         pass.set_scissor_rect(left, top, right - left, bottom - top);
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(1, &textures, &[]);

@@ -15,8 +15,9 @@ const LABEL: &str = "hull_peel";
 /// Of cones that hold a place: a signed number that devices can add up.
 const COUNT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R16Float;
 
-/// Layers of a hull of n silhouettes, at most: each may be left and come back to some times along a ray.
+/// Layers of a hull of n silhouettes, at most: each may be left and come back to some times along a ray, the more the more ragged it is.
 const LAYERS_A_VIEW: u32 = 3;
+const EDGES_A_LAYER: u32 = 400;
 const MOST_LAYERS: u32 = 256;
 
 /// Bytes between the draws of one layer and of the next: buffers are bound at multiples of it.
@@ -236,12 +237,16 @@ impl HullPeelPass {
             self.targets = Some(PeelTargets::new(gpu, size));
         }
         let (faces, hulls_faces) = hulls.faces_by_hull();
-        let n_layers = |of: &HullFaces| (of.n_views * LAYERS_A_VIEW + 4).min(MOST_LAYERS);
+        let rects = hulls.rects_px(size);
+        let n_layers =
+            |of: &HullFaces| (of.n_views * LAYERS_A_VIEW + 4 + of.n_edges / EDGES_A_LAYER).min(MOST_LAYERS);
         self.write_draws(gpu, hulls_faces.iter().map(|of| (of, n_layers(of))));
         let (Some(targets), Some(draws)) = (&self.targets, self.draws.get()) else { return };
         let peel = self.peel.iter().find(|(px, _)| *px == valid_px).map_or(&self.peel[0].1, |(_, peel)| peel);
         let span = recording.timer.span(LABEL);
-        let n_passes: usize = 1 + hulls_faces.iter().map(|of| 1 + 3 * n_layers(of) as usize).sum::<usize>();
+        let shown = |rect: &[u32; 4]| rect[0] < rect[2] && rect[1] < rect[3];
+        let of_shown = hulls_faces.iter().zip(&rects).filter(|(_, rect)| shown(rect));
+        let n_passes: usize = 1 + of_shown.map(|(of, _)| 1 + 3 * n_layers(of) as usize).sum::<usize>();
         let timer = &*recording.timer;
         // Which of all passes is the next.
         let mut next_pass = 0..n_passes;
@@ -249,10 +254,23 @@ impl HullPeelPass {
         let encoder = &mut *recording.encoder;
         let depths = targets.depths.each_ref().map(|depth| self.bind_depths(gpu, depth, valid, targets));
         let layer = self.bind_layer(gpu, targets);
+        // Before the first hull nothing is found.
+        let depth = Some((&targets.found, Some(0.0)));
+        let found = On { color: &surface.view, loads: false, depth, query: false };
+        drop(self.begin(gpu, encoder, &found, times()));
         let mut draw = 0;
-        for (idx, of) in hulls_faces.iter().enumerate() {
+        for (of, rect) in hulls_faces.iter().zip(&rects) {
+            // What lies beside the picture has no layers.
+            if !shown(rect) {
+                draw += u64::from(n_layers(of)) + 1;
+                continue;
+            }
+            let [left, top, right, bottom] = *rect;
+            let within = |pass: &mut wgpu::RenderPass<'_>| {
+                pass.set_scissor_rect(left, top, right - left, bottom - top);
+            };
             let range = u64::from(of.first) * 12..u64::from(of.first + of.n_edges + 6) * 12;
-            // The layer before the first is before all; before the first hull nothing is found.
+            // The layer before the first is before all.
             let before = On {
                 color: &targets.layer,
                 loads: false,
@@ -260,11 +278,6 @@ impl HullPeelPass {
                 query: false,
             };
             drop(self.begin(gpu, encoder, &before, times()));
-            if idx == 0 {
-                let depth = Some((&targets.found, Some(0.0)));
-                let found = On { color: &surface.view, loads: false, depth, query: false };
-                drop(self.begin(gpu, encoder, &found, times()));
-            }
             for layer_idx in 0..n_layers(of) as usize {
                 let at = draw * STRIDE;
                 let (now, last) = (layer_idx % 2, 1 - layer_idx % 2);
@@ -275,6 +288,7 @@ impl HullPeelPass {
                     query: true,
                 };
                 let mut pass = self.begin(gpu, encoder, &on, times());
+                within(&mut pass);
                 pass.set_pipeline(peel);
                 pass.set_bind_group(0, frame, &[]);
                 pass.set_bind_group(1, &depths[last], &[]);
@@ -286,6 +300,7 @@ impl HullPeelPass {
                 drop(pass);
                 let on = On { color: &targets.count, loads: false, depth: None, query: false };
                 let mut pass = self.begin(gpu, encoder, &on, times());
+                within(&mut pass);
                 pass.set_pipeline(&self.count);
                 pass.set_bind_group(0, frame, &[]);
                 pass.set_bind_group(1, &depths[now], &[]);
@@ -300,6 +315,7 @@ impl HullPeelPass {
                     query: false,
                 };
                 let mut pass = self.begin(gpu, encoder, &on, times());
+                within(&mut pass);
                 pass.set_pipeline(&self.resolve);
                 pass.set_bind_group(0, frame, &[]);
                 pass.set_bind_group(2, group, &[]);

@@ -80,14 +80,21 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
     check(VIEW, "resolution=third", "resolution", "one of quarter, half, whole").await;
     check(VIEW, "stride=2", "stride", "entities=points alone").await;
     for (parameter, value) in
-        [("method", "rays"), ("voxels", "64"), ("hull_cameras", "3"), ("hull_visibility", "on")]
+        [("method", "rays"), ("voxels", "64"), ("hull_cameras", "3"), ("hull_visibility", "rays")]
     {
         let query = format!("entities=points&{parameter}={value}");
-        check(VIEW, &query, parameter, "entities=hulls alone").await;
+        check(VIEW, &query, parameter, "entities=hulls and entities=auto alone").await;
     }
     check(VIEW, "entities=hulls&method=guess", "method", "one of voxels, trimming, hybrid, csg, rays").await;
+    check(VIEW, "entities=auto&hull_visibility=on", "hull_visibility", "one of off, depths, rays").await;
     check(VIEW, "entities=hulls&hull_cameras=1", "hull_cameras", "a whole number from 2 to 112").await;
-    check(VIEW, "entities=none&sources=1", "sources", "entities=billboards and entities=hulls alone").await;
+    check(
+        VIEW,
+        "entities=none&sources=1",
+        "sources",
+        "entities=billboards, entities=hulls and entities=auto alone",
+    )
+    .await;
     for samples in ["0", "2", "8", ""] {
         check(VIEW, &format!("samples={samples}"), "samples", "one of 1, 4").await;
     }
@@ -98,8 +105,13 @@ async fn each_wrong_parameter_is_named_with_what_is_allowed() {
         check(VIEW, &format!("colors={colors}"), "colors", "one of even, raw").await;
     }
     for entities in ["", "Billboards", "sprites"] {
-        check(VIEW, &format!("entities={entities}"), "entities", "one of billboards, points, hulls, none")
-            .await;
+        check(
+            VIEW,
+            &format!("entities={entities}"),
+            "entities",
+            "one of billboards, points, hulls, auto, none",
+        )
+        .await;
     }
     for u in ["", "-0.1", "1.0001", "NaN", "inf", "half"] {
         check(LOCATE, &format!("u={u}&v=0"), "u", "a number from 0 to 1").await;

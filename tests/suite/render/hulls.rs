@@ -5,12 +5,13 @@ use super::stage::Stage;
 use super::{Brush, keep, renderer, v, view};
 use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
-use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::fuse::{Billboard, Entity, SceneState};
 use videofields::geometry::{Camera, Ray};
 use videofields::hull::Scratch;
 use videofields::plan::{
-    self, Colors, EntityStyle, HullForm, HullMethod, Picture, Sampling, Settings, View, Wishes,
+    self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
+    Sampling, Settings, View, Wishes,
 };
 use videofields::render::FoundHulls;
 use videofields::segment::PixelRect;
@@ -425,11 +426,144 @@ fn thin_holed_and_ragged_silhouettes_are_one_to_all_methods() {
 }
 
 #[test]
+fn outlines_of_ten_thousand_corners_are_as_any_other() {
+    let state = peopled(&ring(3), &[DVec3::ZERO]);
+    // Masks seven times as fine as the pictures, with a hole in every four by four of their pixels.
+    const FINER: u32 = 7;
+    let mut fine = state.clone();
+    for camera in &mut fine.cameras {
+        let coarse = Arc::clone(&camera.observation.labels);
+        let mut mask = Mask::filled(FINER * coarse.width, FINER * coarse.height, 0);
+        for (i, value) in mask.data.iter_mut().enumerate() {
+            let (x, y) = (i as u32 % (FINER * coarse.width), i as u32 / (FINER * coarse.width));
+            let is_hole = x % 4 == 0 && y % 4 == 0;
+            *value = if is_hole { 0 } else { coarse.get(x / FINER, y / FINER) };
+        }
+        let mask = Arc::new(mask);
+        camera.observation.soft_mask = Arc::clone(&mask);
+        camera.observation.labels = mask;
+    }
+    fine.entities[0].sources.iter_mut().for_each(|source| {
+        let PixelRect { x, y, width, height } = source.rect;
+        source.rect = PixelRect { x: FINER * x, y: FINER * y, width: FINER * width, height: FINER * height };
+    });
+    fine.place_hulls(0.0);
+    // Pictures are drawn from masks of their own size.
+    for (camera, coarse) in fine.cameras.iter_mut().zip(&state.cameras) {
+        camera.observation.clone_from(&coarse.observation);
+    }
+    let corners = fine.hulls[0].hull.views().iter().map(|view| view.outside().edges().len());
+    assert!(corners.clone().max().unwrap() > 10_000, "{:?}", corners.collect::<Vec<_>>());
+    let view = seen_from(v(3.0, 3.0, 1.4));
+    let exact = exact(&fine, &view);
+    let Some(mut brush) = renderer("", 1) else { return };
+    // Trimming sees masks of 256 texels a side at most, and so every third hole: its weakness.
+    for (method, most) in [(HullMethod::Rays, 0.01), (HullMethod::Trimming, 0.05), (HullMethod::Csg, 0.01)] {
+        let name = format!("hulls_ten_thousand_{}", method.as_str());
+        let found = found(&mut brush, &fine, &view, (method, &name));
+        let Comparison { n_wrong, n_exact, depths_m } = compare(&found, &exact, 1);
+        let told = format!("{name}: {n_wrong} of {n_exact}, {}", depths_m[depths_m.len() / 2]);
+        assert!(n_wrong as f64 <= most * n_exact as f64 && depths_m[depths_m.len() / 2] < 0.01, "{told}");
+    }
+}
+
+/// Draws hulls with a texture.
+fn textured(
+    brush: &mut Brush,
+    (state, view): (&SceneState, &View),
+    (method, texture): (HullMethod, HullTexture),
+    name: &str,
+) -> RgbImage {
+    let hull = HullForm { method, texture, ..HullForm::EXACT };
+    let settings =
+        Settings { entities: EntityStyle::Hulls, hull, sampling: Sampling::ONCE, ..Settings::default() };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw };
+    let plan = plan::make(state, &Picture::from(*view), wishes);
+    let image = brush.render(state, view, &plan).unwrap().image;
+    keep(name, &image);
+    image
+}
+
+/// Pixels whose codes differ by more than so many.
+fn n_apart(a: &RgbImage, b: &RgbImage, codes: u8) -> usize {
+    let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
+    pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > codes)).count()
+}
+
+#[test]
+fn who_stands_before_somebody_lends_them_no_colour_by_depth_maps_and_by_rays() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    // The viewer looks much as a camera does, before whom the one hides the lower half of the other.
+    let eye = v(-5.5, 0.0, 2.4);
+    let stage = ring(7).with_camera(eye, v(0.0, 0.0, 0.9), [1.0; 3]);
+    let state = peopled(&stage, &[v(-1.0, 0.0, -0.6), v(0.6, 0.0, 0.0)]);
+    assert_eq!(state.hulls.len(), 2);
+    let view = view(v(-5.0, 1.6, 2.6), v(0.0, 0.0, 0.9), 0.5, 240, 240);
+    let exact = HullForm::EXACT.texture;
+    for (method, name) in [(HullMethod::Rays, "rays"), (HullMethod::Trimming, "trimming")] {
+        let mut drawn = |visibility: HullVisibility| {
+            let name = format!("hulls_hidden_{name}_{}", visibility.as_str());
+            textured(&mut brush, (&state, &view), (method, HullTexture { visibility, ..exact }), &name)
+        };
+        let [off, depths, rays] =
+            [HullVisibility::Off, HullVisibility::Depths, HullVisibility::Rays].map(&mut drawn);
+        let [by_depths, by_none] = [&depths, &off].map(|image| n_apart(image, &rays, 24));
+        assert!(by_none > 200, "{name}: the camera's weight is nothing without looking: {by_none}");
+        assert!(by_depths * 8 < by_none, "{name}: {by_depths} pixels by depth maps, {by_none} by none");
+    }
+}
+
+#[test]
+fn depth_maps_that_are_seen_edge_on_hide_nothing_that_is_seen() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    // One body alone, from aside: its surface grazes the cameras' rays at every outline, and nothing stands before it but itself.
+    let state = peopled(&ring(5), &[DVec3::ZERO]);
+    let exact = HullForm::EXACT.texture;
+    for turn in [0.0_f64, 0.9, 2.1, 4.0] {
+        let eye = v(4.0 * turn.cos(), 4.0 * turn.sin(), 1.6);
+        let view = seen_from(eye);
+        let mut drawn = |visibility: HullVisibility| {
+            let texture = HullTexture { visibility, ..exact };
+            let name = format!("hulls_edge_on_{turn}_{}", visibility.as_str());
+            textured(&mut brush, (&state, &view), (HullMethod::Rays, texture), &name)
+        };
+        let [depths, rays] = [HullVisibility::Depths, HullVisibility::Rays].map(&mut drawn);
+        let n = n_apart(&depths, &rays, 24);
+        let found = found(&mut brush, &state, &view, (HullMethod::Rays, "hulls_edge_on"));
+        let n_found = found.pixels.iter().flatten().count();
+        assert!(n * 50 <= n_found, "{turn}: {n} of {n_found} pixels");
+    }
+}
+
+#[test]
+fn weights_at_corners_are_near_those_at_fragments() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = peopled(&ring(5), &[DVec3::ZERO]);
+    let view = seen_from(v(3.0, -2.5, 1.7));
+    let exact = HullForm::EXACT.texture;
+    for method in [HullMethod::Rays, HullMethod::Trimming, HullMethod::Csg] {
+        let mut drawn = |weights: HullWeights, name: &str| {
+            let name = format!("hulls_weights_{}_{name}", method.as_str());
+            textured(&mut brush, (&state, &view), (method, HullTexture { weights, ..exact }), &name)
+        };
+        let [corners, fragments] =
+            [drawn(HullWeights::Corners, "corners"), drawn(HullWeights::Fragments, "fragments")];
+        let n_hull = brush.renderer.found_hulls().unwrap().unwrap().pixels.iter().flatten().count();
+        let n = n_apart(&corners, &fragments, 40);
+        assert!(n * 10 < n_hull, "{method:?}: {n} of {n_hull}");
+        // They are not the same thing twice.
+        assert!(n_apart(&corners, &fragments, 0) > 20, "{method:?}");
+    }
+}
+
+#[test]
 fn people_who_hide_each_other_are_two_hulls_and_a_wall_cuts_nobody_in_half() {
     let feet = [v(-0.6, 0.1, 0.0), v(0.6, -0.1, 0.0)];
     let state = peopled(&ring(6), &feet);
     assert_eq!(state.hulls.len(), 2);
     check("two", &state, &seen_from(v(2.0, -5.0, 1.7)));
+    // One beside the picture, the other cut by its edge.
+    check("one_beside", &state, &view(v(2.0, -5.0, 1.7), v(1.0, -0.1, 1.2), 0.12, 96, 96));
     // Behind a wall one camera sees the heads alone.
     let walled = ring(6).with_box(v(2.2, 1.2, 0.5), v(0.2, 2.5, 1.0), 0.5);
     let state = peopled(&walled, &[DVec3::ZERO]);
@@ -500,6 +634,31 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     let (n_hulls, n_billboards, is_on, because) = reason(&skewed, "hull");
     assert_eq!((n_hulls, n_billboards, is_on), (0, 1, false), "{because}");
     assert!(because.contains("0.25 s apart"), "{because}");
+    // As is truest of each: as the camera has it where the viewer looks as one does, a hull from aside, by three cameras or more.
+    let auto = |state: &SceneState, eye: DVec3| {
+        let plan = plan::make(
+            state,
+            &Picture::from(seen_from(eye)),
+            Wishes {
+                settings: Settings { entities: EntityStyle::Auto, ..Settings::default() },
+                ..wishes(EntityStyle::Auto)
+            },
+        );
+        let reason = plan.reasons.iter().find(|reason| reason.effect == "hull").unwrap().clone();
+        (plan.entities, plan.hulls.len(), plan.billboards.len(), reason.because)
+    };
+    let five = peopled(&ring(5), &[DVec3::ZERO]);
+    let eye = five.cameras[2].camera.pose().position_in_world;
+    let (style, n_hulls, n_billboards, because) = auto(&five, eye * 0.8 + v(0.1, 0.0, 0.3));
+    assert_eq!((style, n_hulls, n_billboards), (EntityStyle::Billboards, 0, 1), "{because}");
+    assert!(because.contains("1 seen by a camera as the viewer does"), "{because}");
+    let between = (eye + five.cameras[3].camera.pose().position_in_world) / 2.0;
+    let (style, n_hulls, n_billboards, because) = auto(&five, between);
+    assert_eq!((style, n_hulls, n_billboards), (EntityStyle::Hulls, 1, 0), "{because}");
+    let two = peopled(&ring(2), &[DVec3::ZERO]);
+    let (style, n_hulls, n_billboards, because) = auto(&two, v(2.0, -4.0, 1.7));
+    assert_eq!((style, n_hulls, n_billboards), (EntityStyle::Billboards, 0, 1), "{because}");
+    assert!(because.contains("fewer than 3 cameras"), "{because}");
     // Where none is asked for none is made ready.
     let plan = plan::make(&skewed, &Picture::from(view), wishes(EntityStyle::Billboards));
     assert!(

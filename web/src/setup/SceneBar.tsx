@@ -7,7 +7,7 @@ import { say } from "../strings";
 import { changes, count } from "./changes";
 import { base, draft, edit, isReadOnly } from "./draft";
 import { idFrom, isId } from "./ids";
-import { beginAnew } from "./load";
+import { beginAnew, isBeginning } from "./load";
 import { confirmed } from "./Question";
 import { result } from "./save";
 
@@ -59,13 +59,13 @@ export function SceneBar() {
       <label class="inline">
         {say("setup.name")}{" "}
         <input type="text" maxLength={200} value={document.name ?? ""} placeholder={isNew ? say("setup.scene.name.hint") : id}
-          disabled={isReadOnly.value} onInput={(event) => rename(event.currentTarget.value)} />
+          disabled={isReadOnly.value || isBeginning.value} onInput={(event) => rename(event.currentTarget.value)} />
       </label>
       {isNew && (
         <label class="inline">
           {say("setup.id")}{" "}
           <input type="text" class="short" maxLength={64} value={id} spellcheck={false} aria-invalid={wrong !== null} aria-describedby="scene-id-wrong"
-            disabled={isReadOnly.value}
+            disabled={isReadOnly.value || isBeginning.value}
             onInput={(event) => {
               const { value } = event.currentTarget;
               edit(say("setup.step.id"), (before) => ({ ...before, scene: { ...before.scene, id: value } }), "scene.id");

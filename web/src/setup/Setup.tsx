@@ -12,7 +12,7 @@ import { areFilesUnkept, fileOf } from "./assets";
 import { changes, count } from "./changes";
 import { base, draft, isReadOnly, isUnkept, redo, undo } from "./draft";
 import { watchElsewhere } from "./elsewhere";
-import { beginWith, start, takenUp } from "./load";
+import { beginWith, isBeginning, start, takenUp } from "./load";
 import { Questions } from "./Question";
 import { changedMeanwhile, result } from "./save";
 import { Notes, SaveBar } from "./SaveBar";
@@ -91,7 +91,7 @@ export default function Setup() {
       {failure !== null && (
         <p class="trouble" role="alert">{failure} <button type="button" onClick={begin}>{say("setup.again")}</button></p>
       )}
-      {draft.value ? <OpenStage /> : failure === null && <p class="quiet">{say("place.loading")} …</p>}
+      {draft.value && !isBeginning.value ? <OpenStage /> : failure === null && <p class="quiet">{say("place.loading")} …</p>}
       <Questions />
     </div>
   );

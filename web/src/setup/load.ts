@@ -65,12 +65,20 @@ export async function beginWith(id: string | null, calibrating: Draft["calibrati
   );
 }
 
+/** Whether the draft is about to be another: what is typed meanwhile would be lost with the old one. */
+export const isBeginning = signal(false);
+
 /** Lets go of the draft and its files, and begins anew at what the daemon has. */
 export async function beginAnew(id: string | null): Promise<void> {
-  await forgetFiles();
-  areFilesUnkept.value = false;
-  discard();
-  await beginWith(id);
+  isBeginning.value = true;
+  try {
+    await forgetFiles();
+    areFilesUnkept.value = false;
+    discard();
+    await beginWith(id);
+  } finally {
+    isBeginning.value = false;
+  }
 }
 
 /** The scenes of the daemon, asked for anew. */

@@ -1,0 +1,124 @@
+//! What every camera sees of the hulls, as depth maps: by the faces of the silhouettes' cones, each trimmed by the other silhouettes.
+
+use super::Recording;
+use super::hull_trim::{FACE, depth_texture};
+use crate::gpu::{Gpu, GpuError};
+use crate::render::hull_data::{HullData, HullFaces, TileDraw};
+use crate::render::targets::DEPTH_FORMAT;
+
+const LABEL: &str = "hull_depths";
+
+/// Draws depth maps of hulls, those of all cameras beside each other.
+#[derive(Debug)]
+pub(in crate::render) struct HullDepthsPass {
+    pipeline: wgpu::RenderPipeline,
+    maps: Option<wgpu::Texture>,
+}
+
+impl HullDepthsPass {
+    pub(in crate::render) fn new(
+        gpu: &Gpu,
+        frame_layout: &wgpu::BindGroupLayout,
+        hulls: &HullData,
+    ) -> Result<Self, GpuError> {
+        let module = gpu.shader("render/hull_depths.wgsl")?;
+        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(LABEL),
+            bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
+            immediate_size: 0,
+        });
+        let faces = wgpu::VertexBufferLayout {
+            array_stride: size_of::<[u32; 3]>() as u64,
+            step_mode: wgpu::VertexStepMode::Instance,
+            attributes: &FACE,
+        };
+        let descriptor = wgpu::RenderPipelineDescriptor {
+            label: Some(LABEL),
+            layout: Some(&layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vs_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[Some(faces)],
+            },
+            primitive: wgpu::PrimitiveState {
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                ..wgpu::PrimitiveState::default()
+            },
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH_FORMAT,
+                depth_write_enabled: Some(true),
+                depth_compare: Some(wgpu::CompareFunction::Greater),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fs_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[],
+            }),
+            multiview_mask: None,
+            cache: None,
+        };
+        Ok(Self { pipeline: gpu.pipeline(LABEL, &descriptor), maps: None })
+    }
+
+    /// What the maps are drawn on.
+    pub(in crate::render) const fn maps(&mut self) -> &mut Option<wgpu::Texture> {
+        &mut self.maps
+    }
+
+    /// Records that the maps of all views of `hulls` are drawn; answers them, none where none are wanted.
+    pub(in crate::render) fn record(
+        &mut self,
+        recording: &mut Recording<'_>,
+        frame: &wgpu::BindGroup,
+        (hulls, group): (&HullData, &wgpu::BindGroup),
+    ) -> Option<wgpu::TextureView> {
+        let gpu = recording.gpu;
+        let (tiles, draws) = hulls.tiles()?;
+        let size = [tiles.columns * tiles.side_px, tiles.rows * tiles.side_px];
+        self.maps.take_if(|kept| [kept.width(), kept.height()] != size);
+        let maps = self.maps.get_or_insert_with(|| depth_texture(gpu, size));
+        let maps = maps.create_view(&wgpu::TextureViewDescriptor::default());
+        let span = recording.timer.span(LABEL);
+        let descriptor = wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: &[],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &maps,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Store,
+                }),
+                stencil_ops: None,
+            }),
+            timestamp_writes: recording.timer.writes(span, 0, 1),
+            occlusion_query_set: None,
+            multiview_mask: None,
+        };
+        let (faces, of_hulls) = hulls.faces_by_hull();
+        let mut pass = gpu.begin_pass(recording.encoder, LABEL, &descriptor);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, frame, &[]);
+        pass.set_bind_group(2, group, &[]);
+        pass.set_vertex_buffer(0, faces.slice(..));
+        let mut last = None;
+        for TileDraw { view, hull } in draws {
+            let Some(HullFaces { first, n_edges, .. }) = of_hulls.get(*hull) else { continue };
+            if last != Some(*view) {
+                let [left, top] =
+                    [view % tiles.columns, view / tiles.columns].map(|place| place * tiles.side_px);
+                let [x, y, side] = [left, top, tiles.side_px].map(|at| at as f32);
+                pass.set_viewport(x, y, side, side, 0.0, 1.0);
+                pass.set_scissor_rect(left, top, tiles.side_px, tiles.side_px);
+                last = Some(*view);
+            }
+            pass.draw(4 * view..4 * view + 4, *first..first + n_edges + 6);
+        }
+        drop(pass);
+        Some(maps)
+    }
+}
