@@ -7,8 +7,8 @@
 // The layer before, or the one that is counted behind; and what is found already.
 @group(1) @binding(0) var layer_depth: texture_depth_2d;
 @group(1) @binding(1) var found_depth: texture_depth_2d;
-// Where there may be a hull at all, coarsely; of one texel where that is not known.
-@group(1) @binding(2) var valid: texture_2d<u32>;
+// Where there may be a hull at all, coarsely.
+@group(3) @binding(4) var valid: texture_2d<u32>;
 // What a layer is of, and how many cones take away what is behind it.
 @group(3) @binding(0) var layer: texture_2d<u32>;
 @group(3) @binding(1) var count: texture_2d<f32>;
@@ -16,8 +16,8 @@
 @group(3) @binding(2) var<storage, read> n_fragments: array<u32, 2>;
 @group(3) @binding(3) var<storage, read_write> draws: array<u32, 12>;
 
-// Pixels a side that a texel of the valid region stands for; 0 where all is valid.
-override VALID_PX: u32 = 0u;
+// Pixels a side that a texel of the valid region stands for.
+override VALID_PX: u32 = 1u;
 
 struct ClosedVarying {
     // The same to the last bit for every layer.
@@ -61,9 +61,6 @@ fn vs_closed(@builtin(vertex_index) corner: u32, in: HullFace) -> ClosedVarying 
 }
 
 fn is_valid(pixel: vec2<u32>) -> bool {
-    if VALID_PX == 0u {
-        return true;
-    }
     // Grown by a texel: what is thinner than one may have been missed in its own.
     let at = vec2<i32>(pixel / max(VALID_PX, 1u));
     let most = vec2<i32>(textureDimensions(valid)) - 1;
@@ -94,7 +91,7 @@ fn fs_layer(in: ClosedVarying) -> @location(0) vec4<u32> {
     let is_behind = in.position.z < textureLoad(layer_depth, pixel, 0);
     // Behind what is found already nothing is looked for.
     let is_wanted = is_behind && in.position.z > textureLoad(found_depth, pixel, 0);
-    if !is_wanted || !is_valid(pixel) || !is_within_hull_bounds(in.face.x, in.place) {
+    if !is_wanted || !is_within_hull_bounds(in.face.x, in.place) {
         discard;
     }
     if !is_seen_by_any(in.face.x, in.place) {
@@ -119,6 +116,15 @@ fn fs_count(in: ClosedVarying, @builtin(front_facing) is_front: bool) -> @locati
 @vertex
 fn vs_full(@builtin(vertex_index) vertex_idx: u32) -> @builtin(position) vec4<f32> {
     return fullscreen_position(vertex_idx);
+}
+
+// The layer before the first is before all where there may be a hull, and behind all elsewhere: no layer has anything there.
+@fragment
+fn fs_prime(@builtin(position) position: vec4<f32>) -> @builtin(frag_depth) f32 {
+    if !is_valid(vec2<u32>(position.xy)) {
+        discard;
+    }
+    return 1.0;
 }
 
 struct Resolved {

@@ -3,6 +3,7 @@
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::DVec3;
 use image::{DynamicImage, ImageReader};
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
@@ -86,8 +87,10 @@ impl Hull {
         ensure!((0.0..=100.0).contains(&self.simplify_px), "--simplify-px: expected 0 to 100");
         ensure!(RESOLUTION.contains(&self.resolution), "--resolution: expected {RESOLUTION:?}");
         let cameras = self.read_cameras()?;
-        let (held, used): (Vec<Shot>, Vec<Shot>) =
-            self.shots(cameras)?.into_iter().partition(|shot| self.hold_back.contains(&shot.name));
+        let (held, used): (Vec<Shot>, Vec<Shot>) = self
+            .shots(cameras)?
+            .into_iter()
+            .partition(|shot| self.hold_back.iter().any(|name| is_same(name, &shot.name)));
         let views: Vec<View> = used.iter().map(|shot| shot.view.clone()).collect();
         let least_seen = self.least_seen.unwrap_or_else(|| (3 * views.len() / 4).max(2));
         let visual_hull = VisualHull::new(views, least_seen)?;
@@ -130,7 +133,7 @@ impl Hull {
     /// Every camera that has a silhouette.
     fn shots(&self, cameras: Vec<PictureCamera>) -> Result<Vec<Shot>> {
         let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
-        if let Some(unknown) = self.hold_back.iter().find(|name| !names.contains(name)) {
+        if let Some(unknown) = self.hold_back.iter().find(|name| !names.iter().any(|of| is_same(name, of))) {
             bail!("--hold-back {unknown}: there is no such camera; there are {}", names.join(", "));
         }
         let mut shots = Vec::new();
@@ -229,12 +232,21 @@ fn ending(path: &Path) -> String {
     path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
 }
 
+/// A camera's name without folder and ending; one such as `camera.1` has no ending that is one of a picture.
+fn stem(name: &Path) -> Option<&OsStr> {
+    if ENDINGS.contains(&ending(name).as_str()) { name.file_stem() } else { name.file_name() }
+}
+
+/// Whether two names are of one camera.
+fn is_same(a: &str, b: &str) -> bool {
+    a == b || stem(Path::new(a)).is_some_and(|of| stem(Path::new(b)) == Some(of))
+}
+
 /// The picture of a camera: of its name, or of its name without ending and folder.
 fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     let name = Path::new(name);
     let file_name = name.file_name()?;
-    // A name such as `camera.1` has no ending that is one of a picture.
-    let stem = if ENDINGS.contains(&ending(name).as_str()) { name.file_stem()? } else { file_name };
+    let stem = stem(name)?;
     let mut entries: Vec<PathBuf> =
         std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
     entries.sort();

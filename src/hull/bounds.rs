@@ -18,11 +18,13 @@ pub struct Bounds {
 const CELLS: i32 = 16;
 
 /// How often what is left is cut into eight at most, and the most cells that this is done with.
-const MAX_LEVELS: u32 = 6;
-const MAX_CELLS: usize = 1_500_000;
+const MAX_LEVELS: u32 = 8;
+const MAX_CELLS: usize = 3_000_000;
 
-/// Cells along the longest side of what is left that tell it closely enough.
+/// Cells along the longest side of what is left that tell it closely enough, if the last cut took hardly anything off it: cells that
+/// are large before what they are seen with may hold something far beyond it.
 const CLOSE: f64 = 64.0;
+const HARDLY: f64 = 0.95;
 
 /// Half the side of the first cube, in distances from its middle to the farthest camera.
 const SPARE: f64 = 1.25;
@@ -55,9 +57,13 @@ impl Bounds {
         let middle = |at: [i32; 3], side: f64| whole.low + side * (DVec3::from(at.map(f64::from)) + 0.5);
         let may_hold = |at: &[i32; 3], side: f64| is_left(hull, &tables, middle(*at, side), side);
         let mut left: Vec<[i32; 3]> = all.filter(|at| may_hold(at, side)).collect();
+        let mut before = f64::INFINITY;
         for _ in 0..MAX_LEVELS {
             let found = Self::around(&left, &whole, side).ok_or(HullError::Empty)?;
-            let is_close = found.size().max_element() >= CLOSE * side && !found.reaches(&whole);
+            let longest = found.size().max_element();
+            let is_settled = longest >= HARDLY * before;
+            before = longest;
+            let is_close = longest >= CLOSE * side && is_settled && !found.reaches(&whole);
             if is_close || left.len() > MAX_CELLS / 8 {
                 break;
             }

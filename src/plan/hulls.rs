@@ -104,6 +104,9 @@ pub struct HullTexture {
     pub feather: bool,
     /// Where weights are worked out; faces' corners are known to the methods that draw or cut faces, not to voxels.
     pub weights: HullWeights,
+    /// By how many codes (of 255, of square roots of linear light) the cameras that see a place may differ before it is taken for
+    /// a ghost, which is not drawn: silhouettes of others leave places that each camera sees somebody else at. 0: not looked at.
+    pub ghost_codes: u32,
 }
 
 /// How hulls are drawn.
@@ -130,6 +133,7 @@ impl HullForm {
             visibility: HullVisibility::Rays,
             feather: true,
             weights: HullWeights::Fragments,
+            ghost_codes: 0,
         },
     };
 

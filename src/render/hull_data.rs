@@ -87,6 +87,9 @@ pub(super) struct Tiles {
     pub rows: u32,
 }
 
+/// Texels a side of a view's depth map: 2 cm of a person.
+const TILE_PX: u32 = 128;
+
 /// Most depth maps beside each other.
 const MOST_COLUMNS: u32 = 16;
 
@@ -187,8 +190,7 @@ impl HullData {
         self.make_room(gpu, layer_px, n_layers);
         let has_tiles = plan.hull.texture.visibility == HullVisibility::Depths;
         let columns = n_layers.min(MOST_COLUMNS);
-        self.tiles =
-            has_tiles.then(|| Tiles { side_px: layer_px, columns, rows: n_layers.div_ceil(columns) });
+        self.tiles = has_tiles.then(|| Tiles { side_px: TILE_PX, columns, rows: n_layers.div_ceil(columns) });
         let Scratch { hulls, bounds, views, edges, boxes, faces, of_hulls, tile_draws, texels } =
             &mut self.scratch;
         hulls.clear();
@@ -245,7 +247,7 @@ impl HullData {
         }
         if has_tiles {
             for (idx, ((view, own), data)) in silhouettes.into_iter().zip(&mut *views).enumerate() {
-                set_tile(view, (idx, own), bounds, (data, layer_px), tile_draws);
+                set_tile(view, (idx, own), bounds, data, tile_draws);
             }
         }
         self.views.write(gpu, views);
@@ -418,12 +420,12 @@ fn set_tile(
     view: &Silhouette,
     (idx, own): (usize, [DVec3; 2]),
     bounds: &[[DVec3; 2]],
-    (data, side_px): (&mut HullView, u32),
+    data: &mut HullView,
     draws: &mut Vec<TileDraw>,
 ) {
     let Some([low, high]) = window(view, own) else { return };
     // A texel more on every side.
-    let margin = 1.0 / f64::from(side_px);
+    let margin = 1.0 / f64::from(TILE_PX);
     let scale = (1.0 - 2.0 * margin) / (high - low).max(DVec2::splat(1e-9));
     data.tile_scale = scale.as_vec2().to_array();
     data.tile_offset = (margin - low * scale).as_vec2().to_array();

@@ -45,6 +45,12 @@ pub(super) struct Hulls {
     /// Where one picture of each form with the most cameras is written, PNG.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
+    /// Views stand so many degrees beside the first camera, in place of halfway between two. Repeatable, or with commas between.
+    #[arg(long, value_name = "DEGREES", value_delimiter = ',')]
+    aside: Vec<f64>,
+    /// How each method's time grows with cameras, pixels and corners, in place of how true it is.
+    #[arg(long)]
+    costs: bool,
 }
 
 /// One way to draw people.
@@ -81,6 +87,10 @@ fn forms() -> Vec<Form> {
         ("rays, visible or not", HullTexture { visibility: HullVisibility::Off, ..exact }),
         ("rays, visible by depth maps", HullTexture { visibility: HullVisibility::Depths, ..exact }),
         ("rays, weights at corners", HullTexture { weights: HullWeights::Corners, ..exact }),
+        ("rays, ghosts 20", HullTexture { ghost_codes: 20, ..exact }),
+        ("rays, ghosts 32", HullTexture { ghost_codes: 32, ..exact }),
+        ("rays, ghosts 48", HullTexture { ghost_codes: 48, ..exact }),
+        ("rays, ghosts 70", HullTexture { ghost_codes: 70, ..exact }),
     ] {
         forms.push(of(name, EntityStyle::Hulls, textured(texture)));
     }
@@ -101,7 +111,7 @@ struct Outcome {
     bare_ms: Vec<f64>,
 }
 
-fn median(values: &[f64]) -> f64 {
+pub(super) fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
@@ -121,11 +131,20 @@ impl Outcome {
 impl Hulls {
     pub(super) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("warn"))?;
+        if self.costs {
+            return super::hull_costs::run();
+        }
         let mut series = Vec::new();
         let mut out = std::io::stdout().lock();
-        for (idx, n_cameras) in self.cameras.iter().enumerate() {
-            let world = World::from_json("ring", &ring(*n_cameras).to_string())?;
-            let (adapter, outcomes) = self.judge(&world).with_context(|| format!("{n_cameras} cameras"))?;
+        let asides: Vec<Option<f64>> =
+            if self.aside.is_empty() { vec![None] } else { self.aside.iter().copied().map(Some).collect() };
+        let runs = self.cameras.iter().flat_map(|n| asides.iter().map(move |aside| (*n, *aside)));
+        for (idx, (n_cameras, aside)) in runs.enumerate() {
+            let world = World::from_json("ring", &ring(n_cameras, 640, aside.unwrap_or(0.0)).to_string())?;
+            let judged = self.judge(&world, if aside.is_some() { 1 } else { 2 });
+            let (adapter, outcomes) = judged.with_context(|| format!("{n_cameras} cameras"))?;
+            let cameras = aside
+                .map_or_else(|| n_cameras.to_string(), |aside| format!("{n_cameras}, {aside} degrees aside"));
             if idx == 0 {
                 let machine = machine(&adapter);
                 writeln!(out, "{}, {} processors, {}\n", machine.processor, machine.n_processors, adapter)?;
@@ -136,7 +155,7 @@ impl Hulls {
                 )?;
             }
             for (form, outcome) in &outcomes {
-                writeln!(out, "| {n_cameras} | {} |", row(&form.name, outcome))?;
+                writeln!(out, "| {cameras} | {} |", row(&form.name, outcome))?;
             }
             let points = outcomes.iter().map(|(form, outcome)| Point {
                 // Less is lost in what times differ by anyway.
@@ -147,7 +166,7 @@ impl Hulls {
                 is_large: false,
             });
             series.push(Series {
-                name: format!("{n_cameras} cameras"),
+                name: format!("{cameras} cameras"),
                 points: points.collect(),
                 is_joined: false,
             });
@@ -166,7 +185,7 @@ impl Hulls {
         Ok(())
     }
 
-    fn judge(&self, world: &World) -> Result<(String, Vec<(Form, Outcome)>)> {
+    fn judge(&self, world: &World, n_views: usize) -> Result<(String, Vec<(Form, Outcome)>)> {
         let clock = SystemClock::new();
         let watch = Stopwatch::new(&clock, &OpenGate);
         let size_px = (self.width, self.width * 9 / 16);
@@ -175,7 +194,7 @@ impl Hulls {
             view_size_px: size_px,
             samples_per_side: 2,
             max_cameras: 64,
-            n_views: 2,
+            n_views,
             n_moments: self.moments,
             ..Scope::FULL
         };
@@ -183,24 +202,7 @@ impl Hulls {
         let mut renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
         let mut outcomes: Vec<(Form, Outcome)> =
             forms().into_iter().map(|form| (form, Outcome::default())).collect();
-        let mut pipelines: Vec<Pipeline> = subject
-            .cameras
-            .iter()
-            .map(|camera| Pipeline::new(&camera.settings.background, &camera.settings.segment))
-            .collect();
-        let mut association = Association::default();
-        let n_frames = subject.n_frames();
-        for number in 0..2 * n_frames {
-            let seen: Vec<Observation> = subject
-                .cameras
-                .iter()
-                .zip(&mut pipelines)
-                .map(|(camera, pipeline)| pipeline.process(subject.frame(camera, number)))
-                .collect();
-            let Some(frame) = number.checked_sub(n_frames) else { continue };
-            let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
-            let scene = Arc::clone(&subject.scene);
-            let state = assemble_within(&mut association, &scene, subject.instant(number), find, None);
+        for (frame, state) in judged_states(&subject) {
             for view in &subject.views {
                 for (_, judged) in view.frames.iter().filter(|(of, _)| *of == frame) {
                     self.draw((view, judged), &state, (&mut renderer, &clock), &mut outcomes)?;
@@ -254,6 +256,34 @@ impl Hulls {
     }
 }
 
+/// What stands before the cameras at each of the frames that are judged.
+pub(super) fn judged_states(subject: &Subject) -> Vec<(usize, SceneState)> {
+    let mut pipelines: Vec<Pipeline> = subject
+        .cameras
+        .iter()
+        .map(|camera| Pipeline::new(&camera.settings.background, &camera.settings.segment))
+        .collect();
+    let mut association = Association::default();
+    let (n_frames, judged) = (subject.n_frames(), subject.judged_frames());
+    let mut states = Vec::new();
+    for number in 0..2 * n_frames {
+        let seen: Vec<Observation> = subject
+            .cameras
+            .iter()
+            .zip(&mut pipelines)
+            .map(|(camera, pipeline)| pipeline.process(subject.frame(camera, number)))
+            .collect();
+        let Some(frame) = number.checked_sub(n_frames) else { continue };
+        let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
+        let scene = Arc::clone(&subject.scene);
+        let state = assemble_within(&mut association, &scene, subject.instant(number), find, None);
+        if judged.contains(&frame) {
+            states.push((frame, state));
+        }
+    }
+    states
+}
+
 /// Where both the truth and what was found have a person.
 fn depth_errors(found: &FoundHulls, judged: &JudgedView) -> Vec<f64> {
     let truth = judged.truth.instance.data.iter().zip(&judged.truth.depth_m);
@@ -262,7 +292,7 @@ fn depth_errors(found: &FoundHulls, judged: &JudgedView) -> Vec<f64> {
         .collect()
 }
 
-fn drawn(
+pub(super) fn drawn(
     renderer: &mut Renderer,
     state: &SceneState,
     picture: &Picture,
@@ -293,8 +323,8 @@ fn row(name: &str, outcome: &Outcome) -> String {
     )
 }
 
-/// Three people on a level place, and so many cameras around it.
-fn ring(n_cameras: u32) -> Value {
+/// Three people on a level place, and so many cameras around it with pictures of so many columns; a view so far beside the first of them.
+pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: f64) -> Value {
     let camera = |i: u32| {
         let turn = (f64::from(i) + 0.2) / f64::from(n_cameras) * std::f64::consts::TAU;
         // Two that face each other would see the same outlines.
@@ -304,7 +334,7 @@ fn ring(n_cameras: u32) -> Value {
             "eye_m": [9.0 * turn.cos(), 9.0 * turn.sin(), 3.2 + 0.4 * f64::from(i % 2)],
             "target_m": [0, 0, 0.7],
             "fov_x_deg": 62,
-            "size_px": [640, 360],
+            "size_px": [columns, columns * 9 / 16],
         })
     };
     let walker = |id: &str, height_m: f64, clothes: [&str; 2], corners: Value, share: f64| {
@@ -317,6 +347,8 @@ fn ring(n_cameras: u32) -> Value {
             "path": {"corners_m": corners, "laps": 1, "start_share": share},
         })
     };
+    let turn = 0.2 / f64::from(n_cameras) * std::f64::consts::TAU * if n_cameras == 2 { 0.5 } else { 1.0 };
+    let (sine, cosine) = (turn + aside_deg.to_radians()).sin_cos();
     json!({
         "version": 1, "name": "Ring", "description": "people in a ring of cameras", "seed": 7, "period_secs": 8,
         "sky": {"color_srgb": "#9cc4e6"},
@@ -329,6 +361,6 @@ fn ring(n_cameras: u32) -> Value {
             walker("green", 1.83, ["#2f8f4e", "#303030"], json!([[-2.8, 1], [-1.6, 1.4], [-1.8, 2.8], [-3, 2.4]]), 0.6),
         ],
         "cameras": (0..n_cameras).map(camera).collect::<Vec<Value>>(),
-        "views": [{"id": "free", "eye_m": [0.5, -6.5, 2.2], "target_m": [0, 0, 0.9], "fov_deg": 45}],
+        "views": [{"id": "free", "eye_m": [8.0 * cosine, 8.0 * sine, 2.9], "target_m": [0, 0, 0.9], "fov_deg": 45}],
     })
 }

@@ -3,6 +3,7 @@
 
 mod background;
 mod deadlines;
+mod hull_costs;
 mod hulls;
 mod load;
 mod quality;

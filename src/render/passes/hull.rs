@@ -1,13 +1,13 @@
 //! Entities as visual hulls: what a method found of their surfaces, textured by every camera that sees it.
 
 use super::hull_trim::depth_texture;
-use super::{
-    BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline, texture_entry,
-};
+use super::{DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline, texture_entry};
 use crate::gpu::{Gpu, GpuError};
 use crate::plan::{HullTexture, HullVisibility, HullWeights};
 use crate::render::hull_data::HullData;
 use crate::render::image_array::ImageArray;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 const LABEL: &str = "hull";
 
@@ -18,8 +18,8 @@ pub(in crate::render) struct HullPass {
     surface_layout: wgpu::BindGroupLayout,
     /// In place of depth maps that nobody asks.
     no_depths: wgpu::TextureView,
-    /// By gains, visibility, feathering and where weights are worked out.
-    pipelines: [BySamples; 24],
+    /// By texture, gains and samples.
+    pipelines: BTreeMap<(HullTexture, bool, u32), wgpu::RenderPipeline>,
 }
 
 /// What a hull's surface is shown by.
@@ -39,8 +39,7 @@ impl HullPass {
             entries: &[flat(0, wgpu::TextureSampleType::Uint), flat(1, wgpu::TextureSampleType::Depth)],
         });
         let no_depths = depth_texture(gpu, [1, 1]).create_view(&wgpu::TextureViewDescriptor::default());
-        let pipelines = std::array::from_fn(|_| BySamples::default());
-        Self { frames: LiveFrames::new(gpu, LABEL), surface_layout, no_depths, pipelines }
+        Self { frames: LiveFrames::new(gpu, LABEL), surface_layout, no_depths, pipelines: BTreeMap::new() }
     }
 
     /// Records hulls where their surface was found.
@@ -55,9 +54,9 @@ impl HullPass {
         let gpu = recording.gpu;
         let number = |is_so: bool| f64::from(u8::from(is_so));
         let visibility = match texture.visibility {
-            HullVisibility::Off => 0,
-            HullVisibility::Depths => 1,
-            HullVisibility::Rays => 2,
+            HullVisibility::Off => 0.0,
+            HullVisibility::Depths => 1.0,
+            HullVisibility::Rays => 2.0,
         };
         let at_corners = texture.weights == HullWeights::Corners;
         let wanted = DrawPipeline {
@@ -79,16 +78,17 @@ impl HullPass {
             },
             variant: &[
                 ("HAS_GAINS", number(into.has_gains)),
-                ("VISIBILITY", visibility as f64),
+                ("VISIBILITY", visibility),
                 ("HAS_FEATHER", number(texture.feather)),
                 ("AT_CORNERS", number(at_corners)),
+                ("MOST_APART", f64::from(texture.ghost_codes) / 255.0),
             ],
             samples: into.targets.samples(),
         };
-        let variant = [into.has_gains, texture.feather, at_corners];
-        let variant = variant.into_iter().fold(visibility, |idx, is_so| 2 * idx + usize::from(is_so));
-        let pipeline =
-            self.pipelines[variant].get(into.targets.samples(), || draw_pipeline(gpu, wanted))?.clone();
+        let pipeline = match self.pipelines.entry((texture, into.has_gains, into.targets.samples())) {
+            Entry::Occupied(kept) => kept.into_mut(),
+            Entry::Vacant(new) => new.insert(draw_pipeline(gpu, wanted)?),
+        };
         let textures = self.frames.bind(gpu, frames);
         let of = |binding, view| wgpu::BindGroupEntry {
             binding,
@@ -102,7 +102,7 @@ impl HullPass {
         let mut pass = recording.draw(LABEL, into);
         let [left, top, right, bottom] = seen.rect;
         pass.set_scissor_rect(left, top, right - left, bottom - top);
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(1, &textures, &[]);
         pass.set_bind_group(2, group, &[]);
         pass.set_bind_group(3, &surface, &[]);

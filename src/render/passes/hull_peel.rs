@@ -32,8 +32,10 @@ pub(in crate::render) struct HullPeelPass {
     depths_layout: wgpu::BindGroupLayout,
     layer_layout: wgpu::BindGroupLayout,
     draws_layout: wgpu::BindGroupLayout,
-    /// By pixels a side of a texel of the valid region; 0 without one.
-    peel: Vec<(u32, wgpu::RenderPipeline)>,
+    valid_layout: wgpu::BindGroupLayout,
+    peel: wgpu::RenderPipeline,
+    /// By pixels a side of a texel of the valid region.
+    prime: Vec<(u32, wgpu::RenderPipeline)>,
     count: wgpu::RenderPipeline,
     resolve: wgpu::RenderPipeline,
     stop: wgpu::ComputePipeline,
@@ -52,8 +54,6 @@ struct PeelTargets {
     found: wgpu::TextureView,
     layer: wgpu::TextureView,
     count: wgpu::TextureView,
-    /// In place of a valid region that is not known.
-    all_valid: wgpu::TextureView,
 }
 
 impl PeelTargets {
@@ -77,14 +77,13 @@ impl PeelTargets {
             found: view(&depth_texture(gpu, size)),
             layer: texture(SURFACE_FORMAT, size),
             count: texture(COUNT_FORMAT, size),
-            all_valid: texture(SURFACE_FORMAT, [1, 1]),
         }
     }
 }
 
 /// What a pass draws on: a colour, cleared or gone on with, and a depth to clear to.
 struct On<'a> {
-    color: &'a wgpu::TextureView,
+    color: Option<&'a wgpu::TextureView>,
     loads: bool,
     depth: Option<(&'a wgpu::TextureView, Option<f32>)>,
     query: bool,
@@ -102,7 +101,8 @@ impl HullPeelPass {
         };
         let flat = |binding, kind| texture_entry(binding, wgpu::TextureViewDimension::D2, kind);
         let (depth, uint) = (wgpu::TextureSampleType::Depth, wgpu::TextureSampleType::Uint);
-        let depths_layout = of(&[flat(0, depth), flat(1, depth), flat(2, uint)]);
+        let depths_layout = of(&[flat(0, depth), flat(1, depth)]);
+        let valid_layout = of(&[flat(4, uint)]);
         let layer_layout =
             of(&[flat(0, uint), flat(1, wgpu::TextureSampleType::Float { filterable: false })]);
         let storage = |binding, read_only| wgpu::BindGroupLayoutEntry {
@@ -126,6 +126,7 @@ impl HullPeelPass {
         };
         let drawn = layout(&[Some(frame_layout), Some(&depths_layout), Some(hulls.layout())]);
         let resolved = layout(&[Some(frame_layout), None, Some(hulls.layout()), Some(&layer_layout)]);
+        let primed = layout(&[None, None, None, Some(&valid_layout)]);
         let faces = wgpu::VertexBufferLayout {
             array_stride: size_of::<[u32; 3]>() as u64,
             step_mode: wgpu::VertexStepMode::Instance,
@@ -133,9 +134,9 @@ impl HullPeelPass {
         };
         let pipeline = |layout: &wgpu::PipelineLayout, stages: [&str; 2], kind: Kind, valid_px: u32| {
             let constants = [("VALID_PX", f64::from(valid_px))];
-            let is_peel = matches!(kind, Kind::Peel);
+            let (is_peel, is_prime) = (matches!(kind, Kind::Peel), matches!(kind, Kind::Prime));
             let compilation_options = wgpu::PipelineCompilationOptions {
-                constants: if is_peel { &constants } else { &[] },
+                constants: if is_prime { &constants } else { &[] },
                 ..wgpu::PipelineCompilationOptions::default()
             };
             let add = wgpu::BlendComponent {
@@ -144,6 +145,11 @@ impl HullPeelPass {
                 operation: wgpu::BlendOperation::Add,
             };
             let has_depth = !matches!(kind, Kind::Count);
+            let targets = [Some(wgpu::ColorTargetState {
+                format: if has_depth { SURFACE_FORMAT } else { COUNT_FORMAT },
+                blend: (!has_depth).then_some(wgpu::BlendState { color: add, alpha: add }),
+                write_mask: wgpu::ColorWrites::ALL,
+            })];
             let buffers = [Some(faces.clone())];
             gpu.pipeline(
                 LABEL,
@@ -154,7 +160,7 @@ impl HullPeelPass {
                         module: &module,
                         entry_point: Some(stages[0]),
                         compilation_options: wgpu::PipelineCompilationOptions::default(),
-                        buffers: if matches!(kind, Kind::Resolve) { &[] } else { &buffers },
+                        buffers: if matches!(kind, Kind::Resolve | Kind::Prime) { &[] } else { &buffers },
                     },
                     primitive: wgpu::PrimitiveState {
                         cull_mode: is_peel.then_some(wgpu::Face::Front),
@@ -172,11 +178,7 @@ impl HullPeelPass {
                         module: &module,
                         entry_point: Some(stages[1]),
                         compilation_options,
-                        targets: &[Some(wgpu::ColorTargetState {
-                            format: if has_depth { SURFACE_FORMAT } else { COUNT_FORMAT },
-                            blend: (!has_depth).then_some(wgpu::BlendState { color: add, alpha: add }),
-                            write_mask: wgpu::ColorWrites::ALL,
-                        })],
+                        targets: if is_prime { &[] } else { &targets },
                     }),
                     multiview_mask: None,
                     cache: None,
@@ -204,15 +206,17 @@ impl HullPeelPass {
         let usage = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::STORAGE;
         Ok(Self {
             // As few as powers of two up to the most.
-            peel: [0, 1, 2, 4, MOST_VALID_PX]
-                .map(|px| (px, pipeline(&drawn, ["vs_closed", "fs_layer"], Kind::Peel, px)))
+            prime: [1, 2, 4, MOST_VALID_PX]
+                .map(|px| (px, pipeline(&primed, ["vs_full", "fs_prime"], Kind::Prime, px)))
                 .to_vec(),
+            peel: pipeline(&drawn, ["vs_closed", "fs_layer"], Kind::Peel, 0),
             count: pipeline(&drawn, ["vs_closed", "fs_count"], Kind::Count, 0),
             resolve: pipeline(&resolved, ["vs_full", "fs_resolve"], Kind::Resolve, 0),
             stop,
             depths_layout,
             layer_layout,
             draws_layout,
+            valid_layout,
             queries,
             n_fragments,
             draws: GrowingBuffer::new("hull draws", usage),
@@ -230,8 +234,6 @@ impl HullPeelPass {
     ) {
         let gpu = recording.gpu;
         let size = surface.size_px();
-        let valid_px = valid.map_or(0, |(_, px)| px);
-        let valid = valid.map(|(view, _)| view);
         self.targets.take_if(|kept| kept.size != size);
         if self.targets.is_none() {
             self.targets = Some(PeelTargets::new(gpu, size));
@@ -241,8 +243,12 @@ impl HullPeelPass {
         let n_layers =
             |of: &HullFaces| (of.n_views * LAYERS_A_VIEW + 4 + of.n_edges / EDGES_A_LAYER).min(MOST_LAYERS);
         self.write_draws(gpu, hulls_faces.iter().map(|of| (of, n_layers(of))));
+        let prime = valid.map(|(view, px)| {
+            let of =
+                self.prime.iter().find(|(kept, _)| *kept == px).map_or(&self.prime[0].1, |(_, prime)| prime);
+            (of, bind(gpu, &self.valid_layout, 4, &[wgpu::BindingResource::TextureView(view)]))
+        });
         let (Some(targets), Some(draws)) = (&self.targets, self.draws.get()) else { return };
-        let peel = self.peel.iter().find(|(px, _)| *px == valid_px).map_or(&self.peel[0].1, |(_, peel)| peel);
         let span = recording.timer.span(LABEL);
         let shown = |rect: &[u32; 4]| rect[0] < rect[2] && rect[1] < rect[3];
         let of_shown = hulls_faces.iter().zip(&rects).filter(|(_, rect)| shown(rect));
@@ -252,11 +258,11 @@ impl HullPeelPass {
         let mut next_pass = 0..n_passes;
         let mut times = || timer.writes(span, next_pass.next().unwrap_or_default(), n_passes);
         let encoder = &mut *recording.encoder;
-        let depths = targets.depths.each_ref().map(|depth| self.bind_depths(gpu, depth, valid, targets));
+        let depths = targets.depths.each_ref().map(|depth| self.bind_depths(gpu, depth, targets));
         let layer = self.bind_layer(gpu, targets);
         // Before the first hull nothing is found.
         let depth = Some((&targets.found, Some(0.0)));
-        let found = On { color: &surface.view, loads: false, depth, query: false };
+        let found = On { color: Some(&surface.view), loads: false, depth, query: false };
         drop(self.begin(gpu, encoder, &found, times()));
         let mut draw = 0;
         for (of, rect) in hulls_faces.iter().zip(&rects) {
@@ -270,26 +276,34 @@ impl HullPeelPass {
                 pass.set_scissor_rect(left, top, right - left, bottom - top);
             };
             let range = u64::from(of.first) * 12..u64::from(of.first + of.n_edges + 6) * 12;
-            // The layer before the first is before all.
+            // The layer before the first is before all, where there may be any.
+            let first = if prime.is_some() { 0.0 } else { 1.0 };
             let before = On {
-                color: &targets.layer,
+                color: None,
                 loads: false,
-                depth: Some((&targets.depths[1], Some(1.0))),
+                depth: Some((&targets.depths[1], Some(first))),
                 query: false,
             };
-            drop(self.begin(gpu, encoder, &before, times()));
+            let mut pass = self.begin(gpu, encoder, &before, times());
+            if let Some((prime, valid)) = &prime {
+                within(&mut pass);
+                pass.set_pipeline(prime);
+                pass.set_bind_group(3, valid, &[]);
+                pass.draw(0..3, 0..1);
+            }
+            drop(pass);
             for layer_idx in 0..n_layers(of) as usize {
                 let at = draw * STRIDE;
                 let (now, last) = (layer_idx % 2, 1 - layer_idx % 2);
                 let on = On {
-                    color: &targets.layer,
+                    color: Some(&targets.layer),
                     loads: false,
                     depth: Some((&targets.depths[now], Some(0.0))),
                     query: true,
                 };
                 let mut pass = self.begin(gpu, encoder, &on, times());
                 within(&mut pass);
-                pass.set_pipeline(peel);
+                pass.set_pipeline(&self.peel);
                 pass.set_bind_group(0, frame, &[]);
                 pass.set_bind_group(1, &depths[last], &[]);
                 pass.set_bind_group(2, group, &[]);
@@ -298,7 +312,7 @@ impl HullPeelPass {
                 pass.draw_indirect(draws, at);
                 pass.end_occlusion_query();
                 drop(pass);
-                let on = On { color: &targets.count, loads: false, depth: None, query: false };
+                let on = On { color: Some(&targets.count), loads: false, depth: None, query: false };
                 let mut pass = self.begin(gpu, encoder, &on, times());
                 within(&mut pass);
                 pass.set_pipeline(&self.count);
@@ -309,7 +323,7 @@ impl HullPeelPass {
                 pass.draw_indirect(draws, at + 16);
                 drop(pass);
                 let on = On {
-                    color: &surface.view,
+                    color: Some(&surface.view),
                     loads: true,
                     depth: Some((&targets.found, None)),
                     query: false,
@@ -361,14 +375,17 @@ impl HullPeelPass {
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) -> wgpu::RenderPass<'e> {
         let load = if on.loads { wgpu::LoadOp::Load } else { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) };
-        let descriptor = wgpu::RenderPassDescriptor {
-            label: Some(LABEL),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: on.color,
+        let color = on.color.map(|view| {
+            Some(wgpu::RenderPassColorAttachment {
+                view,
                 depth_slice: None,
                 resolve_target: None,
                 ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
-            })],
+            })
+        });
+        let descriptor = wgpu::RenderPassDescriptor {
+            label: Some(LABEL),
+            color_attachments: color.as_slice(),
             depth_stencil_attachment: on.depth.map(|(view, clear)| wgpu::RenderPassDepthStencilAttachment {
                 view,
                 depth_ops: Some(wgpu::Operations {
@@ -384,14 +401,8 @@ impl HullPeelPass {
         gpu.begin_pass(encoder, LABEL, &descriptor)
     }
 
-    fn bind_depths(
-        &self,
-        gpu: &Gpu,
-        depth: &wgpu::TextureView,
-        valid: Option<&wgpu::TextureView>,
-        targets: &PeelTargets,
-    ) -> wgpu::BindGroup {
-        let views = [depth, &targets.found, valid.unwrap_or(&targets.all_valid)];
+    fn bind_depths(&self, gpu: &Gpu, depth: &wgpu::TextureView, targets: &PeelTargets) -> wgpu::BindGroup {
+        let views = [depth, &targets.found];
         bind(gpu, &self.depths_layout, 0, &views.map(wgpu::BindingResource::TextureView))
     }
 
@@ -415,6 +426,7 @@ enum Kind {
     Peel,
     Count,
     Resolve,
+    Prime,
 }
 
 fn bind(
