@@ -17,8 +17,6 @@ const VISIBLE_RAYS: u32 = 2u;
 override VISIBILITY: u32 = 2u;
 // Whether obliqueness and direction are weighed at the corners of faces, not at the fragment.
 override AT_CORNERS: bool = false;
-// By how much cameras that see a place may differ, in square roots of linear light; 0 where that is not looked at.
-override MOST_APART: f32 = 0.0;
 // Whether weights fall off towards the silhouettes' outlines.
 override HAS_FEATHER: bool = true;
 
@@ -153,9 +151,6 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     // By all four weights; and, for what nobody sees well, as what lies before it is seen from the viewer's side: filled from beside,
     // away from outlines where there is more than that.
     var sums = array<vec4<f32>, 2>(vec4<f32>(0.0), vec4<f32>(0.0));
-    // Colours as all see them who do, with their squares: of one surface they agree.
-    var seen_sum = vec4<f32>(0.0);
-    var seen_squares = vec4<f32>(0.0);
     for (var k = 0u; k < hulls[found.hull_idx].n_views; k++) {
         let view_idx = first + k;
         let camera_idx = hull_views[view_idx].camera_idx;
@@ -184,29 +179,14 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         var weight = feather * lean;
         let rgb = evened(camera_idx, color.rgb);
         sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * by_direction);
-        // Of who stands on the silhouette's edge, or sees the surface from its edge, nothing is known.
-        var evidence = select(0.0, is_own * max(dot(to_camera, found.normal) - 0.1, 0.0), MOST_APART > 0.0 && within > BORDER_PX);
-        if VISIBILITY == VISIBLE_RAYS && max(weight, evidence) > LEAST_WEIGHT {
+        if VISIBILITY == VISIBLE_RAYS && weight > LEAST_WEIGHT {
             if is_hidden(view_idx, found.hull_idx, place) {
                 weight = 0.0;
-                evidence = 0.0;
             }
         } else if VISIBILITY == VISIBLE_DEPTHS && is_behind_reference(view_idx, seen.local) {
             weight = 0.0;
-            evidence = 0.0;
         }
-        let root = sqrt(max(rgb, vec3<f32>(0.0)));
-        seen_sum += vec4<f32>(root, 1.0) * evidence;
-        seen_squares += vec4<f32>(root * root, evidence) * evidence;
         sums[0] += vec4<f32>(rgb, 1.0) * weight;
-    }
-    // What one camera alone sees is told by nobody else.
-    if MOST_APART > 0.0 && seen_sum.a * seen_sum.a > 1.3 * seen_squares.a && seen_sum.a > 0.0 {
-        let mean = seen_sum.rgb / seen_sum.a;
-        let square = max(seen_squares.rgb / seen_sum.a - mean * mean, vec3<f32>(0.0));
-        if max(square.r, max(square.g, square.b)) > MOST_APART * MOST_APART {
-            discard;
-        }
     }
     var sum = sums[0];
     if sum.a <= LEAST_WEIGHT {

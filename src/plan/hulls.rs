@@ -2,6 +2,7 @@
 
 use super::{EntityStyle, MAX_ENTITY_CAMERAS, Picture};
 use crate::fuse::{EntityHull, LEAST_VIEWS, SceneState};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 /// Most hulls of one picture, and most silhouettes of them all: what every device's arrays hold. Of more, those are drawn that cover
@@ -104,9 +105,6 @@ pub struct HullTexture {
     pub feather: bool,
     /// Where weights are worked out; faces' corners are known to the methods that draw or cut faces, not to voxels.
     pub weights: HullWeights,
-    /// By how many codes (of 255, of square roots of linear light) the cameras that see a place may differ before it is taken for
-    /// a ghost, which is not drawn: silhouettes of others leave places that each camera sees somebody else at. 0: not looked at.
-    pub ghost_codes: u32,
 }
 
 /// How hulls are drawn.
@@ -133,7 +131,6 @@ impl HullForm {
             visibility: HullVisibility::Rays,
             feather: true,
             weights: HullWeights::Fragments,
-            ghost_codes: 0,
         },
     };
 
@@ -145,24 +142,20 @@ impl HullForm {
     };
 }
 
-/// Where each is drawn as what is truest of it, cameras that must see somebody for a hull: of two silhouettes slabs are left.
-const AUTO_LEAST_CAMERAS: u32 = 3;
+/// Where each is drawn as what is truest of it: cameras that all look along one line, but for less than this, leave a shape that is long
+/// along it. From further apart on hulls are truer than billboards from anywhere (docs/benchmarks/hulls.md).
+const AUTO_APART_DEG: f64 = 25.0;
 
-/// There, whom a camera sees from no further aside than this is shown by that camera alone: the picture that it took is truer than any
-/// shape (docs/benchmarks/hulls.md).
-const AUTO_BESIDE_DEG: f64 = 8.0;
-
-/// The angle between the viewer's direction to a hull and that of the camera of it that looks most like it, radians.
-fn beside_rad(state: &SceneState, picture: &Picture, hull: &EntityHull) -> f64 {
+/// By how much the cameras of a hull look along lines that differ, at most, radians up to a quarter turn.
+fn apart_rad(state: &SceneState, hull: &EntityHull) -> f64 {
     let [low, high] = hull.bounds_in_world;
     let middle = (low + high) / 2.0;
-    let viewer = picture.viewer.direction_to(middle);
-    let angle = |idx: &usize| {
-        let eye = state.cameras[*idx].camera.pose().position_in_world;
-        viewer.angle_between(middle - eye)
-    };
-    // Where a camera stands in the middle there is no direction.
-    hull.cameras.iter().map(angle).filter(|angle| angle.is_finite()).fold(f64::INFINITY, f64::min)
+    let direction =
+        |idx: &usize| (middle - state.cameras[*idx].camera.pose().position_in_world).normalize_or_zero();
+    let directions: Vec<DVec3> = hull.cameras.iter().map(direction).collect();
+    let pairs =
+        directions.iter().enumerate().flat_map(|(i, a)| directions[..i].iter().map(move |b| a.cross(*b)));
+    pairs.map(|across| across.length().min(1.0).asin()).fold(0.0, f64::max)
 }
 
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.
@@ -171,8 +164,7 @@ pub(super) fn choose(
     picture: &Picture,
     (style, form): (EntityStyle, &HullForm),
 ) -> (Vec<usize>, Vec<String>) {
-    let is_auto = style == EntityStyle::Auto;
-    let least_cameras = if is_auto { form.least_cameras.max(AUTO_LEAST_CAMERAS) } else { form.least_cameras };
+    let least_cameras = form.least_cameras;
     let is_in_view = |hull: &EntityHull| {
         let [low, high] = hull.bounds_in_world;
         picture.may_show((low + high) / 2.0, (high - low).length() / 2.0)
@@ -182,10 +174,10 @@ pub(super) fn choose(
     let (enough, few): (Vec<usize>, Vec<usize>) = in_view.into_iter().partition(is_enough);
     let (chosen, skewed): (Vec<usize>, Vec<usize>) =
         enough.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
-    let is_aside = |idx: &usize| {
-        !is_auto || beside_rad(state, picture, &state.hulls[*idx]) > AUTO_BESIDE_DEG.to_radians()
+    let is_apart = |idx: &usize| {
+        style != EntityStyle::Auto || apart_rad(state, &state.hulls[*idx]) >= AUTO_APART_DEG.to_radians()
     };
-    let (mut chosen, alike): (Vec<usize>, Vec<usize>) = chosen.into_iter().partition(is_aside);
+    let (mut chosen, alike): (Vec<usize>, Vec<usize>) = chosen.into_iter().partition(is_apart);
     let size = |idx: &usize| {
         let [low, high] = state.hulls[*idx].bounds_in_world;
         let middle = (low + high) / 2.0;
@@ -217,10 +209,8 @@ pub(super) fn choose(
         because.push(format!("{n} seen up to {most:.2} s apart, more than {limit} s"));
     }
     if !alike.is_empty() {
-        because.push(format!(
-            "{} seen by a camera as the viewer does, within {AUTO_BESIDE_DEG} degrees",
-            alike.len()
-        ));
+        let n = alike.len();
+        because.push(format!("{n} seen along one line but for less than {AUTO_APART_DEG} degrees"));
     }
     if chosen.len() < n_chosen {
         because.push(format!("{} beyond what one picture holds", n_chosen - chosen.len()));

@@ -65,7 +65,7 @@ pub enum EntityStyle {
     Points,
     /// The shape that all silhouettes leave, where two cameras or more see somebody at once; else a billboard.
     Hulls,
-    /// What is truest of each: a hull where enough cameras see somebody and none of them as the viewer does, else a billboard.
+    /// What is truest of each in the time that there is: a hull where cameras from different sides see somebody, else a billboard.
     Auto,
     /// Not at all.
     None,

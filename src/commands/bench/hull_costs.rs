@@ -36,7 +36,7 @@ struct Bench {
 
 impl Bench {
     fn new(n_cameras: u32, columns: u32) -> Result<Self> {
-        let world = World::from_json("ring", &ring(n_cameras, columns, 20.0).to_string())?;
+        let world = World::from_json("ring", &ring(n_cameras, columns, Some(20.0)).to_string())?;
         let clock = SystemClock::new();
         let scope = Scope {
             size_px: (columns, columns * 9 / 16),

@@ -87,10 +87,6 @@ fn forms() -> Vec<Form> {
         ("rays, visible or not", HullTexture { visibility: HullVisibility::Off, ..exact }),
         ("rays, visible by depth maps", HullTexture { visibility: HullVisibility::Depths, ..exact }),
         ("rays, weights at corners", HullTexture { weights: HullWeights::Corners, ..exact }),
-        ("rays, ghosts 20", HullTexture { ghost_codes: 20, ..exact }),
-        ("rays, ghosts 32", HullTexture { ghost_codes: 32, ..exact }),
-        ("rays, ghosts 48", HullTexture { ghost_codes: 48, ..exact }),
-        ("rays, ghosts 70", HullTexture { ghost_codes: 70, ..exact }),
     ] {
         forms.push(of(name, EntityStyle::Hulls, textured(texture)));
     }
@@ -140,7 +136,7 @@ impl Hulls {
             if self.aside.is_empty() { vec![None] } else { self.aside.iter().copied().map(Some).collect() };
         let runs = self.cameras.iter().flat_map(|n| asides.iter().map(move |aside| (*n, *aside)));
         for (idx, (n_cameras, aside)) in runs.enumerate() {
-            let world = World::from_json("ring", &ring(n_cameras, 640, aside.unwrap_or(0.0)).to_string())?;
+            let world = World::from_json("ring", &ring(n_cameras, 640, aside).to_string())?;
             let judged = self.judge(&world, if aside.is_some() { 1 } else { 2 });
             let (adapter, outcomes) = judged.with_context(|| format!("{n_cameras} cameras"))?;
             let cameras = aside
@@ -323,8 +319,9 @@ fn row(name: &str, outcome: &Outcome) -> String {
     )
 }
 
-/// Three people on a level place, and so many cameras around it with pictures of so many columns; a view so far beside the first of them.
-pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: f64) -> Value {
+/// Three people on a level place, and so many cameras around it with pictures of so many columns; a view so far beside the first of them,
+/// or before them all.
+pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: Option<f64>) -> Value {
     let camera = |i: u32| {
         let turn = (f64::from(i) + 0.2) / f64::from(n_cameras) * std::f64::consts::TAU;
         // Two that face each other would see the same outlines.
@@ -348,7 +345,10 @@ pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: f64) -> Value {
         })
     };
     let turn = 0.2 / f64::from(n_cameras) * std::f64::consts::TAU * if n_cameras == 2 { 0.5 } else { 1.0 };
-    let (sine, cosine) = (turn + aside_deg.to_radians()).sin_cos();
+    let beside = |degrees: f64| {
+        let (sine, cosine) = (turn + degrees.to_radians()).sin_cos();
+        [8.0 * cosine, 8.0 * sine, 2.9]
+    };
     json!({
         "version": 1, "name": "Ring", "description": "people in a ring of cameras", "seed": 7, "period_secs": 8,
         "sky": {"color_srgb": "#9cc4e6"},
@@ -361,6 +361,6 @@ pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: f64) -> Value {
             walker("green", 1.83, ["#2f8f4e", "#303030"], json!([[-2.8, 1], [-1.6, 1.4], [-1.8, 2.8], [-3, 2.4]]), 0.6),
         ],
         "cameras": (0..n_cameras).map(camera).collect::<Vec<Value>>(),
-        "views": [{"id": "free", "eye_m": [8.0 * cosine, 8.0 * sine, 2.9], "target_m": [0, 0, 0.9], "fov_deg": 45}],
+        "views": [{"id": "free", "eye_m": aside_deg.map_or([0.5, -6.5, 2.2], beside), "target_m": [0, 0, 0.9], "fov_deg": 45}],
     })
 }

@@ -81,7 +81,6 @@ impl HullPass {
                 ("VISIBILITY", visibility),
                 ("HAS_FEATHER", number(texture.feather)),
                 ("AT_CORNERS", number(at_corners)),
-                ("MOST_APART", f64::from(texture.ghost_codes) / 255.0),
             ],
             samples: into.targets.samples(),
         };
