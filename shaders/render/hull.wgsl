@@ -82,11 +82,11 @@ fn is_behind_reference(view_idx: u32, local: vec3<f32>) -> bool {
     return farthest > 0.0 && local.z > CAMERA_NEAR_M / max(farthest, 1e-9) + SAME_M;
 }
 
-// How much a camera counts for a place by how obliquely it sees it, and how much as the viewer does.
-fn leaning(camera_idx: u32, place: vec3<f32>, normal: vec3<f32>) -> f32 {
+// How much a camera counts for a place by how much as the viewer it sees it (x), and by how obliquely (y).
+fn leanings(camera_idx: u32, place: vec3<f32>, normal: vec3<f32>) -> vec2<f32> {
     let to_camera = normalize(cameras[camera_idx].position_from_anchor - place);
     let likeness = 0.5 * (dot(to_camera, to_viewer_from(place)) + 1.0);
-    return pow(max(dot(to_camera, normal), 0.0), ALPHA) * pow(max(likeness, 1e-4), BETA);
+    return vec2<f32>(pow(max(likeness, 1e-4), BETA), pow(max(dot(to_camera, normal), 0.0), ALPHA));
 }
 
 // Where on a face a place lies, as shares between its corners; and which view's face it is.
@@ -120,7 +120,8 @@ fn on_face(hull_idx: u32, edge_idx: u32, place: vec3<f32>) -> OnFace {
 fn leaning_between(camera_idx: u32, on: OnFace, normal: vec3<f32>) -> f32 {
     var at: vec4<f32>;
     for (var corner = 0u; corner < 4u; corner++) {
-        at[corner] = leaning(camera_idx, face_corner(corner, on.face), normal);
+        let of = leanings(camera_idx, face_corner(corner, on.face), normal);
+        at[corner] = of.x * of.y;
     }
     return mix(mix(at.x, at.y, on.share.x), mix(at.z, at.w, on.share.x), on.share.y);
 }
@@ -140,7 +141,6 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     let ray = hull_ray(position.xy);
     let place = ray.origin + ray.direction * found.t;
     let middle = ray.origin + ray.direction * (found.t + 0.5 * found.thickness);
-    let to_viewer = to_viewer_from(place);
     let is_at_corners = AT_CORNERS && found.edge != NO_EDGE;
     var on = OnFace(vec3<u32>(0u), vec2<f32>(0.0));
     if is_at_corners {
@@ -163,22 +163,19 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         }
         let at = seen.texture * cameras[camera_idx].frame_scale;
         let color = textureSampleLevel(frames, frame_sampler, at, cameras[camera_idx].frame_layer, 0.0);
-        let to_camera = normalize(cameras[camera_idx].position_from_anchor - place);
-        let likeness = 0.5 * (dot(to_camera, to_viewer) + 1.0);
-        let by_direction = pow(max(likeness, 1e-4), BETA);
+        let of = leanings(camera_idx, place, found.normal);
         let within = silhouette_texel(view_idx, place).x + 0.5;
         // What shows the background is not of its colour; pixels on the outline are of both.
         let is_own = smoothstep(0.25, 0.75, color.a);
         let share = clamp((within - BORDER_PX) / FEATHER_PX, 0.0, 1.0);
         let feather = select(is_own, is_own * share, HAS_FEATHER);
-        let by_angle = pow(max(dot(to_camera, found.normal), 0.0), ALPHA);
-        var lean = by_angle * by_direction;
+        var lean = of.x * of.y;
         if is_at_corners {
             lean = leaning_between(camera_idx, on, found.normal);
         }
         var weight = feather * lean;
         let rgb = evened(camera_idx, color.rgb);
-        sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * by_direction);
+        sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * of.x);
         if VISIBILITY == VISIBLE_RAYS && weight > LEAST_WEIGHT {
             if is_hidden(view_idx, found.hull_idx, place) {
                 weight = 0.0;

@@ -1,9 +1,11 @@
 //! How large a hull is, where nobody says.
 
-use super::silhouettes::{Hull, HullError};
+use super::silhouettes::Hull;
+use super::view::HullError;
 use crate::geometry::Projection;
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Low and high corner of a box, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,10 +23,13 @@ const CELLS: i32 = 16;
 const MAX_LEVELS: u32 = 8;
 const MAX_CELLS: usize = 3_000_000;
 
-/// Cells along the longest side of what is left that tell it closely enough, if the last cut took hardly anything off it: cells that
-/// are large before what they are seen with may hold something far beyond it.
+/// Cells along the longest side of what is left that tell it closely enough, if there are also so many of them: few are left over
+/// far from the hull, each of which may hold some of it until it is cut.
 const CLOSE: f64 = 64.0;
-const HARDLY: f64 = 0.95;
+const MANY_CELLS: usize = 30_000;
+
+/// Smaller than this share of the largest, a piece is chance.
+const LEAST_PIECE: f64 = 1e-3;
 
 /// Half the side of the first cube, in distances from its middle to the farthest camera.
 const SPARE: f64 = 1.25;
@@ -43,7 +48,7 @@ impl Bounds {
         self.high - self.low
     }
 
-    /// What surely holds the hull, and not much more: a cube that holds all cameras is cut into cells, those that may hold some of
+    /// What holds the hull, but for pieces of less than a thousandth of its largest, where cones cross by chance; and not much more: a cube that holds all cameras is cut into cells, those that may hold some of
     /// the hull into eight, and so on.
     ///
     /// # Errors
@@ -57,13 +62,10 @@ impl Bounds {
         let middle = |at: [i32; 3], side: f64| whole.low + side * (DVec3::from(at.map(f64::from)) + 0.5);
         let may_hold = |at: &[i32; 3], side: f64| is_left(hull, &tables, middle(*at, side), side);
         let mut left: Vec<[i32; 3]> = all.filter(|at| may_hold(at, side)).collect();
-        let mut before = f64::INFINITY;
         for _ in 0..MAX_LEVELS {
             let found = Self::around(&left, &whole, side).ok_or(HullError::Empty)?;
             let longest = found.size().max_element();
-            let is_settled = longest >= HARDLY * before;
-            before = longest;
-            let is_close = longest >= CLOSE * side && is_settled && !found.reaches(&whole);
+            let is_close = longest >= CLOSE * side && left.len() >= MANY_CELLS && !found.reaches(&whole);
             if is_close || left.len() > MAX_CELLS / 8 {
                 break;
             }
@@ -74,7 +76,7 @@ impl Bounds {
             };
             left = left.par_iter().flat_map_iter(eighths).filter(|at| may_hold(at, side)).collect();
         }
-        let found = Self::around(&left, &whole, side).ok_or(HullError::Empty)?;
+        let found = Self::around(&pieces(left), &whole, side).ok_or(HullError::Empty)?;
         if found.reaches(&whole) { Err(HullError::Unbounded) } else { Ok(found) }
     }
 
@@ -94,9 +96,31 @@ impl Bounds {
     }
 }
 
+/// Cells without those of pieces that are less than [`LEAST_PIECE`] of the largest: cells that touch are of one piece.
+fn pieces(cells: Vec<[i32; 3]>) -> Vec<[i32; 3]> {
+    let mut open: HashSet<[i32; 3]> = cells.iter().copied().collect();
+    let mut found: Vec<Vec<[i32; 3]>> = Vec::new();
+    for first in cells {
+        if !open.remove(&first) {
+            continue;
+        }
+        let mut piece = vec![first];
+        let mut next = 0;
+        while let Some([x, y, z]) = piece.get(next).copied() {
+            next += 1;
+            let around = (0..27).map(|i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
+            piece.extend(around.filter(|at| open.remove(at)));
+        }
+        found.push(piece);
+    }
+    let largest = found.iter().map(Vec::len).max().unwrap_or(0);
+    found.retain(|piece| piece.len() as f64 >= LEAST_PIECE * largest as f64);
+    found.concat()
+}
+
 /// The place that is nearest to all rays through the silhouettes' middles, and a cube around it that holds all cameras.
 fn first(hull: &Hull) -> Option<(DVec3, f64)> {
-    let rays: Vec<_> = hull.views().iter().filter_map(super::View::middle).collect();
+    let rays: Vec<_> = hull.views().iter().filter_map(super::view::View::middle).collect();
     let (matrix, right) = rays.iter().fold((DMat3::ZERO, DVec3::ZERO), |(matrix, right), ray| {
         let across = DMat3::IDENTITY - outer(ray.direction);
         (matrix + across, right + across * ray.origin)
@@ -105,7 +129,7 @@ fn first(hull: &Hull) -> Option<(DVec3, f64)> {
     let regularised = matrix + DMat3::IDENTITY * (1e-6 * rays.len() as f64);
     let middle = rays.iter().map(|ray| ray.origin).sum::<DVec3>() / rays.len().max(1) as f64;
     let centre = regularised.inverse() * (right + middle * (1e-6 * rays.len() as f64));
-    let distance = |view: &super::View| view.camera().pose().position_in_world.distance(centre);
+    let distance = |view: &super::view::View| view.camera().pose().position_in_world.distance(centre);
     let half = SPARE * hull.views().iter().map(distance).fold(0.0, f64::max);
     (centre.is_finite() && half.is_finite() && half > 0.0).then_some((centre, half))
 }
@@ -141,7 +165,7 @@ struct Table {
 }
 
 impl Table {
-    fn of(view: &super::View) -> Self {
+    fn of(view: &super::view::View) -> Self {
         let [columns, rows] = view.size_px();
         let width = columns + 1;
         let mut sums = vec![0; width * (rows + 1)];
@@ -156,7 +180,7 @@ impl Table {
     }
 
     /// Whether a ball may hold some of what the camera sees inside; none where the camera surely sees nothing of it.
-    fn may_hold(&self, view: &super::View, centre: DVec3, radius: f64) -> Option<bool> {
+    fn may_hold(&self, view: &super::view::View, centre: DVec3, radius: f64) -> Option<bool> {
         let local = view.camera().pose().local_from_world_point(centre);
         // Behind the camera, or beside all that its picture shows.
         if local.z + radius <= 0.0 || local.truncate().length() - radius > view.widest() * (local.z + radius)
@@ -176,15 +200,20 @@ impl Table {
         let reach = scale * (radius / (depth_m - radius) * aslant) + 1.0;
         let at = texture * DVec2::new(width, height);
         let (low, high) = (at - reach, at + reach);
-        if low.x < 0.0 || low.y < 0.0 || high.x > width || high.y > height {
-            // A part that lies beside the picture is not known.
-            let is_beside = high.x < 0.0 || high.y < 0.0 || low.x > width || low.y > height;
-            return if is_beside { None } else { Some(true) };
+        let is_beside = low.x < 0.0 || low.y < 0.0 || high.x > width || high.y > height;
+        if high.x < 0.0 || high.y < 0.0 || low.x > width || low.y > height {
+            return None;
         }
+        // Negative numbers are 0 as these.
         let [x0, y0] = [low.x as usize, low.y as usize];
         let [x1, y1] = [(high.x.ceil() as usize).min(self.width - 1), high.y.ceil() as usize];
         let y1 = y1.min(self.sums.len() / self.width - 1);
         let sum = |x: usize, y: usize| i64::from(self.sums[y * self.width + x]);
-        Some(sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0) > 0)
+        match sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0) > 0 {
+            true => Some(true),
+            // What lies beside the picture stays, and is not seen; what lies in it is taken away.
+            false if is_beside => None,
+            false => Some(false),
+        }
     }
 }

@@ -7,13 +7,15 @@
 //! | file | what |
 //! | --- | --- |
 //! | `outline` | masks as polygons, and what lines cross of them |
-//! | `silhouettes` | cameras with outlines, and the hull that they make: rays cut by them (image-based) |
+//! | `view` | one camera with its silhouette and outline |
+//! | `silhouettes` | the hull that they make: rays cut by them (image-based) |
 //! | `distances` | how far pixels lie within a silhouette |
 //! | `voxels` | the same in runs of voxels, camera by camera |
 //! | `shell` | the outermost of them, to be drawn |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
-//! | `occupancy`, `net`, `mesh` | what is inside of a grid; a closed surface around it; meshes and how they are written |
+//! | `occupancy`, `net`, `mesh` | what is inside of a grid; a closed surface around it; meshes |
+//! | `mesh_files` | meshes as PLY and GLB |
 //! | `foreground` | silhouettes of pictures of one thing before a plain background |
 //! | `paint` | a mesh's colours from pictures, and how it agrees with silhouettes |
 
@@ -22,12 +24,14 @@ mod distances;
 mod extraction;
 mod foreground;
 mod mesh;
+mod mesh_files;
 mod net;
 mod occupancy;
 mod outline;
 mod paint;
 mod shell;
 mod silhouettes;
+mod view;
 mod voxels;
 
 pub use bounds::Bounds;
@@ -40,4 +44,5 @@ pub use occupancy::Occupancy;
 pub use outline::{LEAF_EDGES, Outline};
 pub use paint::{Agreement, paint};
 pub use shell::Shell;
-pub use silhouettes::{Hull, HullError, Scratch, View, Window};
+pub use silhouettes::{Hull, Scratch};
+pub use view::{HullError, View, Window};

@@ -4,7 +4,8 @@
 //! `[L04]` Li, Magnor and Seidel 2004, A hybrid hardware-accelerated algorithm for high quality rendering of visual hulls, section 4.4.
 
 use super::mesh::Mesh;
-use super::silhouettes::{Hull, View};
+use super::silhouettes::Hull;
+use super::view::View;
 use crate::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;

@@ -2,7 +2,8 @@
 
 use super::bounds::Bounds;
 use super::occupancy::Occupancy;
-use super::silhouettes::{Hull, HullError};
+use super::silhouettes::Hull;
+use super::view::HullError;
 use super::voxels;
 use glam::{DVec3, Vec3};
 

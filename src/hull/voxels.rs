@@ -4,7 +4,8 @@
 //! by a camera that sees its middle inside the silhouette, or does not see it.
 
 use super::occupancy::Occupancy;
-use super::silhouettes::{Hull, HullError};
+use super::silhouettes::Hull;
+use super::view::HullError;
 use glam::DVec3;
 use rayon::prelude::*;
 

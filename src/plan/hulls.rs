@@ -164,13 +164,12 @@ pub(super) fn choose(
     picture: &Picture,
     (style, form): (EntityStyle, &HullForm),
 ) -> (Vec<usize>, Vec<String>) {
-    let least_cameras = form.least_cameras;
     let is_in_view = |hull: &EntityHull| {
         let [low, high] = hull.bounds_in_world;
         picture.may_show((low + high) / 2.0, (high - low).length() / 2.0)
     };
     let in_view: Vec<usize> = (0..state.hulls.len()).filter(|idx| is_in_view(&state.hulls[*idx])).collect();
-    let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= least_cameras as usize;
+    let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= form.least_cameras as usize;
     let (enough, few): (Vec<usize>, Vec<usize>) = in_view.into_iter().partition(is_enough);
     let (chosen, skewed): (Vec<usize>, Vec<usize>) =
         enough.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
@@ -202,7 +201,7 @@ pub(super) fn choose(
     chosen.retain(|idx| fits(idx));
     let mut because = Vec::new();
     if !few.is_empty() {
-        because.push(format!("{} seen by fewer than {least_cameras} cameras", few.len()));
+        because.push(format!("{} seen by fewer than {} cameras", few.len(), form.least_cameras));
     }
     if let Some(most) = skewed.iter().map(|idx| state.hulls[*idx].skew_s).reduce(f64::max) {
         let (n, limit) = (skewed.len(), MAX_SKEW_S);

@@ -232,6 +232,7 @@ fn a_seated_person_is_covered_from_four_cameras() {
     );
     for used in told["used"].as_array().unwrap() {
         println!("{used}");
-        assert!(used["covered"].as_f64().unwrap() > 0.95, "{used}");
+        // A box five times too large left 95.9 % of one.
+        assert!(used["covered"].as_f64().unwrap() > 0.975, "{used}");
     }
 }

@@ -50,7 +50,7 @@ impl Bench {
         };
         let watch = Stopwatch::new(&clock, &OpenGate);
         let subject = Subject::prepare(&world, &scope, &watch, &crate::commands::complain)?;
-        let state = judged_states(&subject).into_iter().next().context("no frame is judged")?.1;
+        let state = judged_states(&subject)?.into_iter().next().context("no frame is judged")?.1;
         let renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
         let mut bench = Self { subject, state, renderer, clock };
         bench.state.place_hulls(ERROR_PX);

@@ -1,11 +1,11 @@
 //! `bench hulls`: people as hulls by every method, as billboards and as points, against the truth and against the time they take,
 //! by how many cameras see them.
 
+use super::playing::play;
 use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 use std::io::Write as _;
 use std::path::PathBuf;
-use std::sync::Arc;
 use videofields::accuracy::{
     Figure, OpenGate, Point, Scope, Series, Stopwatch, Subject, SubjectView, ViewsRun, figure_page, machine,
 };
@@ -13,7 +13,6 @@ use videofields::clock::{Clock as _, SystemClock};
 use videofields::frame::{CameraId, RgbImage};
 use videofields::fuse::{Association, SceneState, assemble_within};
 use videofields::gpu::Gpu;
-use videofields::ingest::Pipeline;
 use videofields::plan::{
     self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
     Preset, Settings, Wishes,
@@ -21,7 +20,6 @@ use videofields::plan::{
 use videofields::render::{FoundHulls, Renderer};
 use videofields::simulate::{JudgedView, World};
 use videofields::telemetry::{self, LogFormat};
-use videofields::timeline::Observation;
 
 /// Draws simulated people, seen by more and more cameras around them, in every way there is, and prints how true that is and what
 /// it takes.
@@ -198,7 +196,7 @@ impl Hulls {
         let mut renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
         let mut outcomes: Vec<(Form, Outcome)> =
             forms().into_iter().map(|form| (form, Outcome::default())).collect();
-        for (frame, state) in judged_states(&subject) {
+        for (frame, state) in judged_states(&subject)? {
             for view in &subject.views {
                 for (_, judged) in view.frames.iter().filter(|(of, _)| *of == frame) {
                     self.draw((view, judged), &state, (&mut renderer, &clock), &mut outcomes)?;
@@ -253,31 +251,20 @@ impl Hulls {
 }
 
 /// What stands before the cameras at each of the frames that are judged.
-pub(super) fn judged_states(subject: &Subject) -> Vec<(usize, SceneState)> {
-    let mut pipelines: Vec<Pipeline> = subject
-        .cameras
-        .iter()
-        .map(|camera| Pipeline::new(&camera.settings.background, &camera.settings.segment))
-        .collect();
+pub(super) fn judged_states(subject: &Subject) -> Result<Vec<(usize, SceneState)>> {
     let mut association = Association::default();
-    let (n_frames, judged) = (subject.n_frames(), subject.judged_frames());
+    let (judged, scene) = (subject.judged_frames(), &subject.scene);
     let mut states = Vec::new();
-    for number in 0..2 * n_frames {
-        let seen: Vec<Observation> = subject
-            .cameras
-            .iter()
-            .zip(&mut pipelines)
-            .map(|(camera, pipeline)| pipeline.process(subject.frame(camera, number)))
-            .collect();
-        let Some(frame) = number.checked_sub(n_frames) else { continue };
+    play(subject, |frame, number, seen| {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
-        let scene = Arc::clone(&subject.scene);
-        let state = assemble_within(&mut association, &scene, subject.instant(number), find, None);
+        // At every frame: who is who follows from those before.
+        let state = assemble_within(&mut association, scene, subject.instant(number), find, None);
         if judged.contains(&frame) {
             states.push((frame, state));
         }
-    }
-    states
+        Ok(())
+    })?;
+    Ok(states)
 }
 
 /// Where both the truth and what was found have a person.

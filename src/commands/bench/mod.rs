@@ -6,6 +6,7 @@ mod deadlines;
 mod hull_costs;
 mod hulls;
 mod load;
+mod playing;
 mod quality;
 mod views;
 mod vision;

@@ -1,5 +1,6 @@
 //! `bench views`: how true pictures are by preset, and whether everybody is one entity in their place.
 
+use super::playing::play;
 use anyhow::{Context as _, Result};
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -11,7 +12,6 @@ use videofields::clock::SystemClock;
 use videofields::frame::{CameraId, Mask, RgbImage};
 use videofields::fuse::{Association, SceneState, assemble_within};
 use videofields::gpu::Gpu;
-use videofields::ingest::Pipeline;
 use videofields::plan::{self, Colors, EntityStyle, Errors, Picture, Preset, Settings, Wishes};
 use videofields::render::Renderer;
 use videofields::simulate::World;
@@ -132,29 +132,16 @@ impl Views {
         }
         lineups.iter_mut().for_each(|lineup| lineup.samples = samples);
         let mut renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
-        let mut pipelines: Vec<Pipeline> = subject
-            .cameras
-            .iter()
-            .map(|camera| Pipeline::new(&camera.settings.background, &camera.settings.segment))
-            .collect();
-        let n_frames = subject.n_frames();
-        for number in 0..2 * n_frames {
-            let seen: Vec<Observation> = subject
-                .cameras
-                .iter()
-                .zip(&mut pipelines)
-                .map(|(camera, pipeline)| pipeline.process(subject.frame(camera, number)))
-                .collect();
-            if let Some(frame) = number.checked_sub(n_frames) {
-                let figures = world.figures(frame as f64 * subject.interval_secs)?;
-                for lineup in &mut lineups {
-                    let state = lineup.assemble(&subject, number, &seen);
-                    let truths = lineup.truths(&subject, frame);
-                    lineup.entities.add(&state, &truths, &figures);
-                    lineup.draw(frame, &state, &mut renderer, self.entities.style())?;
-                }
+        play(&subject, |frame, number, seen| {
+            let figures = world.figures(frame as f64 * subject.interval_secs)?;
+            for lineup in &mut lineups {
+                let state = lineup.assemble(&subject, number, seen);
+                let truths = lineup.truths(&subject, frame);
+                lineup.entities.add(&state, &truths, &figures);
+                lineup.draw(frame, &state, &mut renderer, self.entities.style())?;
             }
-        }
+            Ok(())
+        })?;
         Ok((renderer.gpu().name().to_owned(), lineups))
     }
 }

@@ -1,10 +1,9 @@
 //! What every camera sees of the hulls, as depth maps: by the faces of the silhouettes' cones, each trimmed by the other silhouettes.
 
 use super::Recording;
-use super::hull_trim::{FACE, depth_texture};
+use super::hull_trim::{depth_texture, faces_layout, strips_pipeline};
 use crate::gpu::{Gpu, GpuError};
 use crate::render::hull_data::{HullData, HullFaces, TileDraw};
-use crate::render::targets::DEPTH_FORMAT;
 
 const LABEL: &str = "hull_depths";
 
@@ -21,48 +20,8 @@ impl HullDepthsPass {
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
     ) -> Result<Self, GpuError> {
-        let module = gpu.shader("render/hull_depths.wgsl")?;
-        let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(LABEL),
-            bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
-            immediate_size: 0,
-        });
-        let faces = wgpu::VertexBufferLayout {
-            array_stride: size_of::<[u32; 3]>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &FACE,
-        };
-        let descriptor = wgpu::RenderPipelineDescriptor {
-            label: Some(LABEL),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[Some(faces)],
-            },
-            primitive: wgpu::PrimitiveState {
-                topology: wgpu::PrimitiveTopology::TriangleStrip,
-                ..wgpu::PrimitiveState::default()
-            },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache: None,
-        };
-        Ok(Self { pipeline: gpu.pipeline(LABEL, &descriptor), maps: None })
+        let pipeline = strips_pipeline(gpu, LABEL, (frame_layout, hulls), (faces_layout(), None))?;
+        Ok(Self { pipeline, maps: None })
     }
 
     /// What the maps are drawn on.

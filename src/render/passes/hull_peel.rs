@@ -4,7 +4,7 @@
 //! device whether the last one drew anything, so that those after the last are nothing but passes begun and ended.
 
 use super::hull_rays::{HullSurface, SURFACE_FORMAT};
-use super::hull_trim::{FACE, depth_texture};
+use super::hull_trim::{depth_texture, faces_layout};
 use super::{Recording, texture_entry};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor};
 use crate::render::hull_data::{HullData, HullFaces};
@@ -127,11 +127,6 @@ impl HullPeelPass {
         let drawn = layout(&[Some(frame_layout), Some(&depths_layout), Some(hulls.layout())]);
         let resolved = layout(&[Some(frame_layout), None, Some(hulls.layout()), Some(&layer_layout)]);
         let primed = layout(&[None, None, None, Some(&valid_layout)]);
-        let faces = wgpu::VertexBufferLayout {
-            array_stride: size_of::<[u32; 3]>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &FACE,
-        };
         let pipeline = |layout: &wgpu::PipelineLayout, stages: [&str; 2], kind: Kind, valid_px: u32| {
             let constants = [("VALID_PX", f64::from(valid_px))];
             let (is_peel, is_prime) = (matches!(kind, Kind::Peel), matches!(kind, Kind::Prime));
@@ -150,7 +145,7 @@ impl HullPeelPass {
                 blend: (!has_depth).then_some(wgpu::BlendState { color: add, alpha: add }),
                 write_mask: wgpu::ColorWrites::ALL,
             })];
-            let buffers = [Some(faces.clone())];
+            let buffers = [Some(faces_layout())];
             gpu.pipeline(
                 LABEL,
                 &wgpu::RenderPipelineDescriptor {

@@ -11,6 +11,15 @@ const LABEL: &str = "hull_trim";
 /// What tells a face: hull, view and edge.
 pub(super) const FACE: Attributes<1> = wgpu::vertex_attr_array![0 => Uint32x3];
 
+/// A face an instance.
+pub(super) const fn faces_layout() -> wgpu::VertexBufferLayout<'static> {
+    wgpu::VertexBufferLayout {
+        array_stride: size_of::<[u32; 3]>() as u64,
+        step_mode: wgpu::VertexStepMode::Instance,
+        attributes: &FACE,
+    }
+}
+
 /// Draws trimmed cones.
 #[derive(Debug)]
 pub(in crate::render) struct HullTrimPass {
@@ -24,12 +33,8 @@ impl HullTrimPass {
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
     ) -> Result<Self, GpuError> {
-        let faces = wgpu::VertexBufferLayout {
-            array_stride: size_of::<[u32; 3]>() as u64,
-            step_mode: wgpu::VertexStepMode::Instance,
-            attributes: &FACE,
-        };
-        Ok(Self { pipeline: surface_pipeline(gpu, LABEL, (frame_layout, hulls), faces)?, depth: None })
+        let faces = (faces_layout(), Some(SURFACE_FORMAT));
+        Ok(Self { pipeline: strips_pipeline(gpu, LABEL, (frame_layout, hulls), faces)?, depth: None })
     }
 
     /// What it tests depths with.
@@ -51,12 +56,13 @@ impl HullTrimPass {
     }
 }
 
-/// A pipeline that draws strips of four corners into a surface, the nearest of them left, by the shader of the label's stem.
-pub(super) fn surface_pipeline(
+/// A pipeline that draws strips of four corners, the nearest of them left, by the shader of the label's stem: into a surface, or
+/// without any `format` their depths alone.
+pub(super) fn strips_pipeline(
     gpu: &Gpu,
     label: &'static str,
     (frame_layout, hulls): (&wgpu::BindGroupLayout, &HullData),
-    vertices: wgpu::VertexBufferLayout<'_>,
+    (vertices, format): (wgpu::VertexBufferLayout<'_>, Option<wgpu::TextureFormat>),
 ) -> Result<wgpu::RenderPipeline, GpuError> {
     let module = gpu.shader(&format!("render/{label}.wgsl"))?;
     let layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -64,6 +70,7 @@ pub(super) fn surface_pipeline(
         bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
         immediate_size: 0,
     });
+    let target = format.map(|format| Some(wgpu::ColorTargetState::from(format)));
     let descriptor = wgpu::RenderPipelineDescriptor {
         label: Some(label),
         layout: Some(&layout),
@@ -89,7 +96,7 @@ pub(super) fn surface_pipeline(
             module: &module,
             entry_point: Some("fs_main"),
             compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(wgpu::ColorTargetState::from(SURFACE_FORMAT))],
+            targets: target.as_slice(),
         }),
         multiview_mask: None,
         cache: None,

@@ -1,7 +1,7 @@
 //! Surfaces of hulls by their outermost voxels, a square each.
 
-use super::hull_rays::HullSurface;
-use super::hull_trim::{Drawn, surface_pass, surface_pipeline};
+use super::hull_rays::{HullSurface, SURFACE_FORMAT};
+use super::hull_trim::{Drawn, strips_pipeline, surface_pass};
 use super::{Attributes, Recording};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -41,7 +41,7 @@ impl HullVoxelsPass {
             step_mode: wgpu::VertexStepMode::Instance,
             attributes: &ATTRIBUTES,
         };
-        let pipeline = surface_pipeline(gpu, LABEL, (frame_layout, hulls), layout)?;
+        let pipeline = strips_pipeline(gpu, LABEL, (frame_layout, hulls), (layout, Some(SURFACE_FORMAT)))?;
         let instances = GrowingBuffer::new("hull voxels", wgpu::BufferUsages::VERTEX);
         Ok(Self { pipeline, instances, scratch: Vec::new(), depth: None })
     }
