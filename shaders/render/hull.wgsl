@@ -120,8 +120,8 @@ fn on_face(hull_idx: u32, edge_idx: u32, place: vec3<f32>) -> OnFace {
 fn leaning_between(camera_idx: u32, on: OnFace, normal: vec3<f32>) -> f32 {
     var at: vec4<f32>;
     for (var corner = 0u; corner < 4u; corner++) {
-        let of = leanings(camera_idx, face_corner(corner, on.face), normal);
-        at[corner] = of.x * of.y;
+        let lean_of = leanings(camera_idx, face_corner(corner, on.face), normal);
+        at[corner] = lean_of.x * lean_of.y;
     }
     return mix(mix(at.x, at.y, on.share.x), mix(at.z, at.w, on.share.x), on.share.y);
 }
@@ -163,19 +163,19 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         }
         let at = seen.texture * cameras[camera_idx].frame_scale;
         let color = textureSampleLevel(frames, frame_sampler, at, cameras[camera_idx].frame_layer, 0.0);
-        let of = leanings(camera_idx, place, found.normal);
+        let lean_of = leanings(camera_idx, place, found.normal);
         let within = silhouette_texel(view_idx, place).x + 0.5;
         // What shows the background is not of its colour; pixels on the outline are of both.
         let is_own = smoothstep(0.25, 0.75, color.a);
         let share = clamp((within - BORDER_PX) / FEATHER_PX, 0.0, 1.0);
         let feather = select(is_own, is_own * share, HAS_FEATHER);
-        var lean = of.x * of.y;
+        var lean = lean_of.x * lean_of.y;
         if is_at_corners {
             lean = leaning_between(camera_idx, on, found.normal);
         }
         var weight = feather * lean;
         let rgb = evened(camera_idx, color.rgb);
-        sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * of.x);
+        sums[1] += vec4<f32>(rgb, 1.0) * (is_own * max(share * share, LEAST_SHARE) * lean_of.x);
         if VISIBILITY == VISIBLE_RAYS && weight > LEAST_WEIGHT {
             if is_hidden(view_idx, found.hull_idx, place) {
                 weight = 0.0;

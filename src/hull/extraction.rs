@@ -180,8 +180,24 @@ mod tests {
         let bounds = Bounds::of(&hull).expect("a ball");
         assert!(bounds.low.max_element() < -1.0 && bounds.high.min_element() > 1.0, "{bounds:?}");
         assert!(bounds.size().max_element() < 4.0, "{bounds:?}");
-        // What two neighbours alone see behind the ball goes on beyond all cameras.
-        assert_eq!(Bounds::of(&ball(9)).err(), Some(HullError::Unbounded));
+        // What two neighbours alone see behind the ball goes on beyond all cameras, which stand 5 m from it, and ends.
+        let hull = ball(9);
+        let bounds = Bounds::of(&hull).expect("cones that part");
+        assert!(bounds.size().max_element() > 11.0, "{bounds:?}");
+        let mut scratch = Vec::new();
+        let at = |i: i32| f64::from(i) * 0.25;
+        for (x, y, z) in
+            (-40..=40).flat_map(|x| (-40..=40).flat_map(move |y| (-20..=20).map(move |z| (x, y, z))))
+        {
+            let place = DVec3::new(at(x), at(y), at(z));
+            let is_in = place.cmpge(bounds.low).all() && place.cmple(bounds.high).all();
+            assert!(is_in || !hull.contains(place, &mut scratch), "{place} beyond {bounds:?}");
+        }
+        // What two cameras see from the same side does not end.
+        let beside = [DVec3::new(5.0, 0.0, 0.0), DVec3::new(5.0, 0.9, 0.0)];
+        let views = beside.map(|eye| seen(camera(eye), |ray| meets_ball(ray, DVec3::ZERO)));
+        let hull = Hull::new(views.to_vec(), 2).expect("a hull");
+        assert_eq!(Bounds::of(&hull).err(), Some(HullError::Unbounded));
     }
 
     #[test]

@@ -249,7 +249,7 @@ pub(super) mod tests {
     fn a_cube_is_closed_and_has_its_volume_anywhere() {
         for low in [DVec3::ZERO, DVec3::new(-3.0, 7.0, 0.5), DVec3::splat(4e6)] {
             let mesh = cube(low);
-            mesh.check().unwrap();
+            mesh.check().expect("a closed cube");
             assert!((mesh.volume_m3() - 8.0).abs() < 1e-9, "{}", mesh.volume_m3());
             assert_eq!(mesh.bounds(), Some([low, low + 2.0]));
             for (at, normal) in mesh.positions_m.iter().zip(&mesh.normals) {
