@@ -77,6 +77,7 @@ pictures: setup
 	$(CARGO) build --release --locked
 	deploy/pictures.sh
 	deploy/pictures-fused.sh
+	deploy/pictures-hulls.sh
 
 clips: setup
 	$(CARGO) build --release --locked

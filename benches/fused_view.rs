@@ -10,7 +10,7 @@ use std::sync::Arc;
 use videofields::clock::Timestamp;
 use videofields::config::RenderSettings;
 use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Billboard, CameraState, Entity, SceneState};
+use videofields::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
 use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
 use videofields::gpu::Gpu;
 use videofields::plan::{
@@ -193,6 +193,7 @@ fn yard(n_people: usize) -> (SceneState, Picture) {
         id: idx as u64,
         foot_in_world: *foot,
         foot_covariance_m2: DMat2::IDENTITY * 0.01,
+        velocity: Velocity::UNKNOWN,
         height_m: 1.8,
         sources,
     };

@@ -123,29 +123,4 @@ else
   echo "<p>Not at hand: ../shared/data/pets2009_s2l1.</p>" >>"$index"
   echo "no PETS 2009 S2.L1 at ../shared/data/pets2009_s2l1: its pictures are left out"
 fi
-part "Utrecht: four cameras around one person"
-if [[ -d ../shared/data/utrecht_voxel4 ]]; then
-  utrecht() { # NAME CAPTION [flags]
-    local name=$1 caption=$2
-    shift 2
-    view config/pictures/utrecht.toml utrecht "utrecht-$name" "$caption" --t 2020-01-01T00:00:08Z "$@"
-  }
-  for style in billboards points hulls none; do
-    utrecht "$style" "The scene's own view; entities: $style." --entities "$style"
-  done
-  utrecht other-side "From the other side." --eye=3,2,1.8 --target=0,0,1 --fov 60
-  # Once around the person, level with the chest: eye and eye's place on a circle of 2.4 m, in degrees.
-  for turn in 0 45 90 135 180 225 270 315; do
-    eye=$(awk -v turn="$turn" 'BEGIN { a = turn * atan2(0, -1) / 180; printf "%.3f,%.3f,1.4", 0.4 + 2.4 * cos(a), 0.4 + 2.4 * sin(a) }')
-    for style in billboards hulls; do
-      utrecht "turn-$turn-$style" "From $turn degrees; entities: $style." --eye="$eye" --target=0.4,0.4,0.8 --fov 50 \
-        --entities "$style"
-    done
-  done
-  utrecht raw "The scene's own view; colors=raw." --colors raw
-  utrecht map "The map, 8 m across." --projection map --target=0.5,-0.25,0 --across 8
-else
-  echo "<p>Not at hand: ../shared/data/utrecht_voxel4.</p>" >>"$index"
-  echo "no Utrecht recordings at ../shared/data/utrecht_voxel4: their pictures are left out"
-fi
 echo "$index"

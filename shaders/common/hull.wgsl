@@ -56,11 +56,13 @@ struct HullView {
     offset: vec2<f32>,
     // Greatest coordinates of the layer that mean anything.
     limit: vec2<f32>,
-    layer: u32,
-    pad_layer: u32,
     // From the camera's tangent plane to its depth map of the hulls; 0 where it has none.
     tile_scale: vec2<f32>,
+    // How far what it shows has moved since the camera saw it: the camera is taken to stand so much further on.
+    shift: vec3<f32>,
+    layer: u32,
     tile_offset: vec2<f32>,
+    pad_tile: vec2<f32>,
 }
 
 @group(2) @binding(0) var<uniform> hull_frame: HullFrame;
@@ -99,6 +101,15 @@ fn within_bounds(hull_idx: u32, ray: HullRay) -> vec2<f32> {
     return vec2<f32>(max(max(near.x, near.y), near.z), min(min(far.x, far.y), far.z));
 }
 
+// A place as a view's camera sees it, and where that camera is taken to stand.
+fn seen_by(view_idx: u32, place: vec3<f32>) -> Projection {
+    return project(hull_views[view_idx].camera_idx, place - hull_views[view_idx].shift);
+}
+
+fn eye_of(view_idx: u32) -> vec3<f32> {
+    return cameras[hull_views[view_idx].camera_idx].position_from_anchor + hull_views[view_idx].shift;
+}
+
 fn side_of(line: vec3<f32>, at: vec2<f32>) -> f32 {
     return line.x * at.x + line.y * at.y + line.z;
 }
@@ -135,7 +146,7 @@ struct Probe {
 // place is asked for: a ray that has gone on to one is beyond it.
 fn probe(view_idx: u32, ray: HullRay, t: f32) -> Probe {
     let camera_idx = hull_views[view_idx].camera_idx;
-    let start = vec4<f32>(ray.origin, 1.0);
+    let start = vec4<f32>(ray.origin - hull_views[view_idx].shift, 1.0);
     let x = cameras[camera_idx].row_x;
     let y = cameras[camera_idx].row_y;
     let z = cameras[camera_idx].row_z;
@@ -243,7 +254,7 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
         if n_agreed >= n_views {
             var is_seen = but != NO_VIEW;
             for (var k = 0u; k < n_views && !is_seen; k++) {
-                let seen = project(hull_views[first + k].camera_idx, ray.origin + ray.direction * hit.t);
+                let seen = seen_by(first + k, ray.origin + ray.direction * hit.t);
                 is_seen = seen.is_seen && all(seen.texture >= vec2<f32>(0.0)) && all(seen.texture <= vec2<f32>(1.0));
             }
             if is_seen {
@@ -283,7 +294,7 @@ fn hull_hit(hull_idx: u32, ray: HullRay, range: vec2<f32>, but: u32) -> HullHit 
 // What a view's texels say of a place: how far within the silhouette it is seen, pixels from -REACH_PX to REACH_PX; and the mask
 // between its pixels, which is one half on the outline. Where the view does not see the place, that it is well within.
 fn silhouette_texel(view_idx: u32, place: vec3<f32>) -> vec2<f32> {
-    let seen = project(hull_views[view_idx].camera_idx, place);
+    let seen = seen_by(view_idx, place);
     let is_beside = !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0));
     let at = seen.texture * hull_views[view_idx].scale + hull_views[view_idx].offset;
     let coded = textureSampleLevel(

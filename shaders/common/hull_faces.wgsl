@@ -18,11 +18,12 @@ const LEAST_MASK: f32 = 0.42;
 // Bounds are drawn by this share larger, and told by their own: sides that touch them are not lost to rounding.
 const WIDER: f32 = 1e-4;
 
-// Nearest and farthest plane before a camera between which the bounds lie, metres along its axis.
-fn reach_of(hull_idx: u32, camera_idx: u32) -> vec2<f32> {
+// Nearest and farthest plane before a view's camera between which the bounds lie, metres along its axis.
+fn reach_of(hull_idx: u32, view_idx: u32) -> vec2<f32> {
     let middle = 0.5 * (hulls[hull_idx].low + hulls[hull_idx].high);
     let radius = 0.5 * length(hulls[hull_idx].high - hulls[hull_idx].low);
-    let along = dot(cameras[camera_idx].row_z, vec4<f32>(middle, 1.0));
+    let camera_idx = hull_views[view_idx].camera_idx;
+    let along = dot(cameras[camera_idx].row_z, vec4<f32>(middle - hull_views[view_idx].shift, 1.0));
     return vec2<f32>(max(along - radius, CAMERA_NEAR_M), along + radius);
 }
 
@@ -45,12 +46,11 @@ fn face_corner(corner: u32, face: vec3<u32>) -> vec3<f32> {
         signs[(axis + 2u) % 3u] = select(-1.0, 1.0, second);
         return middle + half * signs;
     }
-    let camera_idx = hull_views[face.y].camera_idx;
     let edge = hull_edges[face.z];
-    let reach = reach_of(face.x, camera_idx);
+    let reach = reach_of(face.x, face.y);
     let depth = select(reach.x, reach.y, second);
     let local = vec3<f32>(select(edge.xy, edge.zw, first), 1.0) * depth;
-    return cameras[camera_idx].position_from_anchor + from_camera_axes(camera_idx, local);
+    return eye_of(face.y) + from_camera_axes(hull_views[face.y].camera_idx, local);
 }
 
 fn face_vertex(corner: u32, in: HullFace) -> FaceVarying {

@@ -40,7 +40,7 @@ fn vs_main(@builtin(vertex_index) vertex_idx: u32) -> @builtin(position) vec4<f3
 
 // Whether anything of the hulls lies between a view's camera and a place on one of them.
 fn is_hidden(view_idx: u32, own: u32, place: vec3<f32>) -> bool {
-    let eye = cameras[hull_views[view_idx].camera_idx].position_from_anchor;
+    let eye = eye_of(view_idx);
     let way = place - eye;
     let distance = length(way);
     let direction = way / max(distance, 1e-9);
@@ -82,9 +82,9 @@ fn is_behind_reference(view_idx: u32, local: vec3<f32>) -> bool {
     return farthest > 0.0 && local.z > CAMERA_NEAR_M / max(farthest, 1e-9) + SAME_M;
 }
 
-// How much a camera counts for a place by how much as the viewer it sees it (x), and by how obliquely (y).
-fn leanings(camera_idx: u32, place: vec3<f32>, normal: vec3<f32>) -> vec2<f32> {
-    let to_camera = normalize(cameras[camera_idx].position_from_anchor - place);
+// How much a view's camera counts for a place by how much as the viewer it sees it (x), and by how obliquely (y).
+fn leanings(view_idx: u32, place: vec3<f32>, normal: vec3<f32>) -> vec2<f32> {
+    let to_camera = normalize(eye_of(view_idx) - place);
     let likeness = 0.5 * (dot(to_camera, to_viewer_from(place)) + 1.0);
     return vec2<f32>(pow(max(likeness, 1e-4), BETA), pow(max(dot(to_camera, normal), 0.0), ALPHA));
 }
@@ -104,12 +104,12 @@ fn on_face(hull_idx: u32, edge_idx: u32, place: vec3<f32>) -> OnFace {
         }
     }
     let camera_idx = hull_views[view_idx].camera_idx;
-    let from_anchor = vec4<f32>(place, 1.0);
+    let from_anchor = vec4<f32>(place - hull_views[view_idx].shift, 1.0);
     let z = dot(cameras[camera_idx].row_z, from_anchor);
     let at = vec2<f32>(dot(cameras[camera_idx].row_x, from_anchor), dot(cameras[camera_idx].row_y, from_anchor)) / z;
     let edge = hull_edges[edge_idx];
     let way = edge.zw - edge.xy;
-    let reach = reach_of(hull_idx, camera_idx);
+    let reach = reach_of(hull_idx, view_idx);
     let share = vec2<f32>(
         dot(at - edge.xy, way) / max(dot(way, way), 1e-20), (z - reach.x) / max(reach.y - reach.x, 1e-6),
     );
@@ -117,10 +117,10 @@ fn on_face(hull_idx: u32, edge_idx: u32, place: vec3<f32>) -> OnFace {
 }
 
 // The same, worked out at the corners of the face and in between as a rasteriser would have it.
-fn leaning_between(camera_idx: u32, on: OnFace, normal: vec3<f32>) -> f32 {
+fn leaning_between(view_idx: u32, on: OnFace, normal: vec3<f32>) -> f32 {
     var at: vec4<f32>;
     for (var corner = 0u; corner < 4u; corner++) {
-        let lean_of = leanings(camera_idx, face_corner(corner, on.face), normal);
+        let lean_of = leanings(view_idx, face_corner(corner, on.face), normal);
         at[corner] = lean_of.x * lean_of.y;
     }
     return mix(mix(at.x, at.y, on.share.x), mix(at.z, at.w, on.share.x), on.share.y);
@@ -157,13 +157,13 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         if found.thickness > 0.0 {
             coverage = min(coverage, silhouette_texel(view_idx, middle).x + 0.5);
         }
-        let seen = project(camera_idx, place);
+        let seen = seen_by(view_idx, place);
         if !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0)) {
             continue;
         }
         let at = seen.texture * cameras[camera_idx].frame_scale;
         let color = textureSampleLevel(frames, frame_sampler, at, cameras[camera_idx].frame_layer, 0.0);
-        let lean_of = leanings(camera_idx, place, found.normal);
+        let lean_of = leanings(view_idx, place, found.normal);
         let within = silhouette_texel(view_idx, place).x + 0.5;
         // What shows the background is not of its colour; pixels on the outline are of both.
         let is_own = smoothstep(0.25, 0.75, color.a);
@@ -171,7 +171,7 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
         let feather = select(is_own, is_own * share, HAS_FEATHER);
         var lean = lean_of.x * lean_of.y;
         if is_at_corners {
-            lean = leaning_between(camera_idx, on, found.normal);
+            lean = leaning_between(view_idx, on, found.normal);
         }
         var weight = feather * lean;
         let rgb = evened(camera_idx, color.rgb);

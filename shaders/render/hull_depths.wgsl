@@ -6,7 +6,7 @@ struct DepthVarying {
     @builtin(position) position: vec4<f32>,
     @location(0) place: vec3<f32>,
     @location(1) @interpolate(flat) face: vec3<u32>,
-    @location(2) @interpolate(flat) camera_idx: u32,
+    @location(2) @interpolate(flat) view_idx: u32,
 }
 
 @vertex
@@ -14,7 +14,7 @@ fn vs_main(@builtin(vertex_index) vertex_idx: u32, in: HullFace) -> DepthVarying
     let view_idx = vertex_idx / 4u;
     let camera_idx = hull_views[view_idx].camera_idx;
     let place = face_corner(vertex_idx % 4u, in.face);
-    let from_anchor = vec4<f32>(place, 1.0);
+    let from_anchor = vec4<f32>(place - hull_views[view_idx].shift, 1.0);
     let local = vec3<f32>(
         dot(cameras[camera_idx].row_x, from_anchor), dot(cameras[camera_idx].row_y, from_anchor),
         dot(cameras[camera_idx].row_z, from_anchor),
@@ -29,7 +29,7 @@ fn vs_main(@builtin(vertex_index) vertex_idx: u32, in: HullFace) -> DepthVarying
     if is_own {
         position = vec4<f32>(0.0, 0.0, -1.0, 1.0);
     }
-    return DepthVarying(position, place, in.face, camera_idx);
+    return DepthVarying(position, place, in.face, view_idx);
 }
 
 @fragment
@@ -37,7 +37,7 @@ fn fs_main(in: DepthVarying) {
     if !is_within_hull_bounds(in.face.x, in.place) {
         discard;
     }
-    if dot(face_normal(in.face), in.place - cameras[in.camera_idx].position_from_anchor) >= 0.0 {
+    if dot(face_normal(in.face), in.place - eye_of(in.view_idx)) >= 0.0 {
         discard;
     }
     if !is_held(in.face, in.place) {

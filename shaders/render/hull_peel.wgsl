@@ -47,7 +47,7 @@ fn vs_closed(@builtin(vertex_index) corner: u32, in: HullFace) -> ClosedVarying 
     } else {
         let camera_idx = hull_views[in.face.y].camera_idx;
         let edge = hull_edges[in.face.z];
-        let far = reach_of(in.face.x, camera_idx).y;
+        let far = reach_of(in.face.x, in.face.y).y;
         var local = vec3<f32>(0.0);
         switch corner {
             case 1u, 5u: { local = vec3<f32>(edge.xy, 1.0) * far; }
@@ -55,7 +55,7 @@ fn vs_closed(@builtin(vertex_index) corner: u32, in: HullFace) -> ClosedVarying 
             case 3u: { local = vec3<f32>(0.0, 0.0, far); }
             default: {}
         }
-        place = cameras[camera_idx].position_from_anchor + from_camera_axes(camera_idx, local);
+        place = eye_of(in.face.y) + from_camera_axes(camera_idx, local);
     }
     return ClosedVarying(peel_position(place), place, in.face);
 }
@@ -76,7 +76,7 @@ fn is_valid(pixel: vec2<u32>) -> bool {
 fn is_seen_by_any(hull_idx: u32, place: vec3<f32>) -> bool {
     let first = hulls[hull_idx].first_view;
     for (var k = 0u; k < hulls[hull_idx].n_views; k++) {
-        let seen = project(hull_views[first + k].camera_idx, place);
+        let seen = seen_by(first + k, place);
         if seen.is_seen && all(seen.texture >= vec2<f32>(0.0)) && all(seen.texture <= vec2<f32>(1.0)) {
             return true;
         }

@@ -3,14 +3,20 @@
 //! A camera takes away only what it surely sees beside the entity. What it does not see, beyond its picture's border or behind a
 //! building, it leaves to the others, so that somebody who is half hidden from one camera is not cut in half; of several people in
 //! one blob it takes none away from any other, and the other cameras part them.
+//!
+//! Frames of cameras that are not of one instant show who walks in several places. What moves by `d` between a frame and the mean
+//! instant of all is seen by that frame's camera as it would be, at the mean instant, by one that stands `d` further on: cameras are
+//! moved, and silhouettes, textures and rays follow.
 
 use super::billboard::MOVING;
 use super::{Billboard, CameraState, Entity, SceneState};
+use crate::clock::Timestamp;
 use crate::frame::Mask;
 use crate::geometry::{Camera, Surfaces};
 use crate::hull::{Bounds, Hull, Shell, View, Window};
 use crate::segment::{DistanceTransform, PixelRect};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 /// Least value of the soft mask that is inside a silhouette: half of its ramp.
 const LEAST_SOFT: u8 = 128;
@@ -34,6 +40,9 @@ const MOST_UNCERTAIN_M: f64 = 0.15;
 /// Half the side of bounds where cameras do not agree on any place, metres.
 const UNAGREED_M: f64 = 0.6;
 
+/// Cameras whose frames are further apart in time are not moved, seconds: nobody goes on straight for so long.
+pub const MOST_MOVED_S: f64 = 0.5;
+
 /// Silhouettes of fewer cameras are no hull.
 pub const LEAST_VIEWS: usize = 2;
 
@@ -46,9 +55,12 @@ pub struct EntityHull {
     pub bounds_in_world: [DVec3; 2],
     /// Of each view of the hull, index into [`SceneState::cameras`]; at least [`LEAST_VIEWS`].
     pub cameras: Vec<usize>,
-    /// How far apart the cameras' frames are in time, seconds: who walks is seen in two places by so much.
+    /// How far apart the cameras' frames are in time, seconds.
     pub skew_s: f64,
-    /// The silhouettes.
+    /// By how much the silhouettes may still be those of two places, standard deviation, metres: what is not known of how far the
+    /// entity went meanwhile.
+    pub apart_m: f64,
+    /// The silhouettes, of cameras that stand further on by what the entity has moved between their frames and the mean of all.
     pub hull: Hull,
     /// Of each view, how far its pixels lie within its silhouette ([`View::distances`]).
     pub distances: Vec<Mask>,
@@ -60,10 +72,10 @@ impl SceneState {
     /// Makes the hull of every entity that several cameras see, in place of those that there are; outlines are simplified by at most
     /// `error_px` of the masks' pixels. Where a lens sees a right angle or more from its axis, that camera is left out.
     ///
-    /// **Cost** linear in the pixels of the entities' windows, and a ray for every 8 x 8 of them.
+    /// **Cost** linear in the pixels of the entities' windows, and a ray for every 8 x 8 of them; on all processors.
     pub fn place_hulls(&mut self, error_px: f64) {
         let of = |(entity_idx, entity): (usize, &Entity)| self.hull_of(entity_idx, entity, error_px);
-        self.hulls = self.entities.iter().enumerate().filter_map(of).collect();
+        self.hulls = self.entities.par_iter().enumerate().filter_map(of).collect();
     }
 
     /// Carves every hull that there is in voxels, so many along the longest side of its bounds.
@@ -79,14 +91,12 @@ impl SceneState {
     }
 
     fn hull_of(&self, entity_idx: usize, entity: &Entity, error_px: f64) -> Option<EntityHull> {
-        let n_cameras = {
-            let mut cameras: Vec<usize> = entity.sources.iter().map(|source| source.camera_idx).collect();
-            cameras.dedup();
-            cameras.len()
-        };
-        if n_cameras < LEAST_VIEWS {
+        let mut seen_by: Vec<usize> = entity.sources.iter().map(|source| source.camera_idx).collect();
+        seen_by.dedup();
+        if seen_by.len() < LEAST_VIEWS {
             return None;
         }
+        let frames = Frames::of(self, &seen_by);
         let bounds_in_world = bounds(entity);
         let mut cameras: Vec<usize> = Vec::new();
         let mut views: Vec<View> = Vec::new();
@@ -102,8 +112,11 @@ impl SceneState {
                 .filter(|of| of.camera_idx == source.camera_idx)
                 .map(|of| of.rect)
                 .collect();
-            let window = silhouette(state, &self.scene.surfaces, (entity, bounds_in_world), &rects);
-            let view = window.map(|window| View::within((*state.camera).clone(), window, error_px));
+            let moved_m = entity.velocity.over_ground_m_per_s * frames.to_mean(state);
+            let Ok(camera) = (*state.camera).clone().moved(moved_m.extend(0.0)) else { continue };
+            let window =
+                silhouette((state, &camera), &self.scene.surfaces, (entity, bounds_in_world), &rects);
+            let view = window.map(|window| View::within(camera, window, error_px));
             if let Some(Ok(view)) = view {
                 cameras.push(source.camera_idx);
                 views.push(view);
@@ -112,14 +125,54 @@ impl SceneState {
         if cameras.len() < LEAST_VIEWS {
             return None;
         }
-        let instants = cameras.iter().map(|idx| self.cameras[*idx].observation.frame.timestamp.as_nanos());
-        let (first, last) = instants.fold((i64::MAX, i64::MIN), |(a, b), at| (a.min(at), b.max(at)));
-        let skew_s = last.saturating_sub(first) as f64 * 1e-9;
+        let skew_s = frames.skew_s;
+        let unknown_m_per_s = if frames.are_moved() {
+            entity.velocity.sd_m_per_s
+        } else {
+            entity.velocity.over_ground_m_per_s.length().hypot(entity.velocity.sd_m_per_s)
+        };
+        let apart_m = unknown_m_per_s * skew_s;
         // Within its bounds, what but one camera sees may be part of it.
         let mut transform = DistanceTransform::default();
         let distances = views.iter().map(|view| view.distances(&mut transform)).collect();
         let hull = Hull::new(views, 1).ok()?;
-        Some(EntityHull { entity_idx, bounds_in_world, cameras, skew_s, hull, distances, shell: None })
+        Some(EntityHull {
+            entity_idx,
+            bounds_in_world,
+            cameras,
+            skew_s,
+            apart_m,
+            hull,
+            distances,
+            shell: None,
+        })
+    }
+}
+
+/// When several cameras' frames are.
+struct Frames {
+    mean: Timestamp,
+    /// From the first to the last, seconds.
+    skew_s: f64,
+}
+
+impl Frames {
+    fn of(state: &SceneState, cameras: &[usize]) -> Self {
+        let at = |idx: &usize| state.cameras[*idx].observation.frame.timestamp;
+        let first = cameras.iter().map(at).min().unwrap_or(state.instant);
+        let since: Vec<f64> = cameras.iter().map(|idx| at(idx).secs_since(first)).collect();
+        let skew_s = since.iter().copied().fold(0.0, f64::max);
+        let mean_s = since.iter().sum::<f64>() / since.len().max(1) as f64;
+        Self { mean: first.saturating_add_nanos((mean_s * 1e9).round() as i64), skew_s }
+    }
+
+    const fn are_moved(&self) -> bool {
+        self.skew_s <= MOST_MOVED_S
+    }
+
+    /// Seconds from a camera's frame to the mean; 0 where frames are too far apart to be brought together.
+    fn to_mean(&self, of: &CameraState) -> f64 {
+        if self.are_moved() { self.mean.secs_since(of.observation.frame.timestamp) } else { 0.0 }
     }
 }
 
@@ -169,15 +222,16 @@ fn cut(polygon: &[DVec2], at: DVec2, outwards: DVec2) -> Vec<DVec2> {
     left
 }
 
-/// What one camera has of the entity, whose pieces lie in `rects`, in the part of its picture that may show the bounds.
+/// What one camera has of the entity, whose pieces lie in `rects`, in the part of its picture that may show the bounds to it where it is
+/// taken to stand.
 fn silhouette(
-    state: &CameraState,
+    (state, moved): (&CameraState, &Camera),
     surfaces: &Surfaces,
     (entity, bounds): (&Entity, [DVec3; 2]),
     rects: &[PixelRect],
 ) -> Option<Window> {
     let (labels, soft) = (&*state.observation.labels, &*state.observation.soft_mask);
-    let [columns, rows] = seen_at(&state.camera, bounds, [labels.width, labels.height]);
+    let [columns, rows] = seen_at(moved, bounds, [labels.width, labels.height]);
     let (width, height) = (columns.len(), rows.len());
     if width == 0 || height == 0 {
         return None;
@@ -309,6 +363,7 @@ mod tests {
             id: 1,
             foot_in_world: DVec3::ZERO,
             foot_covariance_m2: glam::DMat2::ZERO,
+            velocity: super::super::Velocity::UNKNOWN,
             height_m: 1.2,
             sources: sources.iter().enumerate().map(source).collect(),
         }

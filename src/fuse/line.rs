@@ -8,7 +8,7 @@ use super::billboard::brought_near;
 use super::estimate::{Estimate, FOLLOWED_GATE, Foot, either};
 use super::grouping::{BESIDE_COST, Group, Grouping, Sign};
 use super::walk::Walk;
-use super::{Billboard, Entity, Sighting};
+use super::{Billboard, Entity, Sighting, Velocity};
 use crate::clock::Timestamp;
 use glam::{DMat2, DVec2};
 use std::collections::BTreeMap;
@@ -133,7 +133,7 @@ impl Line {
         let names: Vec<usize> =
             grouping.groups().iter().map(|group| group.known.unwrap_or(usize::MAX)).collect();
         let elsewhere = grouping.elsewhere();
-        let mut drawn: Vec<(u64, usize, Estimate)> = Vec::new();
+        let mut drawn: Vec<Drawn> = Vec::new();
         for (group, name) in names.into_iter().enumerate() {
             let Some(said) = grouping.said(group, None) else { continue };
             let known = match self.known.get_mut(name) {
@@ -158,11 +158,12 @@ impl Line {
                 }
             };
             let id = known.id;
-            drawn.push((
+            drawn.push(Drawn {
                 id,
                 group,
-                Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
-            ));
+                said: Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
+                velocity: known.walk.velocity(),
+            });
             self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }
         self.follow(followed, &sightings, step_secs);
@@ -344,14 +345,18 @@ impl Known {
     }
 }
 
+/// Somebody who is seen: a group of signs, and what is known of them.
+struct Drawn {
+    id: u64,
+    group: usize,
+    said: Estimate,
+    velocity: Velocity,
+}
+
 /// The entities that are seen, in growing order of ids.
-fn draw(
-    mut drawn: Vec<(u64, usize, Estimate)>,
-    grouping: &Grouping<'_>,
-    sightings: &[Sighting],
-) -> Vec<Entity> {
-    drawn.sort_by_key(|(id, ..)| *id);
-    let entity = |(id, group, said): (u64, usize, Estimate)| {
+fn draw(mut drawn: Vec<Drawn>, grouping: &Grouping<'_>, sightings: &[Sighting]) -> Vec<Entity> {
+    drawn.sort_by_key(|of| of.id);
+    let entity = |Drawn { id, group, said, velocity }: Drawn| {
         let source = |sign: &usize| {
             let Sighting { billboard, head, .. } = &sightings[*sign];
             match head.filter(|_| grouping.is_by_head(*sign)) {
@@ -364,7 +369,8 @@ fn draw(
         let tallest = || sources.iter().map(|source| source.height_m).fold(0.0, f64::max);
         let height_m = said.height.map_or_else(tallest, |height| height.mean_m);
         let foot_covariance_m2 = said.foot.covariance;
-        Entity { id, foot_in_world: said.foot_in_world(), foot_covariance_m2, height_m, sources }
+        let foot_in_world = said.foot_in_world();
+        Entity { id, foot_in_world, foot_covariance_m2, velocity, height_m, sources }
     };
     drawn.into_iter().map(entity).collect()
 }

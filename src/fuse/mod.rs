@@ -22,7 +22,7 @@ mod walk;
 
 pub use association::Association;
 pub use exposure::Exposure;
-pub use hulls::{EntityHull, LEAST_VIEWS};
+pub use hulls::{EntityHull, LEAST_VIEWS, MOST_MOVED_S};
 pub use overlap::Overlap;
 pub(crate) use points::MAX_RUN;
 
@@ -34,7 +34,7 @@ use crate::segment::PixelRect;
 use crate::timeline::Observation;
 use crate::track::Track;
 use estimate::{Estimate, Head};
-use glam::{DMat2, DVec3, Vec3};
+use glam::{DMat2, DVec2, DVec3, Vec3};
 use line::Followed;
 use std::sync::Arc;
 
@@ -174,6 +174,8 @@ pub struct Entity {
     pub foot_in_world: DVec3,
     /// Covariance of that place on the ground, square metres; symmetric, finite.
     pub foot_covariance_m2: DMat2,
+    /// How fast it goes.
+    pub velocity: Velocity,
     /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
     pub height_m: f64,
     /// One billboard for each camera that sees it, in the order of cameras; never empty.
@@ -187,6 +189,20 @@ impl Entity {
     pub fn place_of(&self, source: &Billboard) -> DVec3 {
         if self.sources.len() > 1 { self.foot_in_world } else { source.foot_in_world }
     }
+}
+
+/// How fast somebody goes over the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Velocity {
+    /// Along the world's x and y, metres a second; finite.
+    pub over_ground_m_per_s: DVec2,
+    /// Standard deviation along the direction in which least is known of it, metres a second; finite.
+    pub sd_m_per_s: f64,
+}
+
+impl Velocity {
+    /// Of whom nothing is known yet: they may stand or walk.
+    pub const UNKNOWN: Self = Self { over_ground_m_per_s: DVec2::ZERO, sd_m_per_s: walk::FIRST_VELOCITY };
 }
 
 /// What one camera sees of an entity, as an upright rectangle in the world that faces the camera horizontally.

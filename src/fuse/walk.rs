@@ -4,6 +4,7 @@
 //!
 //! The library's filter that `track` uses is one of fixed axes; this one keeps four blocks of two by two.
 
+use super::Velocity;
 use super::estimate::Foot;
 use glam::{DMat2, DVec2};
 
@@ -11,7 +12,7 @@ use glam::{DMat2, DVec2};
 const ACCELERATION: f64 = 0.5;
 
 /// Standard deviation of the velocity of who was seen once, metres a second.
-const FIRST_VELOCITY: f64 = 1.5;
+pub(super) const FIRST_VELOCITY: f64 = 1.5;
 
 /// What calibrations err by whatever is averaged, standard deviation, metres.
 const BIAS_M: f64 = 0.1;
@@ -70,6 +71,14 @@ impl Walk {
         self.pace = (self.pace + self.pace.transpose()) * 0.5;
     }
 
+    /// How fast they go.
+    pub(super) fn velocity(&self) -> Velocity {
+        // The greater of the two eigenvalues.
+        let (a, b, d) = (self.pace.x_axis.x, self.pace.x_axis.y, self.pace.y_axis.y);
+        let variance = f64::midpoint(a, d) + (0.5 * (a - d)).hypot(b);
+        Velocity { over_ground_m_per_s: self.velocity, sd_m_per_s: variance.max(0.0).sqrt() }
+    }
+
     /// Where they are.
     pub(super) fn foot(&self) -> Foot {
         Foot::new(self.at, self.place + round(BIAS_M.powi(2)))
@@ -88,6 +97,9 @@ mod tests {
             walk.pass(0.1);
             walk.correct(&foot(0.14 * f64::from(step)));
         }
+        let velocity = walk.velocity();
+        assert!((velocity.over_ground_m_per_s - DVec2::new(1.4, 0.0)).length() < 0.1, "{velocity:?}");
+        assert!(velocity.sd_m_per_s > 0.1 && velocity.sd_m_per_s < 0.6, "{velocity:?}");
         let before = walk.foot();
         walk.pass(2.0);
         let after = walk.foot();
@@ -105,5 +117,7 @@ mod tests {
             walk.correct(&Foot::new(DVec2::new(5e5, 5e6), round(f64::INFINITY)));
         }
         assert!((walk.foot().at - DVec2::new(5e5, 5e6)).length() < 1.0 && walk.foot().covariance.is_finite());
+        let velocity = walk.velocity();
+        assert!(velocity.over_ground_m_per_s.is_finite() && velocity.sd_m_per_s.is_finite(), "{velocity:?}");
     }
 }

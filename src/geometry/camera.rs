@@ -59,6 +59,17 @@ pub enum CameraError {
     },
 }
 
+fn check_position(position_in_world: DVec3) -> Result<(), CameraError> {
+    if !position_in_world.is_finite() {
+        return Err(CameraError::NotFinite { field: "position" });
+    }
+    if position_in_world.abs().max_element() > 1e8 {
+        let allowed = "within 1e8 m of the scene's origin";
+        return Err(CameraError::OutOfRange { field: "position", allowed });
+    }
+    Ok(())
+}
+
 impl Camera {
     /// A camera calibrated for pictures of `size_px` columns and rows.
     ///
@@ -79,7 +90,6 @@ impl Camera {
         let finite = [
             ("focal length", focal_px.is_finite()),
             ("principal point", center_px.is_finite()),
-            ("position", pose.position_in_world.is_finite()),
             ("rotation", pose.world_from_local.is_finite()),
             ("distortion", distortion.is_finite()),
         ];
@@ -96,9 +106,7 @@ impl Camera {
         if center_px.abs().max_element() > 1e7 {
             return out("principal point", "within 1e7 pixels of the picture's corner");
         }
-        if pose.position_in_world.abs().max_element() > 1e8 {
-            return out("position", "within 1e8 m of the scene's origin");
-        }
+        check_position(pose.position_in_world)?;
         if (pose.world_from_local.length() - 1.0).abs() > 0.01 {
             return out("rotation", "a unit quaternion (length within 1 % of 1)");
         }
@@ -137,6 +145,19 @@ impl Camera {
     #[must_use]
     pub const fn limit(&self) -> &DistortionLimit {
         &self.limit
+    }
+
+    /// The same camera where it stands further on by `offset_m` (metres, world).
+    ///
+    /// What has moved by so much since the camera saw it is seen by it as it was.
+    ///
+    /// # Errors
+    /// As [`Self::new`], of the position.
+    pub fn moved(mut self, offset_m: DVec3) -> Result<Self, CameraError> {
+        let position_in_world = self.pose.position_in_world + offset_m;
+        check_position(position_in_world)?;
+        self.pose.position_in_world = position_in_world;
+        Ok(self)
     }
 
     /// Where the camera stands and looks.

@@ -10,8 +10,11 @@ use serde::{Deserialize, Serialize};
 const MAX_HULLS: usize = 64;
 const MAX_VIEWS: usize = 256;
 
-/// Frames that are further apart in time are no silhouettes of one shape, seconds: who walks moves by 0.15 m.
-pub const MAX_SKEW_S: f64 = 0.1;
+/// Frames that are further apart in time are no silhouettes of one shape, seconds: limbs swing, whatever is known of the way.
+pub const MAX_SKEW_S: f64 = 0.3;
+
+/// Nor are those between which somebody may have gone by more that is not known, metres: 0.1 s of a first sight.
+pub const MAX_APART_M: f64 = 0.15;
 
 /// Of a mask's pixels, by how much outlines are simplified.
 pub(super) const OUTLINE_ERROR_PX: f64 = 0.5;
@@ -158,6 +161,10 @@ fn apart_rad(state: &SceneState, hull: &EntityHull) -> f64 {
     pairs.map(|across| across.length().min(1.0).asin()).fold(0.0, f64::max)
 }
 
+fn is_of_one_shape(hull: &EntityHull) -> bool {
+    hull.skew_s <= MAX_SKEW_S && hull.apart_m <= MAX_APART_M
+}
+
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.
 pub(super) fn choose(
     state: &SceneState,
@@ -172,7 +179,7 @@ pub(super) fn choose(
     let is_enough = |idx: &usize| state.hulls[*idx].cameras.len() >= form.least_cameras as usize;
     let (enough, few): (Vec<usize>, Vec<usize>) = in_view.into_iter().partition(is_enough);
     let (chosen, skewed): (Vec<usize>, Vec<usize>) =
-        enough.into_iter().partition(|idx| state.hulls[*idx].skew_s <= MAX_SKEW_S);
+        enough.into_iter().partition(|idx| is_of_one_shape(&state.hulls[*idx]));
     let is_apart = |idx: &usize| {
         style != EntityStyle::Auto || apart_rad(state, &state.hulls[*idx]) >= AUTO_APART_DEG.to_radians()
     };
@@ -203,9 +210,14 @@ pub(super) fn choose(
     if !few.is_empty() {
         because.push(format!("{} seen by fewer than {} cameras", few.len(), form.least_cameras));
     }
-    if let Some(most) = skewed.iter().map(|idx| state.hulls[*idx].skew_s).reduce(f64::max) {
-        let (n, limit) = (skewed.len(), MAX_SKEW_S);
-        because.push(format!("{n} seen up to {most:.2} s apart, more than {limit} s"));
+    let most =
+        |of: fn(&EntityHull) -> f64| skewed.iter().map(|idx| of(&state.hulls[*idx])).fold(0.0, f64::max);
+    if !skewed.is_empty() {
+        let (n, most_s, most_m) = (skewed.len(), most(|of| of.skew_s), most(|of| of.apart_m));
+        because.push(format!(
+            "{n} seen up to {most_s:.2} s apart, in which they may have moved by {most_m:.2} m that is not known: more than \
+             {MAX_SKEW_S} s or {MAX_APART_M} m"
+        ));
     }
     if !alike.is_empty() {
         let n = alike.len();

@@ -25,7 +25,9 @@ mod work;
 pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use errors::Errors;
-pub use hulls::{HULL_VOXELS, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, MAX_SKEW_S};
+pub use hulls::{
+    HULL_VOXELS, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, MAX_APART_M, MAX_SKEW_S,
+};
 pub use picture::{ACROSS_M, Part, Picture, Viewer};
 pub use predict::{Basis, Forecast, Model, Task, told};
 pub use see_through::{OPEN_OPACITY, Opened, ViewSession};

@@ -320,6 +320,7 @@ mod tests {
         let entity = |foot: &DVec3| Entity {
             id: 1,
             foot_covariance_m2: glam::DMat2::IDENTITY,
+            velocity: crate::fuse::Velocity::UNKNOWN,
             height_m: 1.8,
             foot_in_world: *foot,
             sources: vec![Billboard {

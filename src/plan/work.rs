@@ -448,6 +448,7 @@ mod tests {
             id: 1,
             foot_in_world: DVec3::ZERO,
             foot_covariance_m2: DMat2::IDENTITY,
+            velocity: crate::fuse::Velocity::UNKNOWN,
             height_m: 1.8,
             sources,
         };

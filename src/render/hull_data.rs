@@ -49,10 +49,11 @@ pub(super) struct HullView {
     scale: [f32; 2],
     offset: [f32; 2],
     limit: [f32; 2],
-    layer: u32,
-    pad_layer: u32,
     tile_scale: [f32; 2],
+    shift: [f32; 3],
+    layer: u32,
     tile_offset: [f32; 2],
+    pad_tile: [f32; 2],
 }}
 
 /// Bind group 2, and what is written into its buffers.
@@ -211,9 +212,10 @@ impl HullData {
             let first_view = views.len() as u32;
             let first_face = faces.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
+                let stands = state.cameras[*camera_idx].camera.pose().position_in_world;
                 let Some(camera_idx) = shader_idx(*camera_idx) else { continue };
                 let layer = views.len() as u32;
-                let data = silhouette(view, (camera_idx, layer), texture.width(), (edges, boxes));
+                let data = silhouette(view, (camera_idx, stands, layer), texture.width(), (edges, boxes));
                 upload(gpu, texture, (distances, layer), texels);
                 if draws_faces {
                     let first = data.first_edge;
@@ -447,7 +449,7 @@ fn mask_px_per_m(view: &Silhouette, [low, high]: [DVec3; 2]) -> f64 {
 /// A view with its outline and its tree added to `edges` and `boxes`.
 fn silhouette(
     view: &Silhouette,
-    (camera_idx, layer): (usize, u32),
+    (camera_idx, stands, layer): (usize, DVec3, u32),
     layer_px: u32,
     (edges, boxes): (&mut Vec<[f32; 4]>, &mut Vec<[f32; 4]>),
 ) -> HullView {
@@ -478,10 +480,11 @@ fn silhouette(
         scale: scale.as_vec2().to_array(),
         offset: offset.as_vec2().to_array(),
         limit: ((n - 0.5) / layer_side).as_vec2().to_array(),
-        layer,
-        pad_layer: 0,
         tile_scale: [0.0; 2],
+        shift: (view.camera().pose().position_in_world - stands).as_vec3().to_array(),
+        layer,
         tile_offset: [0.0; 2],
+        pad_tile: [0.0; 2],
     }
 }
 

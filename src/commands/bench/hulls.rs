@@ -5,7 +5,7 @@ use super::playing::play;
 use anyhow::{Context as _, Result};
 use serde_json::{Value, json};
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use videofields::accuracy::{
     Figure, OpenGate, Point, Scope, Series, Stopwatch, Subject, SubjectView, ViewsRun, figure_page, machine,
 };
@@ -40,7 +40,7 @@ pub(super) struct Hulls {
     /// Where a plot of error against time is written, SVG.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Where one picture of each form with the most cameras is written, PNG.
+    /// Where the people of the last view are written as each form has them, and as they are, PNG.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
     /// Views stand so many degrees beside the first camera, in place of halfway between two. Repeatable, or with commas between.
@@ -214,6 +214,9 @@ impl Hulls {
         outcomes: &mut [(Form, Outcome)],
     ) -> Result<()> {
         let since_ms = |begun| clock.monotonic().saturating_sub(begun).as_secs_f64() * 1e3;
+        if let Some(folder) = &self.pictures {
+            write_people(folder, (state.cameras.len(), "truth"), (&judged.truth.rgb, judged))?;
+        }
         let picture = Picture::from(view.view);
         let plain = Settings { entities: EntityStyle::None, ..Preset::Balanced.settings(1) };
         drawn(renderer, state, &picture, plain)?;
@@ -238,16 +241,38 @@ impl Hulls {
                 outcome.depths_m.extend(depth_errors(&found, judged));
             }
             if let Some(folder) = &self.pictures {
-                let name = form.name.replace([',', ' '], "_");
-                let path = folder.join(format!("hulls_{}_{name}.png", state.cameras.len()));
-                std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
-                let (width, height) = (shown.width, shown.height);
-                image::save_buffer(&path, &shown.data, width, height, image::ExtendedColorType::Rgb8)
-                    .with_context(|| path.display().to_string())?;
+                write_people(folder, (state.cameras.len(), &form.name), (&shown, judged))?;
             }
         }
         Ok(())
     }
+}
+
+/// Pixels around people that their pictures show.
+const AROUND_PX: usize = 24;
+
+/// Writes the part of a picture in which there are people, or all of it where there are none.
+fn write_people(
+    folder: &Path,
+    (n_cameras, name): (usize, &str),
+    (image, judged): (&RgbImage, &JudgedView),
+) -> Result<()> {
+    let (width, height) = (image.width as usize, image.height as usize);
+    let people = judged.truth.instance.data.iter().enumerate().filter(|(_, instance)| **instance > 0);
+    let around = people.map(|(i, _)| (i % width, i / width)).fold(None, |around, (x, y)| {
+        let [left, top, right, bottom] = around.unwrap_or([x, y, x, y]);
+        Some([left.min(x), top.min(y), right.max(x), bottom.max(y)])
+    });
+    let [left, top, right, bottom] = around.unwrap_or([0, 0, width - 1, height - 1]);
+    let (left, top) = (left.saturating_sub(AROUND_PX), top.saturating_sub(AROUND_PX));
+    let (right, bottom) = ((right + AROUND_PX).min(width - 1), (bottom + AROUND_PX).min(height - 1));
+    let row = |y: usize| &image.data[(y * width + left) * 3..(y * width + right + 1) * 3];
+    let pixels: Vec<u8> = (top..=bottom).flat_map(row).copied().collect();
+    let path = folder.join(format!("hulls_{n_cameras}_{}.png", name.replace([',', ' '], "_")));
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let (columns, rows) = ((right + 1 - left) as u32, (bottom + 1 - top) as u32);
+    image::save_buffer(&path, &pixels, columns, rows, image::ExtendedColorType::Rgb8)
+        .with_context(|| path.display().to_string())
 }
 
 /// What stands before the cameras at each of the frames that are judged.

@@ -22,7 +22,7 @@ use videofields::engine::{
     StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Entity, SceneState};
+use videofields::fuse::{Entity, SceneState, Velocity};
 use videofields::geometry::Surfaces;
 use videofields::plan::{
     Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
@@ -256,6 +256,7 @@ impl Door for FakeDoor {
                 id: 3,
                 foot_in_world: DVec3::new(1.0, -2.0, 0.0),
                 foot_covariance_m2: DMat2::IDENTITY,
+                velocity: Velocity::UNKNOWN,
                 height_m: 1.75,
                 sources: Vec::new(),
             }],

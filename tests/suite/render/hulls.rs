@@ -6,7 +6,7 @@ use super::{Brush, keep, renderer, v, view};
 use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Billboard, Entity, SceneState};
+use videofields::fuse::{Billboard, Entity, SceneState, Velocity};
 use videofields::geometry::{Camera, Ray};
 use videofields::hull::Scratch;
 use videofields::plan::{
@@ -122,6 +122,7 @@ pub(super) fn peopled(stage: &Stage, feet: &[DVec3]) -> SceneState {
                 id: who as u64 + 1,
                 foot_in_world,
                 foot_covariance_m2: DMat2::from_diagonal(DVec2::splat(0.01)),
+                velocity: Velocity::UNKNOWN,
                 height_m: 1.76,
                 sources: sources.collect(),
             }
@@ -591,6 +592,71 @@ fn hulls_at_map_coordinates_and_through_parallel_rays_are_as_exact() {
     let parallel =
         Picture::orthographic((v(2.0, -4.0, 1.7), v(0.0, 0.0, 0.9)), 1.6, (96, 120), &limits).unwrap();
     check("parallel", &state, &parallel.parts[0].view);
+}
+
+/// As cameras have it that see it at `at_s` each, where it goes on by `velocity` a second from the middle at 0.
+fn walking(stage: &Stage, velocity: DVec3, at_s: &[f64]) -> SceneState {
+    let mut state = peopled(stage, &[DVec3::ZERO]);
+    for (idx, at_s) in at_s.iter().enumerate() {
+        let mut then = peopled(stage, &[velocity * *at_s]);
+        let source = |state: &SceneState| {
+            state.entities[0].sources.iter().position(|source| source.camera_idx == idx).unwrap()
+        };
+        let (here, there) = (source(&state), source(&then));
+        state.entities[0].sources[here] = then.entities[0].sources.swap_remove(there);
+        let mut camera = then.cameras.swap_remove(idx);
+        let frame = &mut camera.observation.frame;
+        frame.timestamp = frame.timestamp.saturating_add_nanos((at_s * 1e9) as i64);
+        state.cameras[idx] = camera;
+    }
+    state.entities[0].velocity = Velocity { over_ground_m_per_s: velocity.truncate(), sd_m_per_s: 0.3 };
+    state.place_hulls(0.0);
+    state.carve_hulls(N_VOXELS);
+    state
+}
+
+#[test]
+fn frames_of_several_instants_are_one_shape_where_it_is_known_how_somebody_walks() {
+    // Instants whose mean is 0, so that the hull should stand in the middle.
+    let (stage, at_s) = (ring(6), [-0.12, 0.06, 0.12, -0.06, 0.1, -0.1]);
+    let still = peopled(&stage, &[DVec3::ZERO]);
+    let mut walks = walking(&stage, v(1.4, 0.6, 0.0), &at_s);
+    let of = &walks.hulls[0];
+    assert!(
+        (of.skew_s - 0.24).abs() < 1e-9 && (of.apart_m - 0.072).abs() < 1e-9,
+        "{} {}",
+        of.skew_s,
+        of.apart_m
+    );
+    let overlap = |state: &SceneState| {
+        let (mut scratch, mut both, mut either) = (Vec::new(), 0, 0);
+        for i in 0..32_000 {
+            let at = v(f64::from(i % 40) - 19.5, f64::from(i / 40 % 20) - 9.5, f64::from(i / 800) + 0.5);
+            let place = at * v(0.03, 0.04, 0.045);
+            let is = [&still, state].map(|of| of.hulls[0].hull.contains(place, &mut scratch));
+            both += u32::from(is[0] && is[1]);
+            either += u32::from(is[0] || is[1]);
+        }
+        f64::from(both) / f64::from(either)
+    };
+    let moved = overlap(&walks);
+    check("walking", &walks, &seen_from(v(2.0, -4.0, 1.7)));
+    // As if nothing were known of the way.
+    walks.entities[0].velocity = Velocity::UNKNOWN;
+    walks.place_hulls(0.0);
+    let unmoved = overlap(&walks);
+    // Masks of another place have other pixels: no two of them are closer.
+    assert!(moved > 0.88 && unmoved < 0.3, "{moved} {unmoved}");
+    assert!(walks.hulls[0].apart_m > 0.3);
+    // Instants that are no part of one walk move nothing.
+    let late = &mut walks.cameras[2].observation.frame;
+    late.timestamp = late.timestamp.saturating_add_nanos(i64::MAX);
+    walks.entities[0].velocity = Velocity { over_ground_m_per_s: DVec2::splat(1e3), sd_m_per_s: 0.0 };
+    walks.place_hulls(0.0);
+    let hull = &walks.hulls[0];
+    assert!(hull.apart_m.is_finite() && hull.apart_m > 1e3);
+    let stands = |idx: usize| walks.cameras[hull.cameras[idx]].camera.pose().position_in_world;
+    assert!((0..6).all(|idx| hull.hull.views()[idx].camera().pose().position_in_world == stands(idx)));
 }
 
 #[test]

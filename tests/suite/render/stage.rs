@@ -6,7 +6,7 @@ use videofields::clock::Timestamp;
 use videofields::frame::{
     CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage, YuvLayout, srgb_from_linear,
 };
-use videofields::fuse::{Billboard, CameraState, Entity, SceneState};
+use videofields::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
 use videofields::geometry::{
     Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Shape, SurfaceId, Surfaces,
 };
@@ -140,7 +140,8 @@ impl Stage {
         let entities = match self.person {
             Some(foot_in_world) if !sources.is_empty() => {
                 let (foot_covariance_m2, height_m) = (DMat2::from_diagonal(DVec2::splat(0.04)), 1.8);
-                vec![Entity { id: 1, foot_in_world, foot_covariance_m2, height_m, sources }]
+                let velocity = Velocity::UNKNOWN;
+                vec![Entity { id: 1, foot_in_world, foot_covariance_m2, velocity, height_m, sources }]
             }
             _ => Vec::new(),
         };

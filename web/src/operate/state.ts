@@ -13,7 +13,7 @@ import { MODES } from "./ways";
 export type Camera = components["schemas"]["Camera"];
 export type Scene = { id: string; name: string; cameras: string[] };
 
-export const ENTITIES = ["billboards", "points", "hulls", "none"] as const;
+export const ENTITIES = ["billboards", "points", "hulls", "auto", "none"] as const;
 export const QUALITIES = ["draft", "balanced", "exact"] as const;
 export const DRAWINGS = ["auto", "server", "browser"] as const;
 export const KINDS = ["frame", "background", "mask"] as const;

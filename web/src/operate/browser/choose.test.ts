@@ -18,4 +18,5 @@ test("what is wished for is done where it can be", () => {
   expect(decide({ ...usual, wish: "browser", isLost: true }).by).toBe("server");
   expect(decide({ ...usual, wish: "browser", entities: "points" }).by).toBe("server");
   expect(decide({ ...usual, wish: "browser", entities: "hulls" })).toEqual({ by: "server", why: "hulls" });
+  expect(decide({ ...usual, wish: "browser", entities: "auto" })).toEqual({ by: "server", why: "auto" });
 });

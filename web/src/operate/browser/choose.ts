@@ -7,7 +7,7 @@ import * as state from "../state";
 
 export type By = "browser" | "server";
 /** Why: a key of the texts beneath `spatial.why.`. */
-export type Why = "wished" | "fast" | "measuring" | "slow" | "none" | "software" | "past" | "lost" | "points" | "hulls";
+export type Why = "wished" | "fast" | "measuring" | "slow" | "none" | "software" | "past" | "lost" | "points" | "hulls" | "auto";
 export type Choice = { readonly by: By; readonly why: Why };
 
 /** Fewer pictures a second are too few. */
@@ -35,7 +35,8 @@ export function decide(given: {
   if (given.isLost) return { by: "server", why: "lost" };
   // Cameras tell what moves as it does; of the past the daemon knows more.
   if (given.isPast) return { by: "server", why: "past" };
-  if (given.entities === "points" || given.entities === "hulls") return { by: "server", why: given.entities };
+  const { entities } = given;
+  if (entities === "points" || entities === "hulls" || entities === "auto") return { by: "server", why: entities };
   if (wish === "browser") return { by: "browser", why: "wished" };
   if (given.graphics === "software") return { by: "server", why: "software" };
   if (given.rate === null) return { by: "browser", why: "measuring" };

@@ -8,6 +8,7 @@ export const operate = {
   "entities.billboards": "Billboards",
   "entities.hulls": "Shapes",
   "entities.points": "Points",
+  "entities.auto": "Automatic",
   "entities.none": "None",
 
   "quality.label": "Quality",

@@ -19,6 +19,7 @@ export const spatial = {
   "spatial.why.past": "since cameras tell the browser only of now.",
   "spatial.why.lost": "since this browser lost its graphics card.",
   "spatial.why.hulls": "since the browser draws no shapes.",
+  "spatial.why.auto": "since the server chooses between shapes and billboards, and the browser draws no shapes.",
   "spatial.why.points": "since the browser draws no points.",
 
   "spatial.headset.enter": "Enter VR",
