@@ -140,23 +140,18 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     let found = unpacked_surface(texel);
     let ray = hull_ray(position.xy);
     let place = ray.origin + ray.direction * found.t;
-    let middle = ray.origin + ray.direction * (found.t + 0.5 * found.thickness);
     let is_at_corners = AT_CORNERS && found.edge != NO_EDGE;
     var on = OnFace(vec3<u32>(0u), vec2<f32>(0.0));
     if is_at_corners {
         on = on_face(found.hull_idx, found.edge, place);
     }
     let first = hulls[found.hull_idx].first_view;
-    var coverage = found.coverage;
     // By all four weights; and, for what nobody sees well, as what lies before it is seen from the viewer's side: filled from beside,
     // away from outlines where there is more than that.
     var sums = array<vec4<f32>, 2>(vec4<f32>(0.0), vec4<f32>(0.0));
     for (var k = 0u; k < hulls[found.hull_idx].n_views; k++) {
         let view_idx = first + k;
         let camera_idx = hull_views[view_idx].camera_idx;
-        if found.thickness > 0.0 {
-            coverage = min(coverage, silhouette_texel(view_idx, middle).x + 0.5);
-        }
         let seen = seen_by(view_idx, place);
         if !seen.is_seen || any(seen.texture < vec2<f32>(0.0)) || any(seen.texture > vec2<f32>(1.0)) {
             continue;
@@ -193,7 +188,10 @@ fn fs_main(@builtin(position) position: vec4<f32>) -> Shown {
     if sum.a <= 0.0 {
         discard;
     }
-    let alpha = clamp(coverage, 0.0, 1.0);
+    let alpha = found.coverage;
+    if alpha <= 0.0 {
+        discard;
+    }
     let clip = view.clip_from_anchor * vec4<f32>(place, 1.0);
     return Shown(vec4<f32>(sum.rgb / sum.a * alpha, alpha), clamp(clip.z / clip.w, 0.0, 1.0));
 }

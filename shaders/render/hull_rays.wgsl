@@ -3,6 +3,31 @@
 
 @group(1) @binding(0) var surface: texture_storage_2d<rgba32uint, write>;
 
+// Stretches within a hull that a ray's coverage is made of: one that grazes a fold goes on to what lies behind.
+const MOST_STRETCHES: u32 = 4u;
+// A ray that leaves the hull goes on from so much further, metres.
+const BEYOND_M: f32 = 1e-4;
+// Covered by no less is covered.
+const COVERED: f32 = 0.995;
+
+// How much of a pixel a stretch of its ray covers: what grazes an outline lies within it by less than half a pixel of the camera's. A
+// long one may graze it in the middle and be deep within elsewhere.
+fn coverage_of(hull_idx: u32, ray: HullRay, enter: f32, exit: f32) -> f32 {
+    let first = hulls[hull_idx].first_view;
+    var most = 0.0;
+    for (var i = 0u; i < 5u && most < 1.0; i++) {
+        // The middle, which is enough for most, then quarters and eighths.
+        let shares = array<f32, 5>(0.5, 0.25, 0.75, 0.125, 0.875);
+        let place = ray.origin + ray.direction * mix(enter, exit, shares[i]);
+        var coverage = 1.0;
+        for (var k = 0u; k < hulls[hull_idx].n_views; k++) {
+            coverage = min(coverage, silhouette_texel(first + k, place).x + 0.5);
+        }
+        most = max(most, coverage);
+    }
+    return clamp(most, 0.0, 1.0);
+}
+
 @compute @workgroup_size(8, 8)
 fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let size = textureDimensions(surface);
@@ -12,7 +37,9 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = vec2<f32>(id.xy) + 0.5;
     let ray = hull_ray(pixel);
     var texel = vec4<u32>(0u);
-    var nearest = FAR;
+    var found = HullSurface(FAR, -ray.direction, 0u, 0.0, 0.0, NO_EDGE);
+    // What of the pixel nothing covers.
+    var open = 1.0;
     for (var hull_idx = 0u; hull_idx < hull_frame.n_hulls; hull_idx++) {
         let rect = hulls[hull_idx].rect_px;
         if any(pixel < rect.xy) || any(pixel > rect.zw) {
@@ -20,7 +47,11 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
         }
         var range = within_bounds(hull_idx, ray);
         let is_eye_within = range.x < VIEW_NEAR_M;
-        range = vec2<f32>(max(range.x, VIEW_NEAR_M), min(range.y, nearest));
+        range.x = max(range.x, VIEW_NEAR_M);
+        // Behind what covers the pixel nothing is looked for.
+        if open <= 1.0 - COVERED {
+            range.y = min(range.y, found.t);
+        }
         if range.x >= range.y {
             continue;
         }
@@ -30,12 +61,25 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>) {
         var hit = hull_hit(hull_idx, near, vec2<f32>(0.0, length), NO_VIEW);
         // An eye in the hull sees what lies behind it.
         if hit.is_hit && hit.t == 0.0 && is_eye_within {
-            hit = hull_hit(hull_idx, near, vec2<f32>(hit.exit + 1e-4, length), NO_VIEW);
+            hit = hull_hit(hull_idx, near, vec2<f32>(hit.exit + BEYOND_M, length), NO_VIEW);
         }
-        if hit.is_hit {
-            nearest = range.x + hit.t;
-            texel = packed_surface(HullSurface(nearest, hit.normal, hull_idx, hit.exit - hit.t, 1.0, hit.edge));
+        if !hit.is_hit {
+            continue;
         }
+        if range.x + hit.t < found.t {
+            found = HullSurface(range.x + hit.t, hit.normal, hull_idx, hit.exit - hit.t, 1.0, hit.edge);
+        }
+        for (var i = 0u; hit.is_hit && i < MOST_STRETCHES; i++) {
+            open *= 1.0 - coverage_of(hull_idx, near, hit.t, hit.exit);
+            if open <= 1.0 - COVERED {
+                break;
+            }
+            hit = hull_hit(hull_idx, near, vec2<f32>(hit.exit + BEYOND_M, length), NO_VIEW);
+        }
+    }
+    if found.t < FAR {
+        found.coverage = 1.0 - open;
+        texel = packed_surface(found);
     }
     textureStore(surface, id.xy, texel);
 }

@@ -43,7 +43,7 @@ pub(crate) struct Hull {
     /// image-based (cut by the outlines, to the texel) or voxels.
     #[arg(long, default_value = "image-based")]
     method: Method,
-    /// Places of the grid along the longest side, 8 to 512.
+    /// Places of the grid along the longest side, 8 to 1024.
     #[arg(long, default_value_t = 256)]
     resolution: u32,
     /// Corners of the box that is looked at, in the cameras' units; found from the silhouettes if absent.

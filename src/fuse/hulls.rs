@@ -80,7 +80,7 @@ impl SceneState {
 
     /// Carves every hull that there is in voxels, so many along the longest side of its bounds.
     ///
-    /// **Cost** a projection a camera and voxel.
+    /// **Cost** as [`Shell::carve`].
     pub fn carve_hulls(&mut self, n_voxels: u32) {
         for hull in &mut self.hulls {
             let [low, high] = hull.bounds_in_world;

@@ -1,9 +1,9 @@
 //! How large a hull is, where nobody says.
 
 use super::silhouettes::Hull;
+use super::table::{Said, Table};
 use super::view::HullError;
-use crate::geometry::Projection;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use std::collections::HashSet;
 
@@ -48,8 +48,8 @@ impl Bounds {
         self.high - self.low
     }
 
-    /// What holds the hull, but for pieces of less than a thousandth of its largest, where cones cross by chance; and not much more: a cube that holds all cameras is cut into cells, those that may hold some of
-    /// the hull into eight, and so on.
+    /// What holds the hull, but for pieces of less than a thousandth of its largest, where cones cross by chance; and not much more: a
+    /// cube that holds all cameras is cut into cells, those that may hold some of the hull into eight, and so on.
     ///
     /// # Errors
     /// Where the silhouettes have nothing in common, or leave it open.
@@ -144,10 +144,11 @@ fn is_left(hull: &Hull, tables: &[Table], middle: DVec3, side: f64) -> bool {
     let radius = side * 3.0_f64.sqrt() / 2.0;
     let mut n_seen = 0;
     for (view, table) in hull.views().iter().zip(tables) {
-        match table.may_hold(view, middle, radius) {
-            Some(true) => n_seen += 1,
-            Some(false) => return false,
-            None => {}
+        match table.said(view, middle, radius) {
+            Said::Inside | Said::Mixed => n_seen += 1,
+            Said::Outside => return false,
+            // What lies beside the picture stays, and is not seen.
+            Said::Unseen | Said::Beside => {}
         }
     }
     n_seen >= hull.least_seen()
@@ -155,65 +156,4 @@ fn is_left(hull: &Hull, tables: &[Table], middle: DVec3, side: f64) -> bool {
 
 fn each(a: [i32; 3], b: [i32; 3], of: fn(i32, i32) -> i32) -> [i32; 3] {
     [of(a[0], b[0]), of(a[1], b[1]), of(a[2], b[2])]
-}
-
-/// How many pixels of a silhouette lie above and to the left of each of its pixels (Crow 1984): how many are in any rectangle follows
-/// from four of them.
-struct Table {
-    width: usize,
-    sums: Vec<u32>,
-}
-
-impl Table {
-    fn of(view: &super::view::View) -> Self {
-        let [columns, rows] = view.size_px();
-        let width = columns + 1;
-        let mut sums = vec![0; width * (rows + 1)];
-        for y in 0..rows {
-            let mut row = 0;
-            for x in 0..columns {
-                row += u32::from(view.is_inside_at(x, y));
-                sums[(y + 1) * width + x + 1] = sums[y * width + x + 1] + row;
-            }
-        }
-        Self { width, sums }
-    }
-
-    /// Whether a ball may hold some of what the camera sees inside; none where the camera surely sees nothing of it.
-    fn may_hold(&self, view: &super::view::View, centre: DVec3, radius: f64) -> Option<bool> {
-        let local = view.camera().pose().local_from_world_point(centre);
-        // Behind the camera, or beside all that its picture shows.
-        if local.z + radius <= 0.0 || local.truncate().length() - radius > view.widest() * (local.z + radius)
-        {
-            return None;
-        }
-        // What is as near as it is large may be anywhere in the picture.
-        if local.z <= 1.5 * radius {
-            return Some(true);
-        }
-        let Some(Projection { texture, depth_m }) = view.camera().project(centre) else { return Some(true) };
-        let [width, height] = view.size_px().map(|side| side as f64);
-        let (calibrated, focal) = (view.camera().size_px(), view.camera().focal_px());
-        let scale = DVec2::new(width / f64::from(calibrated.0), height / f64::from(calibrated.1)) * focal;
-        // Off the axis a ball is seen larger.
-        let aslant = local.length_squared() / (local.z * local.z);
-        let reach = scale * (radius / (depth_m - radius) * aslant) + 1.0;
-        let at = texture * DVec2::new(width, height);
-        let (low, high) = (at - reach, at + reach);
-        let is_beside = low.x < 0.0 || low.y < 0.0 || high.x > width || high.y > height;
-        if high.x < 0.0 || high.y < 0.0 || low.x > width || low.y > height {
-            return None;
-        }
-        // Negative numbers are 0 as these.
-        let [x0, y0] = [low.x as usize, low.y as usize];
-        let [x1, y1] = [(high.x.ceil() as usize).min(self.width - 1), high.y.ceil() as usize];
-        let y1 = y1.min(self.sums.len() / self.width - 1);
-        let sum = |x: usize, y: usize| i64::from(self.sums[y * self.width + x]);
-        match sum(x1, y1) - sum(x0, y1) - sum(x1, y0) + sum(x0, y0) > 0 {
-            true => Some(true),
-            // What lies beside the picture stays, and is not seen; what lies in it is taken away.
-            false if is_beside => None,
-            false => Some(false),
-        }
-    }
 }

@@ -4,9 +4,9 @@ use super::bounds::Bounds;
 use super::mesh::{Mesh, MeshError};
 use super::net::{Crossings, Halfway, surface};
 use super::occupancy::Occupancy;
+use super::octree;
 use super::silhouettes::{Hull, Scratch};
 use super::view::HullError;
-use super::voxels;
 use crate::geometry::Ray;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 use std::str::FromStr;
 
 /// Places along the longest side of the bounds.
-pub const RESOLUTION: RangeInclusive<u32> = 8..=512;
+pub const RESOLUTION: RangeInclusive<u32> = 8..=1024;
 
 /// How a hull's surface is found. Methods that only draw a hull have no surface to give.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,7 +55,7 @@ impl FromStr for Method {
 /// The surface of a hull within `bounds`, on a grid of `resolution` places along their longest side.
 ///
 /// **Cost** of image-based extraction three rays for every two places of the grid's sides, each logarithmic in the outlines'
-/// corners; of voxels one projection a camera and place.
+/// corners; of voxels as [`super::Shell::carve`].
 ///
 /// # Errors
 /// Where there is nothing within the bounds, or the resolution is out of range.
@@ -77,7 +77,7 @@ pub fn extract(hull: &Hull, bounds: &Bounds, (method, resolution): (Method, u32)
             lines[2].fill(&mut occupancy);
             surface(&mut occupancy, &lines)
         }
-        Method::Voxels => surface(&mut voxels::carve(hull, &grid)?, &Halfway),
+        Method::Voxels => surface(&mut octree::carve(hull, &grid)?, &Halfway),
     };
     mesh.map_err(|error| match error {
         MeshError::Empty => HullError::Empty,
@@ -225,6 +225,6 @@ mod tests {
             assert_eq!(extract(&hull, &away, (method, 16)).err(), Some(HullError::Empty), "{method:?}");
         }
         let fault = extract(&hull, &around(1.0), (Method::Voxels, 4000)).err();
-        assert_eq!(fault, Some(HullError::Resolution { n: 4000, least: 8, most: 512 }));
+        assert_eq!(fault, Some(HullError::Resolution { n: 4000, least: 8, most: 1024 }));
     }
 }

@@ -10,7 +10,9 @@
 //! | `view` | one camera with its silhouette and outline |
 //! | `silhouettes` | the hull that they make: rays cut by them (image-based) |
 //! | `distances` | how far pixels lie within a silhouette |
-//! | `voxels` | the same in runs of voxels, camera by camera |
+//! | `octree` | the same in cubes of voxels, of which all cameras say one thing |
+//! | `voxels` | the same voxel by voxel in runs, camera by camera: what `octree` is held to in tests |
+//! | `table` | what a camera says of all places in a ball |
 //! | `shell` | the outermost of them, to be drawn |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
@@ -27,11 +29,14 @@ mod mesh;
 mod mesh_files;
 mod net;
 mod occupancy;
+mod octree;
 mod outline;
 mod paint;
 mod shell;
 mod silhouettes;
+mod table;
 mod view;
+#[cfg(test)]
 mod voxels;
 
 pub use bounds::Bounds;

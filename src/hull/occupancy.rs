@@ -13,7 +13,7 @@ use std::ops::Range;
 
 /// Which points of a regular grid are inside.
 ///
-/// **Shape**: bits, x fastest, rows padded to whole words of 64. **Cost**: a 512^3 grid is 16 MiB.
+/// **Shape**: bits, x fastest, rows padded to whole words of 64. **Cost**: a 512^3 grid is 16 MiB, one of 1024^3 128 MiB.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occupancy {
     size: [u32; 3],
@@ -26,8 +26,8 @@ pub struct Occupancy {
 impl Occupancy {
     /// Most points along an axis.
     pub const MAX_SIDE: u32 = 2048;
-    /// Most points: 512^3.
-    pub const MAX_POINTS: u64 = 1 << 27;
+    /// Most points: 1024^3.
+    pub const MAX_POINTS: u64 = 1 << 30;
 
     /// A grid of `size` points with nothing inside; the first is at `origin`, neighbours are `step_m` apart (metres, world).
     ///

@@ -2,9 +2,9 @@
 
 use super::bounds::Bounds;
 use super::occupancy::Occupancy;
+use super::octree;
 use super::silhouettes::Hull;
 use super::view::HullError;
-use super::voxels;
 use glam::{DVec3, Vec3};
 
 /// Voxels that have a side outside.
@@ -19,7 +19,7 @@ pub struct Shell {
 impl Shell {
     /// Carves a grid of `resolution` voxels along the bounds' longest side, and takes those of its surface.
     ///
-    /// **Cost** a projection a camera and voxel.
+    /// **Cost** a look at a table a camera and cube of voxels that the surface passes through, a projection a camera and voxel at it.
     ///
     /// # Errors
     /// Where nothing is left, or the grid is too large.
@@ -27,7 +27,7 @@ impl Shell {
         let step_m = bounds.size().max_element() / f64::from(resolution.max(1));
         let size = bounds.size().to_array().map(|side| ((side / step_m - 1e-9).ceil() as u32).max(1));
         let grid = Occupancy::new(size, bounds.low + step_m / 2.0, step_m).map_err(HullError::Mesh)?;
-        let carved = voxels::carve(hull, &grid)?;
+        let carved = octree::carve(hull, &grid)?;
         let mut found = Vec::new();
         for z in 0..size[2] {
             for y in 0..size[1] {

@@ -1,4 +1,5 @@
-//! Hulls of voxels: partial volumes of single cameras in runs, put together on the runs.
+//! Hulls of voxels, every one of them asked for: partial volumes of single cameras in runs, put together on the runs. `octree` must
+//! leave the same voxels, in an eighth to two thirds of the time (docs/benchmarks/hulls.md).
 //!
 //! `[G03]` Goldluecke and Magnor 2003, Real-time microfacet billboarding for free-viewpoint video rendering, section 2. A voxel is left
 //! by a camera that sees its middle inside the silhouette, or does not see it.

@@ -10,7 +10,10 @@ use crate::plan::{HullMethod, HullVisibility, Plan, Projection, View};
 use glam::{DVec2, DVec3};
 
 /// Sides of a layer of masks, texels: what is larger is told by one pixel in several.
-const LAYER_SIDES: [u32; 3] = [64, 128, 256];
+const LAYER_SIDES: [u32; 5] = [64, 128, 256, 512, 1024];
+
+/// Most bytes of them all: of many large ones, fewer pixels are told.
+const MAX_MASK_BYTES: u64 = 64 << 20;
 
 /// In place of a view, one of the bounds' sides.
 const NO_VIEW: u32 = u32::MAX;
@@ -186,8 +189,8 @@ impl HullData {
         let chosen: Vec<&EntityHull> = plan.hulls.iter().map(|idx| &state.hulls[*idx]).collect();
         let side = |mask: &Mask| mask.width.max(mask.height);
         let largest = chosen.iter().flat_map(|hull| &hull.distances).map(side).max().unwrap_or(1);
-        let layer_px = LAYER_SIDES.into_iter().find(|side| *side >= largest).unwrap_or(LAYER_SIDES[2]);
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
+        let layer_px = layer_px(largest, n_layers);
         self.make_room(gpu, layer_px, n_layers);
         let has_tiles = plan.hull.texture.visibility == HullVisibility::Depths;
         let columns = n_layers.min(MOST_COLUMNS);
@@ -488,6 +491,14 @@ fn silhouette(
     }
 }
 
+/// Texels a side of layers for so many masks, of which the largest has so many pixels a side.
+fn layer_px(largest: u32, n_layers: u32) -> u32 {
+    let n_layers = u64::from(n_layers.next_power_of_two());
+    let fits = |side: &u32| 2 * u64::from(*side).pow(2) * n_layers <= MAX_MASK_BYTES;
+    let fitting = || LAYER_SIDES.into_iter().filter(fits);
+    fitting().find(|side| *side >= largest).or_else(|| fitting().next_back()).unwrap_or(LAYER_SIDES[0])
+}
+
 /// Every how manieth pixel of a window is a texel of its layer.
 fn step_px([width, height]: [usize; 2], layer_px: u32) -> u32 {
     (width.max(height) as u32).div_ceil(layer_px).max(1)
@@ -546,5 +557,25 @@ fn rect(view: &View, [low, high]: [DVec3; 2], size: DVec2) -> [f64; 4] {
             [first.x, first.y, last.x, last.y]
         }
         _ => whole,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_keep_their_pixels_as_long_as_there_is_room() {
+        for (largest, n_layers, expected) in [
+            (1, 1, 64),
+            (64, 1, 64),
+            (65, 9, 128),
+            (300, 36, 512),
+            (900, 4, 1024),
+            (4000, 4, 1024),
+            (900, 256, 256),
+        ] {
+            assert_eq!(layer_px(largest, n_layers), expected, "{largest} {n_layers}");
+        }
     }
 }

@@ -304,6 +304,31 @@ fn every_method_finds_the_hull_that_the_processor_finds() {
 }
 
 #[test]
+fn no_fold_before_the_hull_opens_it() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = peopled(&ring(8), &[DVec3::ZERO]);
+    let view = view(v(1.4, -3.2, 1.9), v(0.0, 0.0, 0.9), 0.55, 480, 600);
+    let exact = exact(&state, &view);
+    let found = found(&mut brush, &state, &view, (HullMethod::Rays, "hulls_folds"));
+    let (width, height) = (i64::from(found.width_px), i64::from(found.height_px));
+    let is_deep = |idx: i64| {
+        let (x, y) = (idx % width, idx / width);
+        let around = (-4..=4).flat_map(|dy| (-4..=4).map(move |dx| (x + dx, y + dy)));
+        let is_in = |(x, y): (i64, i64)| {
+            (0..width).contains(&x) && (0..height).contains(&y) && exact[(y * width + x) as usize].is_some()
+        };
+        { around }.all(is_in)
+    };
+    let deep: Vec<f32> = (0..width * height)
+        .filter(|idx| is_deep(*idx))
+        .map(|idx| found.pixels[idx as usize].map_or(0.0, |found| found.coverage))
+        .collect();
+    assert!(deep.len() > 5000, "{}", deep.len());
+    let open = deep.iter().filter(|coverage| **coverage < 0.9).count();
+    assert!(open == 0, "{open} of {} are open", deep.len());
+}
+
+#[test]
 fn two_to_sixty_four_cameras_give_one_answer() {
     for n in [2, 3, 9, 24, 64] {
         let state = peopled(&ring(n), &[DVec3::ZERO]);
