@@ -13,7 +13,7 @@ use super::settings::{EntityForm, SurfaceForm};
 use super::subject::{Subject, SubjectView};
 use crate::clock::Clock;
 use crate::frame::{CameraId, Mask, RgbImage};
-use crate::fuse::{self, Billboard, PointRun, SceneState};
+use crate::fuse::{self, Billboard, HullMemory, PointRun, SceneState};
 use crate::gpu::Gpu;
 use crate::plan::{self, Colors, EntityStyle, Picture, Spread, StageTimes, Survey, Wishes, Work};
 use crate::render::{RenderError, Renderer};
@@ -87,7 +87,7 @@ impl Easel {
         let mut state = fuse::assemble(&subject.scene, instant, find, None);
         let picture = Picture::from(view.view);
         let settings = surface.with(entities);
-        settings.place(&mut state);
+        settings.place(&mut state, &mut HullMemory::default());
         let plan = plan::make(&state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
         let survey = Survey::of(&state, &picture, &plan);
         let work = survey.work(&settings, self.renderer.pending(&state, &plan));

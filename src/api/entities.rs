@@ -12,7 +12,7 @@ use crate::access::Right;
 use crate::engine::{PresentEntity, present_in};
 use crate::error::ErrorKind;
 use crate::frame::RgbImage;
-use crate::fuse::{EntityHull, LEAST_VIEWS, SceneState};
+use crate::fuse::{EntityHull, HullMaking, HullMemory, LEAST_VIEWS, SceneState};
 use crate::hull::{self, Bounds, Mesh, Method};
 use axum::Json;
 use axum::extract::RawQuery;
@@ -171,7 +171,8 @@ fn made(mut state: SceneState, entity: &str, (resolution, written): (u32, Writte
     };
     state.entities.swap(0, idx);
     state.entities.truncate(1);
-    state.place_hulls(OUTLINE_ERROR_PX);
+    let making = HullMaking { error_px: OUTLINE_ERROR_PX, n_voxels: None };
+    state.place_hulls(making, &mut HullMemory::default());
     let Some(of) = state.hulls.first() else {
         return Err(refused(format!("fewer than {LEAST_VIEWS} cameras see it")));
     };

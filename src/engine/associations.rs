@@ -1,7 +1,7 @@
 //! What is remembered of the scenes that are looked at from instant to instant, of few scenes: who is who, and how cameras'
 //! colours agree.
 
-use crate::fuse::{Association, Exposure, Overlap};
+use crate::fuse::{Association, Exposure, HullMemory, Overlap};
 use crate::scene::Scene;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
@@ -14,6 +14,7 @@ pub(super) struct Remembered {
     pub(super) association: Association,
     /// None before colours are first evened.
     pub(super) exposure: Option<Exposure>,
+    pub(super) hulls: HullMemory,
 }
 
 /// What is remembered by scene; the scene asked for last is the last.

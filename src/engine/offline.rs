@@ -12,7 +12,7 @@ use crate::clock::{Clock, Timestamp};
 use crate::config::{CameraSettings, Config, End};
 use crate::error::Fault;
 use crate::frame::{CameraId, Frame};
-use crate::fuse::SceneState;
+use crate::fuse::{HullMemory, SceneState};
 use crate::ingest::{self, MediaRoots, Pipeline};
 use crate::plan::Plan;
 use crate::scene::Scene;
@@ -78,7 +78,7 @@ pub fn view_once(
     let left = || deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));
     let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
     let decided = subject
-        .decide(state, None, &forecaster, &left, &pending)
+        .decide(state, (&mut HullMemory::default(), None), &forecaster, &left, &pending)
         .map_err(|none| none_fits(deadline, none, Duration::ZERO))?;
     let took = [fused.saturating_sub(started), clock.monotonic().saturating_sub(fused)];
     let drawn = subject.paint(decided, took, &mut renderer, (clock, &forecaster), &mut || true);

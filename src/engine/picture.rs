@@ -8,7 +8,7 @@ use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
 use crate::frame::{CameraId, Mask, YuvImage};
-use crate::fuse::{self, Exposure, SceneState};
+use crate::fuse::{self, Exposure, HullMemory, SceneState};
 use crate::geometry::Surfaces;
 use crate::plan::{
     self, ACROSS_M, Colors, Deadline, Named, Pending, Picture, Plan, Settings, StageTimes, Survey, View,
@@ -152,7 +152,7 @@ impl Subject {
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
-        let Remembered { association, exposure } = remembered;
+        let Remembered { association, exposure, .. } = remembered;
         let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
@@ -166,7 +166,7 @@ impl Subject {
         state
     }
 
-    /// Decides what of `state` is drawn, and how exactly, as the next of a session if there is one. Of a deadline so much is
+    /// Decides what of `state` is drawn, and how exactly, as the next of a session if there is one; `hulls` are those made before. Of a deadline so much is
     /// `left`; what of a plan is new to the device is `pending`.
     ///
     /// # Errors
@@ -174,14 +174,14 @@ impl Subject {
     pub(super) fn decide(
         &self,
         mut state: SceneState,
-        session: Option<&mut ViewSession>,
+        (hulls, session): (&mut HullMemory, Option<&mut ViewSession>),
         forecaster: &Forecaster,
         left: &dyn Fn() -> Duration,
         pending: &dyn Fn(&SceneState, &Plan) -> Pending,
     ) -> Result<Decided, NoneFits> {
         let settings = self.wishes.settings;
         let Some((deadline, named)) = self.deadline else {
-            let plan = self.plan(&mut state, settings, session);
+            let plan = self.plan(&mut state, settings, (hulls, session));
             let survey = Survey::of(&state, &self.picture, &plan);
             let decision = forecaster.expect(&survey, pending(&state, &plan), &settings);
             return Ok(Decided { state, plan, decision });
@@ -191,13 +191,18 @@ impl Subject {
         let survey = Survey::of(&state, &self.picture, &full);
         let new = (&survey, pending(&state, &full));
         let decision = forecaster.choose(new, (settings.entities, &named), deadline, left())?;
-        let plan = self.plan(&mut state, decision.settings, session);
+        let plan = self.plan(&mut state, decision.settings, (hulls, session));
         let decision = forecaster.settled(decision, &survey, pending(&state, &plan));
         Ok(Decided { state, plan, decision })
     }
 
-    fn plan(&self, state: &mut SceneState, settings: Settings, session: Option<&mut ViewSession>) -> Plan {
-        settings.place(state);
+    fn plan(
+        &self,
+        state: &mut SceneState,
+        settings: Settings,
+        (hulls, session): (&mut HullMemory, Option<&mut ViewSession>),
+    ) -> Plan {
+        settings.place(state, hulls);
         plan::make_for(state, &self.picture, Wishes { settings, ..self.wishes }, session)
     }
 

@@ -10,6 +10,7 @@ use super::shared::Shared;
 use super::view::{SourceTime, ViewKind, ViewRequest};
 use crate::clock::Timestamp;
 use crate::frame::CameraId;
+use crate::fuse::HullMemory;
 use crate::plan::{EntityStyle, Opened, PlannedBillboard, Reason, Settings};
 use crate::scene::SceneView;
 use glam::DVec3;
@@ -90,7 +91,7 @@ impl Shared {
             drawing.saturating_sub(waits)
         };
         let decided = subject
-            .decide(state, None, &self.forecaster, &left, &usual_pending)
+            .decide(state, (&mut HullMemory::default(), None), &self.forecaster, &left, &usual_pending)
             .map_err(|none| none_fits(deadline, none, waits))?;
         Ok(named(&subject, decided))
     }

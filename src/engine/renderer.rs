@@ -263,10 +263,12 @@ impl<'a> RenderThread<'a> {
             asked_at.saturating_add(drawing).saturating_sub(clock.monotonic())
         };
         let pending = |state: &SceneState, plan: &Plan| renderer.pending(state, plan);
-        let decided = subject.decide(state, session, forecaster, &left, &pending).map_err(|none| {
-            shared.metrics.count_refused(ViewRefusal::Deadline);
-            none_fits(deadline, none, shared.queue.retry_after())
-        })?;
+        let decided = subject
+            .decide(state, (&mut remembered.hulls, session), forecaster, &left, &pending)
+            .map_err(|none| {
+                shared.metrics.count_refused(ViewRefusal::Deadline);
+                none_fits(deadline, none, shared.queue.retry_after())
+            })?;
         if subject.deadline.is_some()
             && subject.session.is_none()
             && let Some(kept) = self.cache.get(&subject.with(decided.decision.settings))

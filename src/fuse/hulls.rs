@@ -9,7 +9,7 @@
 //! moved, and silhouettes, textures and rays follow.
 
 use super::billboard::MOVING;
-use super::{Billboard, CameraState, Entity, SceneState};
+use super::{Billboard, CameraState, Entity, HullMemory, SceneState};
 use crate::clock::Timestamp;
 use crate::frame::Mask;
 use crate::geometry::{Camera, Surfaces};
@@ -17,6 +17,7 @@ use crate::hull::{Bounds, Hull, Shell, View, Window};
 use crate::segment::{DistanceTransform, PixelRect};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Least value of the soft mask that is inside a silhouette: half of its ramp.
 const LEAST_SOFT: u8 = 128;
@@ -46,6 +47,15 @@ pub const MOST_MOVED_S: f64 = 0.5;
 /// Silhouettes of fewer cameras are no hull.
 pub const LEAST_VIEWS: usize = 2;
 
+/// How hulls are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HullMaking {
+    /// By how much outlines may be simplified, at most, pixels of the masks.
+    pub error_px: f64,
+    /// Voxels along the longest side of an entity's bounds, where it is to be carved.
+    pub n_voxels: Option<u32>,
+}
+
 /// One entity as its silhouettes have it.
 #[derive(Clone, Debug)]
 pub struct EntityHull {
@@ -69,28 +79,29 @@ pub struct EntityHull {
 }
 
 impl SceneState {
-    /// Makes the hull of every entity that several cameras see, in place of those that there are; outlines are simplified by at most
-    /// `error_px` of the masks' pixels. Where a lens sees a right angle or more from its axis, that camera is left out.
+    /// Makes the hull of every entity that several cameras see, in place of those that there are. Where a lens sees a right angle or
+    /// more from its axis, that camera is left out. What `memory` has is not made again.
     ///
-    /// **Cost** linear in the pixels of the entities' windows, and a ray for every 8 x 8 of them; on all processors.
-    pub fn place_hulls(&mut self, error_px: f64) {
-        let of = |(entity_idx, entity): (usize, &Entity)| self.hull_of(entity_idx, entity, error_px);
-        self.hulls = self.entities.par_iter().enumerate().filter_map(of).collect();
-    }
-
-    /// Carves every hull that there is in voxels, so many along the longest side of its bounds.
-    ///
-    /// **Cost** as [`Shell::carve`].
-    pub fn carve_hulls(&mut self, n_voxels: u32) {
-        for hull in &mut self.hulls {
-            let [low, high] = hull.bounds_in_world;
-            let shell = Bounds::new(low, high).map(|bounds| Shell::carve(&hull.hull, &bounds, n_voxels));
-            // Silhouettes that have nothing in common leave nothing to draw.
-            hull.shell = shell.and_then(Result::ok);
+    /// **Cost** linear in the pixels of the entities' windows, and a ray for every 8 x 8 of them; voxels as [`Shell::carve`]. On all
+    /// processors.
+    pub fn place_hulls(&mut self, making: HullMaking, memory: &mut HullMemory) {
+        memory.begin();
+        let known: Vec<Option<Arc<EntityHull>>> =
+            (0..self.entities.len()).map(|idx| memory.get(self, idx, making)).collect();
+        let of = |(entity_idx, known): (usize, Option<Arc<EntityHull>>)| {
+            known.map(|known| (known, false)).or_else(|| {
+                let hull = self.hull_of(entity_idx, &self.entities[entity_idx], making)?;
+                Some((Arc::new(hull), true))
+            })
+        };
+        let found: Vec<(Arc<EntityHull>, bool)> = known.into_par_iter().enumerate().filter_map(of).collect();
+        for (hull, _) in found.iter().filter(|(_, is_new)| *is_new) {
+            memory.insert(self, making, hull);
         }
+        self.hulls = found.into_iter().map(|(hull, _)| hull).collect();
     }
 
-    fn hull_of(&self, entity_idx: usize, entity: &Entity, error_px: f64) -> Option<EntityHull> {
+    fn hull_of(&self, entity_idx: usize, entity: &Entity, making: HullMaking) -> Option<EntityHull> {
         let mut seen_by: Vec<usize> = entity.sources.iter().map(|source| source.camera_idx).collect();
         seen_by.dedup();
         if seen_by.len() < LEAST_VIEWS {
@@ -116,7 +127,7 @@ impl SceneState {
             let Ok(camera) = (*state.camera).clone().moved(moved_m.extend(0.0)) else { continue };
             let window =
                 silhouette((state, &camera), &self.scene.surfaces, (entity, bounds_in_world), &rects);
-            let view = window.map(|window| View::within(camera, window, error_px));
+            let view = window.map(|window| View::within(camera, window, making.error_px));
             if let Some(Ok(view)) = view {
                 cameras.push(source.camera_idx);
                 views.push(view);
@@ -136,16 +147,24 @@ impl SceneState {
         let mut transform = DistanceTransform::default();
         let distances = views.iter().map(|view| view.distances(&mut transform)).collect();
         let hull = Hull::new(views, 1).ok()?;
-        Some(EntityHull {
-            entity_idx,
-            bounds_in_world,
-            cameras,
-            skew_s,
-            apart_m,
-            hull,
-            distances,
-            shell: None,
-        })
+        let [low, high] = bounds_in_world;
+        // Silhouettes that have nothing in common leave nothing to draw.
+        let shell = making.n_voxels.zip(Bounds::new(low, high));
+        let shell = shell.and_then(|(n_voxels, bounds)| Shell::carve(&hull, &bounds, n_voxels).ok());
+        Some(EntityHull { entity_idx, bounds_in_world, cameras, skew_s, apart_m, hull, distances, shell })
+    }
+}
+
+impl EntityHull {
+    /// Bytes that it takes, but for some that do not grow.
+    pub(super) fn n_bytes(&self) -> usize {
+        let of = |view: &View| {
+            let [width, height] = view.size_px();
+            width * height + view.outside().n_bytes()
+        };
+        let distances = self.distances.iter().map(|mask| mask.data.len());
+        let shell = self.shell.as_ref().map_or(0, |shell| size_of_val(shell.voxels.as_slice()));
+        self.hull.views().iter().map(of).chain(distances).sum::<usize>() + shell
     }
 }
 

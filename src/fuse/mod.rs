@@ -9,6 +9,7 @@ mod estimate;
 mod exposure;
 mod gains;
 mod grouping;
+mod hull_memory;
 mod hulls;
 mod line;
 mod look;
@@ -22,7 +23,8 @@ mod walk;
 
 pub use association::Association;
 pub use exposure::Exposure;
-pub use hulls::{EntityHull, LEAST_VIEWS, MOST_MOVED_S};
+pub use hull_memory::HullMemory;
+pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
 pub use overlap::Overlap;
 pub(crate) use points::MAX_RUN;
 
@@ -130,7 +132,7 @@ pub struct SceneState {
     /// The entities' foreground texels as points; empty unless points were asked for.
     pub points: Vec<PointRun>,
     /// The entities' hulls; empty unless they were asked for ([`SceneState::place_hulls`]).
-    pub hulls: Vec<EntityHull>,
+    pub hulls: Vec<Arc<EntityHull>>,
 }
 
 impl SceneState {

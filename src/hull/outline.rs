@@ -215,6 +215,12 @@ impl Outline {
         &self.boxes
     }
 
+    /// Bytes of its edges and boxes.
+    #[must_use]
+    pub fn n_bytes(&self) -> usize {
+        size_of_val(self.edges.as_slice()) + size_of_val(self.boxes.as_slice())
+    }
+
     /// Lower and upper corner of what it surrounds; none where that is nothing.
     pub(super) fn bounds(&self) -> Option<[DVec2; 2]> {
         self.boxes.first().copied().filter(|_| !self.edges.is_empty())

@@ -5,7 +5,7 @@ use super::{
     MAX_SUPERSAMPLING, Sampling,
 };
 use crate::error::Fault;
-use crate::fuse::{LEAST_VIEWS, SceneState};
+use crate::fuse::{HullMaking, HullMemory, LEAST_VIEWS, SceneState};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -149,14 +149,14 @@ impl Settings {
     }
 
     /// Adds to `state` what is drawn with these settings and is not always there: points, or hulls.
-    pub fn place(&self, state: &mut SceneState) {
+    /// What hulls `memory` has are not made again.
+    pub fn place(&self, state: &mut SceneState, memory: &mut HullMemory) {
         match self.entities {
             EntityStyle::Points => state.place_points(self.point_stride),
             EntityStyle::Hulls | EntityStyle::Auto => {
-                state.place_hulls(super::hulls::OUTLINE_ERROR_PX);
-                if self.hull.method == HullMethod::Voxels {
-                    state.carve_hulls(self.hull.n_voxels);
-                }
+                let n_voxels = (self.hull.method == HullMethod::Voxels).then_some(self.hull.n_voxels);
+                let error_px = super::hulls::OUTLINE_ERROR_PX;
+                state.place_hulls(HullMaking { error_px, n_voxels }, memory);
             }
             EntityStyle::Billboards | EntityStyle::None => {}
         }

@@ -186,7 +186,7 @@ impl HullData {
         anchor: DVec3,
         shader_idx: impl Fn(usize) -> Option<usize>,
     ) {
-        let chosen: Vec<&EntityHull> = plan.hulls.iter().map(|idx| &state.hulls[*idx]).collect();
+        let chosen: Vec<&EntityHull> = plan.hulls.iter().map(|idx| &*state.hulls[*idx]).collect();
         let side = |mask: &Mask| mask.width.max(mask.height);
         let largest = chosen.iter().flat_map(|hull| &hull.distances).map(side).max().unwrap_or(1);
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);

@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result, anyhow};
 use std::io::Write as _;
 use videofields::accuracy::{OpenGate, Scope, Stopwatch, Subject, machine};
 use videofields::clock::{Clock as _, SystemClock};
-use videofields::fuse::SceneState;
+use videofields::fuse::{HullMaking, HullMemory, SceneState};
 use videofields::geometry::Pose;
 use videofields::gpu::Gpu;
 use videofields::plan::{
@@ -25,6 +25,12 @@ const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 1 << 28
 
 /// Colours without looking for what stands between: finding and showing alone.
 const TEXTURE: HullTexture = HullTexture { visibility: HullVisibility::Off, ..HullForm::EXACT.texture };
+
+/// Makes hulls ready for every method.
+fn place(state: &mut SceneState, error_px: f64) {
+    let making = HullMaking { error_px, n_voxels: Some(HullForm::EXACT.n_voxels) };
+    state.place_hulls(making, &mut HullMemory::default());
+}
 
 /// Somebody in front of cameras, and who draws them.
 struct Bench {
@@ -53,7 +59,7 @@ impl Bench {
         let state = judged_states(&subject)?.into_iter().next().context("no frame is judged")?.1;
         let renderer = Renderer::new(Gpu::new(&subject.render.adapter)?, &subject.render)?;
         let mut bench = Self { subject, state, renderer, clock };
-        bench.state.place_hulls(ERROR_PX);
+        place(&mut bench.state, ERROR_PX);
         Ok(bench)
     }
 
@@ -65,9 +71,6 @@ impl Bench {
 
     /// What hulls take of a picture beyond the same picture without them, and that, milliseconds.
     fn hulls_ms(&mut self, picture: &Picture, hull: HullForm) -> Result<[f64; 2]> {
-        if hull.method == HullMethod::Voxels {
-            self.state.carve_hulls(hull.n_voxels);
-        }
         let settings = |entities| Settings { entities, hull, ..Preset::Balanced.settings(1) };
         let bare = self.drawing_ms(picture, settings(EntityStyle::None))?;
         let all = self.drawing_ms(picture, settings(EntityStyle::Hulls))?;
@@ -174,13 +177,13 @@ pub(super) fn run() -> Result<()> {
     rows.clear();
     let picture = bench.picture(640)?;
     for error_px in [2.0, 1.0, 0.5, 0.25, 0.0] {
-        bench.state.place_hulls(error_px);
+        place(&mut bench.state, error_px);
         let corners = bench.corners();
         let (times, bare) = all_methods(&mut bench, &picture)?;
         rows.push((format!("{corners:.0} (simplified by {error_px} px)"), corners, times, bare));
     }
     table(&mut out, "corners a silhouette, 8 cameras", &rows)?;
-    bench.state.place_hulls(ERROR_PX);
+    place(&mut bench.state, ERROR_PX);
     references(&mut out, &mut bench)?;
     Ok(())
 }

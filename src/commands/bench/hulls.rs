@@ -11,7 +11,7 @@ use videofields::accuracy::{
 };
 use videofields::clock::{Clock as _, SystemClock};
 use videofields::frame::{CameraId, RgbImage};
-use videofields::fuse::{Association, SceneState, assemble_within};
+use videofields::fuse::{Association, HullMemory, SceneState, assemble_within};
 use videofields::gpu::Gpu;
 use videofields::plan::{
     self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
@@ -226,7 +226,7 @@ impl Hulls {
         for (form, outcome) in outcomes {
             let begun = clock.monotonic();
             let mut state = state.clone();
-            form.settings.place(&mut state);
+            form.settings.place(&mut state, &mut HullMemory::default());
             outcome.placing_ms.push(since_ms(begun));
             // Twice: pictures that are new to the device, and programs, are the first one's.
             drawn(renderer, &state, &picture, form.settings)?;

@@ -10,7 +10,7 @@ use videofields::accuracy::{
 };
 use videofields::clock::SystemClock;
 use videofields::frame::{CameraId, Mask, RgbImage};
-use videofields::fuse::{Association, SceneState, assemble_within};
+use videofields::fuse::{Association, HullMemory, SceneState, assemble_within};
 use videofields::gpu::Gpu;
 use videofields::plan::{self, Colors, EntityStyle, Errors, Picture, Preset, Settings, Wishes};
 use videofields::render::Renderer;
@@ -212,7 +212,7 @@ fn drawn(
 ) -> Result<RgbImage> {
     let picture = Picture::from(view.view);
     let mut state = state.clone();
-    settings.place(&mut state);
+    settings.place(&mut state, &mut HullMemory::default());
     let state = &state;
     let plan = plan::make(state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
     Ok(renderer.render(state, &picture, &plan)?.image)

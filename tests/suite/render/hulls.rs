@@ -6,7 +6,7 @@ use super::{Brush, keep, renderer, v, view};
 use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Billboard, Entity, SceneState, Velocity};
+use videofields::fuse::{Billboard, Entity, HullMaking, HullMemory, SceneState, Velocity};
 use videofields::geometry::{Camera, Ray};
 use videofields::hull::Scratch;
 use videofields::plan::{
@@ -129,13 +129,17 @@ pub(super) fn peopled(stage: &Stage, feet: &[DVec3]) -> SceneState {
         })
         .filter(|entity| !entity.sources.is_empty())
         .collect();
-    state.place_hulls(0.0);
-    state.carve_hulls(N_VOXELS);
+    place(&mut state, 0.0);
     state
 }
 
 /// Voxels along the longest side of a hull.
 const N_VOXELS: u32 = 128;
+
+/// Makes hulls ready for every method.
+fn place(state: &mut SceneState, error_px: f64) {
+    state.place_hulls(HullMaking { error_px, n_voxels: Some(N_VOXELS) }, &mut HullMemory::default());
+}
 
 /// Cameras in a ring around the middle, tinted by nothing.
 pub(super) fn ring(n: usize) -> Stage {
@@ -287,8 +291,7 @@ fn masked(mut state: SceneState, mut change: impl FnMut(usize, u32, &mut [u8])) 
         camera.observation.soft_mask = Arc::clone(&labels);
         camera.observation.labels = labels;
     }
-    state.place_hulls(0.0);
-    state.carve_hulls(N_VOXELS);
+    place(&mut state, 0.0);
     state
 }
 
@@ -473,7 +476,7 @@ fn outlines_of_ten_thousand_corners_are_as_any_other() {
         let PixelRect { x, y, width, height } = source.rect;
         source.rect = PixelRect { x: FINER * x, y: FINER * y, width: FINER * width, height: FINER * height };
     });
-    fine.place_hulls(0.0);
+    place(&mut fine, 0.0);
     // Pictures are drawn from masks of their own size.
     for (camera, coarse) in fine.cameras.iter_mut().zip(&state.cameras) {
         camera.observation.clone_from(&coarse.observation);
@@ -635,9 +638,51 @@ fn walking(stage: &Stage, velocity: DVec3, at_s: &[f64]) -> SceneState {
         state.cameras[idx] = camera;
     }
     state.entities[0].velocity = Velocity { over_ground_m_per_s: velocity.truncate(), sd_m_per_s: 0.3 };
-    state.place_hulls(0.0);
-    state.carve_hulls(N_VOXELS);
+    place(&mut state, 0.0);
     state
+}
+
+#[test]
+fn hulls_that_follow_from_the_same_are_made_once() {
+    let state = || peopled(&ring(4), &[v(-0.8, 0.0, 0.0), v(0.8, 0.0, 0.0)]);
+    let mut first = state();
+    let making = HullMaking { error_px: 0.5, n_voxels: None };
+    let mut memory = HullMemory::default();
+    first.place_hulls(making, &mut memory);
+    let is_same = |a: &SceneState, b: &SceneState| -> Vec<bool> {
+        a.hulls.iter().zip(&b.hulls).map(|(a, b)| Arc::ptr_eq(a, b)).collect()
+    };
+    // Another picture of the instant.
+    let mut again = SceneState { hulls: Vec::new(), ..first.clone() };
+    again.place_hulls(making, &mut memory);
+    assert_eq!(is_same(&first, &again), [true, true]);
+    assert!(memory.n_bytes() > 1000);
+    // Made otherwise, of somebody who moved, of a camera that saw anew or is calibrated anew: made again.
+    let mut fine = first.clone();
+    fine.place_hulls(HullMaking { error_px: 0.0, ..making }, &mut memory);
+    assert_eq!(is_same(&first, &fine), [false, false]);
+    let mut moved = first.clone();
+    moved.entities[1].foot_in_world.x += 0.01;
+    moved.place_hulls(making, &mut memory);
+    assert_eq!(is_same(&first, &moved), [true, false]);
+    let mut seen = first.clone();
+    seen.cameras[2].observation.soft_mask = Arc::new((*seen.cameras[2].observation.soft_mask).clone());
+    seen.place_hulls(making, &mut memory);
+    assert_eq!(is_same(&first, &seen), [false, false]);
+    let mut calibrated = first.clone();
+    calibrated.cameras[0].camera =
+        Arc::new((*first.cameras[0].camera).clone().moved(v(0.0, 0.0, 0.1)).unwrap());
+    calibrated.place_hulls(making, &mut memory);
+    assert_eq!(is_same(&first, &calibrated), [false, false]);
+    // Of another scene, whose cameras have the same names.
+    let mut other = state();
+    other.place_hulls(making, &mut memory);
+    assert_eq!(is_same(&first, &other), [false, false]);
+    // What has gone from memory goes from this one too.
+    drop((first, again, fine, moved, seen, calibrated, other));
+    let mut none = peopled(&ring(2), &[]);
+    none.place_hulls(making, &mut memory);
+    assert_eq!(memory.n_bytes(), 0);
 }
 
 #[test]
@@ -668,7 +713,7 @@ fn frames_of_several_instants_are_one_shape_where_it_is_known_how_somebody_walks
     check("walking", &walks, &seen_from(v(2.0, -4.0, 1.7)));
     // As if nothing were known of the way.
     walks.entities[0].velocity = Velocity::UNKNOWN;
-    walks.place_hulls(0.0);
+    place(&mut walks, 0.0);
     let unmoved = overlap(&walks);
     // Masks of another place have other pixels: no two of them are closer.
     assert!(moved > 0.88 && unmoved < 0.3, "{moved} {unmoved}");
@@ -677,7 +722,7 @@ fn frames_of_several_instants_are_one_shape_where_it_is_known_how_somebody_walks
     let late = &mut walks.cameras[2].observation.frame;
     late.timestamp = late.timestamp.saturating_add_nanos(i64::MAX);
     walks.entities[0].velocity = Velocity { over_ground_m_per_s: DVec2::splat(1e3), sd_m_per_s: 0.0 };
-    walks.place_hulls(0.0);
+    place(&mut walks, 0.0);
     let hull = &walks.hulls[0];
     assert!(hull.apart_m.is_finite() && hull.apart_m > 1e3);
     let stands = |idx: usize| walks.cameras[hull.cameras[idx]].camera.pose().position_in_world;
@@ -707,7 +752,7 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     // One camera alone.
     let mut alone = state.clone();
     alone.entities[0].sources.truncate(1);
-    alone.place_hulls(0.5);
+    place(&mut alone, 0.5);
     let (n_hulls, n_billboards, is_on, because) = reason(&alone, "hull");
     assert_eq!((n_hulls, n_billboards, is_on), (0, 1, false), "{because}");
     assert!(because.contains("1 seen by one camera"), "{because}");
@@ -720,7 +765,7 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
     let mut skewed = state;
     let late = &mut skewed.cameras[1].observation.frame;
     late.timestamp = late.timestamp.saturating_add_nanos(250_000_000);
-    skewed.place_hulls(0.5);
+    place(&mut skewed, 0.5);
     assert!((skewed.hulls[0].skew_s - 0.25).abs() < 1e-9);
     let (n_hulls, n_billboards, is_on, because) = reason(&skewed, "hull");
     assert_eq!((n_hulls, n_billboards, is_on), (0, 1, false), "{because}");
