@@ -3,7 +3,7 @@
 use super::passes::{FILTERED, texture_entry};
 use crate::frame::Mask;
 use crate::fuse::{EntityHull, SceneState};
-use crate::geometry::NEAR_M;
+use crate::geometry::{Distortion, NEAR_M};
 use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
 use crate::hull::{LEAF_EDGES, View as Silhouette};
 use crate::plan::{HullMethod, HullVisibility, Plan, Projection, View};
@@ -79,6 +79,8 @@ pub(super) struct HullData {
     mask_px_per_m: Vec<f64>,
     /// How depth maps of all views lie beside each other; none where none are wanted.
     tiles: Option<Tiles>,
+    /// Whether any of the views' cameras has a lens that bends.
+    has_lenses: bool,
 }
 
 /// Depth maps of the views, beside each other in one texture.
@@ -170,7 +172,18 @@ impl HullData {
             scratch: Scratch::default(),
             mask_px_per_m: Vec::new(),
             tiles: None,
+            has_lenses: true,
         }
+    }
+
+    /// Whether any of the views' cameras has a lens that bends.
+    pub(super) const fn has_lenses(&self) -> bool {
+        self.has_lenses
+    }
+
+    /// What passes over these hulls are made as: without lenses they leave out what bends.
+    pub(super) fn variant(&self) -> [(&'static str, f64); 1] {
+        [("HAS_LENSES", f64::from(u8::from(self.has_lenses)))]
     }
 
     /// Layout of bind group 2.
@@ -192,6 +205,8 @@ impl HullData {
         let n_layers = chosen.iter().map(|hull| hull.cameras.len() as u32).sum::<u32>().max(1);
         let layer_px = layer_px(largest, n_layers);
         self.make_room(gpu, layer_px, n_layers);
+        let mut views = chosen.iter().flat_map(|of| of.hull.views());
+        self.has_lenses = views.any(|view| *view.camera().distortion() != Distortion::None);
         let has_tiles = plan.hull.texture.visibility == HullVisibility::Depths;
         let columns = n_layers.min(MOST_COLUMNS);
         self.tiles = has_tiles.then(|| Tiles { side_px: TILE_PX, columns, rows: n_layers.div_ceil(columns) });

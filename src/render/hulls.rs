@@ -20,12 +20,19 @@ pub(super) struct Hulls {
     surface: Option<HullSurface>,
     /// Where there may be hulls, coarsely.
     valid: Option<HullSurface>,
+    /// Of cameras without lenses that bend, and of all.
+    finding: [Finding; 2],
+    shown: Option<HullPass>,
+}
+
+/// What finds surfaces.
+#[derive(Debug, Default)]
+struct Finding {
     rays: Option<HullRaysPass>,
     trim: Option<HullTrimPass>,
     voxels: Option<HullVoxelsPass>,
     peel: Option<HullPeelPass>,
     depths: Option<HullDepthsPass>,
-    shown: Option<HullPass>,
 }
 
 /// The piece of a picture that hulls are looked for in.
@@ -74,21 +81,22 @@ impl Hulls {
         let (group, rect) = data.bind(gpu, (view, *anchor), (0, size));
         let Some(rect) = rect else { return Ok(None) };
         let surface = HullSurface::sized(&mut self.surface, gpu, size);
+        let by = &mut self.finding[usize::from(data.has_lenses())];
         match plan.hull.method {
             HullMethod::Rays => {
-                let pass = made(&mut self.rays, || HullRaysPass::new(gpu, frame.layout(), data))?;
+                let pass = made(&mut by.rays, || HullRaysPass::new(gpu, frame.layout(), data))?;
                 pass.record(recording, frame_group, &group, surface);
             }
             HullMethod::Voxels => {
-                let pass = made(&mut self.voxels, || HullVoxelsPass::new(gpu, frame.layout(), data))?;
+                let pass = made(&mut by.voxels, || HullVoxelsPass::new(gpu, frame.layout(), data))?;
                 pass.record(recording, (frame_group, &group), (state, plan, *anchor), surface);
             }
             HullMethod::Trimming => {
-                let pass = made(&mut self.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
+                let pass = made(&mut by.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
                 pass.record(recording, frame_group, (data, &group), surface);
             }
             HullMethod::Csg => {
-                let pass = made(&mut self.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
+                let pass = made(&mut by.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
                 pass.record(recording, frame_group, (data, &group), (surface, None));
             }
             HullMethod::Hybrid => {
@@ -99,15 +107,15 @@ impl Hulls {
                 let (coarse_group, _) = data.bind(gpu, (&coarse, *anchor), (1, coarse_px));
                 let coarse_frame = frame.bind_beside(gpu, ViewData::new(&coarse, reach));
                 let valid = HullSurface::sized(&mut self.valid, gpu, coarse_px);
-                let trim = made(&mut self.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
+                let trim = made(&mut by.trim, || HullTrimPass::new(gpu, frame.layout(), data))?;
                 trim.record(recording, &coarse_frame, (data, &coarse_group), valid);
-                let peel = made(&mut self.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
+                let peel = made(&mut by.peel, || HullPeelPass::new(gpu, frame.layout(), data))?;
                 peel.record(recording, frame_group, (data, &group), (surface, Some((&valid.view, valid_px))));
             }
         }
         let mut depths = None;
         if plan.hull.texture.visibility == HullVisibility::Depths {
-            let pass = made(&mut self.depths, || HullDepthsPass::new(gpu, frame.layout(), data))?;
+            let pass = made(&mut by.depths, || HullDepthsPass::new(gpu, frame.layout(), data))?;
             depths = pass.record(recording, frame_group, (data, &group));
         }
         Ok(Some(Found { group, depths, rect }))
@@ -137,14 +145,16 @@ impl Hulls {
     /// Lets go of what is drawn on where that is more than `max_bytes`.
     pub(super) fn trim(&mut self, max_bytes: u64) {
         self.surface.take_if(|kept| kept.n_bytes() > max_bytes);
-        let trim = self.trim.as_mut().map(HullTrimPass::depth);
-        let voxels = self.voxels.as_mut().map(HullVoxelsPass::depth);
-        let depths = self.depths.as_mut().map(HullDepthsPass::maps);
-        for depth in [trim, voxels, depths].into_iter().flatten() {
-            depth.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
-        }
-        if let Some(peel) = &mut self.peel {
-            peel.trim(max_bytes);
+        for by in &mut self.finding {
+            let trim = by.trim.as_mut().map(HullTrimPass::depth);
+            let voxels = by.voxels.as_mut().map(HullVoxelsPass::depth);
+            let depths = by.depths.as_mut().map(HullDepthsPass::maps);
+            for depth in [trim, voxels, depths].into_iter().flatten() {
+                depth.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
+            }
+            if let Some(peel) = &mut by.peel {
+                peel.trim(max_bytes);
+            }
         }
     }
 }

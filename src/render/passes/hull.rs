@@ -18,8 +18,8 @@ pub(in crate::render) struct HullPass {
     surface_layout: wgpu::BindGroupLayout,
     /// In place of depth maps that nobody asks.
     no_depths: wgpu::TextureView,
-    /// By texture, gains and samples.
-    pipelines: BTreeMap<(HullTexture, bool, u32), wgpu::RenderPipeline>,
+    /// By texture, gains, lenses and samples.
+    pipelines: BTreeMap<(HullTexture, [bool; 2], u32), wgpu::RenderPipeline>,
 }
 
 /// What a hull's surface is shown by.
@@ -78,13 +78,15 @@ impl HullPass {
             },
             variant: &[
                 ("HAS_GAINS", number(into.has_gains)),
+                hulls.variant()[0],
                 ("VISIBILITY", visibility),
                 ("HAS_FEATHER", number(texture.feather)),
                 ("AT_CORNERS", number(at_corners)),
             ],
             samples: into.targets.samples(),
         };
-        let pipeline = match self.pipelines.entry((texture, into.has_gains, into.targets.samples())) {
+        let kind = (texture, [into.has_gains, hulls.has_lenses()], into.targets.samples());
+        let pipeline = match self.pipelines.entry(kind) {
             Entry::Occupied(kept) => kept.into_mut(),
             Entry::Vacant(new) => new.insert(draw_pipeline(gpu, wanted)?),
         };

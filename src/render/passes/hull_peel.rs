@@ -128,10 +128,11 @@ impl HullPeelPass {
         let resolved = layout(&[Some(frame_layout), None, Some(hulls.layout()), Some(&layer_layout)]);
         let primed = layout(&[None, None, None, Some(&valid_layout)]);
         let pipeline = |layout: &wgpu::PipelineLayout, stages: [&str; 2], kind: Kind, valid_px: u32| {
-            let constants = [("VALID_PX", f64::from(valid_px))];
+            let lenses = hulls.variant();
+            let valid = [("VALID_PX", f64::from(valid_px)), lenses[0]];
             let (is_peel, is_prime) = (matches!(kind, Kind::Peel), matches!(kind, Kind::Prime));
-            let compilation_options = wgpu::PipelineCompilationOptions {
-                constants: if is_prime { &constants } else { &[] },
+            let compilation_options = |constants| wgpu::PipelineCompilationOptions {
+                constants,
                 ..wgpu::PipelineCompilationOptions::default()
             };
             let add = wgpu::BlendComponent {
@@ -154,7 +155,7 @@ impl HullPeelPass {
                     vertex: wgpu::VertexState {
                         module: &module,
                         entry_point: Some(stages[0]),
-                        compilation_options: wgpu::PipelineCompilationOptions::default(),
+                        compilation_options: compilation_options(&lenses),
                         buffers: if matches!(kind, Kind::Resolve | Kind::Prime) { &[] } else { &buffers },
                     },
                     primitive: wgpu::PrimitiveState {
@@ -172,7 +173,7 @@ impl HullPeelPass {
                     fragment: Some(wgpu::FragmentState {
                         module: &module,
                         entry_point: Some(stages[1]),
-                        compilation_options,
+                        compilation_options: compilation_options(if is_prime { &valid } else { &lenses }),
                         targets: if is_prime { &[] } else { &targets },
                     }),
                     multiview_mask: None,

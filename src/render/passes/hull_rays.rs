@@ -97,7 +97,10 @@ impl HullRaysPass {
                 layout: Some(&pipeline_layout),
                 module: &module,
                 entry_point: Some("cs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                compilation_options: wgpu::PipelineCompilationOptions {
+                    constants: &hulls.variant(),
+                    ..wgpu::PipelineCompilationOptions::default()
+                },
                 cache: None,
             },
         );

@@ -70,6 +70,11 @@ pub(super) fn strips_pipeline(
         bind_group_layouts: &[Some(frame_layout), None, Some(hulls.layout())],
         immediate_size: 0,
     });
+    let variant = hulls.variant();
+    let compilation_options = || wgpu::PipelineCompilationOptions {
+        constants: &variant,
+        ..wgpu::PipelineCompilationOptions::default()
+    };
     let target = format.map(|format| Some(wgpu::ColorTargetState::from(format)));
     let descriptor = wgpu::RenderPipelineDescriptor {
         label: Some(label),
@@ -77,7 +82,7 @@ pub(super) fn strips_pipeline(
         vertex: wgpu::VertexState {
             module: &module,
             entry_point: Some("vs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: compilation_options(),
             buffers: &[Some(vertices)],
         },
         primitive: wgpu::PrimitiveState {
@@ -95,7 +100,7 @@ pub(super) fn strips_pipeline(
         fragment: Some(wgpu::FragmentState {
             module: &module,
             entry_point: Some("fs_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            compilation_options: compilation_options(),
             targets: target.as_slice(),
         }),
         multiview_mask: None,

@@ -7,7 +7,7 @@ use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields::fuse::{Billboard, Entity, HullMaking, HullMemory, SceneState, Velocity};
-use videofields::geometry::{Camera, Ray};
+use videofields::geometry::{Camera, Distortion, Ray};
 use videofields::hull::Scratch;
 use videofields::plan::{
     self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
@@ -640,6 +640,20 @@ fn walking(stage: &Stage, velocity: DVec3, at_s: &[f64]) -> SceneState {
     state.entities[0].velocity = Velocity { over_ground_m_per_s: velocity.truncate(), sd_m_per_s: 0.3 };
     place(&mut state, 0.0);
     state
+}
+
+#[test]
+fn lenses_that_bend_are_as_any_others() {
+    let bent = Distortion::BrownConrady { coefficients: [-0.18, 0.03, 0.002, -0.001, 0.0, 0.0, 0.0, 0.0] };
+    let stage = (0..5).fold(Stage::new(), |stage, i| {
+        let turn = f64::from(i) * 1.2;
+        let eye = v(5.5 * turn.cos(), 5.5 * turn.sin(), 2.6 + 0.3 * f64::from(i));
+        let lens = if i == 2 { Distortion::None } else { bent };
+        stage.with_lens(eye, v(0.3, -0.5, 0.9), [1.0; 3], lens, 240.0)
+    });
+    let state = peopled(&stage, &[DVec3::ZERO]);
+    assert_eq!(state.hulls[0].cameras.len(), 5);
+    check("lenses", &state, &seen_from(v(2.0, -4.0, 1.7)));
 }
 
 #[test]
