@@ -194,6 +194,7 @@ fn yard(n_people: usize) -> (SceneState, Picture) {
         foot_in_world: *foot,
         foot_covariance_m2: DMat2::IDENTITY * 0.01,
         velocity: Velocity::UNKNOWN,
+        reach_m: None,
         height_m: 1.8,
         sources,
     };

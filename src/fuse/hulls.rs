@@ -38,6 +38,9 @@ const ABOVE_M: f64 = 0.08;
 /// Most of a foot's uncertainty that bounds are widened by, metres.
 const MOST_UNCERTAIN_M: f64 = 0.15;
 
+/// By how much what an entity reached to of late may be exceeded.
+const LARGER: f64 = 1.4;
+
 /// Half the side of bounds where cameras do not agree on any place, metres.
 const UNAGREED_M: f64 = 0.6;
 
@@ -203,8 +206,9 @@ fn bounds(entity: &Entity) -> [DVec3; 2] {
     let reach_m = |source: &Billboard| source.left_right_m[0].abs().max(source.left_right_m[1].abs());
     let widest_m = entity.sources.iter().map(reach_m).fold(0.0, f64::max);
     let foot = entity.foot_in_world;
-    // No strip is as long as two of the widest.
-    let half = 2.0 * widest_m + beside_m;
+    // No strip is as long as two of the widest; and nobody is suddenly much larger than they were alone.
+    let most_m = entity.reach_m.map_or(f64::INFINITY, |reach_m| LARGER * reach_m);
+    let half = (2.0 * widest_m).min(most_m) + beside_m;
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
     let mut place: Vec<DVec2> = corners.map(|corner| foot.truncate() + DVec2::from_array(corner)).to_vec();
     for source in &entity.sources {
@@ -383,6 +387,7 @@ mod tests {
             foot_in_world: DVec3::ZERO,
             foot_covariance_m2: glam::DMat2::ZERO,
             velocity: super::super::Velocity::UNKNOWN,
+            reach_m: None,
             height_m: 1.2,
             sources: sources.iter().enumerate().map(source).collect(),
         }
@@ -401,6 +406,12 @@ mod tests {
         let merged = [(DVec2::Y, [-0.25, 2.5]), (DVec2::NEG_X, [-0.3, 0.3]), (DVec2::NEG_Y, [-0.3, 0.3])];
         let [low, high] = bounds(&entity(&merged));
         assert!((high - low).truncate().max_element() < 1.0, "{low} {high}");
+        // All have it in one blob with others: no more than it was before is its own.
+        let wide = [(DVec2::Y, [-2.0, 2.5]), (DVec2::NEG_X, [-2.2, 2.0])];
+        let known = Entity { reach_m: Some(0.3), ..entity(&wide) };
+        let [low, high] = bounds(&known);
+        assert!((high - low).truncate().max_element() < 2.0 * (1.4 * 0.3 + 0.11), "{low} {high}");
+        assert!((high - low).truncate().min_element() > 0.8, "{low} {high}");
         // Cameras that have it in two places.
         let apart = [(DVec2::Y, [3.0, 3.5]), (DVec2::Y, [-3.5, -3.0])];
         let [low, high] = bounds(&entity(&apart));

@@ -64,6 +64,8 @@ struct Known {
     walk: Walk,
     /// Place apart, as they were seen of late.
     like: Estimate,
+    /// How far they reached from their foot while no camera had them in one blob with others, metres.
+    reach_m: Option<f64>,
 }
 
 /// Who a camera's track is.
@@ -150,6 +152,7 @@ impl Line {
                         seen_at: instant,
                         walk: Walk::new(&said.foot),
                         like: said,
+                        reach_m: None,
                     };
                     *next_id += 1;
                     self.known.push(known);
@@ -157,12 +160,16 @@ impl Line {
                     &mut self.known[last]
                 }
             };
+            if is_new {
+                known.reach(reach_m(&grouping, group, &sightings));
+            }
             let id = known.id;
             drawn.push(Drawn {
                 id,
                 group,
                 said: Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
                 velocity: known.walk.velocity(),
+                reach_m: known.reach_m,
             });
             self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }
@@ -343,6 +350,10 @@ impl Known {
         self.like.height = either(self.like.height, said.height, |own, seen| own.towards(seen, NEWS));
         self.like.look = either(self.like.look, said.look, |own, seen| own.blended(&seen, NEWS));
     }
+
+    fn reach(&mut self, seen_m: Option<f64>) {
+        self.reach_m = either(self.reach_m, seen_m, |own, seen| NEWS.mul_add(seen - own, own));
+    }
 }
 
 /// Somebody who is seen: a group of signs, and what is known of them.
@@ -351,12 +362,24 @@ struct Drawn {
     group: usize,
     said: Estimate,
     velocity: Velocity,
+    reach_m: Option<f64>,
+}
+
+/// How far those signs of a group reach from their feet that show nobody else and are whole.
+fn reach_m(grouping: &Grouping<'_>, group: usize, sightings: &[Sighting]) -> Option<f64> {
+    let is_alone = |sign: &&usize| {
+        let Sighting { tracks, billboard, .. } = &sightings[**sign];
+        tracks.len() == 1 && !billboard.is_truncated && !grouping.is_by_head(**sign)
+    };
+    let reach =
+        |sign: &usize| sightings[*sign].billboard.left_right_m.map(f64::abs).into_iter().fold(0.0, f64::max);
+    grouping.groups()[group].signs.iter().filter(is_alone).map(reach).reduce(f64::max)
 }
 
 /// The entities that are seen, in growing order of ids.
 fn draw(mut drawn: Vec<Drawn>, grouping: &Grouping<'_>, sightings: &[Sighting]) -> Vec<Entity> {
     drawn.sort_by_key(|of| of.id);
-    let entity = |Drawn { id, group, said, velocity }: Drawn| {
+    let entity = |Drawn { id, group, said, velocity, reach_m }: Drawn| {
         let source = |sign: &usize| {
             let Sighting { billboard, head, .. } = &sightings[*sign];
             match head.filter(|_| grouping.is_by_head(*sign)) {
@@ -370,7 +393,7 @@ fn draw(mut drawn: Vec<Drawn>, grouping: &Grouping<'_>, sightings: &[Sighting]) 
         let height_m = said.height.map_or_else(tallest, |height| height.mean_m);
         let foot_covariance_m2 = said.foot.covariance;
         let foot_in_world = said.foot_in_world();
-        Entity { id, foot_in_world, foot_covariance_m2, velocity, height_m, sources }
+        Entity { id, foot_in_world, foot_covariance_m2, velocity, reach_m, height_m, sources }
     };
     drawn.into_iter().map(entity).collect()
 }

@@ -178,6 +178,8 @@ pub struct Entity {
     pub foot_covariance_m2: DMat2,
     /// How fast it goes.
     pub velocity: Velocity,
+    /// How far it reached from its foot of late, metres, while no camera saw it in one with others; none where none ever did.
+    pub reach_m: Option<f64>,
     /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
     pub height_m: f64,
     /// One billboard for each camera that sees it, in the order of cameras; never empty.

@@ -399,3 +399,34 @@ fn a_hundred_cameras_over_a_crowd_stay_bounded() {
         }
     }
 }
+
+#[test]
+fn how_far_somebody_reaches_is_what_cameras_say_that_see_them_alone() {
+    let mut association = Association::default();
+    let reaching = |member: usize, tracks: &[u64], left_right_m: [f64; 2]| {
+        let mut of = sighting(member, tracks, DVec2::ZERO, covariance(DVec2::Y, 0.2));
+        of.billboard.left_right_m = left_right_m;
+        of
+    };
+    let mut last = None;
+    for secs in steps(0.0, 3.0) {
+        // The second camera has them in one blob with somebody else.
+        let sights = vec![reaching(0, &[1], [-0.2, 0.35]), reaching(1, &[1, 2], [-2.0, 0.3])];
+        last = see(&mut association, secs, sights)[0].reach_m;
+    }
+    assert!((last.unwrap() - 0.35).abs() < 1e-9, "{last:?}");
+    for secs in steps(3.0, 6.0) {
+        let sights = vec![reaching(0, &[1, 3], [-1.5, 0.3]), reaching(1, &[1, 2], [-2.0, 0.3])];
+        last = see(&mut association, secs, sights)[0].reach_m;
+    }
+    assert!((last.unwrap() - 0.35).abs() < 1e-9, "kept while nobody sees them alone: {last:?}");
+    // Arms that are spread are believed after a while.
+    for secs in steps(6.0, 9.0) {
+        last = see(&mut association, secs, vec![reaching(0, &[1], [-0.8, 0.35])])[0].reach_m;
+    }
+    assert!(last.unwrap() > 0.75, "{last:?}");
+    assert_eq!(
+        see(&mut Association::default(), 0.0, vec![reaching(0, &[1, 2], [-1.0, 1.0])])[0].reach_m,
+        None
+    );
+}

@@ -321,6 +321,7 @@ mod tests {
             id: 1,
             foot_covariance_m2: glam::DMat2::IDENTITY,
             velocity: crate::fuse::Velocity::UNKNOWN,
+            reach_m: None,
             height_m: 1.8,
             foot_in_world: *foot,
             sources: vec![Billboard {

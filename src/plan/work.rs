@@ -449,6 +449,7 @@ mod tests {
             foot_in_world: DVec3::ZERO,
             foot_covariance_m2: DMat2::IDENTITY,
             velocity: crate::fuse::Velocity::UNKNOWN,
+            reach_m: None,
             height_m: 1.8,
             sources,
         };

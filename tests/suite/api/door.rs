@@ -257,6 +257,7 @@ impl Door for FakeDoor {
                 foot_in_world: DVec3::new(1.0, -2.0, 0.0),
                 foot_covariance_m2: DMat2::IDENTITY,
                 velocity: Velocity::UNKNOWN,
+                reach_m: None,
                 height_m: 1.75,
                 sources: Vec::new(),
             }],

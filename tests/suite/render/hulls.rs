@@ -123,6 +123,7 @@ pub(super) fn peopled(stage: &Stage, feet: &[DVec3]) -> SceneState {
                 foot_in_world,
                 foot_covariance_m2: DMat2::from_diagonal(DVec2::splat(0.01)),
                 velocity: Velocity::UNKNOWN,
+                reach_m: None,
                 height_m: 1.76,
                 sources: sources.collect(),
             }

@@ -141,7 +141,15 @@ impl Stage {
             Some(foot_in_world) if !sources.is_empty() => {
                 let (foot_covariance_m2, height_m) = (DMat2::from_diagonal(DVec2::splat(0.04)), 1.8);
                 let velocity = Velocity::UNKNOWN;
-                vec![Entity { id: 1, foot_in_world, foot_covariance_m2, velocity, height_m, sources }]
+                vec![Entity {
+                    id: 1,
+                    foot_in_world,
+                    foot_covariance_m2,
+                    velocity,
+                    reach_m: None,
+                    height_m,
+                    sources,
+                }]
             }
             _ => Vec::new(),
         };
