@@ -54,6 +54,7 @@ pub mod track;
 
 pub mod condition;
 
+pub mod fields;
 pub mod hull;
 
 pub mod archive;

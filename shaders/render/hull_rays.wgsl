@@ -4,7 +4,7 @@
 @group(1) @binding(0) var surface: texture_storage_2d<rgba32uint, write>;
 
 // Stretches within a hull that a ray's coverage is made of: one that grazes a fold goes on to what lies behind.
-const MOST_STRETCHES: u32 = 2u;
+const MOST_STRETCHES: u32 = 4u;
 // A ray that leaves the hull goes on from so much further, metres.
 const BEYOND_M: f32 = 1e-4;
 // Covered by no less is covered.
@@ -15,9 +15,9 @@ const COVERED: f32 = 0.995;
 fn coverage_of(hull_idx: u32, ray: HullRay, enter: f32, exit: f32) -> f32 {
     let first = hulls[hull_idx].first_view;
     var most = 0.0;
-    for (var i = 0u; i < 3u && most < 1.0; i++) {
+    for (var i = 0u; i < 5u && most < 1.0; i++) {
         // The middle is enough for most.
-        let shares = array<f32, 3>(0.5, 0.2, 0.8);
+        let shares = array<f32, 5>(0.5, 0.25, 0.75, 0.125, 0.875);
         let place = ray.origin + ray.direction * mix(enter, exit, shares[i]);
         var coverage = 1.0;
         for (var k = 0u; k < hulls[hull_idx].n_views; k++) {

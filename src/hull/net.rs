@@ -429,7 +429,7 @@ mod tests {
         assert!(matches!(surface(&mut nothing, &Halfway), Err(MeshError::Empty)));
         let mut no_points = Occupancy::new([0; 3], DVec3::ZERO, 1.0).unwrap();
         assert!(matches!(surface(&mut no_points, &Halfway), Err(MeshError::Empty)));
-        for size in [[u32::MAX; 3], [2049, 1, 1], [1024, 1024, 129]] {
+        for size in [[u32::MAX; 3], [2049, 1, 1], [1024, 1024, 1025]] {
             assert!(matches!(Occupancy::new(size, DVec3::ZERO, 1.0), Err(MeshError::Grid { .. })));
         }
         for (origin, step_m) in

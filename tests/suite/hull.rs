@@ -142,7 +142,7 @@ fn what_is_wrong_with_a_set_is_told() {
     };
     let with = |more: &[&'static str]| [&usual[..], more].concat();
     check(&with(&["--method", "marching"]), "image-based, voxels");
-    check(&with(&["--resolution", "4000"]), "512");
+    check(&with(&["--resolution", "4000"]), "1024");
     check(&with(&["--bounds", "0,0,0,1,1"]), "X0,Y0,Z0,X1,Y1,Z1");
     check(&with(&["--bounds", "50,50,50,51,51,51"]), "nothing in common");
     check(&with(&["--hold-back", "shot_9"]), "./train/shot_0");
