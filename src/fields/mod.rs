@@ -7,11 +7,17 @@
 //! | --- | --- |
 //! | `topology` | which faces meet at which edges and vertices |
 //! | `exact` | distances along a surface, exact |
+//! | `bounded` | the same in rounds of two windows an edge, in f32: the device's twin |
+//! | `marching` | the same by one front, for comparison |
 
+mod bounded;
 mod exact;
+mod marching;
 #[cfg(test)]
 mod testing;
 mod topology;
 
+pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
+pub use marching::marching;
 pub use topology::Topology;
