@@ -166,8 +166,8 @@ impl Subject {
         state
     }
 
-    /// Decides what of `state` is drawn, and how exactly, as the next of a session if there is one; `hulls` are those made before. Of a deadline so much is
-    /// `left`; what of a plan is new to the device is `pending`.
+    /// Decides what of `state` is drawn, and how exactly, as the next of a session if there is one; `hulls` are those made before.
+    /// Of a deadline so much is `left`; what of a plan is new to the device is `pending`.
     ///
     /// # Errors
     /// Where nothing fits into what is left.

@@ -9,8 +9,11 @@ use crate::geometry::Camera;
 use crate::scene::Scene;
 use std::sync::{Arc, Weak};
 
-/// Most bytes of hulls that are kept; what was not asked for longest goes first.
-const MAX_BYTES: usize = 48 << 20;
+/// Most bytes of a scene's hulls that are kept; what was not asked for longest goes first.
+const MAX_BYTES: usize = 16 << 20;
+
+/// Pictures after which what none of them asked for goes: the tiles of a wall, and some who look elsewhere.
+const MAX_AGE: u64 = 32;
 
 /// What one camera showed.
 #[derive(Clone, Debug)]
@@ -109,10 +112,15 @@ impl HullMemory {
         self.kept.push(Kept { of, hull: Arc::clone(hull), n_bytes: hull.n_bytes(), used: self.n_uses });
     }
 
-    /// Begins another look; lets go of what cannot be met again, and of what was not met longest where it is too much.
-    pub(super) fn begin(&mut self) {
+    /// Begins another look.
+    pub(super) const fn begin(&mut self) {
         self.n_uses += 1;
-        self.kept.retain(|kept| kept.of.can_be_met());
+    }
+
+    /// Ends it: lets go of what cannot be met again or was not met for long, and of the oldest where it is too much.
+    pub(super) fn end(&mut self) {
+        let n_uses = self.n_uses;
+        self.kept.retain(|kept| kept.used + MAX_AGE > n_uses && kept.of.can_be_met());
         self.kept.sort_by_key(|kept| std::cmp::Reverse(kept.used));
         let mut n_bytes = 0;
         self.kept.retain(|kept| {

@@ -101,6 +101,7 @@ impl SceneState {
         for (hull, _) in found.iter().filter(|(_, is_new)| *is_new) {
             memory.insert(self, making, hull);
         }
+        memory.end();
         self.hulls = found.into_iter().map(|(hull, _)| hull).collect();
     }
 

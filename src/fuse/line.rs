@@ -160,8 +160,10 @@ impl Line {
                     &mut self.known[last]
                 }
             };
+            // Arms that are spread are theirs at once.
+            let alone_m = reach_m(&grouping, group, &sightings);
             if is_new {
-                known.reach(reach_m(&grouping, group, &sightings));
+                known.reach(alone_m);
             }
             let id = known.id;
             drawn.push(Drawn {
@@ -169,7 +171,7 @@ impl Line {
                 group,
                 said: Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
                 velocity: known.walk.velocity(),
-                reach_m: known.reach_m,
+                reach_m: either(known.reach_m, alone_m, f64::max),
             });
             self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }

@@ -420,11 +420,13 @@ fn how_far_somebody_reaches_is_what_cameras_say_that_see_them_alone() {
         last = see(&mut association, secs, sights)[0].reach_m;
     }
     assert!((last.unwrap() - 0.35).abs() < 1e-9, "kept while nobody sees them alone: {last:?}");
-    // Arms that are spread are believed after a while.
+    // Arms that are spread are theirs at once where a camera sees them alone, and remembered after a while.
     for secs in steps(6.0, 9.0) {
         last = see(&mut association, secs, vec![reaching(0, &[1], [-0.8, 0.35])])[0].reach_m;
+        assert!(last.unwrap() >= 0.8, "{last:?}");
     }
-    assert!(last.unwrap() > 0.75, "{last:?}");
+    last = see(&mut association, 9.0, vec![reaching(0, &[1, 3], [-2.0, 0.35])])[0].reach_m;
+    assert!(last.unwrap() > 0.75 && last.unwrap() < 0.81, "{last:?}");
     assert_eq!(
         see(&mut Association::default(), 0.0, vec![reaching(0, &[1, 2], [-1.0, 1.0])])[0].reach_m,
         None
