@@ -54,8 +54,11 @@ pub mod track;
 
 pub mod condition;
 
-pub mod fields;
+pub mod mesh;
+
 pub mod hull;
+
+pub mod fields;
 
 pub mod archive;
 

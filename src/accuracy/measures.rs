@@ -176,36 +176,56 @@ fn gray(picture: &RgbImage, pixel: usize) -> f64 {
     picture.data[pixel * 3..pixel * 3 + 3].iter().map(|code| f64::from(*code)).sum::<f64>() / 3.0
 }
 
-/// Seam energy: over the pairs of neighbours (right and below) that lie in `part` and belong to different owners, the
-/// step from one to the other in `picture` beyond the step in `truth`, max(0, |P(b) - P(a)| - |T(b) - T(a)|), P and T
-/// the means of the channels in 8-bit codes. Adds to `sum`.
-///
-/// **Shape** all of one size; `owners` holds which camera's picture counts most at a pixel, [`NO_OWNER`] for none.
-///
-/// # Panics
-/// When the sizes differ.
-pub fn add_seam_energy(sum: &mut Mean, picture: &RgbImage, truth: &RgbImage, owners: &Mask, part: &Mask) {
-    let (width, height) = (picture.width as usize, picture.height as usize);
-    for (what, size) in [
-        ("truth", (truth.width, truth.height)),
-        ("owners", (owners.width, owners.height)),
-        ("part", (part.width, part.height)),
-    ] {
-        assert_eq!(size, (picture.width, picture.height), "the size of {what} is the picture's");
-    }
-    let belongs = |at: usize| part.data[at] != 0 && owners.data[at] != NO_OWNER;
-    for y in 0..height {
-        for x in 0..width {
-            let a = y * width + x;
-            let right = (x + 1 < width).then_some(a + 1);
-            let below = (y + 1 < height).then_some(a + width);
-            for b in right.into_iter().chain(below) {
-                if belongs(a) && belongs(b) && owners.data[a] != owners.data[b] {
-                    let step = |of: &RgbImage| (gray(of, b) - gray(of, a)).abs();
-                    sum.add((step(picture) - step(truth)).max(0.0));
-                }
+/// Steps from one pixel to the next beyond the truth's, max(0, |P(b) - P(a)| - |T(b) - T(a)|), P and T the means of the channels in 8-bit
+/// codes, over the pairs of neighbours (right and below): those that belong to different owners, and those that belong to one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SeamEnergy {
+    /// Across the borders between owners: what seams add.
+    pub across: Mean,
+    /// Within what belongs to one owner: what there is without any seam.
+    pub within: Mean,
+}
+
+impl SeamEnergy {
+    /// Adds the pairs of a picture that lie in `part`.
+    ///
+    /// **Shape** all of one size; `owners` holds which camera's picture counts most at a pixel, [`NO_OWNER`] for none.
+    ///
+    /// # Panics
+    /// When the sizes differ.
+    pub fn add(&mut self, picture: &RgbImage, truth: &RgbImage, owners: &Mask, part: &Mask) {
+        let (width, height) = (picture.width as usize, picture.height as usize);
+        for (what, size) in [
+            ("truth", (truth.width, truth.height)),
+            ("owners", (owners.width, owners.height)),
+            ("part", (part.width, part.height)),
+        ] {
+            assert_eq!(size, (picture.width, picture.height), "the size of {what} is the picture's");
+        }
+        let belongs = |at: usize| part.data[at] != 0 && owners.data[at] != NO_OWNER;
+        let mut add = |a: usize, b: usize| {
+            if belongs(a) && belongs(b) {
+                let step = |of: &RgbImage| (gray(of, b) - gray(of, a)).abs();
+                let is_seam = owners.data[a] != owners.data[b];
+                let sum = if is_seam { &mut self.across } else { &mut self.within };
+                sum.add((step(picture) - step(truth)).max(0.0));
+            }
+        };
+        for a in 0..width * height {
+            if a % width + 1 < width {
+                add(a, a + 1);
+            }
+            if a / width + 1 < height {
+                add(a, a + width);
             }
         }
+    }
+
+    /// How many times as large steps are across borders as within them; `None` without either, or where nothing steps within.
+    #[must_use]
+    pub fn ratio(&self) -> Option<f64> {
+        let (across, within) = (self.across.value()?, self.within.value()?);
+        (within > 0.0).then(|| across / within)
     }
 }
 
@@ -332,25 +352,22 @@ mod tests {
         let truth = picture(&[&[50, 50, 60, 60], &[50, 50, 60, 60]]);
         let drawn = picture(&[&[50, 50, 80, 60], &[50, 90, 95, 60]]);
         let everywhere = Mask::filled(4, 2, 255);
-        let mut sum = Mean::default();
-        add_seam_energy(&mut sum, &drawn, &truth, &owners, &everywhere);
-        assert_eq!((sum.value(), sum.count()), (Some((20.0 + 0.0) / 2.0), 2));
+        let mut seams = SeamEnergy::default();
+        seams.add(&drawn, &truth, &owners, &everywhere);
+        assert_eq!((seams.across.value(), seams.across.count()), (Some((20.0 + 0.0) / 2.0), 2));
+        // Within: in the first row 0 and 20, in the second 40 and 35, down 0, 40, 15 and 0.
+        assert_eq!((seams.within.value(), seams.within.count()), (Some(150.0 / 8.0), 8));
+        assert_eq!(seams.ratio(), Some(10.0 / 18.75));
         // Without owners, and outside the part, there is no seam.
-        let mut none = Mean::default();
-        add_seam_energy(&mut none, &drawn, &truth, &Mask::filled(4, 2, NO_OWNER), &everywhere);
-        add_seam_energy(&mut none, &drawn, &truth, &owners, &Mask::filled(4, 2, 0));
-        assert_eq!(none.value(), None);
+        let mut none = SeamEnergy::default();
+        none.add(&drawn, &truth, &Mask::filled(4, 2, NO_OWNER), &everywhere);
+        none.add(&drawn, &truth, &owners, &Mask::filled(4, 2, 0));
+        assert_eq!((none, none.ratio()), (SeamEnergy::default(), None));
         // Rows are neighbours too.
         let stacked = Mask { width: 1, height: 2, data: vec![0, 1].into() };
-        let mut sum = Mean::default();
-        add_seam_energy(
-            &mut sum,
-            &picture(&[&[0], &[7]]),
-            &picture(&[&[0], &[0]]),
-            &stacked,
-            &Mask::filled(1, 2, 1),
-        );
-        assert_eq!(sum.value(), Some(7.0));
+        let mut seams = SeamEnergy::default();
+        seams.add(&picture(&[&[0], &[7]]), &picture(&[&[0], &[0]]), &stacked, &Mask::filled(1, 2, 1));
+        assert_eq!((seams.across.value(), seams.ratio()), (Some(7.0), None));
     }
 
     #[test]

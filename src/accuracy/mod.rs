@@ -24,6 +24,7 @@ mod report;
 mod segmentation;
 mod settings;
 mod similarity;
+mod steadiness;
 mod subject;
 mod sweep;
 mod unjudged;
@@ -38,13 +39,14 @@ pub use live::{LiveScope, judge_scene};
 pub use machine::{digest, machine};
 pub use map::{MAX_MAP_CAMERAS, MapRun};
 pub use measures::{
-    MaskScore, Mean, NO_OWNER, Pooled, add_flicker, add_seam_energy, dilated, distance_figures, silhouette,
+    MaskScore, Mean, NO_OWNER, Pooled, SeamEnergy, add_flicker, dilated, distance_figures, silhouette,
 };
 pub use report::{
     Figure, Point, REPORT_VERSION, Report, ReportError, Series, StageReport, SubjectReport, figure_page,
 };
 pub use segmentation::SegmentationRun;
 pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
+pub use steadiness::Steadiness;
 pub use subject::{Scope, Subject, SubjectCamera, SubjectView, owners};
 pub use sweep::{Example, Skipped, Stage, Sweep, sweep, sweep_gated};
 pub use unjudged::{HeldBack, LeftOut, Unjudged, UnjudgedCamera};

@@ -7,7 +7,7 @@
 use super::SweepError;
 use super::comparison::{Comparison, compare};
 use super::gate::Stopwatch;
-use super::measures::{MaskScore, Mean, Pooled, add_flicker, add_seam_energy, dilated, silhouette};
+use super::measures::{MaskScore, Mean, Pooled, SeamEnergy, add_flicker, dilated, silhouette};
 use super::segmentation::SegmentationRun;
 use super::settings::{EntityForm, SurfaceForm};
 use super::subject::{Subject, SubjectView};
@@ -45,7 +45,7 @@ pub struct ViewsRun {
     people: Pooled,
     still: Pooled,
     silhouettes: MaskScore,
-    seams: Mean,
+    seams: SeamEnergy,
     flicker: Mean,
     /// Pictures of the first view, with their frame, for showing.
     pub examples: Vec<(usize, RgbImage)>,
@@ -279,7 +279,7 @@ impl ViewsRun {
         }
         let shown = silhouette(picture, bare);
         self.silhouettes.add(&shown, &truth.instance, |value| value > 0, |value| value > 0);
-        add_seam_energy(&mut self.seams, picture, &truth.rgb, &view.owners, &judged.still);
+        self.seams.add(picture, &truth.rgb, &view.owners, &judged.still);
         Ok(())
     }
 
@@ -337,7 +337,8 @@ impl ViewsRun {
             ("still_rmse", self.still_rmse()),
             ("still_psnr_db", self.still.psnr_db()),
             ("still_ssim", self.still.ssim()),
-            ("seam_energy", self.seams.value()),
+            ("seam_energy", self.seams.across.value()),
+            ("seam_ratio", self.seams.ratio()),
             ("flicker", self.flicker.value()),
             ("balanced_rmse", self.balanced_rmse()),
         ])

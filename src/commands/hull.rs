@@ -1,18 +1,16 @@
 //! `hull`: the visual hull of a set of calibrated pictures, as a mesh.
 
+use super::pictures::{check_names, ending, find, import_cameras, is_same, read, rgb};
 use anyhow::{Context as _, Result, bail, ensure};
 use glam::DVec3;
-use image::{DynamicImage, ImageReader};
-use std::ffi::OsStr;
+use image::DynamicImage;
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
-use videofields::calibrate::{self, PictureCamera, SetFormat, SetOptions};
+use videofields::calibrate::{PictureCamera, SetFormat};
 use videofields::frame::RgbImage;
 use videofields::hull::{self, Agreement, Bounds, Hull as VisualHull, Method, RESOLUTION, View};
-
-/// Endings of pictures that can be read.
-const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+use videofields::mesh::Mesh;
 
 /// Makes the visual hull of a thing from calibrated pictures of it, as a closed mesh.
 ///
@@ -114,28 +112,14 @@ impl Hull {
     }
 
     fn read_cameras(&self) -> Result<Vec<PictureCamera>> {
-        let path = self.cameras.display();
-        let text = std::fs::read_to_string(&self.cameras).with_context(|| format!("cannot read {path}"))?;
         let folders: Vec<&Path> =
             [&self.images, &self.silhouettes].into_iter().flatten().map(PathBuf::as_path).collect();
-        let size_of = |name: &str| {
-            let file = folders.iter().find_map(|folder| find(folder, name))?;
-            image::image_dimensions(file).ok().map(<[u32; 2]>::from)
-        };
-        let options = SetOptions {
-            image_size_px: None,
-            size_of: Some(&size_of),
-            metres_per_unit: self.metres_per_unit,
-        };
-        calibrate::import_set(&text, self.format, &options).with_context(|| format!("cannot import {path}"))
+        import_cameras(&self.cameras, self.format, &folders, self.metres_per_unit)
     }
 
     /// Every camera that has a silhouette.
     fn shots(&self, cameras: Vec<PictureCamera>) -> Result<Vec<Shot>> {
-        let names: Vec<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
-        if let Some(unknown) = self.hold_back.iter().find(|name| !names.iter().any(|of| is_same(name, of))) {
-            bail!("--hold-back {unknown}: there is no such camera; there are {}", names.join(", "));
-        }
+        check_names("--hold-back", &self.hold_back, &cameras)?;
         let mut shots = Vec::new();
         for PictureCamera { name, camera } in cameras {
             let read_from = |folder: &Option<PathBuf>| match folder.as_deref().and_then(|of| find(of, &name))
@@ -184,7 +168,7 @@ impl Hull {
         (width, hull::silhouette(&rgb(picture.clone()), self.threshold))
     }
 
-    fn tell(&self, mesh: &hull::Mesh, bounds: &Bounds, (used, held): (&[Shot], &[Shot])) -> Result<()> {
+    fn tell(&self, mesh: &Mesh, bounds: &Bounds, (used, held): (&[Shot], &[Shot])) -> Result<()> {
         let [low, high] = mesh.bounds().context("the mesh is empty")?;
         let seen = |shot: &Shot| (shot.name.clone(), Agreement::of(mesh, &shot.view));
         let (used, held): (Vec<_>, Vec<_>) =
@@ -226,49 +210,6 @@ impl Hull {
         }
         Ok(())
     }
-}
-
-fn ending(path: &Path) -> String {
-    path.extension().map(|ending| ending.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
-}
-
-/// A camera's name without folder and ending; one such as `camera.1` has no ending that is one of a picture.
-fn stem(name: &Path) -> Option<&OsStr> {
-    if ENDINGS.contains(&ending(name).as_str()) { name.file_stem() } else { name.file_name() }
-}
-
-/// Whether two names are of one camera.
-fn is_same(a: &str, b: &str) -> bool {
-    a == b || stem(Path::new(a)).is_some_and(|of| stem(Path::new(b)) == Some(of))
-}
-
-/// The picture of a camera: of its name, or of its name without ending and folder.
-fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let name = Path::new(name);
-    let file_name = name.file_name()?;
-    let stem = stem(name)?;
-    let mut entries: Vec<PathBuf> =
-        std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.path())).collect();
-    entries.sort();
-    let is_it = |path: &&PathBuf| ENDINGS.contains(&ending(path).as_str()) && path.file_stem() == Some(stem);
-    entries
-        .iter()
-        .find(|path| path.file_name() == Some(file_name))
-        .or_else(|| entries.iter().find(is_it))
-        .cloned()
-}
-
-fn read(path: &Path) -> Result<DynamicImage> {
-    ImageReader::open(path)
-        .and_then(ImageReader::with_guessed_format)
-        .map_err(anyhow::Error::from)
-        .and_then(|reader| Ok(reader.decode()?))
-        .with_context(|| format!("cannot read {}", path.display()))
-}
-
-fn rgb(picture: DynamicImage) -> RgbImage {
-    let picture = picture.into_rgb8();
-    RgbImage { width: picture.width(), height: picture.height(), data: picture.into_raw() }
 }
 
 fn parse_bounds(text: &str) -> Result<Bounds, String> {

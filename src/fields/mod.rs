@@ -9,15 +9,38 @@
 //! | `exact` | distances along a surface, exact |
 //! | `bounded` | the same in rounds of two windows an edge, in f32: the device's twin |
 //! | `marching` | the same by one front, for comparison |
+//! | `view` | a camera with its picture |
+//! | `agreement` | gains by which pictures agree |
+//! | `sight`, `vote`, `seams` | who sees a vertex, who is believed, and where that ends |
+//! | `field` | from all of this, how much each camera lends |
+//! | `history` | the same smoothly over time, also where the mesh changes |
+//! | `shade` | pictures by it: the truth of drawn ones |
 
+mod agreement;
 mod bounded;
 mod exact;
+mod field;
+mod history;
 mod marching;
+mod seams;
+mod shade;
+mod sight;
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;
 mod topology;
+mod view;
+mod vote;
 
 pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
+pub use field::{Distances, Field, FieldError, FieldSettings, Weights};
+pub use history::FOLLOW_SECS;
 pub use marching::marching;
+pub use seams::SeamCounts;
+pub use shade::{Blend, NO_VIEW, Shaded, shade};
+pub use sight::{Sight, Visibility};
 pub use topology::Topology;
+pub use view::{MAX_VIEWS, View};
+pub use vote::AGREEMENT;

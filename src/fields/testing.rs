@@ -1,6 +1,9 @@
 //! Meshes that tests measure on.
 
-use glam::{DVec2, DVec3};
+use super::View;
+use crate::frame::{RgbImage, codes_of};
+use crate::geometry::{Camera, Distortion, Pose};
+use glam::{DVec2, DVec3, Vec3};
 use std::collections::HashMap;
 
 /// Numbers that look like chance, 0 to 1.
@@ -58,4 +61,25 @@ pub(super) fn fan(thin: f64) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     let inner = (1..12).map(|i| [0, i, i + 1]);
     let outer = (1..12).map(|i| [i + 1, i, 13]);
     (positions.collect(), inner.chain(outer).collect())
+}
+
+/// A camera that looks straight down on the middle of [`grid`]'s nine metres from `height_m`, and sees this light there.
+pub(super) fn facing(height_m: f64, light: impl Fn(f64, f64) -> Vec3) -> View {
+    looking(DVec3::new(4.0, 4.0, height_m), DVec3::new(4.0, 4.001, 0.0), light)
+}
+
+/// A camera whose picture shows this light at the places of the level ground that it sees.
+pub(super) fn looking(eye: DVec3, target: DVec3, light: impl Fn(f64, f64) -> Vec3) -> View {
+    let pose = Pose::looking_at(eye, target).expect("a direction");
+    let (size, focal) = (240_u32, 110.0);
+    let camera = Camera::new((size, size), DVec2::splat(focal), DVec2::splat(120.0), Distortion::None, pose)
+        .expect("a camera");
+    let mut data = Vec::with_capacity(size as usize * size as usize * 3);
+    for pixel in 0..size * size {
+        let at = DVec2::new(f64::from(pixel % size) + 0.5, f64::from(pixel / size) + 0.5) / f64::from(size);
+        let ray = camera.ray(at).expect("a pinhole");
+        let ground = ray.distance_to_plane(DVec3::ZERO, DVec3::Z).map(|along_m| ray.at(along_m));
+        data.extend(codes_of(ground.map_or(Vec3::ZERO, |at| light(at.x, at.y))));
+    }
+    View::new(camera, RgbImage { width: size, height: size, data }, None)
 }

@@ -183,6 +183,12 @@ impl Topology {
         if from == vertex { to } else { from }
     }
 
+    /// Whether a triangle is a face: it has an area.
+    #[must_use]
+    pub fn is_face(&self, face: u32) -> bool {
+        self.face_edges[face as usize][0] != NO_EDGE
+    }
+
     /// Corners of a face.
     #[must_use]
     pub fn corners(&self, face: u32) -> [u32; 3] {

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 /// Least and greatest gain of a camera.
-pub(super) const GAINS: [f64; 2] = [0.25, 4.0];
+pub(crate) const GAINS: [f64; 2] = [0.25, 4.0];
 
 /// Fewest places that two cameras must both see well to be compared: of fewer, a car would be most.
 const LEAST_PLACES: u32 = 8;
@@ -29,13 +29,13 @@ const SETTLED: f64 = 1e-6;
 
 /// One place as two cameras see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Difference {
+pub(crate) struct Difference {
     /// The cameras, two different ones, below the number of all.
-    pub(super) cameras: [u16; 2],
+    pub(crate) cameras: [u16; 2],
     /// How much greater the logarithm of the first one's gain must be, a channel; finite.
-    pub(super) log_ratio: DVec3,
+    pub(crate) log_ratio: DVec3,
     /// Variance of that, above 0.
-    pub(super) variance: f64,
+    pub(crate) variance: f64,
 }
 
 /// The logarithm of every camera's gain, a channel; `None` of a camera that cannot be compared with any.
@@ -44,7 +44,7 @@ pub(super) struct Difference {
 /// as bright and as warm as they are. Gains lie within [`GAINS`].
 ///
 /// **Cost** the cube of the number of cameras that hang together, a round.
-pub(super) fn log_gains(n_cameras: usize, differences: &[Difference]) -> Vec<Option<DVec3>> {
+pub(crate) fn log_gains(n_cameras: usize, differences: &[Difference]) -> Vec<Option<DVec3>> {
     let used = trusted(n_cameras, differences);
     let groups = connected(n_cameras, &used);
     let mut gains = vec![None; n_cameras];

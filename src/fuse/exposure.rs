@@ -4,10 +4,9 @@
 //! cameras show of the same places; what moves is shown with its camera's gain, so that people match the ground.
 
 use super::SceneState;
-use super::gains::log_gains;
 use super::overlap::Overlap;
 use crate::clock::Timestamp;
-use crate::frame::YuvImage;
+use crate::frame::{YuvImage, log_gains};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 

@@ -7,7 +7,6 @@ mod association;
 mod billboard;
 mod estimate;
 mod exposure;
-mod gains;
 mod grouping;
 mod hull_memory;
 mod hulls;
@@ -178,7 +177,7 @@ pub struct Entity {
     pub foot_covariance_m2: DMat2,
     /// How fast it goes.
     pub velocity: Velocity,
-    /// How far it reached from its foot of late, metres, while no camera saw it in one with others; none where none ever did.
+    /// How far it reaches from its foot, metres, by cameras that see it in one with nobody else, now or of late; none where none ever did.
     pub reach_m: Option<f64>,
     /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
     pub height_m: f64,

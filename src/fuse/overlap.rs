@@ -2,8 +2,7 @@
 //!
 //! The places hang on surfaces and calibrations alone and are found once; a background is read at a few hundred texels.
 
-use super::gains::Difference;
-use crate::frame::{YuvImage, linear_from_srgb};
+use crate::frame::{Difference, YuvImage, linear_from_srgb};
 use crate::geometry::{Camera, Hit, Surfaces};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
@@ -333,8 +332,8 @@ impl Shade {
 
 #[cfg(test)]
 mod tests {
-    use super::super::gains::log_gains;
     use super::*;
+    use crate::frame::log_gains;
 
     const LAWN: DVec3 = DVec3::new(-2.6, -1.9, -3.1);
     const LEAVES: DVec3 = DVec3::new(-4.2, -3.4, -4.3);

@@ -1,13 +1,13 @@
 //! The surface of a hull on a grid, by the method that is asked for.
 
 use super::bounds::Bounds;
-use super::mesh::{Mesh, MeshError};
 use super::net::{Crossings, Halfway, surface};
 use super::occupancy::Occupancy;
 use super::octree;
 use super::silhouettes::{Hull, Scratch};
 use super::view::HullError;
 use crate::geometry::Ray;
+use crate::mesh::{Mesh, MeshError};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::ops::RangeInclusive;

@@ -16,8 +16,7 @@
 //! | `shell` | the outermost of them, to be drawn |
 //! | `bounds` | how large it is, where nobody says |
 //! | `extraction` | its surface by either method, on a grid |
-//! | `occupancy`, `net`, `mesh` | what is inside of a grid; a closed surface around it; meshes |
-//! | `mesh_files` | meshes as PLY and GLB |
+//! | `occupancy`, `net` | what is inside of a grid; a closed surface around it |
 //! | `foreground` | silhouettes of pictures of one thing before a plain background |
 //! | `paint` | a mesh's colours from pictures, and how it agrees with silhouettes |
 
@@ -25,8 +24,6 @@ mod bounds;
 mod distances;
 mod extraction;
 mod foreground;
-mod mesh;
-mod mesh_files;
 mod net;
 mod occupancy;
 mod octree;
@@ -43,7 +40,6 @@ pub use bounds::Bounds;
 pub use distances::REACH_PX;
 pub use extraction::{Method, RESOLUTION, extract};
 pub use foreground::{largest, silhouette};
-pub use mesh::{Mesh, MeshError};
 pub use net::Crossings;
 pub use occupancy::Occupancy;
 pub use outline::{LEAF_EDGES, Outline};

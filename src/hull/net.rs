@@ -14,8 +14,8 @@
 //! `[G98]` Gibson 1998, Constrained elastic surface nets: the net, and the mean of crossings as a cell's point.
 //! `[L97]` Latecki 1997, 3D well-composed pictures, Graphical Models and Image Processing 59(3), definition 2.4.
 
-use super::mesh::{Mesh, MeshError};
 use super::occupancy::{Occupancy, most};
+use crate::mesh::{Mesh, MeshError};
 use fast_surface_nets::ndshape::RuntimeShape;
 use fast_surface_nets::{SignedDistance, SurfaceNetsBuffer, surface_nets};
 use glam::{DVec3, DVec4};
@@ -64,7 +64,7 @@ pub(super) fn surface(occupancy: &mut Occupancy, crossings: &impl Crossings) -> 
     let at = net.points();
     let triangles = net.quads.iter().flat_map(|quad| quad.split(&at)).collect();
     let positions_m = at.iter().map(|at| occupancy.origin() + occupancy.step_m() * *at).collect();
-    Ok(Mesh::new(positions_m, triangles, n_mended))
+    Ok(Mesh { n_mended, ..Mesh::new(positions_m, triangles) })
 }
 
 /// What the library asks of a sample: inside is negative.

@@ -6,7 +6,7 @@
 //!
 //! `[L97]` Latecki 1997, 3D well-composed pictures, Graphical Models and Image Processing 59(3), definition 2.4.
 
-use super::mesh::MeshError;
+use crate::mesh::MeshError;
 use glam::DVec3;
 use std::array::from_fn;
 use std::ops::Range;

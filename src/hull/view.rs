@@ -72,7 +72,7 @@ pub enum HullError {
     Unbounded,
     /// Its surface cannot be found.
     #[error("the hull's surface: {0}")]
-    Mesh(super::MeshError),
+    Mesh(crate::mesh::MeshError),
     /// The grid would be too large or none.
     #[error("{n} places along the longest side, but {least} to {most} are possible")]
     Resolution {

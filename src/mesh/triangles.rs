@@ -1,7 +1,4 @@
-//! Triangles between points: the form in which hulls leave this room.
-//!
-//! In: points and triangles from the net, colours from whoever knows them. Out: bounds, volume, whether it is a closed manifold.
-//! Knows nothing of grids and cameras, nor of files.
+//! Triangles between points, with directions and colours: bounds, volume, whether they are a closed manifold.
 
 use crate::error::ErrorKind;
 use glam::{DVec3, Vec3};
@@ -98,10 +95,11 @@ impl Mesh {
     /// Most triangles of a mesh.
     pub const MAX_TRIANGLES: usize = 1 << 23;
 
-    /// A mesh without colours; its normals follow from its triangles.
-    pub(super) fn new(positions_m: Vec<DVec3>, triangles: Vec<[u32; 3]>, n_mended: usize) -> Self {
+    /// A mesh without colours; its normals follow from its triangles, whose corners must be points that there are.
+    #[must_use]
+    pub fn new(positions_m: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Self {
         let normals = normals_of(&positions_m, &triangles);
-        Self { positions_m, normals, colors_srgb: None, triangles, n_mended }
+        Self { positions_m, normals, colors_srgb: None, triangles, n_mended: 0 }
     }
 
     /// Low and high corner of the box around all points, metres, in the world; none without points.
@@ -149,7 +147,10 @@ impl Mesh {
     }
 
     /// Whether lists are as long as they must be, numbers finite, and all corners there.
-    pub(super) fn is_sound(&self) -> Result<(), MeshError> {
+    ///
+    /// # Errors
+    /// With the first thing that is not.
+    pub fn is_sound(&self) -> Result<(), MeshError> {
         let n_points = self.positions_m.len();
         let n_colors = self.colors_srgb.as_ref().map_or(n_points, Vec::len);
         for (field, count) in [("normals", self.normals.len()), ("colours", n_colors)] {
@@ -215,35 +216,9 @@ fn normals_of(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+mod tests {
+    use super::super::testing::cube;
     use super::*;
-
-    /// A cube of 2 m whose low corner is at `low`.
-    pub(in super::super) fn cube(low: DVec3) -> Mesh {
-        let positions = (0..8).map(|corner| {
-            low + 2.0 * DVec3::new(f64::from(corner & 1), f64::from(corner >> 1 & 1), f64::from(corner >> 2))
-        });
-        let triangles = [
-            [0, 2, 3],
-            [0, 3, 1],
-            [4, 5, 7],
-            [4, 7, 6],
-            [0, 1, 5],
-            [0, 5, 4],
-            [2, 6, 7],
-            [2, 7, 3],
-            [0, 4, 6],
-            [0, 6, 2],
-            [1, 3, 7],
-            [1, 7, 5],
-        ];
-        Mesh::new(positions.collect(), triangles.to_vec(), 0)
-    }
-
-    pub(in super::super) fn colored(low: DVec3) -> Mesh {
-        let colors = (0..8_u8).map(|corner| [corner * 36, 255 - corner * 36, 128]).collect();
-        Mesh { colors_srgb: Some(colors), ..cube(low) }
-    }
 
     #[test]
     fn a_cube_is_closed_and_has_its_volume_anywhere() {

@@ -1,6 +1,6 @@
 //! Meshes as files that other programs read: PLY (the world's axes) and GLB (glTF's).
 
-use super::mesh::{Mesh, MeshError};
+use super::{Mesh, MeshError};
 use crate::frame::linear_from_srgb;
 use glam::{DVec3, Vec3};
 use gltf::binary::{Glb, Header as GlbHeader};
@@ -212,7 +212,7 @@ impl PropertyAccess for Element {
 
 #[cfg(test)]
 mod tests {
-    use super::super::mesh::tests::{colored, cube};
+    use super::super::testing::{colored, cube};
     use super::*;
     use gltf::Gltf;
     use ply_rs_bw::parser::Parser;

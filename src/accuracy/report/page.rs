@@ -104,7 +104,8 @@ const fn about(stage: Stage) -> &'static str {
         }
         Stage::Surfaces => {
             "The still part of views where no camera stands, as far as a camera sees it. Seam energy is the step at \
-             pixels where another camera takes over, beyond the truth's step; flicker the change between frames beyond \
+             pixels where another camera takes over, beyond the truth's step, and the seam ratio that over the same within what \
+             one camera shows; flicker the change between frames beyond \
              the truth's; both in 8-bit codes."
         }
         Stage::Entities => {

@@ -11,6 +11,7 @@ mod ply;
 
 use super::paint::MappedTriangle;
 use super::texture::{Files, Texture};
+use crate::mesh::MAX_POINTS;
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,9 +21,6 @@ pub const MAX_MODEL_BYTES: usize = 64 << 20;
 
 /// Most triangles of all models of a scene together.
 pub const MAX_MODEL_TRIANGLES: usize = 1 << 20;
-
-/// Most points that a list of them in a file may have.
-const MAX_POINTS: usize = 1 << 21;
 
 /// What a model's file holds.
 #[derive(Debug, Default)]

@@ -1,0 +1,78 @@
+//! One camera with its picture, as texture fields take it.
+
+use crate::frame::{Levels, Mask, RgbImage};
+use crate::geometry::Camera;
+use glam::{DVec2, DVec3, Vec3};
+
+/// Most views of one field.
+pub const MAX_VIEWS: usize = 64;
+
+/// A camera with what it shows.
+#[derive(Clone, Debug)]
+pub struct View {
+    camera: Camera,
+    picture: Levels,
+    /// What of the picture is of the mesh, where that is known: 0 is not.
+    foreground: Option<Mask>,
+    /// What its light is multiplied by, a channel, so that it agrees with the others'.
+    pub gain: Vec3,
+}
+
+impl View {
+    /// Of a camera and its picture, of whatever size; `foreground`, of any size too, is 0 where the picture shows something else than
+    /// the mesh.
+    #[must_use]
+    pub fn new(camera: Camera, picture: RgbImage, foreground: Option<Mask>) -> Self {
+        Self { camera, picture: Levels::of(picture), foreground, gain: Vec3::ONE }
+    }
+
+    /// Its camera.
+    #[must_use]
+    pub const fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Its picture.
+    #[must_use]
+    pub fn picture(&self) -> &RgbImage {
+        self.picture.finest()
+    }
+
+    /// Where it stands.
+    #[must_use]
+    pub const fn eye(&self) -> DVec3 {
+        self.camera.pose().position_in_world
+    }
+
+    /// Where in the picture a place is, if it is seen there; how deep it lies is told with it, metres.
+    #[must_use]
+    pub fn project(&self, place: DVec3) -> Option<(DVec2, f64)> {
+        self.camera.project(place).filter(|seen| seen.is_inside()).map(|seen| (seen.texture, seen.depth_m))
+    }
+
+    /// Whether a place of the picture is of the mesh.
+    #[must_use]
+    pub fn is_foreground(&self, texture: DVec2) -> bool {
+        self.foreground.as_ref().is_none_or(|mask| {
+            let at = |share: f64, size: u32| {
+                ((share * f64::from(size)) as usize).min(size.saturating_sub(1) as usize)
+            };
+            let [x, y] = [at(texture.x, mask.width), at(texture.y, mask.height)];
+            mask.data.get(y * mask.width as usize + x).is_some_and(|value| *value > 0)
+        })
+    }
+
+    /// The evened colour at a place of the picture, in linear light, in a level of detail.
+    #[must_use]
+    pub fn light_at(&self, texture: DVec2, level: f32) -> Vec3 {
+        self.gain * self.picture.light_at(texture, level)
+    }
+
+    /// Pixels of the picture a metre across the line of sight, at a depth above 0.
+    #[must_use]
+    pub fn px_per_m(&self, depth_m: f64) -> f64 {
+        // Of the picture as it is, whatever size was calibrated.
+        let scale = f64::from(self.picture().width) / f64::from(self.camera.size_px().0);
+        self.camera.focal_px().x * scale / depth_m.max(1e-9)
+    }
+}
