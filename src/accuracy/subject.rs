@@ -139,6 +139,8 @@ impl SubjectCamera {
 pub struct SubjectView {
     /// The view.
     pub view: View,
+    /// The same as a camera that stands there.
+    pub camera: Camera,
     /// Which camera's picture counts most at each pixel of the still world; [`NO_OWNER`] where none does.
     pub owners: Mask,
     /// By index into the period's frames: pairs of frames that follow each other.
@@ -312,7 +314,7 @@ impl Subject {
             }
         }
         watch.enter()?;
-        Ok(SubjectView { view, owners: self.owners(&view), frames })
+        Ok(SubjectView { view, camera, owners: self.owners(&view), frames })
     }
 
     /// For every pixel of `view` the camera whose background weighs most there, by the renderer's own weights.

@@ -2,17 +2,18 @@
 
 use super::pictures::{check_names, ending, find, import_cameras, is_same, read, rgb, short};
 use anyhow::{Context as _, Result, bail, ensure};
+use glam::Vec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use videofields::accuracy::{self, SeamEnergy};
+use videofields::accuracy;
 use videofields::calibrate::{PictureCamera, SetFormat};
 use videofields::clock::{Clock, SystemClock};
 use videofields::encode;
 use videofields::fields::{
-    Blend, Distances, Field, FieldSettings, Shaded, Topology, View, Visibility, Weights, shade,
+    Blend, Distances, Field, FieldSettings, Shaded, Topology, View, Visibility, VoteLevels, Weights, shade,
 };
-use videofields::frame::{Mask, RgbImage};
+use videofields::frame::{Mask, RgbImage, codes_of};
 use videofields::mesh::{Mesh, Raster};
 
 /// Most triangles of a mesh.
@@ -56,23 +57,27 @@ pub(crate) struct Montage {
     /// Texels of depth maps along their longer side.
     #[arg(long, value_name = "TEXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=8192))]
     depth_map_px: u32,
-    /// Levels of detail in which cameras vote on each other; 0 for no vote.
-    #[arg(long, value_name = "COUNT", default_value_t = 4, value_parser = clap::value_parser!(u32).range(0..=10))]
-    vote_levels: u32,
+    /// Levels of detail in which cameras vote on each other, the coarsest first.
+    #[arg(long, value_name = "FINEST-COARSEST", default_value_t = VoteLevels::default())]
+    vote: VoteLevels,
+    /// Believes every camera.
+    #[arg(long)]
+    no_vote: bool,
     /// How distances from seams are found: off, marching, bounded, exact.
     #[arg(long, default_value = "bounded")]
     distances: Distances,
     /// How far from its seams a camera lends in full, in the mesh's units; if absent what fifteen triangles reach.
     #[arg(long, value_name = "LENGTH")]
     reach: Option<f64>,
-    /// Leaves the pictures' exposures and white balances as they are.
+    /// Leaves the pictures' exposures and white balances as they are; else those that lend are evened out, and what was held back is
+    /// compared with as if it had theirs (one gain a channel).
     #[arg(long)]
     uneven: bool,
     /// Exponent of the cosine between the directions to the viewer and to a camera.
-    #[arg(long, value_name = "NUMBER", default_value_t = 5.0)]
+    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().view_exponent)]
     view_exponent: f64,
     /// Exponent of the cosine between the surface's normal and the direction to a camera.
-    #[arg(long, value_name = "NUMBER", default_value_t = 2.0)]
+    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().normal_exponent)]
     normal_exponent: f64,
     /// Folder for the pictures: what the camera saw, and every way's.
     #[arg(long, value_name = "DIR")]
@@ -110,9 +115,9 @@ struct Score {
     rmse: f64,
     psnr_db: Option<f64>,
     ssim: f64,
-    /// Mean step from one pixel to the next where another view comes to lend most, beyond the truth's, 8-bit codes.
+    /// What changes of the weights add to steps from one pixel to the next, in the mean, 8-bit codes.
     seam_energy: Option<f64>,
-    /// That over the same where one view lends most.
+    /// That over what the pictures have themselves.
     seam_ratio: Option<f64>,
     n_pixels: u64,
     ms: f64,
@@ -166,7 +171,7 @@ impl Montage {
         FieldSettings {
             visibility: self.visibility,
             depth_map_px: self.depth_map_px,
-            vote_levels: self.vote_levels,
+            vote: (!self.no_vote).then_some(self.vote),
             distances: self.distances,
             reach_m: self.reach,
             is_evened: !self.uneven,
@@ -246,17 +251,17 @@ impl Montage {
         }
         let mut scores = Vec::new();
         for (way, shaded, took) in &all {
-            let comparison = accuracy::compare(truth, &shaded.picture, Some(&covered))?;
-            let mut seams = SeamEnergy::default();
-            seams.add(&shaded.picture, truth, &shaded.owners, &covered);
+            let evened = (!self.uneven).then(|| evened(truth, &shaded.picture, &covered));
+            let comparison =
+                accuracy::compare(evened.as_ref().unwrap_or(truth), &shaded.picture, Some(&covered))?;
             scores.push(Score {
                 camera: short(&shot.name),
                 way: way.name(),
                 rmse: comparison.rmse,
                 psnr_db: comparison.psnr_db,
                 ssim: comparison.ssim,
-                seam_energy: seams.across.value(),
-                seam_ratio: seams.ratio(),
+                seam_energy: shaded.steps.energy(),
+                seam_ratio: shaded.steps.ratio(),
                 n_pixels: comparison.n_pixels,
                 ms: took.as_secs_f64() * 1e3,
             });
@@ -350,6 +355,24 @@ fn read_mesh(file: &Path) -> Result<Mesh> {
         ));
     }
     Ok(mesh)
+}
+
+/// A picture with its light multiplied by one factor a channel, so that its median is another's where both count.
+fn evened(of: &RgbImage, like: &RgbImage, part: &Mask) -> RgbImage {
+    let light = |picture: &RgbImage, pixel: usize| {
+        picture.light(pixel as u32 % picture.width, pixel as u32 / picture.width).to_array()
+    };
+    let pixels = || part.data.iter().enumerate().filter(|(_, value)| **value > 0).map(|(pixel, _)| pixel);
+    let median = |picture: &RgbImage, channel: usize| {
+        let mut all: Vec<f32> = pixels().map(|pixel| light(picture, pixel)[channel]).collect();
+        let middle = all.len() / 2;
+        all.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-4)
+    };
+    let gain = [0, 1, 2].map(|channel| median(like, channel) / median(of, channel));
+    let n_pixels = of.data.len() / 3;
+    let data =
+        (0..n_pixels).flat_map(|pixel| codes_of(Vec3::from(light(of, pixel)) * Vec3::from(gain))).collect();
+    RgbImage { width: of.width, height: of.height, data }
 }
 
 fn write(folder: &Path, name: &str, picture: &RgbImage) -> Result<()> {

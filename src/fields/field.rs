@@ -5,7 +5,7 @@
 use super::agreement::even;
 use super::seams::{SeamCounts, seams};
 use super::sight::{Hiding, Sight, Visibility, sights};
-use super::vote::Ballot;
+use super::vote::{Ballot, VoteLevels};
 use super::{MAX_VIEWS, ROUNDS, Topology, View, bounded, exact, marching};
 use crate::error::ErrorKind;
 use crate::mesh::{Mesh, fill};
@@ -60,8 +60,8 @@ pub struct FieldSettings {
     pub visibility: Visibility,
     /// Texels of depth maps along their longer side, at least 1.
     pub depth_map_px: u32,
-    /// Levels of detail in which cameras vote on each other; 0: they do not.
-    pub vote_levels: u32,
+    /// Levels of detail in which cameras vote on each other, if they do.
+    pub vote: Option<VoteLevels>,
     /// How distances from seams are found.
     pub distances: Distances,
     /// How far from its seams a camera lends in full, metres; if none what fifteen triangles reach.
@@ -79,11 +79,11 @@ impl Default for FieldSettings {
         Self {
             visibility: Visibility::Dilated,
             depth_map_px: 1024,
-            vote_levels: 4,
+            vote: Some(VoteLevels::default()),
             distances: Distances::Bounded,
             reach_m: None,
             is_evened: true,
-            view_exponent: 5.0,
+            view_exponent: 20.0,
             normal_exponent: 2.0,
         }
     }
@@ -196,10 +196,10 @@ impl Field {
             even(mesh, views, &all, 2.0);
         }
         let views = &*views;
-        if settings.vote_levels > 0 {
+        if let Some(levels) = settings.vote {
             let votes = all.par_chunks_mut(n_views).zip(&mesh.positions_m);
             votes.for_each_init(Ballot::default, |ballot, (sights, place)| {
-                ballot.vote(*place, views, settings.vote_levels, sights);
+                ballot.vote(*place, views, levels, sights);
             });
         }
         let reach_m = settings

@@ -5,6 +5,7 @@
 //!
 //! | file | what |
 //! | --- | --- |
+//! | `tessellation` | what stands still as a mesh |
 //! | `topology` | which faces meet at which edges and vertices |
 //! | `exact` | distances along a surface, exact |
 //! | `bounded` | the same in rounds of two windows an edge, in f32: the device's twin |
@@ -25,6 +26,7 @@ mod marching;
 mod seams;
 mod shade;
 mod sight;
+mod tessellation;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -39,8 +41,9 @@ pub use field::{Distances, Field, FieldError, FieldSettings, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;
-pub use shade::{Blend, NO_VIEW, Shaded, shade};
+pub use shade::{Blend, NO_VIEW, Shaded, Steps, shade};
 pub use sight::{Sight, Visibility};
+pub use tessellation::Tessellation;
 pub use topology::Topology;
 pub use view::{MAX_VIEWS, View};
-pub use vote::AGREEMENT;
+pub use vote::{AGREEMENT, VoteLevels};

@@ -34,6 +34,43 @@ pub struct Shaded {
     pub covered: Mask,
     /// Which view lends most; [`NO_VIEW`] where none does, or nothing is.
     pub owners: Mask,
+    /// What its steps from pixel to pixel come from.
+    pub steps: Steps,
+}
+
+/// Steps between neighbours that are covered, right and below, by what they come from, as sums over all pairs. With g the means of
+/// views' sRGB channels (8-bit codes) and w what they lend, a step from a to b is exactly the sum over the views of
+/// (w(b) - w(a)) (g(a) + g(b)) / 2, which is the fields', and (w(a) + w(b)) / 2 (g(b) - g(a)), which is the pictures' own.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Steps {
+    /// The sizes of the fields' parts.
+    pub across: f64,
+    /// The sizes of the pictures' parts.
+    pub within: f64,
+    /// How many pairs there are.
+    pub n_pairs: u64,
+}
+
+impl Steps {
+    /// Seam energy: what a change of fields adds to a step, in the mean, 8-bit codes; none without pairs.
+    #[must_use]
+    pub fn energy(&self) -> Option<f64> {
+        (self.n_pairs > 0).then(|| self.across / self.n_pairs as f64)
+    }
+
+    /// That over what pictures have themselves; none where they have no steps.
+    #[must_use]
+    pub fn ratio(&self) -> Option<f64> {
+        (self.within > 0.0).then(|| self.across / self.within)
+    }
+
+    fn plus(self, other: Self) -> Self {
+        Self {
+            across: self.across + other.across,
+            within: self.within + other.within,
+            n_pairs: self.n_pairs + other.n_pairs,
+        }
+    }
 }
 
 /// A place of a mesh in a picture.
@@ -45,7 +82,32 @@ struct Place {
     depth_m: f64,
 }
 
+/// Rows that are shaded at once, and for one more what steps to them come from.
+const BAND_ROWS: usize = 16;
+
+/// What a pixel is mixed of: every view, and last what is known of places that none sees.
+struct Mixing<'a> {
+    mesh: &'a Mesh,
+    raster: &'a Raster,
+    camera: &'a Camera,
+    field: &'a Field,
+    views: &'a [View],
+    weights: &'a Weights,
+    blend: Blend,
+}
+
+/// What views show of some pixels, and how much they lend there: so many numbers a pixel as views, and one more.
+struct Parts {
+    lent: Vec<f32>,
+    lights: Vec<Vec3>,
+    /// Whether a view lends to each, and which most.
+    owners: Vec<Option<u8>>,
+    is_covered: Vec<bool>,
+}
+
 /// Draws a mesh as `camera` sees it, at the size of `raster`, which is of both.
+///
+/// **Memory** sixteen bytes a view and pixel of 17 rows, a thread.
 ///
 /// # Panics
 /// Where mesh, views and weights are not those that the field was made of.
@@ -57,55 +119,140 @@ pub fn shade(
     blend: Blend,
 ) -> Shaded {
     let [width, height] = raster.size_px();
-    let size = DVec2::new(width as f64, height as f64);
-    let eye = camera.pose().position_in_world;
-    let px_per_m =
-        |depth_m: f64| camera.focal_px().x * size.x / f64::from(camera.size_px().0) / depth_m.max(1e-9);
-    let color = |pixel: usize| {
+    let mixing = Mixing { mesh, raster, camera, field, views, weights, blend };
+    let mut data = vec![0; 3 * width * height];
+    let (mut covered, mut owners) = (vec![0_u8; width * height], vec![NO_VIEW; width * height]);
+    let bands = data.par_chunks_mut(3 * width * BAND_ROWS).zip(covered.par_chunks_mut(width * BAND_ROWS));
+    let bands = bands.zip(owners.par_chunks_mut(width * BAND_ROWS)).enumerate();
+    let steps = bands.map(|(band, ((data, covered), owners))| {
+        let first = band * BAND_ROWS;
+        let n_rows = BAND_ROWS.min(height - first);
+        let parts = mixing.parts(first * width..(first + n_rows + 1).min(height) * width);
+        for (pixel, codes) in data.chunks_exact_mut(3).enumerate() {
+            let Some(owner) = parts.owners[pixel] else { continue };
+            codes.copy_from_slice(&codes_of(parts.light(pixel)));
+            covered[pixel] = u8::from(parts.is_covered[pixel]) * 255;
+            owners[pixel] = owner;
+        }
+        parts.steps(width, n_rows)
+    });
+    let steps = steps.reduce(Steps::default, Steps::plus);
+    let (width, height) = (width as u32, height as u32);
+    Shaded {
+        picture: RgbImage { width, height, data },
+        covered: Mask { width, height, data: covered.into() },
+        owners: Mask { width, height, data: owners.into() },
+        steps,
+    }
+}
+
+impl Mixing<'_> {
+    fn parts(&self, pixels: std::ops::Range<usize>) -> Parts {
+        let n_parts = self.views.len() + 1;
+        let mut parts = Parts {
+            lent: vec![0.0; n_parts * pixels.len()],
+            lights: vec![Vec3::ZERO; n_parts * pixels.len()],
+            owners: vec![None; pixels.len()],
+            is_covered: vec![false; pixels.len()],
+        };
+        for (i, pixel) in pixels.enumerate() {
+            let row = n_parts * i..n_parts * (i + 1);
+            let (lent, lights) = (&mut parts.lent[row.clone()], &mut parts.lights[row]);
+            if let Some(owner) = self.pixel(pixel, lent, lights) {
+                parts.owners[i] = Some(owner);
+                parts.is_covered[i] = lent[self.views.len()] < 0.5;
+            }
+        }
+        parts
+    }
+
+    /// What one pixel is mixed of, into lists of one part a view and one more, and which view lends most; none where nothing is.
+    fn pixel(&self, pixel: usize, lent: &mut [f32], lights: &mut [Vec3]) -> Option<u8> {
+        let [width, height] = self.raster.size_px();
+        let size = DVec2::new(width as f64, height as f64);
         let texture = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5) / size;
-        let place = place_of(mesh, raster, pixel, (camera, texture))?;
-        let shares = place.shares;
-        let mixed = |of: [Vec3; 3]| of[0] * shares[0] + of[1] * shares[1] + of[2] * shares[2];
-        let unseen = mixed(place.corners.map(|corner| field.colors()[corner as usize]));
-        let rows = place.corners.map(|corner| weights.of(corner));
-        let lent = |view: usize| rows.iter().zip(shares).map(|(row, share)| row[view] * share).sum::<f32>();
-        let covered: f32 = (0..weights.n_views()).map(lent).sum();
-        let most = (0..weights.n_views()).max_by(|a, b| lent(*a).total_cmp(&lent(*b)))?;
-        let (mut sum, mut used) = (Vec3::ZERO, 0.0);
-        for (view, of) in views.iter().enumerate() {
-            let share = match blend {
-                Blend::Best => f32::from(u8::from(view == most && lent(view) > 0.0)),
-                _ => lent(view),
-            };
-            let Some((texture, depth_m)) = (share > 0.0).then(|| of.project(place.at)).flatten() else {
+        let place = place_of(self.mesh, self.raster, pixel, (self.camera, texture))?;
+        let own_scale = size.x / f64::from(self.camera.size_px().0);
+        let own_px_per_m = self.camera.focal_px().x * own_scale / place.depth_m.max(1e-9);
+        let rows = place.corners.map(|corner| self.weights.of(corner));
+        let n_views = self.views.len();
+        let mut covered = 0.0;
+        for view in 0..n_views {
+            lent[view] = rows.iter().zip(place.shares).map(|(row, share)| row[view] * share).sum();
+            covered += lent[view];
+        }
+        let most = (0..n_views).max_by(|a, b| lent[*a].total_cmp(&lent[*b]))?;
+        let mut used = 0.0;
+        for (view, of) in self.views.iter().enumerate() {
+            if self.blend == Blend::Best && view != most {
+                lent[view] = 0.0;
+            }
+            let Some((texture, depth_m)) = (lent[view] > 0.0).then(|| of.project(place.at)).flatten() else {
+                lent[view] = 0.0;
                 continue;
             };
-            let mut coarse = of.px_per_m(depth_m) / px_per_m(place.depth_m);
-            if let Blend::Filtered { error_m } = blend {
+            let mut coarse = of.px_per_m(depth_m) / own_px_per_m;
+            if let Blend::Filtered { error_m } = self.blend {
                 // What lies `error_m` deeper along the viewer's ray is seen beside by this many of the view's pixels.
-                let [to_eye, to_view] = [eye, of.eye()].map(|from| (from - place.at).normalize_or_zero());
-                let beside_m = error_m * to_eye.cross(to_view).length();
-                coarse = coarse.max(beside_m * of.px_per_m(depth_m));
+                let eyes = [self.camera.pose().position_in_world, of.eye()];
+                let [to_eye, to_view] = eyes.map(|eye| (eye - place.at).normalize_or_zero());
+                coarse = coarse.max(error_m * to_eye.cross(to_view).length() * of.px_per_m(depth_m));
             }
-            sum += share * of.light_at(texture, coarse.max(1.0).log2() as f32);
-            used += share;
+            lights[view] = of.light_at(texture, coarse.max(1.0).log2() as f32);
+            used += lent[view];
         }
-        let seen = if used > 0.0 { sum / used } else { unseen };
-        let is_covered = used > 0.0 && covered > 0.5;
-        let owner = if used > 0.0 { most as u8 } else { NO_VIEW };
-        Some((codes_of(unseen.lerp(seen, covered.clamp(0.0, 1.0))), is_covered, owner))
-    };
-    let colors: Vec<Option<([u8; 3], bool, u8)>> = (0..width * height).into_par_iter().map(color).collect();
-    let (width, height) = (width as u32, height as u32);
-    let (mut covered, mut owners) = (Mask::filled(width, height, 0), Mask::filled(width, height, NO_VIEW));
-    let mut data = vec![0; colors.len() * 3];
-    for (pixel, color) in colors.into_iter().enumerate() {
-        let Some((codes, is_covered, owner)) = color else { continue };
-        data[pixel * 3..pixel * 3 + 3].copy_from_slice(&codes);
-        covered.data[pixel] = if is_covered { 255 } else { 0 };
-        owners.data[pixel] = owner;
+        let unseen = place.corners.map(|corner| self.field.colors()[corner as usize]);
+        lights[n_views] = unseen.iter().zip(place.shares).map(|(color, share)| *color * share).sum();
+        // What a view lends beside its picture others lend in its place.
+        let covered = if used > 0.0 { covered.clamp(0.0, 1.0) } else { 0.0 };
+        lent[..n_views].iter_mut().for_each(|own| *own *= covered / used.max(f32::MIN_POSITIVE));
+        lent[n_views] = 1.0 - covered;
+        Some(if used > 0.0 { most as u8 } else { NO_VIEW })
     }
-    Shaded { picture: RgbImage { width, height, data }, covered, owners }
+}
+
+impl Parts {
+    fn n_parts(&self) -> usize {
+        self.lent.len() / self.owners.len().max(1)
+    }
+
+    fn light(&self, pixel: usize) -> Vec3 {
+        let row = self.n_parts() * pixel..self.n_parts() * (pixel + 1);
+        self.lent[row.clone()].iter().zip(&self.lights[row]).map(|(lent, light)| *lent * *light).sum()
+    }
+
+    /// Steps to the right and below from pixels of the first rows.
+    fn steps(&self, width: usize, n_rows: usize) -> Steps {
+        let n_parts = self.n_parts();
+        let gray = |light: &Vec3| codes_of(*light).into_iter().map(f32::from).sum::<f32>() / 3.0;
+        let grays: Vec<f32> = self.lights.iter().map(gray).collect();
+        let n_pixels = self.owners.len();
+        let mut steps = Steps::default();
+        let mut add = |a: usize, b: usize| {
+            if b >= n_pixels || !self.is_covered[a] || !self.is_covered[b] {
+                return;
+            }
+            let (mut across, mut within) = (0.0, 0.0);
+            for (a, b) in (n_parts * a..n_parts * (a + 1)).zip(n_parts * b..) {
+                // Who lends to one of both alone shows the same in the other.
+                let (lent_a, lent_b) = (self.lent[a], self.lent[b]);
+                let gray_a = if lent_a > 0.0 { grays[a] } else { grays[b] };
+                let gray_b = if lent_b > 0.0 { grays[b] } else { gray_a };
+                across += (lent_b - lent_a) * 0.5 * (gray_a + gray_b);
+                within += 0.5 * (lent_a + lent_b) * (gray_b - gray_a);
+            }
+            steps.across += f64::from(across.abs());
+            steps.within += f64::from(within.abs());
+            steps.n_pairs += 1;
+        };
+        for pixel in 0..width * n_rows {
+            if pixel % width + 1 < width {
+                add(pixel, pixel + 1);
+            }
+            add(pixel, pixel + width);
+        }
+        steps
+    }
 }
 
 /// Where on the mesh the middle of a pixel is.

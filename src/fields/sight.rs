@@ -63,7 +63,7 @@ impl std::str::FromStr for Visibility {
 }
 
 /// Sine of the angle at which a surface is seen below which it is not: half a degree, as `surface.wgsl` has it.
-const LEAST_COSINE: f64 = 0.008_726_5;
+pub(super) const LEAST_COSINE: f64 = 0.008_726_5;
 
 /// How much nearer, relative, what hides must be: the device's.
 const DEPTH_BIAS: f64 = 1e-3;

@@ -167,7 +167,7 @@ fn votes_of_one_two_and_three_views() {
     assert!(field.by_normals().of(40).iter().all(|share| *share > 0.4));
     let mut three = [facing(12.0, plain), facing(11.0, other), facing(13.0, plain)];
     assert_eq!(sights_of(&mut three), [Sight::Seen, Sight::Outvoted, Sight::Seen]);
-    let quiet = FieldSettings { vote_levels: 0, ..raw() };
+    let quiet = FieldSettings { vote: None, ..raw() };
     assert_eq!(Field::new(&mesh, &topology, &mut three, &quiet).unwrap().sight(40, 1), Sight::Seen);
 }
 

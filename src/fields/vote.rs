@@ -9,6 +9,43 @@ use glam::{DVec2, DVec3, Vec3};
 /// Within this of each other, in L*a*b* over 100, two colours agree.
 pub const AGREEMENT: f32 = 0.15;
 
+/// Levels of detail in which cameras vote, of the picture that is coarsest at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct VoteLevels {
+    /// The finest: where pictures lie beside each other by as much as a pixel of it, everything disagrees.
+    pub finest: u32,
+    /// The coarsest, which comes first.
+    pub coarsest: u32,
+}
+
+impl Default for VoteLevels {
+    fn default() -> Self {
+        Self { finest: 4, coarsest: 6 }
+    }
+}
+
+impl std::fmt::Display for VoteLevels {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "{}-{}", self.finest, self.coarsest)
+    }
+}
+
+impl std::str::FromStr for VoteLevels {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || "expected FINEST-COARSEST, both 0 to 12, such as 2-5".to_owned();
+        let (finest, coarsest) = text.split_once('-').ok_or_else(wrong)?;
+        let [finest, coarsest] = [finest, coarsest].map(|of| of.trim().parse::<u32>().ok());
+        match (finest, coarsest) {
+            (Some(finest), Some(coarsest)) if finest <= coarsest && coarsest <= 12 => {
+                Ok(Self { finest, coarsest })
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
 /// What a camera shows of a vertex.
 #[derive(Clone, Copy, Debug)]
 struct Shown {
@@ -26,9 +63,9 @@ pub(super) struct Ballot {
 }
 
 impl Ballot {
-    /// Turns [`Sight::Seen`] into [`Sight::Outvoted`] for cameras that fewer than half of the others agree with, rounded down, in any of
-    /// `n_levels` levels from the coarsest to the picture itself. One camera alone is believed; of two that disagree neither is.
-    pub(super) fn vote(&mut self, place: DVec3, views: &[View], n_levels: u32, sights: &mut [Sight]) {
+    /// Turns [`Sight::Seen`] into [`Sight::Outvoted`] for cameras that fewer than half of all who see it agree with, rounded down, in any
+    /// of the levels, from the coarsest on. One camera alone is believed; of two that disagree neither is.
+    pub(super) fn vote(&mut self, place: DVec3, views: &[View], levels: VoteLevels, sights: &mut [Sight]) {
         self.shown.clear();
         for (view, of) in views.iter().enumerate().filter(|(view, _)| sights[*view] == Sight::Seen) {
             let Some((texture, depth_m)) = of.project(place) else { continue };
@@ -40,7 +77,7 @@ impl Ballot {
             return;
         }
         let coarsest = self.shown.iter().map(|shown| shown.finer).fold(f32::INFINITY, f32::min);
-        for level in (0..n_levels).rev() {
+        for level in (levels.finest..=levels.coarsest).rev() {
             for shown in &mut self.shown {
                 let light = views[shown.view].light_at(shown.texture, level as f32 + shown.finer - coarsest);
                 shown.lab = lab_of(light) / 100.0;

@@ -9,6 +9,7 @@
 //! | `mending` | duplicate vertices, triangles without an area, extruded ones |
 //! | `fill` | colours where nobody knows any |
 //! | `raster` | what a camera sees first |
+//! | `refine` | smaller triangles where somebody asks for them |
 //! | `write`, `ply_read`, `obj_read` | files |
 
 mod fill;
@@ -16,6 +17,7 @@ mod mending;
 mod obj_read;
 mod ply_read;
 mod raster;
+mod refine;
 #[cfg(test)]
 pub(crate) mod testing;
 mod triangles;

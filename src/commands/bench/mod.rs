@@ -3,6 +3,7 @@
 
 mod background;
 mod deadlines;
+mod fields;
 mod hull_costs;
 mod hulls;
 mod load;
@@ -24,6 +25,7 @@ pub(crate) struct Bench {
 enum What {
     Background(background::Background),
     Deadlines(deadlines::Deadlines),
+    Fields(fields::Fields),
     Hulls(hulls::Hulls),
     Load(load::Load),
     Quality(quality::Quality),
@@ -36,6 +38,7 @@ impl Bench {
         match &self.what {
             What::Background(background) => background.run(),
             What::Deadlines(deadlines) => deadlines.run(),
+            What::Fields(fields) => fields.run(),
             What::Hulls(hulls) => hulls.run(),
             What::Load(load) => load.run(),
             What::Quality(quality) => quality.run(),

@@ -1,0 +1,438 @@
+//! `bench fields`: what cameras lend to what stands still and to people's hulls, stage after stage, against the truth and against the
+//! time it takes; and how exact and how dear distances along surfaces are.
+
+use super::hulls::judged_states;
+use anyhow::{Context as _, Result};
+use glam::{DQuat, DVec3, Vec3};
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::time::Duration;
+use videofields::accuracy::{OpenGate, Pooled, Scope, Stopwatch, Subject, compare};
+use videofields::clock::{Clock as _, SystemClock};
+use videofields::fields::{
+    Blend, Distances, Field, FieldSettings, NO_VIEW, ROUNDS, Steps, Tessellation, Topology, View, Visibility,
+    bounded, exact, marching, shade,
+};
+use videofields::frame::{Mask, RgbImage, codes_of};
+use videofields::fuse::{CameraState, EntityHull, HullMaking, HullMemory, SceneState};
+use videofields::geometry::{Camera, Pose};
+use videofields::hull::{self, Bounds, Method};
+use videofields::mesh::{Mesh, Raster};
+use videofields::simulate::{JudgedView, World};
+use videofields::telemetry::{self, LogFormat};
+
+/// Judges texture fields over simulated places against their truth, stage after stage, and prints tables.
+///
+/// Cameras are turned a little off their calibrations and exposed unevenly, as real ones are; all stages see the same. What stands still
+/// is coloured by backgrounds, people's hulls by frames. With --geodesics distances along surfaces instead: error and time of every
+/// form, on a plane, a sphere, hills and the meshes that are named.
+#[derive(Debug, clap::Args)]
+pub(super) struct Fields {
+    /// A world: a name of the catalogue or the path of its document. Repeatable.
+    #[arg(long, value_name = "WORLD", default_values = ["plaza", "carpark12"])]
+    world: Vec<String>,
+    /// By how many pixels of its picture each camera is turned off, at most.
+    #[arg(long, value_name = "PIXELS", default_value_t = 1.5)]
+    off_px: f64,
+    /// By which share each camera's exposure and white balance are off, at most.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.2)]
+    uneven: f64,
+    /// Columns of cameras' pictures and of views; rows are nine sixteenths of them.
+    #[arg(long, value_name = "PIXELS", default_value_t = 640)]
+    width: u32,
+    /// Distances along surfaces, in place of colours.
+    #[arg(long)]
+    geodesics: bool,
+    /// A mesh (.ply) to measure distances on too. Repeatable.
+    #[arg(long, value_name = "FILE", requires = "geodesics")]
+    mesh: Vec<PathBuf>,
+}
+
+/// A stage: what is switched on with it.
+struct Stage {
+    name: &'static str,
+    settings: FieldSettings,
+    is_by_normals: bool,
+    blend: Blend,
+}
+
+fn stages() -> Vec<Stage> {
+    let plain = FieldSettings {
+        visibility: Visibility::Facing,
+        vote: None,
+        distances: Distances::Off,
+        is_evened: false,
+        ..FieldSettings::default()
+    };
+    let of = |name, settings, is_by_normals| Stage { name, settings, is_by_normals, blend: Blend::Mixed };
+    let hidden = FieldSettings { visibility: Visibility::Depths, ..plain };
+    let dilated = FieldSettings { visibility: Visibility::Dilated, ..plain };
+    let voted = FieldSettings { vote: FieldSettings::default().vote, ..dilated };
+    let evened = FieldSettings { is_evened: true, ..voted };
+    let marched = FieldSettings { distances: Distances::Marching, ..evened };
+    let full = FieldSettings { distances: Distances::Bounded, ..evened };
+    let unvoted = FieldSettings { vote: None, ..full };
+    vec![
+        Stage { blend: Blend::Best, ..of("best camera", evened, false) },
+        of("normals, what faces", plain, true),
+        of("+ depth maps", hidden, true),
+        of("+ dilated", dilated, true),
+        of("+ vote", voted, true),
+        of("+ evened: the baseline", evened, true),
+        Stage { blend: Blend::Filtered { error_m: 0.05 }, ..of("baseline, filtered", evened, true) },
+        of("fields: by the viewer", evened, false),
+        of("+ distances, bounded: all", full, false),
+        of("all, distances by a front", marched, false),
+        of("all, distances exact", FieldSettings { distances: Distances::Exact, ..full }, false),
+        of("all but the vote", unvoted, false),
+    ]
+}
+
+/// What came of a stage.
+#[derive(Default)]
+struct Outcome {
+    pooled: Pooled,
+    across: f64,
+    within: f64,
+    n_pairs: u64,
+    field: Vec<Duration>,
+    target: Vec<Duration>,
+    shade: Vec<Duration>,
+}
+
+impl Outcome {
+    fn add(&mut self, steps: &Steps) {
+        self.across += steps.across;
+        self.within += steps.within;
+        self.n_pairs += steps.n_pairs;
+    }
+
+    fn row(&self, name: &str) -> String {
+        let of = |value: Option<f64>, digits: usize| {
+            value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
+        };
+        let energy = (self.n_pairs > 0).then(|| self.across / self.n_pairs as f64);
+        let ratio = (self.within > 0.0).then(|| self.across / self.within);
+        let ms = |all: &[Duration]| {
+            all.iter().map(Duration::as_secs_f64).sum::<f64>() * 1e3 / all.len().max(1) as f64
+        };
+        format!(
+            "{name} | {} | {} | {} | {} | {} | {:.1} | {:.1} | {:.1}",
+            of(self.pooled.rmse(), 2),
+            of(self.pooled.psnr_db(), 2),
+            of(self.pooled.ssim(), 4),
+            of(energy, 3),
+            of(ratio, 3),
+            ms(&self.field),
+            ms(&self.target),
+            ms(&self.shade)
+        )
+    }
+}
+
+/// Numbers that look like chance, -1 to 1, the same at every run.
+fn chance(of: u64) -> f64 {
+    let mixed = (of ^ 0x9e37_79b9_7f4a_7c15).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let mixed = (mixed ^ mixed >> 29).wrapping_mul(0x94d0_49bb_1331_11eb) >> 11;
+    2.0 * mixed as f64 / (1_u64 << 53) as f64 - 1.0
+}
+
+impl Fields {
+    pub(super) fn run(&self) -> Result<()> {
+        telemetry::init(LogFormat::Text, Some("warn"))?;
+        if self.geodesics {
+            return self.distances();
+        }
+        for name in &self.world {
+            let world = World::load(name)?;
+            self.judge(name, &world).with_context(|| format!("world {name}"))?;
+        }
+        Ok(())
+    }
+
+    fn judge(&self, name: &str, world: &World) -> Result<()> {
+        let clock = SystemClock::new();
+        let watch = Stopwatch::new(&clock, &OpenGate);
+        let size_px = (self.width, self.width * 9 / 16);
+        let scope =
+            Scope { size_px, view_size_px: size_px, samples_per_side: 2, n_moments: 1, ..Scope::FULL };
+        let subject = Subject::prepare(world, &scope, &watch, &crate::commands::complain)?;
+        let cameras: Vec<Camera> = subject.cameras.iter().map(|of| of.camera.clone()).collect();
+        let mesh = Tessellation::default().of(&subject.scene.surfaces, &cameras);
+        let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
+        let mut still: Vec<(Stage, Outcome)> =
+            stages().into_iter().map(|of| (of, Outcome::default())).collect();
+        let mut people: Vec<(Stage, Outcome)> =
+            stages().into_iter().map(|of| (of, Outcome::default())).collect();
+        let mut n_hulls = 0;
+        for (frame, mut state) in judged_states(&subject)? {
+            let backgrounds = self.views(&state, |seen| seen.observation.background.to_rgb())?;
+            let judged: Vec<(&Camera, &JudgedView)> = subject
+                .views
+                .iter()
+                .flat_map(|view| view.frames.iter().map(move |(of, judged)| (*of, (&view.camera, judged))))
+                .filter(|(of, _)| *of == frame)
+                .map(|(_, judged)| judged)
+                .collect();
+            let parts: Vec<Part<'_>> = judged
+                .iter()
+                .map(|(camera, of)| Part { camera, truth: &of.truth.rgb, part: &of.still })
+                .collect();
+            judge_mesh((&mesh, &topology), &backgrounds, &parts, (&mut still, &clock))?;
+            state.place_hulls(HullMaking { error_px: 0.5, n_voxels: None }, &mut HullMemory::default());
+            // Where the truth has a person too: shapes are judged elsewhere.
+            let parts: Vec<Part<'_>> = judged
+                .iter()
+                .map(|(camera, of)| Part { camera, truth: &of.truth.rgb, part: &of.truth.instance })
+                .collect();
+            for of in &state.hulls {
+                n_hulls += 1;
+                let (mesh, foregrounds) = hull_mesh(&state, of)?;
+                let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
+                let frames = self.hull_views(&state, of, &foregrounds)?;
+                judge_mesh((&mesh, &topology), &frames, &parts, (&mut people, &clock))?;
+            }
+        }
+        let mut out = std::io::stdout().lock();
+        for (what, outcomes, of) in [
+            ("what stands still", &still, format!("{} triangles", mesh.triangles.len())),
+            ("people's hulls", &people, format!("{n_hulls} hulls")),
+        ] {
+            writeln!(out, "\n{name}, {} cameras, {what}: {of}\n", cameras.len())?;
+            writeln!(
+                out,
+                "| stage | RMSE | PSNR, dB | SSIM | seam energy | across / within | field, ms | target, ms | picture, ms |\n\
+                 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
+            )?;
+            for (stage, outcome) in outcomes {
+                writeln!(out, "| {} |", outcome.row(stage.name))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A camera that is turned a little off, and its picture unevenly exposed.
+    fn view(
+        &self,
+        idx: usize,
+        camera: &Camera,
+        picture: &RgbImage,
+        foreground: Option<Mask>,
+    ) -> Result<View> {
+        let chance = |which: u64| chance(7 * idx as u64 + which);
+        let turn = DVec3::new(chance(0), chance(1), chance(2)) * self.off_px / camera.focal_px().x;
+        let pose = camera.pose();
+        let pose = Pose {
+            world_from_local: (pose.world_from_local * DQuat::from_scaled_axis(turn)).normalize(),
+            ..*pose
+        };
+        let camera =
+            Camera::new(camera.size_px(), camera.focal_px(), camera.center_px(), *camera.distortion(), pose)?;
+        let gain = [3, 4, 5].map(|which| (1.0 + self.uneven * 0.5 * (chance(which) + chance(6))) as f32);
+        let mut data = Vec::with_capacity(picture.data.len());
+        for pixel in 0..picture.width * picture.height {
+            let light = picture.light(pixel % picture.width, pixel / picture.width);
+            data.extend(codes_of(light * Vec3::from(gain)));
+        }
+        Ok(View::new(camera, RgbImage { width: picture.width, height: picture.height, data }, foreground))
+    }
+
+    fn views(&self, state: &SceneState, picture: impl Fn(&CameraState) -> RgbImage) -> Result<Vec<View>> {
+        let cameras = state.cameras.iter().enumerate();
+        cameras.map(|(idx, seen)| self.view(idx, &seen.camera, &picture(seen), None)).collect()
+    }
+
+    fn hull_views(&self, state: &SceneState, of: &EntityHull, foregrounds: &[Mask]) -> Result<Vec<View>> {
+        let cameras = of.cameras.iter().zip(of.hull.views()).zip(foregrounds);
+        cameras
+            .map(|((camera, view), mask)| {
+                let picture = state.cameras[*camera].observation.frame.image.to_rgb();
+                self.view(*camera, view.camera(), &picture, Some(mask.clone()))
+            })
+            .collect()
+    }
+}
+
+/// What a mesh is judged on: of a view's truth, where `part` is not 0.
+struct Part<'a> {
+    camera: &'a Camera,
+    truth: &'a RgbImage,
+    part: &'a Mask,
+}
+
+/// Judges every stage on a mesh.
+fn judge_mesh(
+    (mesh, topology): (&Mesh, &Topology),
+    views: &[View],
+    parts: &[Part<'_>],
+    (outcomes, clock): (&mut [(Stage, Outcome)], &SystemClock),
+) -> Result<()> {
+    for (stage, outcome) in outcomes {
+        let mut views = views.to_vec();
+        let started = clock.monotonic();
+        let field = Field::new(mesh, topology, &mut views, &stage.settings)?;
+        outcome.field.push(clock.monotonic().saturating_sub(started));
+        for part in parts {
+            draw((mesh, &field, &views), stage, part, (outcome, clock))?;
+        }
+    }
+    Ok(())
+}
+
+/// Draws one view of a mesh by a stage, and judges it where anything is.
+fn draw(
+    (mesh, field, views): (&Mesh, &Field, &[View]),
+    stage: &Stage,
+    Part { camera, truth, part }: &Part<'_>,
+    (outcome, clock): (&mut Outcome, &SystemClock),
+) -> Result<()> {
+    let raster = Raster::of(mesh, camera, [truth.width as usize, truth.height as usize]);
+    let started = clock.monotonic();
+    let weights = if stage.is_by_normals {
+        field.by_normals()
+    } else {
+        field.target(mesh, views, camera.pose().position_in_world)
+    };
+    outcome.target.push(clock.monotonic().saturating_sub(started));
+    let started = clock.monotonic();
+    let shaded = shade((mesh, &raster), camera, (field, views, &weights), stage.blend);
+    outcome.shade.push(clock.monotonic().saturating_sub(started));
+    // All stages are judged on the same pixels: where anything is, seen or filled.
+    let mut judged = Mask::clone(part);
+    judged.data.iter_mut().zip(raster.triangles()).for_each(|(judged, triangle)| {
+        *judged = if *triangle == videofields::mesh::NO_TRIANGLE { 0 } else { *judged };
+    });
+    debug_assert!(
+        shaded.owners.data.iter().all(|owner| usize::from(*owner) < views.len() || *owner == NO_VIEW)
+    );
+    if judged.data.iter().any(|value| *value > 0) {
+        outcome.pooled.add(&compare(truth, &shaded.picture, Some(&judged))?);
+        outcome.add(&shaded.steps);
+    }
+    Ok(())
+}
+
+/// A hull's surface, and of each of its views where it is.
+fn hull_mesh(state: &SceneState, of: &EntityHull) -> Result<(Mesh, Vec<Mask>)> {
+    let [low, high] = of.bounds_in_world;
+    let bounds = Bounds::new(low, high).context("a hull without bounds")?;
+    let mesh = hull::extract(&of.hull, &bounds, (Method::ImageBased, 96))?;
+    let mask = |(camera, view): (&usize, &hull::View)| {
+        let image = &state.cameras[*camera].observation.frame.image;
+        let (width, height) = (image.width(), image.height());
+        let inside = |pixel: u32| {
+            let at = glam::DVec2::new(f64::from(pixel % width) + 0.5, f64::from(pixel / width) + 0.5);
+            let is = view.at(at / glam::DVec2::new(f64::from(width), f64::from(height))) == Some(true);
+            u8::from(is) * 255
+        };
+        Mask { width, height, data: (0..width * height).map(inside).collect::<Vec<u8>>().into() }
+    };
+    Ok((mesh, of.cameras.iter().zip(of.hull.views()).map(mask).collect()))
+}
+
+/// A mesh with a name, and where distances begin on it.
+struct Measured {
+    name: String,
+    mesh: Mesh,
+    sources: Vec<u32>,
+}
+
+impl Fields {
+    fn distances(&self) -> Result<()> {
+        let clock = SystemClock::new();
+        let mut out = std::io::stdout().lock();
+        writeln!(
+            out,
+            "| mesh | triangles | sources | form | ms | mean error, edges | worst error, edges | of vertices within five edges |\n\
+             | --- | ---: | ---: | --- | ---: | ---: | ---: | ---: |"
+        )?;
+        for Measured { name, mesh, sources } in self.measured()? {
+            let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
+            let edge_m = topology.mean_length_m();
+            let reach_m = 5.0 * edge_m;
+            let timed = |of: &dyn Fn() -> Vec<f64>| {
+                let started = clock.monotonic();
+                let found = of();
+                (found, clock.monotonic().saturating_sub(started).as_secs_f64() * 1e3)
+            };
+            let (truth, exact_ms) = timed(&|| exact(&topology, &mesh.positions_m, &sources, reach_m));
+            let forms = [
+                (
+                    "bounded",
+                    timed(&|| {
+                        let found = bounded(&topology, &mesh.positions_m, &sources, ROUNDS);
+                        found.into_iter().map(f64::from).collect()
+                    }),
+                ),
+                ("marching", timed(&|| marching(&topology, &mesh.positions_m, &sources, reach_m))),
+                ("exact", (truth.clone(), exact_ms)),
+            ];
+            for (form, (found, ms)) in forms {
+                let near = || truth.iter().zip(&found).filter(|(truth, _)| **truth <= reach_m);
+                let off = || near().map(|(truth, found)| (found.min(reach_m) - truth).abs() / edge_m);
+                let n = near().count();
+                let worst = off().fold(0.0, f64::max);
+                writeln!(
+                    out,
+                    "| {name} | {} | {} | {form} | {ms:.1} | {:.5} | {worst:.4} | {n} |",
+                    mesh.triangles.len(),
+                    sources.len(),
+                    off().sum::<f64>() / n.max(1) as f64,
+                )?;
+            }
+        }
+        Ok(())
+    }
+
+    fn measured(&self) -> Result<Vec<Measured>> {
+        let mut all = Vec::new();
+        for n in [64_u32, 128, 256, 512] {
+            for (name, rough_m) in [("plane", 0.0), ("hills", 2.0)] {
+                let mesh = sheet(n, rough_m);
+                // Along a line across it.
+                let line = (0..n).map(|x| (n / 2) * n + x);
+                all.push(Measured { name: format!("{name} {n} x {n}"), mesh, sources: line.collect() });
+            }
+        }
+        for level in [8, 11, 14] {
+            let mesh = sphere(level);
+            all.push(Measured { name: format!("sphere {level}"), mesh, sources: vec![2, 5] });
+        }
+        for path in &self.mesh {
+            let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
+            let (mesh, _) = Mesh::read_ply(&bytes, 1 << 21)?.mended();
+            let n = mesh.positions_m.len() as u32;
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            all.push(Measured { name, sources: (0..n).step_by(100).collect(), mesh });
+        }
+        Ok(all)
+    }
+}
+
+/// An octahedron whose faces were cut into four so many times, on the unit sphere; its poles are points 2 and 5.
+fn sphere(level: u32) -> Mesh {
+    let poles = vec![DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
+    let faces = vec![[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];
+    let mut mesh = Mesh::new(poles, faces);
+    for _ in 0..level {
+        // Two halvings of every triangle are its cut into four.
+        mesh = mesh.refined(1, usize::MAX, |_, _| true);
+        mesh.positions_m.iter_mut().for_each(|at| *at = at.normalize());
+    }
+    mesh
+}
+
+/// Uneven triangles a metre or so wide, over a plane or hills of that height.
+fn sheet(n: u32, rough_m: f64) -> Mesh {
+    let place = |i: u32| {
+        let (x, y) = (f64::from(i % n), f64::from(i / n));
+        let (x, y) = (x + 0.25 * chance(2 * u64::from(i)), y + 0.25 * chance(2 * u64::from(i) + 1));
+        DVec3::new(x, y, rough_m * ((0.7 * x).sin() + (0.5 * y).cos()))
+    };
+    let quad = |i: u32| {
+        let (x, y) = (i % (n - 1), i / (n - 1));
+        let [a, b, c, d] = [y * n + x, y * n + x + 1, (y + 1) * n + x + 1, (y + 1) * n + x];
+        if (x + y) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+    };
+    Mesh::new((0..n * n).map(place).collect(), (0..(n - 1) * (n - 1)).flat_map(quad).collect())
+}
