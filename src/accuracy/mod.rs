@@ -12,6 +12,7 @@
 
 mod comparison;
 mod entities;
+mod exposure;
 mod front;
 mod gate;
 mod keeper;
@@ -32,6 +33,7 @@ mod views;
 
 pub use comparison::{AccuracyError, Comparison, compare};
 pub use entities::EntityScore;
+pub use exposure::exposed_like;
 pub use front::{knee, pareto_front};
 pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
 pub use keeper::{Keeper, KeeperSettings};

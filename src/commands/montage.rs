@@ -2,7 +2,6 @@
 
 use super::pictures::{check_names, ending, find, import_cameras, is_same, read, rgb, short};
 use anyhow::{Context as _, Result, bail, ensure};
-use glam::Vec3;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -13,7 +12,7 @@ use videofields::encode;
 use videofields::fields::{
     Blend, Distances, Field, FieldSettings, Shaded, Topology, View, Visibility, VoteLevels, Weights, shade,
 };
-use videofields::frame::{Mask, RgbImage, codes_of};
+use videofields::frame::{Mask, RgbImage};
 use videofields::mesh::{Mesh, Raster};
 
 /// Most triangles of a mesh.
@@ -64,7 +63,7 @@ pub(crate) struct Montage {
     #[arg(long)]
     no_vote: bool,
     /// How distances from seams are found: off, marching, bounded, exact.
-    #[arg(long, default_value = "bounded")]
+    #[arg(long, default_value = "exact")]
     distances: Distances,
     /// How far from its seams a camera lends in full, in the mesh's units; if absent what fifteen triangles reach.
     #[arg(long, value_name = "LENGTH")]
@@ -79,6 +78,9 @@ pub(crate) struct Montage {
     /// Exponent of the cosine between the surface's normal and the direction to a camera.
     #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().normal_exponent)]
     normal_exponent: f64,
+    /// Exponent of how finely a camera sees the surface, over the finest; 0, as Du et al. have it, for cameras that stand equally far away.
+    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().density_exponent)]
+    density_exponent: f64,
     /// Folder for the pictures: what the camera saw, and every way's.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -135,9 +137,11 @@ impl Montage {
             self.reach.is_none_or(|reach| reach.is_finite() && reach > 0.0),
             "--reach: expected a length above 0"
         );
-        for (flag, value) in
-            [("--view-exponent", self.view_exponent), ("--normal-exponent", self.normal_exponent)]
-        {
+        for (flag, value) in [
+            ("--view-exponent", self.view_exponent),
+            ("--normal-exponent", self.normal_exponent),
+            ("--density-exponent", self.density_exponent),
+        ] {
             ensure!((0.0..=1000.0).contains(&value), "{flag}: expected 0 to 1000");
         }
         if let Some(folder) = &self.out {
@@ -177,6 +181,7 @@ impl Montage {
             is_evened: !self.uneven,
             view_exponent: self.view_exponent,
             normal_exponent: self.normal_exponent,
+            density_exponent: self.density_exponent,
         }
     }
 
@@ -251,7 +256,7 @@ impl Montage {
         }
         let mut scores = Vec::new();
         for (way, shaded, took) in &all {
-            let evened = (!self.uneven).then(|| evened(truth, &shaded.picture, &covered));
+            let evened = (!self.uneven).then(|| accuracy::exposed_like(truth, &shaded.picture, &covered));
             let comparison =
                 accuracy::compare(evened.as_ref().unwrap_or(truth), &shaded.picture, Some(&covered))?;
             scores.push(Score {
@@ -355,24 +360,6 @@ fn read_mesh(file: &Path) -> Result<Mesh> {
         ));
     }
     Ok(mesh)
-}
-
-/// A picture with its light multiplied by one factor a channel, so that its median is another's where both count.
-fn evened(of: &RgbImage, like: &RgbImage, part: &Mask) -> RgbImage {
-    let light = |picture: &RgbImage, pixel: usize| {
-        picture.light(pixel as u32 % picture.width, pixel as u32 / picture.width).to_array()
-    };
-    let pixels = || part.data.iter().enumerate().filter(|(_, value)| **value > 0).map(|(pixel, _)| pixel);
-    let median = |picture: &RgbImage, channel: usize| {
-        let mut all: Vec<f32> = pixels().map(|pixel| light(picture, pixel)[channel]).collect();
-        let middle = all.len() / 2;
-        all.select_nth_unstable_by(middle, f32::total_cmp).1.max(1e-4)
-    };
-    let gain = [0, 1, 2].map(|channel| median(like, channel) / median(of, channel));
-    let n_pixels = of.data.len() / 3;
-    let data =
-        (0..n_pixels).flat_map(|pixel| codes_of(Vec3::from(light(of, pixel)) * Vec3::from(gain))).collect();
-    RgbImage { width: of.width, height: of.height, data }
 }
 
 fn write(folder: &Path, name: &str, picture: &RgbImage) -> Result<()> {

@@ -70,8 +70,11 @@ pub struct FieldSettings {
     pub is_evened: bool,
     /// Exponent of the cosine between the directions to the viewer and to a camera.
     pub view_exponent: f64,
-    /// Exponent of the cosine between a surface's normal and the direction to a camera.
+    /// Exponent of the cosine between a surface's normal and the direction to a camera, in the baseline and what fields fall back to.
     pub normal_exponent: f64,
+    /// Exponent of how finely a camera sees a surface, in pixels a metre along its worst direction, over the finest that is believed there;
+    /// 0 as `[M19]` has it, whose cameras all stand equally far away.
+    pub density_exponent: f64,
 }
 
 impl Default for FieldSettings {
@@ -80,11 +83,12 @@ impl Default for FieldSettings {
             visibility: Visibility::Dilated,
             depth_map_px: 1024,
             vote: Some(VoteLevels::default()),
-            distances: Distances::Bounded,
+            distances: Distances::Exact,
             reach_m: None,
             is_evened: true,
             view_exponent: 20.0,
             normal_exponent: 2.0,
+            density_exponent: 2.0,
         }
     }
 }
@@ -136,6 +140,8 @@ pub struct Field {
     seams: Vec<SeamCounts>,
     /// By vertex, linear light: what it looks like from everywhere, and where nobody sees it as what is around it.
     colors: Vec<Vec3>,
+    /// What a view lends whatever the viewer's direction: by its seams, how much it sees and how finely.
+    worths: Vec<f32>,
     reach_m: f64,
     view_exponent: f64,
 }
@@ -231,8 +237,10 @@ impl Field {
             seams: counts,
             colors: Vec::new(),
             reach_m,
+            worths: Vec::new(),
             view_exponent: settings.view_exponent,
         };
+        field.worths = field.worths(mesh, views, settings.density_exponent);
         field.colors = field.vertex_colors(mesh, views, topology.mean_length_m());
         Ok(field)
     }
@@ -307,8 +315,9 @@ impl Field {
         );
         let mut shares = self.by_normals.clone();
         let rows = shares.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
-        let rows = rows.zip(self.ramps.par_chunks(n_views)).zip(&mesh.positions_m);
-        rows.for_each_init(Vec::new, |alike, (((row, sights), ramps), place)| {
+        let rows = rows.zip(self.ramps.par_chunks(n_views)).zip(self.worths.par_chunks(n_views));
+        let rows = rows.zip(&mesh.positions_m);
+        rows.for_each_init(Vec::new, |alike, ((((row, sights), ramps), worths), place)| {
             let to_eye = (eye - *place).normalize_or_zero();
             alike.clear();
             alike.extend(
@@ -317,14 +326,13 @@ impl Field {
             let trusted = || (0..n_views).filter(|view| sights[*view] == Sight::Seen);
             let n_lending: f64 = trusted().map(|view| f64::from(ramps[view])).sum();
             let most =
-                trusted().filter(|view| ramps[*view] > 0.0).map(|view| alike[view]).fold(0.0, f64::max);
+                trusted().filter(|view| worths[*view] > 0.0).map(|view| alike[view]).fold(0.0, f64::max);
             if most <= 0.0 {
                 return;
             }
             // Relative to the greatest, so that powers of small cosines do not vanish together.
-            let wanted = |view: usize| {
-                self.shares[view] * f64::from(ramps[view]) * (alike[view] / most).powf(self.view_exponent)
-            };
+            let wanted =
+                |view: usize| f64::from(worths[view]) * (alike[view] / most).powf(self.view_exponent);
             let sum: f64 = trusted().map(wanted).sum();
             if sum <= 0.0 {
                 return;
@@ -336,6 +344,33 @@ impl Field {
             }
         });
         Weights { n_views, shares }
+    }
+
+    fn worths(&self, mesh: &Mesh, views: &[View], density_exponent: f64) -> Vec<f32> {
+        let n_views = self.n_views;
+        let mut worths = vec![0.0; self.sights.len()];
+        let rows = worths.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
+        let rows =
+            rows.zip(self.ramps.par_chunks(n_views)).zip(mesh.positions_m.par_iter().zip(&mesh.normals));
+        rows.for_each_init(Vec::new, |densities, (((row, sights), ramps), (place, normal))| {
+            densities.clear();
+            densities.extend(views.iter().zip(sights).map(|(view, sight)| {
+                match (sight, view.project(*place)) {
+                    (Sight::Seen, Some((_, depth_m))) => {
+                        let facing =
+                            (view.eye() - *place).normalize_or_zero().dot(normal.as_dvec3()).max(0.0);
+                        view.px_per_m(depth_m) * facing
+                    }
+                    _ => 0.0,
+                }
+            }));
+            let finest = densities.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+            for (view, own) in row.iter_mut().enumerate().filter(|(view, _)| sights[*view] == Sight::Seen) {
+                let fine = (densities[view] / finest).powf(density_exponent);
+                *own = (self.shares[view] * f64::from(ramps[view]) * fine) as f32;
+            }
+        });
+        worths
     }
 
     fn vertex_colors(&self, mesh: &Mesh, views: &[View], edge_m: f64) -> Vec<Vec3> {

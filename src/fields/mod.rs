@@ -45,5 +45,5 @@ pub use shade::{Blend, NO_VIEW, Shaded, Steps, shade};
 pub use sight::{Sight, Visibility};
 pub use tessellation::Tessellation;
 pub use topology::Topology;
-pub use view::{MAX_VIEWS, View};
+pub use view::{BORDER_PX, MAX_VIEWS, View};
 pub use vote::{AGREEMENT, VoteLevels};

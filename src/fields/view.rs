@@ -3,9 +3,13 @@
 use crate::frame::{Levels, Mask, RgbImage};
 use crate::geometry::Camera;
 use glam::{DVec2, DVec3, Vec3};
+use std::f64::consts::FRAC_PI_4;
 
 /// Most views of one field.
 pub const MAX_VIEWS: usize = 64;
+
+/// So near the border of what is of the mesh, in pixels of its mask, colours are mixed with what lies behind.
+pub const BORDER_PX: f64 = 1.5;
 
 /// A camera with what it shows.
 #[derive(Clone, Debug)]
@@ -50,16 +54,18 @@ impl View {
         self.camera.project(place).filter(|seen| seen.is_inside()).map(|seen| (seen.texture, seen.depth_m))
     }
 
-    /// Whether a place of the picture is of the mesh.
+    /// Whether a place of the picture, and what is within [`BORDER_PX`] of it, is of the mesh.
     #[must_use]
     pub fn is_foreground(&self, texture: DVec2) -> bool {
-        self.foreground.as_ref().is_none_or(|mask| {
-            let at = |share: f64, size: u32| {
-                ((share * f64::from(size)) as usize).min(size.saturating_sub(1) as usize)
-            };
-            let [x, y] = [at(texture.x, mask.width), at(texture.y, mask.height)];
-            mask.data.get(y * mask.width as usize + x).is_some_and(|value| *value > 0)
-        })
+        let Some(mask) = &self.foreground else { return true };
+        let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
+        let is_inside = |at: DVec2| {
+            let at = at.clamp(DVec2::ZERO, (size - 1.0).max(DVec2::ZERO));
+            mask.data.get(at.y as usize * mask.width as usize + at.x as usize).is_some_and(|value| *value > 0)
+        };
+        let at = texture * size;
+        is_inside(at)
+            && (0..8).all(|i| is_inside(at + DVec2::from_angle(f64::from(i) * FRAC_PI_4) * BORDER_PX))
     }
 
     /// The evened colour at a place of the picture, in linear light, in a level of detail.

@@ -7,8 +7,9 @@ use glam::{DQuat, DVec3, Vec3};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
-use videofields::accuracy::{OpenGate, Pooled, Scope, Stopwatch, Subject, compare};
+use videofields::accuracy::{OpenGate, Pooled, Scope, Stopwatch, Subject, compare, exposed_like};
 use videofields::clock::{Clock as _, SystemClock};
+use videofields::encode;
 use videofields::fields::{
     Blend, Distances, Field, FieldSettings, NO_VIEW, ROUNDS, Steps, Tessellation, Topology, View, Visibility,
     bounded, exact, marching, shade,
@@ -40,6 +41,9 @@ pub(super) struct Fields {
     /// Columns of cameras' pictures and of views; rows are nine sixteenths of them.
     #[arg(long, value_name = "PIXELS", default_value_t = 640)]
     width: u32,
+    /// Where every stage's pictures are written, and the truth, PNG.
+    #[arg(long, value_name = "FOLDER")]
+    pictures: Option<PathBuf>,
     /// Distances along surfaces, in place of colours.
     #[arg(long)]
     geodesics: bool,
@@ -70,7 +74,8 @@ fn stages() -> Vec<Stage> {
     let voted = FieldSettings { vote: FieldSettings::default().vote, ..dilated };
     let evened = FieldSettings { is_evened: true, ..voted };
     let marched = FieldSettings { distances: Distances::Marching, ..evened };
-    let full = FieldSettings { distances: Distances::Bounded, ..evened };
+    let full = FieldSettings { distances: Distances::Exact, ..evened };
+    let alike = FieldSettings { density_exponent: 0.0, ..full };
     let unvoted = FieldSettings { vote: None, ..full };
     vec![
         Stage { blend: Blend::Best, ..of("best camera", evened, false) },
@@ -81,9 +86,10 @@ fn stages() -> Vec<Stage> {
         of("+ evened: the baseline", evened, true),
         Stage { blend: Blend::Filtered { error_m: 0.05 }, ..of("baseline, filtered", evened, true) },
         of("fields: by the viewer", evened, false),
-        of("+ distances, bounded: all", full, false),
+        of("+ distances: all", full, false),
+        of("all, however finely seen", alike, false),
         of("all, distances by a front", marched, false),
-        of("all, distances exact", FieldSettings { distances: Distances::Exact, ..full }, false),
+        of("all, distances bounded", FieldSettings { distances: Distances::Bounded, ..full }, false),
         of("all but the vote", unvoted, false),
     ]
 }
@@ -98,6 +104,8 @@ struct Outcome {
     field: Vec<Duration>,
     target: Vec<Duration>,
     shade: Vec<Duration>,
+    /// Pictures of the last mesh, by view.
+    last: Vec<RgbImage>,
 }
 
 impl Outcome {
@@ -179,6 +187,7 @@ impl Fields {
                 .map(|(camera, of)| Part { camera, truth: &of.truth.rgb, part: &of.still })
                 .collect();
             judge_mesh((&mesh, &topology), &backgrounds, &parts, (&mut still, &clock))?;
+            self.write(&format!("{name}-still"), &parts, &still)?;
             state.place_hulls(HullMaking { error_px: 0.5, n_voxels: None }, &mut HullMemory::default());
             // Where the truth has a person too: shapes are judged elsewhere.
             let parts: Vec<Part<'_>> = judged
@@ -191,6 +200,7 @@ impl Fields {
                 let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
                 let frames = self.hull_views(&state, of, &foregrounds)?;
                 judge_mesh((&mesh, &topology), &frames, &parts, (&mut people, &clock))?;
+                self.write(&format!("{name}-hull-{n_hulls}"), &parts, &people)?;
             }
         }
         let mut out = std::io::stdout().lock();
@@ -206,6 +216,30 @@ impl Fields {
             )?;
             for (stage, outcome) in outcomes {
                 writeln!(out, "| {} |", outcome.row(stage.name))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes what was drawn last, and what should have been.
+    fn write(&self, name: &str, parts: &[Part<'_>], outcomes: &[(Stage, Outcome)]) -> Result<()> {
+        let Some(folder) = &self.pictures else { return Ok(()) };
+        std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+        let write = |file: String, picture: &RgbImage| {
+            let path = folder.join(file.replace([' ', ',', ':', '+'], "_"));
+            std::fs::write(&path, encode::png_rgb(picture)?).with_context(|| path.display().to_string())
+        };
+        for (view, part) in parts.iter().enumerate() {
+            write(format!("{name}-{view}-truth.png"), part.truth)?;
+            for (stage, outcome) in outcomes {
+                let drawn = outcome
+                    .last
+                    .len()
+                    .checked_sub(parts.len())
+                    .and_then(|first| outcome.last.get(first + view));
+                if let Some(picture) = drawn {
+                    write(format!("{name}-{view}-{}.png", stage.name), picture)?;
+                }
             }
         }
         Ok(())
@@ -272,6 +306,7 @@ fn judge_mesh(
         let started = clock.monotonic();
         let field = Field::new(mesh, topology, &mut views, &stage.settings)?;
         outcome.field.push(clock.monotonic().saturating_sub(started));
+        outcome.last.clear();
         for part in parts {
             draw((mesh, &field, &views), stage, part, (outcome, clock))?;
         }
@@ -306,9 +341,12 @@ fn draw(
         shaded.owners.data.iter().all(|owner| usize::from(*owner) < views.len() || *owner == NO_VIEW)
     );
     if judged.data.iter().any(|value| *value > 0) {
-        outcome.pooled.add(&compare(truth, &shaded.picture, Some(&judged))?);
+        // How cameras are exposed is nothing that a blend could know.
+        let truth = exposed_like(truth, &shaded.picture, &judged);
+        outcome.pooled.add(&compare(&truth, &shaded.picture, Some(&judged))?);
         outcome.add(&shaded.steps);
     }
+    outcome.last.push(shaded.picture);
     Ok(())
 }
 
