@@ -10,7 +10,8 @@ use videofields::calibrate::{PictureCamera, SetFormat};
 use videofields::clock::{Clock, SystemClock};
 use videofields::encode;
 use videofields::fields::{
-    Blend, Distances, Field, FieldSettings, Shaded, Topology, View, Visibility, VoteLevels, Weights, shade,
+    Blend, Distances, Field, FieldSettings, Preference, Shaded, Topology, View, Visibility, VoteLevels,
+    Weights, shade,
 };
 use videofields::frame::{Mask, RgbImage};
 use videofields::mesh::{Mesh, Raster};
@@ -72,15 +73,19 @@ pub(crate) struct Montage {
     /// compared with as if it had theirs (one gain a channel).
     #[arg(long)]
     uneven: bool,
-    /// Exponent of the cosine between the directions to the viewer and to a camera.
-    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().view_exponent)]
-    view_exponent: f64,
     /// Exponent of the cosine between the surface's normal and the direction to a camera.
     #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().normal_exponent)]
     normal_exponent: f64,
-    /// Exponent of how finely a camera sees the surface, over the finest; 0, as Du et al. have it, for cameras that stand equally far away.
-    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().density_exponent)]
-    density_exponent: f64,
+    /// How wrong depths are taken to be, in the mesh's units: cameras are preferred whose colours are least beside where the viewer sees
+    /// them. Half of the mesh's mean edge if absent.
+    #[arg(long, value_name = "LENGTH")]
+    depth_error: Option<f64>,
+    /// Prefers cameras that look as the viewer does instead, as Du et al. have it: by the cosine between both directions to this power.
+    #[arg(long, value_name = "NUMBER", conflicts_with = "depth_error")]
+    view_exponent: Option<f64>,
+    /// Exponent of the share of all vertices that a camera sees.
+    #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().coverage_exponent)]
+    coverage_exponent: f64,
     /// Folder for the pictures: what the camera saw, and every way's.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -138,9 +143,9 @@ impl Montage {
             "--reach: expected a length above 0"
         );
         for (flag, value) in [
-            ("--view-exponent", self.view_exponent),
+            ("--view-exponent", self.view_exponent.unwrap_or_default()),
             ("--normal-exponent", self.normal_exponent),
-            ("--density-exponent", self.density_exponent),
+            ("--coverage-exponent", self.coverage_exponent),
         ] {
             ensure!((0.0..=1000.0).contains(&value), "{flag}: expected 0 to 1000");
         }
@@ -179,9 +184,12 @@ impl Montage {
             distances: self.distances,
             reach_m: self.reach,
             is_evened: !self.uneven,
-            view_exponent: self.view_exponent,
+            preference: match self.view_exponent {
+                Some(exponent) => Preference::Directions { exponent },
+                None => Preference::Errors { depth_m: self.depth_error, exponent: 4.0 },
+            },
+            coverage_exponent: self.coverage_exponent,
             normal_exponent: self.normal_exponent,
-            density_exponent: self.density_exponent,
         }
     }
 

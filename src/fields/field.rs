@@ -53,6 +53,25 @@ impl std::str::FromStr for Distances {
     }
 }
 
+/// Which cameras lend most to a viewer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Preference {
+    /// Those that look as the viewer does: the cosine between both directions, to a power (`[M19]`).
+    Directions {
+        /// The power.
+        exponent: f64,
+    },
+    /// Those whose colours are least beside where the viewer sees them: by how a wrong depth is seen from another direction, and by how
+    /// large a pixel is on the surface (after `[B01]` Buehler et al. 2001, Unstructured lumigraph rendering, section 3: angles and
+    /// resolutions, both in metres here).
+    Errors {
+        /// How wrong depths are, metres; if none half of a mean edge, which is what the mesh itself leaves out.
+        depth_m: Option<f64>,
+        /// To which power the reciprocal of an error counts.
+        exponent: f64,
+    },
+}
+
 /// Which stages of a field are run, and how exactly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldSettings {
@@ -68,13 +87,13 @@ pub struct FieldSettings {
     pub reach_m: Option<f64>,
     /// Whether pictures are evened out first.
     pub is_evened: bool,
-    /// Exponent of the cosine between the directions to the viewer and to a camera.
-    pub view_exponent: f64,
+    /// Which cameras are preferred where several are believed.
+    pub preference: Preference,
+    /// Exponent of the share of all vertices that a camera sees: 1 as `[M19]` has it, for one thing in the middle of all cameras; 0 for
+    /// places of which cameras see parts, where who sees less may see it from nearer.
+    pub coverage_exponent: f64,
     /// Exponent of the cosine between a surface's normal and the direction to a camera, in the baseline and what fields fall back to.
     pub normal_exponent: f64,
-    /// Exponent of how finely a camera sees a surface, in pixels a metre along its worst direction, over the finest that is believed there;
-    /// 0 as `[M19]` has it, whose cameras all stand equally far away.
-    pub density_exponent: f64,
 }
 
 impl Default for FieldSettings {
@@ -86,9 +105,9 @@ impl Default for FieldSettings {
             distances: Distances::Exact,
             reach_m: None,
             is_evened: true,
-            view_exponent: 20.0,
+            preference: Preference::Errors { depth_m: None, exponent: 4.0 },
+            coverage_exponent: 0.0,
             normal_exponent: 2.0,
-            density_exponent: 2.0,
         }
     }
 }
@@ -140,10 +159,13 @@ pub struct Field {
     seams: Vec<SeamCounts>,
     /// By vertex, linear light: what it looks like from everywhere, and where nobody sees it as what is around it.
     colors: Vec<Vec3>,
-    /// What a view lends whatever the viewer's direction: by its seams, how much it sees and how finely.
-    worths: Vec<f32>,
+    /// How large a pixel of the view is on the surface, along its longer side, metres.
+    pixels_m: Vec<f32>,
     reach_m: f64,
-    view_exponent: f64,
+    /// Of all edges in the mean.
+    edge_m: f64,
+    preference: Preference,
+    coverage_exponent: f64,
 }
 
 /// How much each view lends to every vertex: by vertex, and of a vertex by view. Sums are 1, or 0 where nobody sees it.
@@ -237,10 +259,12 @@ impl Field {
             seams: counts,
             colors: Vec::new(),
             reach_m,
-            worths: Vec::new(),
-            view_exponent: settings.view_exponent,
+            edge_m: topology.mean_length_m(),
+            pixels_m: Vec::new(),
+            preference: settings.preference,
+            coverage_exponent: settings.coverage_exponent,
         };
-        field.worths = field.worths(mesh, views, settings.density_exponent);
+        field.pixels_m = field.pixels_m(mesh, views);
         field.colors = field.vertex_colors(mesh, views, topology.mean_length_m());
         Ok(field)
     }
@@ -315,62 +339,67 @@ impl Field {
         );
         let mut shares = self.by_normals.clone();
         let rows = shares.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
-        let rows = rows.zip(self.ramps.par_chunks(n_views)).zip(self.worths.par_chunks(n_views));
+        let rows = rows.zip(self.ramps.par_chunks(n_views)).zip(self.pixels_m.par_chunks(n_views));
         let rows = rows.zip(&mesh.positions_m);
-        rows.for_each_init(Vec::new, |alike, ((((row, sights), ramps), worths), place)| {
+        let coverage: Vec<f64> = self.shares.iter().map(|share| share.powf(self.coverage_exponent)).collect();
+        rows.for_each_init(Vec::new, |wanted, ((((row, sights), ramps), pixels_m), place)| {
             let to_eye = (eye - *place).normalize_or_zero();
-            alike.clear();
-            alike.extend(
-                views.iter().map(|view| to_eye.dot((view.eye() - *place).normalize_or_zero()).max(0.0)),
-            );
-            let trusted = || (0..n_views).filter(|view| sights[*view] == Sight::Seen);
-            let n_lending: f64 = trusted().map(|view| f64::from(ramps[view])).sum();
-            let most =
-                trusted().filter(|view| worths[*view] > 0.0).map(|view| alike[view]).fold(0.0, f64::max);
+            wanted.clear();
+            wanted.resize(n_views, 0.0);
+            let trusted = || (0..n_views).filter(|view| sights[*view] == Sight::Seen && ramps[*view] > 0.0);
+            let mut alike = 0.0_f64;
+            for view in trusted() {
+                let cosine = to_eye.dot((views[view].eye() - *place).normalize_or_zero());
+                alike = alike.max(cosine);
+                wanted[view] = match self.preference {
+                    Preference::Directions { .. } => cosine.max(0.0),
+                    Preference::Errors { depth_m, .. } => {
+                        let depth_m = depth_m.unwrap_or(0.5 * self.edge_m);
+                        let beside_m = depth_m * (1.0 - cosine * cosine).max(0.0).sqrt();
+                        beside_m.hypot(f64::from(pixels_m[view])).max(f64::MIN_POSITIVE).recip()
+                    }
+                };
+            }
+            let most = wanted.iter().copied().fold(0.0, f64::max);
             if most <= 0.0 {
                 return;
             }
-            // Relative to the greatest, so that powers of small cosines do not vanish together.
-            let wanted =
-                |view: usize| f64::from(worths[view]) * (alike[view] / most).powf(self.view_exponent);
-            let sum: f64 = trusted().map(wanted).sum();
+            // Relative to the greatest, so that powers of small numbers do not vanish together.
+            let exponent = match self.preference {
+                Preference::Directions { exponent } | Preference::Errors { exponent, .. } => exponent,
+            };
+            for view in trusted() {
+                wanted[view] = coverage[view] * f64::from(ramps[view]) * (wanted[view] / most).powf(exponent);
+            }
+            let sum: f64 = wanted.iter().sum();
             if sum <= 0.0 {
                 return;
             }
-            let share = n_lending.min(1.0) * (most / LEAST_ALIKE).min(1.0);
+            let n_lending: f64 = trusted().map(|view| f64::from(ramps[view])).sum();
+            let share = n_lending.min(1.0) * (alike / LEAST_ALIKE).clamp(0.0, 1.0);
             row.iter_mut().for_each(|own| *own *= (1.0 - share) as f32);
             for view in trusted() {
-                row[view] += (share * wanted(view) / sum) as f32;
+                row[view] += (share * wanted[view] / sum) as f32;
             }
         });
         Weights { n_views, shares }
     }
 
-    fn worths(&self, mesh: &Mesh, views: &[View], density_exponent: f64) -> Vec<f32> {
+    fn pixels_m(&self, mesh: &Mesh, views: &[View]) -> Vec<f32> {
         let n_views = self.n_views;
-        let mut worths = vec![0.0; self.sights.len()];
-        let rows = worths.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
-        let rows =
-            rows.zip(self.ramps.par_chunks(n_views)).zip(mesh.positions_m.par_iter().zip(&mesh.normals));
-        rows.for_each_init(Vec::new, |densities, (((row, sights), ramps), (place, normal))| {
-            densities.clear();
-            densities.extend(views.iter().zip(sights).map(|(view, sight)| {
-                match (sight, view.project(*place)) {
-                    (Sight::Seen, Some((_, depth_m))) => {
-                        let facing =
-                            (view.eye() - *place).normalize_or_zero().dot(normal.as_dvec3()).max(0.0);
-                        view.px_per_m(depth_m) * facing
-                    }
-                    _ => 0.0,
+        let mut pixels_m = vec![f32::INFINITY; self.sights.len()];
+        let rows = pixels_m.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
+        rows.zip(mesh.positions_m.par_iter().zip(&mesh.normals)).for_each(
+            |((row, sights), (place, normal))| {
+                for (view, own) in row.iter_mut().enumerate().filter(|(view, _)| sights[*view] == Sight::Seen)
+                {
+                    let Some((_, depth_m)) = views[view].project(*place) else { continue };
+                    let facing = (views[view].eye() - *place).normalize_or_zero().dot(normal.as_dvec3());
+                    *own = (1.0 / (views[view].px_per_m(depth_m) * facing.max(1e-6))) as f32;
                 }
-            }));
-            let finest = densities.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-            for (view, own) in row.iter_mut().enumerate().filter(|(view, _)| sights[*view] == Sight::Seen) {
-                let fine = (densities[view] / finest).powf(density_exponent);
-                *own = (self.shares[view] * f64::from(ramps[view]) * fine) as f32;
-            }
-        });
-        worths
+            },
+        );
+        pixels_m
     }
 
     fn vertex_colors(&self, mesh: &Mesh, views: &[View], edge_m: f64) -> Vec<Vec3> {
@@ -419,13 +448,14 @@ fn ramp(
     }
 }
 
-/// Weights by normals: of whoever is believed, else of whoever sees it, else nobody's.
+/// Weights by normals: of whoever is believed, else of whoever others disagree with, else of whoever sees it beside something that hides,
+/// else nobody's.
 fn by_normals(mesh: &Mesh, views: &[View], sights: &[Sight], exponent: f64) -> Vec<f32> {
     let n_views = views.len();
     let mut shares = vec![0.0_f32; sights.len()];
     let rows = shares.par_chunks_mut(n_views).zip(sights.par_chunks(n_views));
     rows.zip(&mesh.positions_m).zip(&mesh.normals).for_each(|(((row, sights), place), normal)| {
-        for believed in [Sight::Seen, Sight::Outvoted] {
+        for believed in [Sight::Seen, Sight::Outvoted, Sight::Near] {
             let facing = |view: usize| {
                 let to_camera = (views[view].eye() - *place).normalize_or_zero();
                 to_camera.dot(normal.as_dvec3()).max(0.0)

@@ -37,7 +37,7 @@ mod vote;
 
 pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
-pub use field::{Distances, Field, FieldError, FieldSettings, Weights};
+pub use field::{Distances, Field, FieldError, FieldSettings, Preference, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;

@@ -34,7 +34,7 @@ pub(super) fn seams(topology: &Topology, sight: impl Fn(u32) -> Sight) -> (Vec<u
         }
         match sights.into_iter().max() {
             Some(Sight::Beside) => counts.n_beside += 1,
-            Some(Sight::Hidden) => counts.n_hidden += 1,
+            Some(Sight::Near | Sight::Hidden) => counts.n_hidden += 1,
             _ => counts.n_outvoted += 1,
         }
         corners.into_iter().for_each(|corner| is_seam[corner as usize] = true);

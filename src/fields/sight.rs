@@ -15,6 +15,8 @@ pub enum Sight {
     Seen,
     /// Others disagree with what it sees.
     Outvoted,
+    /// Something is before places so near to it that calibration and mesh may be off by as much.
+    Near,
     /// Something is before it, or it faces away.
     Hidden,
     /// It lies beside the picture, or beside what of it is of the mesh.
@@ -148,8 +150,10 @@ pub(super) fn sights(
         let is_hidden = |texel: DVec2, bias: f64| raster.depth_m(texel) < plane(texel) / (1.0 + bias);
         let at = texture * size;
         let is_near_other = || dilation.iter().any(|over| is_hidden(at + *over, DISCONTINUITY));
-        if is_hidden(at, DEPTH_BIAS) || visibility == Visibility::Dilated && is_near_other() {
+        if is_hidden(at, DEPTH_BIAS) {
             Sight::Hidden
+        } else if visibility == Visibility::Dilated && is_near_other() {
+            Sight::Near
         } else {
             Sight::Seen
         }

@@ -40,7 +40,8 @@ fn without_seams_whoever_looks_as_the_viewer_does_lends_most() {
     let eyes = [DVec3::new(-6.0, 4.0, 9.0), DVec3::new(4.0, 4.0, 12.0), DVec3::new(14.0, 4.0, 9.0)];
     let mut views: Vec<View> =
         eyes.iter().map(|eye| looking(*eye, DVec3::new(4.0, 4.001, 0.0), plain)).collect();
-    let field = field(&mesh, &topology, &mut views, &raw());
+    let preference = Preference::Directions { exponent: 5.0 };
+    let field = field(&mesh, &topology, &mut views, &FieldSettings { preference, ..raw() });
     assert!(field.seams().iter().all(|seams| seams.sum() == 0), "{:?}", field.seams());
     assert!((0..81).all(|vertex| (0..3).all(|view| field.ramp(vertex, view) == 1.0)));
     for (nearest, eye) in eyes.iter().enumerate() {
@@ -50,6 +51,24 @@ fn without_seams_whoever_looks_as_the_viewer_does_lends_most() {
             assert!((0..3).all(|view| view == nearest || row[view] < row[nearest]), "{vertex}: {row:?}");
         }
     }
+}
+
+#[test]
+fn whoever_sees_a_place_finely_lends_more_unless_depths_are_wrong() {
+    let (mesh, topology) = ground();
+    // One from near and aside, one from far away right behind the viewer.
+    let aim = DVec3::new(4.0, 4.001, 0.0);
+    let mut views = vec![
+        looking(DVec3::new(-2.0, 4.0, 7.0), aim, plain),
+        looking(DVec3::new(4.0, 4.0, 40.0), aim, plain),
+    ];
+    let mut near_of = |depth_m: f64| {
+        let preference = Preference::Errors { depth_m: Some(depth_m), exponent: 4.0 };
+        let field = field(&mesh, &topology, &mut views, &FieldSettings { preference, ..raw() });
+        field.target(&mesh, &views, DVec3::new(4.0, 4.0, 20.0)).of(40)[0]
+    };
+    assert!(near_of(0.0) > 0.95 && near_of(5.0) < 0.05, "{} {}", near_of(0.0), near_of(5.0));
+    assert!(near_of(0.2) > near_of(0.4));
 }
 
 #[test]
@@ -135,7 +154,7 @@ fn a_board_before_the_ground_hides_it_from_all_but_one() {
     let slanted = looking(DVec3::new(-9.0, 4.0, 2.5), DVec3::new(4.0, 4.001, 0.0), plain);
     for visibility in [Visibility::Depths, Visibility::Dilated, Visibility::Rays] {
         let mut views = vec![facing(12.0, plain), facing(13.0, plain), slanted.clone()];
-        let field = field(&mesh, &topology, &mut views, &FieldSettings { visibility, ..raw() });
+        let field = field(&mesh, &topology, &mut views, &FieldSettings { visibility, vote: None, ..raw() });
         let middle = 4 * 9 + 4;
         let sights = [0, 1, 2].map(|view| field.sight(middle, view));
         assert_eq!(sights, [Sight::Hidden, Sight::Hidden, Sight::Seen], "{visibility:?}");

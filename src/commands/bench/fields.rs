@@ -11,8 +11,8 @@ use videofields::accuracy::{OpenGate, Pooled, Scope, Stopwatch, Subject, compare
 use videofields::clock::{Clock as _, SystemClock};
 use videofields::encode;
 use videofields::fields::{
-    Blend, Distances, Field, FieldSettings, NO_VIEW, ROUNDS, Steps, Tessellation, Topology, View, Visibility,
-    bounded, exact, marching, shade,
+    Blend, Distances, Field, FieldSettings, NO_VIEW, Preference, ROUNDS, Steps, Tessellation, Topology, View,
+    Visibility, bounded, exact, marching, shade,
 };
 use videofields::frame::{Mask, RgbImage, codes_of};
 use videofields::fuse::{CameraState, EntityHull, HullMaking, HullMemory, SceneState};
@@ -61,7 +61,9 @@ struct Stage {
 }
 
 fn stages() -> Vec<Stage> {
+    // A place's surfaces are known to a few centimetres.
     let plain = FieldSettings {
+        preference: Preference::Errors { depth_m: Some(0.02), exponent: 4.0 },
         visibility: Visibility::Facing,
         vote: None,
         distances: Distances::Off,
@@ -75,8 +77,16 @@ fn stages() -> Vec<Stage> {
     let evened = FieldSettings { is_evened: true, ..voted };
     let marched = FieldSettings { distances: Distances::Marching, ..evened };
     let full = FieldSettings { distances: Distances::Exact, ..evened };
-    let alike = FieldSettings { density_exponent: 0.0, ..full };
     let unvoted = FieldSettings { vote: None, ..full };
+    let errors = |depth_m, exponent| FieldSettings {
+        preference: Preference::Errors { depth_m: Some(depth_m), exponent },
+        ..full
+    };
+    let directions = FieldSettings {
+        preference: Preference::Directions { exponent: 20.0 },
+        coverage_exponent: 1.0,
+        ..full
+    };
     vec![
         Stage { blend: Blend::Best, ..of("best camera", evened, false) },
         of("normals, what faces", plain, true),
@@ -87,7 +97,9 @@ fn stages() -> Vec<Stage> {
         Stage { blend: Blend::Filtered { error_m: 0.05 }, ..of("baseline, filtered", evened, true) },
         of("fields: by the viewer", evened, false),
         of("+ distances: all", full, false),
-        of("all, however finely seen", alike, false),
+        of("all, by directions (the paper)", directions, false),
+        of("all, by errors of 0.1 m", errors(0.1, 4.0), false),
+        of("all, by errors of 0.5 m", errors(0.5, 4.0), false),
         of("all, distances by a front", marched, false),
         of("all, distances bounded", FieldSettings { distances: Distances::Bounded, ..full }, false),
         of("all but the vote", unvoted, false),
