@@ -57,12 +57,9 @@ pub(crate) struct Montage {
     /// Texels of depth maps along their longer side.
     #[arg(long, value_name = "TEXELS", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(16..=8192))]
     depth_map_px: u32,
-    /// Levels of detail in which cameras vote on each other, the coarsest first.
-    #[arg(long, value_name = "FINEST-COARSEST", default_value_t = VoteLevels::default())]
-    vote: VoteLevels,
-    /// Believes every camera.
-    #[arg(long)]
-    no_vote: bool,
+    /// Levels of detail in which cameras vote on each other, the coarsest first, such as 4-6; if absent every camera is believed.
+    #[arg(long, value_name = "FINEST-COARSEST")]
+    vote: Option<VoteLevels>,
     /// How distances from seams are found: off, marching, bounded, exact.
     #[arg(long, default_value = "exact")]
     distances: Distances,
@@ -180,7 +177,7 @@ impl Montage {
         FieldSettings {
             visibility: self.visibility,
             depth_map_px: self.depth_map_px,
-            vote: (!self.no_vote).then_some(self.vote),
+            vote: self.vote,
             distances: self.distances,
             reach_m: self.reach,
             is_evened: !self.uneven,

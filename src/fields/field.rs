@@ -79,7 +79,8 @@ pub struct FieldSettings {
     pub visibility: Visibility,
     /// Texels of depth maps along their longer side, at least 1.
     pub depth_map_px: u32,
-    /// Levels of detail in which cameras vote on each other, if they do.
+    /// Levels of detail in which cameras vote on each other, if they do: where meshes lack what hides, as people; else it costs more than it
+    /// mends (docs/benchmarks/fields.md).
     pub vote: Option<VoteLevels>,
     /// How distances from seams are found.
     pub distances: Distances,
@@ -101,7 +102,7 @@ impl Default for FieldSettings {
         Self {
             visibility: Visibility::Dilated,
             depth_map_px: 1024,
-            vote: Some(VoteLevels::default()),
+            vote: None,
             distances: Distances::Exact,
             reach_m: None,
             is_evened: true,

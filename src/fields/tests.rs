@@ -31,7 +31,7 @@ fn field(mesh: &Mesh, topology: &Topology, views: &mut [View], settings: &FieldS
 }
 
 fn raw() -> FieldSettings {
-    FieldSettings { is_evened: false, ..FieldSettings::default() }
+    FieldSettings { is_evened: false, vote: Some(VoteLevels::default()), ..FieldSettings::default() }
 }
 
 #[test]
@@ -201,7 +201,7 @@ fn textures_of_any_size_and_exposure_agree() {
     let mut views = [facing(12.0, pattern), facing(11.0, dark), half(&facing(13.0, pattern))];
     let uneven = field(&mesh, &topology, &mut views, &raw());
     assert_eq!(uneven.sight(40, 1), Sight::Outvoted);
-    let field = field(&mesh, &topology, &mut views, &FieldSettings::default());
+    let field = field(&mesh, &topology, &mut views, &FieldSettings { is_evened: true, ..raw() });
     assert!((0..81).all(|vertex| (0..3).all(|view| field.sight(vertex, view) == Sight::Seen)));
     let gains = views.each_ref().map(|view| view.gain);
     assert!(

@@ -12,7 +12,7 @@ use videofields::clock::{Clock as _, SystemClock};
 use videofields::encode;
 use videofields::fields::{
     Blend, Distances, Field, FieldSettings, NO_VIEW, Preference, ROUNDS, Steps, Tessellation, Topology, View,
-    Visibility, bounded, exact, marching, shade,
+    Visibility, VoteLevels, bounded, exact, marching, shade,
 };
 use videofields::frame::{Mask, RgbImage, codes_of};
 use videofields::fuse::{CameraState, EntityHull, HullMaking, HullMemory, SceneState};
@@ -73,11 +73,10 @@ fn stages() -> Vec<Stage> {
     let of = |name, settings, is_by_normals| Stage { name, settings, is_by_normals, blend: Blend::Mixed };
     let hidden = FieldSettings { visibility: Visibility::Depths, ..plain };
     let dilated = FieldSettings { visibility: Visibility::Dilated, ..plain };
-    let voted = FieldSettings { vote: FieldSettings::default().vote, ..dilated };
-    let evened = FieldSettings { is_evened: true, ..voted };
+    let evened = FieldSettings { is_evened: true, ..dilated };
     let marched = FieldSettings { distances: Distances::Marching, ..evened };
     let full = FieldSettings { distances: Distances::Exact, ..evened };
-    let unvoted = FieldSettings { vote: None, ..full };
+    let voted = FieldSettings { vote: Some(VoteLevels::default()), ..full };
     let errors = |depth_m, exponent| FieldSettings {
         preference: Preference::Errors { depth_m: Some(depth_m), exponent },
         ..full
@@ -92,7 +91,6 @@ fn stages() -> Vec<Stage> {
         of("normals, what faces", plain, true),
         of("+ depth maps", hidden, true),
         of("+ dilated", dilated, true),
-        of("+ vote", voted, true),
         of("+ evened: the baseline", evened, true),
         Stage { blend: Blend::Filtered { error_m: 0.05 }, ..of("baseline, filtered", evened, true) },
         of("fields: by the viewer", evened, false),
@@ -102,7 +100,8 @@ fn stages() -> Vec<Stage> {
         of("all, by errors of 0.5 m", errors(0.5, 4.0), false),
         of("all, distances by a front", marched, false),
         of("all, distances bounded", FieldSettings { distances: Distances::Bounded, ..full }, false),
-        of("all but the vote", unvoted, false),
+        of("baseline, with the vote", voted, true),
+        of("all, with the vote", voted, false),
     ]
 }
 
