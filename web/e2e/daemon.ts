@@ -51,6 +51,8 @@ export async function daemon(name: string, { config, roots = [DEMO], records = f
       NODEVICE_SELECT: "1",
       VIDEOFIELDS_STORAGE__DATABASE: database,
       VIDEOFIELDS_ACCURACY__MEASURE_AT_START: "false",
+      // The most that may be set: machines of tests are slow.
+      VIDEOFIELDS_RENDER__TIMEOUT_SECS: "10",
       ...(records ? { VIDEOFIELDS_ARCHIVE__FOLDER: resolve(FOLDER, `${name}.archive`), VIDEOFIELDS_ARCHIVE__SEGMENT_SECS: "5" } : {}),
     };
     const started = spawn(binary, asked, { cwd: ROOT, env, stdio: ["ignore", "pipe", "pipe"] });
