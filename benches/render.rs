@@ -10,7 +10,9 @@ use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImag
 use videofields::fuse::{CameraState, Exposure, Overlap, SceneState};
 use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
 use videofields::gpu::Gpu;
-use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes};
+use videofields::plan::{
+    self, Colors, EntityStyle, FieldsForm, Picture, Sampling, Settings, View, ViewLimits, Wishes,
+};
 use videofields::render::Renderer;
 use videofields::scene::{Material, Scene, SceneCamera, Sky};
 use videofields::timeline::Observation;
@@ -133,6 +135,19 @@ fn render(criterion: &mut Criterion) {
             renderer.render(&state, &view, &plan).expect("a picture")
         });
     });
+    // What stands still by texture fields: once settled, the same weights are found again for every picture.
+    for n_cameras in [3, 8] {
+        let state = self::state(n_cameras);
+        for (word, fields) in FieldsForm::ALL {
+            let mut wishes = wishes(1);
+            wishes.settings.fields = fields;
+            let plan = plan::make(&state, &view, wishes);
+            renderer.make_ready(&state, &plan).expect("a scene");
+            group.bench_function(format!("1280x720/{n_cameras}_cameras/fields_{word}"), |bencher| {
+                bencher.iter(|| renderer.render(&state, &view, &plan).expect("a picture"));
+            });
+        }
+    }
     group.bench_function("plan", |bencher| {
         bencher.iter(|| plan::make(&state, black_box(&view), wishes(4)));
     });

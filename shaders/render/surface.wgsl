@@ -296,6 +296,83 @@ fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(select(fallback, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
 }
 
+struct FieldsVarying {
+    @builtin(position) @invariant position: vec4<f32>,
+    @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
+    @location(2) @interpolate(flat) material: vec3<f32>,
+    // What each camera of the list lends.
+    @location(6) @interpolate(perspective, centroid) lent_low: vec4<f32>,
+    @location(7) @interpolate(perspective, centroid) lent_high: vec4<f32>,
+}
+
+@vertex
+fn vs_fields(in: VertexIn, @location(6) lent_low: vec4<f32>, @location(7) lent_high: vec4<f32>) -> FieldsVarying {
+    return FieldsVarying(clip_place(in), in.position_from_anchor, in.material.xyz, lent_low, lent_high);
+}
+
+struct TexturedFieldsVarying {
+    @builtin(position) @invariant position: vec4<f32>,
+    @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
+    @location(2) @interpolate(flat) material: vec3<f32>,
+    @location(3) @interpolate(perspective, centroid) texture: vec4<f32>,
+    @location(4) @interpolate(flat) tint: vec3<f32>,
+    @location(6) @interpolate(perspective, centroid) lent_low: vec4<f32>,
+    @location(7) @interpolate(perspective, centroid) lent_high: vec4<f32>,
+}
+
+@vertex
+fn vs_fields_textured(
+    in: VertexIn,
+    @location(3) texture: vec4<f32>,
+    @location(4) tint: vec3<f32>,
+    @location(6) lent_low: vec4<f32>,
+    @location(7) lent_high: vec4<f32>,
+) -> TexturedFieldsVarying {
+    return TexturedFieldsVarying(
+        clip_place(in), in.position_from_anchor, in.material.xyz, texture, tint, lent_low, lent_high);
+}
+
+// The colour of a fragment by what its triangle's vertices are lent (fields.wgsl); `material` where nobody lends anything.
+fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: vec3<f32>) -> vec4<f32> {
+    var sum = vec3<f32>(0.0);
+    var sum_of_weights = 0.0;
+    for (var idx = 0u; idx < N_LISTED; idx++) {
+        let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
+        let weight = select(lent_low[idx & 3u], lent_high[idx & 3u], idx >= 4u);
+        let projection = project(k, point);
+        var level = 0.0;
+        if HAS_LEVELS {
+            level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
+        }
+        let inset = min(projection.texture, 1.0 - projection.texture);
+        if !(weight > LEAST_SHARE && projection.is_seen && min(inset.x, inset.y) >= 0.0) {
+            continue;
+        }
+        let place = projection.texture * cameras[k].background_scale;
+        let looked_up = textureSampleLevel(backgrounds, background_sampler, place, cameras[k].background_layer, level);
+        // What is hidden of its picture the camera does not see: others may.
+        if looked_up.a < IN_SIGHT {
+            continue;
+        }
+        sum += weight * evened(k, looked_up.rgb);
+        sum_of_weights += weight;
+    }
+    return vec4<f32>(select(material, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
+}
+
+@fragment
+fn fs_fields(in: FieldsVarying) -> @location(0) vec4<f32> {
+    return mixed(in.position_from_anchor, in.lent_low, in.lent_high, in.material);
+}
+
+// Of what has a picture.
+@fragment
+fn fs_fields_textured(in: TexturedFieldsVarying) -> @location(0) vec4<f32> {
+    let plain = TexturedVarying(
+        in.position, in.position_from_anchor, vec3<f32>(0.0), in.material, in.texture, in.tint, 0.0);
+    return mixed(in.position_from_anchor, in.lent_low, in.lent_high, material_color(plain));
+}
+
 @fragment
 fn fs_depth() -> @location(0) vec4<f32> {
     return vec4<f32>(0.0);

@@ -3,8 +3,8 @@
 use crate::config::{CameraSettings, RenderSettings, Resolution};
 use crate::mapping::{Builder, GridSettings};
 use crate::plan::{
-    Detail, EntityStyle, Filtering, HullForm, HullVisibility, MAX_BLENDED_CAMERAS, MAX_ENTITY_SOURCES,
-    Sampling, Settings,
+    Detail, EntityStyle, FieldsForm, Filtering, HullForm, HullVisibility, MAX_BLENDED_CAMERAS,
+    MAX_ENTITY_SOURCES, Sampling, Settings,
 };
 
 /// Steps of the map's grid, metres, from coarse to fine.
@@ -149,6 +149,7 @@ impl SurfaceForm {
             hull: form.hull,
             most_cameras: self.most_cameras,
             depth_maps: self.depth_map_side_px.is_some(),
+            fields: FieldsForm::Off,
             filtering: self.filtering,
             sampling: self.sampling,
             resolution: self.resolution,

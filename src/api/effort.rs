@@ -4,14 +4,14 @@ use super::parameters::{Parameter, words};
 use super::query::Query;
 use crate::fuse::LEAST_VIEWS;
 use crate::plan::{
-    Aim, Deadline, Detail, Effort, EntityStyle, Filtering, HullMethod, HullVisibility, MAX_BLENDED_CAMERAS,
-    MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Named, Preset,
+    Aim, Deadline, Detail, Effort, EntityStyle, FieldsForm, Filtering, HullMethod, HullVisibility,
+    MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Named, Preset,
 };
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
 /// The parameters that are read here.
-pub(super) const PARAMETERS: [Parameter; 14] = [
+pub(super) const PARAMETERS: [Parameter; 15] = [
     Parameter::word("quality", || words(&Preset::ALL), "How exactly it is drawn: sets every knob")
         .default_is("balanced"),
     Parameter::number(
@@ -36,6 +36,11 @@ pub(super) const PARAMETERS: [Parameter; 14] = [
         "depth_maps",
         || vec!["on", "off"],
         "Whether what stands before a surface keeps a camera's picture off it",
+    ),
+    Parameter::word(
+        "fields",
+        || words(&FieldsForm::ALL),
+        "Whether what stands still is coloured by texture fields: by who looks squarely, or by whose colours are least beside, smoothly",
     ),
     Parameter::word(
         "sources",
@@ -106,6 +111,7 @@ pub(super) fn read(query: &mut Query, style: EntityStyle) -> Effort {
             hull_visibility: query.choice("hull_visibility", &HullVisibility::ALL),
             most_cameras: query.whole("cameras", &(1..=most)).map(|cameras| cameras as usize),
             depth_maps: query.choice("depth_maps", &[("on", true), ("off", false)]),
+            fields: query.choice("fields", &FieldsForm::ALL),
             filtering: query.choice("filtering", &Filtering::ALL),
             samples: query.choice("samples", &[("1", 1), ("4", 4)]),
             supersampling: query.whole("supersampling", &(1..=MAX_SUPERSAMPLING)),

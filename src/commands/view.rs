@@ -94,6 +94,9 @@ pub(crate) struct View {
     /// Whether what stands before a surface keeps cameras' pictures off it: on or off.
     #[arg(long, value_name = "ON_OFF", allow_hyphen_values = true)]
     depth_maps: Option<String>,
+    /// Whether what stands still is coloured by texture fields: off, normals or montage; off if absent.
+    #[arg(long, value_name = "FORM", allow_hyphen_values = true)]
+    fields: Option<String>,
     /// By how many cameras one entity is shown, 1 or 2.
     #[arg(long, value_name = "COUNT", allow_hyphen_values = true)]
     sources: Option<String>,
@@ -177,6 +180,7 @@ impl View {
             ("filtering", &self.filtering),
             ("cameras", &self.cameras),
             ("depth_maps", &self.depth_maps),
+            ("fields", &self.fields),
             ("sources", &self.sources),
             ("stride", &self.stride),
             ("method", &self.method),

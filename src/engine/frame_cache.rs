@@ -93,7 +93,7 @@ mod tests {
     use crate::engine::resolve::limits_of;
     use crate::engine::{At, Origin, ViewKind, ViewRequest};
     use crate::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-    use crate::plan::{Detail, Effort, EntityStyle, Filtering, Plan, Sampling, Settings};
+    use crate::plan::{Detail, Effort, EntityStyle, FieldsForm, Filtering, Plan, Sampling, Settings};
     use crate::scene::{self, Scene};
     use crate::timeline::{Observation, Timeline};
 
@@ -171,6 +171,8 @@ mod tests {
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
                 evens_colors: false,
+                fields: FieldsForm::Off,
+                followed: None,
                 most_cameras_a_pixel: 8,
                 filtering: Filtering::Levels,
                 sky: false,

@@ -353,7 +353,9 @@ mod tests {
     use crate::engine::At;
     use crate::engine::view::ViewKind;
     use crate::frame::RgbImage;
-    use crate::plan::{Aim, Deadline, Detail, Effort, EntityStyle, Filtering, Plan, Sampling, Settings};
+    use crate::plan::{
+        Aim, Deadline, Detail, Effort, EntityStyle, FieldsForm, Filtering, Plan, Sampling, Settings,
+    };
     use crate::scene::SceneView;
     use glam::DVec3;
 
@@ -451,6 +453,8 @@ mod tests {
                 entity_cameras: Vec::new(),
                 opened: Vec::new(),
                 evens_colors: false,
+                fields: FieldsForm::Off,
+                followed: None,
                 most_cameras_a_pixel: 8,
                 filtering: Filtering::Levels,
                 sky: false,

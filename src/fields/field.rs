@@ -294,6 +294,33 @@ impl Field {
         self.ramps[vertex as usize * self.n_views + view]
     }
 
+    /// How much a view is believed at a vertex: how far from its seams it is, 0 to 1, and 0 where it does not see it.
+    ///
+    /// # Panics
+    /// Of one that is not there.
+    #[must_use]
+    pub fn trust(&self, vertex: u32, view: usize) -> f32 {
+        if self.sight(vertex, view) == Sight::Seen { self.ramp(vertex, view) } else { 0.0 }
+    }
+
+    /// What every view lends to a vertex by normals alone.
+    ///
+    /// # Panics
+    /// Of one that is not there.
+    #[must_use]
+    pub fn lends_by_normals(&self, vertex: u32) -> &[f32] {
+        &self.by_normals[vertex as usize * self.n_views..][..self.n_views]
+    }
+
+    /// How large a pixel of a view is on the surface at a vertex that it sees, along its longer side, metres; infinite at others.
+    ///
+    /// # Panics
+    /// Of one that is not there.
+    #[must_use]
+    pub fn pixel_m(&self, vertex: u32, view: usize) -> f32 {
+        self.pixels_m[vertex as usize * self.n_views + view]
+    }
+
     /// Every view's seams.
     #[must_use]
     pub fn seams(&self) -> &[SeamCounts] {

@@ -41,11 +41,18 @@ impl Tessellation {
     /// **Cost** seven rays to every camera for every triangle that is met on the way.
     #[must_use]
     pub fn of(&self, surfaces: &Surfaces, cameras: &[Camera]) -> Mesh {
-        let mut mesh = plain(surfaces);
+        self.with_origins(surfaces, cameras).0
+    }
+
+    /// As [`Self::of`], and of which of the surfaces' triangles each is a part: their places where all shapes' triangles are told one
+    /// after the other, those without an area too.
+    #[must_use]
+    pub fn with_origins(&self, surfaces: &Surfaces, cameras: &[Camera]) -> (Mesh, Vec<u32>) {
+        let (mesh, numbers) = plain(surfaces);
         let size =
             |at: &[DVec3; 3]| at[0].distance(at[1]).max(at[1].distance(at[2])).max(at[2].distance(at[0]));
         let fields_of_view: Vec<f64> = cameras.iter().map(half_angle_rad).collect();
-        mesh = mesh.refined(ROUNDS, self.most_triangles, |at, normal| {
+        let (mesh, origins) = mesh.refined_with_origins(ROUNDS, self.most_triangles, |at, normal| {
             let size_m = size(at);
             if size_m <= self.seam_m {
                 return false;
@@ -61,7 +68,7 @@ impl Tessellation {
                 (1..places.len()).contains(&n_seen) || n_seen > 0 && size_m > self.longest_m
             })
         });
-        mesh
+        (mesh, origins.into_iter().map(|origin| numbers[origin as usize]).collect())
     }
 }
 
@@ -101,9 +108,10 @@ fn sees(surfaces: &Surfaces, camera: &Camera, place: DVec3, normal: DVec3) -> bo
     surfaces.hit(&ray, START_M.min(0.5 * distance_m)).is_none_or(|hit| hit.distance_m >= distance_m)
 }
 
-/// The surfaces' own triangles: points are one where they lie in one place of one plane.
-fn plain(surfaces: &Surfaces) -> Mesh {
+/// The surfaces' own triangles, with their places among all: points are one where they lie in one place of one plane.
+fn plain(surfaces: &Surfaces) -> (Mesh, Vec<u32>) {
     let mut mesh = Mesh::default();
+    let (mut numbers, mut n_met) = (Vec::new(), 0);
     let mut known: HashMap<([u64; 3], [i32; 3]), u32> = HashMap::new();
     for shape in surfaces.shapes() {
         shape.triangles(&mut |triangle| {
@@ -118,11 +126,13 @@ fn plain(surfaces: &Surfaces) -> Mesh {
             let [a, b, c] = corners;
             if a != b && b != c && c != a {
                 mesh.triangles.push(corners);
+                numbers.push(n_met);
             }
+            n_met += 1;
         });
     }
     debug_assert!(mesh.normals.iter().all(|normal| *normal != Vec3::ZERO), "triangles have an area");
-    mesh
+    (mesh, numbers)
 }
 
 #[cfg(test)]
@@ -145,7 +155,7 @@ mod tests {
         let fine = Tessellation { longest_m: 4.0, seam_m: 0.3, ..Tessellation::default() };
         let mesh = fine.of(&surfaces, std::slice::from_ref(&camera));
         mesh.is_sound().unwrap();
-        let whole = plain(&surfaces);
+        let (whole, _) = plain(&surfaces);
         let area = |mesh: &Mesh| {
             mesh.triangles
                 .iter()

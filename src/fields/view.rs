@@ -16,6 +16,8 @@ pub const BORDER_PX: f64 = 1.5;
 pub struct View {
     camera: Camera,
     picture: Levels,
+    /// Columns of the picture, were it there.
+    width_px: u32,
     /// What of the picture is of the mesh, where that is known: 0 is not.
     foreground: Option<Mask>,
     /// What its light is multiplied by, a channel, so that it agrees with the others'.
@@ -27,7 +29,16 @@ impl View {
     /// the mesh.
     #[must_use]
     pub fn new(camera: Camera, picture: RgbImage, foreground: Option<Mask>) -> Self {
-        Self { camera, picture: Levels::of(picture), foreground, gain: Vec3::ONE }
+        let width_px = picture.width;
+        Self { camera, picture: Levels::of(picture), width_px, foreground, gain: Vec3::ONE }
+    }
+
+    /// Of a camera whose picture is not at hand but as large as it was calibrated: for what does not depend on colours. It is grey.
+    #[must_use]
+    pub fn without_picture(camera: Camera) -> Self {
+        let width_px = camera.size_px().0;
+        let grey = RgbImage { width: 1, height: 1, data: vec![128; 3] };
+        Self { camera, picture: Levels::of(grey), width_px, foreground: None, gain: Vec3::ONE }
     }
 
     /// Its camera.
@@ -78,7 +89,7 @@ impl View {
     #[must_use]
     pub fn px_per_m(&self, depth_m: f64) -> f64 {
         // Of the picture as it is, whatever size was calibrated.
-        let scale = f64::from(self.picture().width) / f64::from(self.camera.size_px().0);
+        let scale = f64::from(self.width_px) / f64::from(self.camera.size_px().0);
         self.camera.focal_px().x * scale / depth_m.max(1e-9)
     }
 }

@@ -16,6 +16,7 @@ pub use device::{Gpu, GpuError};
 pub(crate) use mirror::mirror;
 pub use mirror::{Mirror, MirrorField};
 pub use readback::Readback;
+pub(crate) use readback::read;
 pub use shader::{SHADERS, compose};
 pub use tally::{Count, Counted, TextureDescriptor};
 pub use timing::{PassTime, Span, Timer};

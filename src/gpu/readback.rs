@@ -108,7 +108,7 @@ impl Readback {
 }
 
 /// Maps a buffer, waits, and lets `with` look at its bytes.
-pub(super) fn read(gpu: &Gpu, buffer: &wgpu::Buffer, with: impl FnOnce(&[u8])) -> Result<(), GpuError> {
+pub(crate) fn read(gpu: &Gpu, buffer: &wgpu::Buffer, with: impl FnOnce(&[u8])) -> Result<(), GpuError> {
     // The outcome of mapping shows when the range is asked for; a failure also reaches the device's fault slot.
     buffer.map_async(wgpu::MapMode::Read, .., |_mapped: Result<(), wgpu::BufferAsyncError>| {});
     let outcome = gpu.finish().and_then(|()| {

@@ -74,6 +74,15 @@ impl Gpu {
         self.device.create_texture(descriptor)
     }
 
+    /// Makes a buffer of so many bytes, all 0.
+    #[must_use]
+    pub fn buffer(&self, label: &'static str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        self.tally.add(Counted::Buffer, label, size);
+        let descriptor =
+            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        self.device.create_buffer(&descriptor)
+    }
+
     /// Makes a pipeline.
     #[must_use]
     pub fn pipeline(

@@ -34,8 +34,20 @@ impl Mesh {
         most_triangles: usize,
         wants: impl Fn(&[DVec3; 3], DVec3) -> bool + Sync,
     ) -> Self {
+        self.refined_with_origins(n_rounds, most_triangles, wants).0
+    }
+
+    /// As [`Self::refined`], and of which triangle each is a part.
+    #[must_use]
+    pub fn refined_with_origins(
+        &self,
+        n_rounds: u32,
+        most_triangles: usize,
+        wants: impl Fn(&[DVec3; 3], DVec3) -> bool + Sync,
+    ) -> (Self, Vec<u32>) {
         use rayon::prelude::*;
         let mut mesh = self.clone();
+        let mut origins: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
         // What is new since it was last asked about.
         let mut is_open = vec![true; mesh.triangles.len()];
         for _ in 0..n_rounds {
@@ -69,21 +81,23 @@ impl Mesh {
             if n_after > most_triangles {
                 break;
             }
-            is_open = mesh.cut(&cut);
+            is_open = mesh.cut(&cut, &mut origins);
         }
-        mesh
+        (mesh, origins)
     }
 
     /// Cuts triangles through the middles of these sides: tells of each that there is then whether it is new.
-    fn cut(&mut self, cut: &HashSet<Side>) -> Vec<bool> {
+    fn cut(&mut self, cut: &HashSet<Side>, origins: &mut Vec<u32>) -> Vec<bool> {
         let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
         let (mut triangles, mut is_new) = (Vec::new(), Vec::new());
         let old = std::mem::take(&mut self.triangles);
-        for corners in old {
+        let old_origins = std::mem::take(origins);
+        for (corners, origin) in old.into_iter().zip(old_origins) {
             let at = corners.map(|corner| self.positions_m[corner as usize]);
             let is_cut = sides(&at).map(|side| cut.contains(&side));
             if !is_cut.contains(&true) {
                 triangles.push(corners);
+                origins.push(origin);
                 // Nobody wanted it.
                 is_new.push(false);
                 continue;
@@ -108,6 +122,7 @@ impl Mesh {
             };
             halves([ab, b, c], bc);
             halves([ab, c, a], ca);
+            origins.resize(triangles.len(), origin);
         }
         self.triangles = triangles;
         is_new

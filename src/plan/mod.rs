@@ -9,6 +9,7 @@ mod coverage;
 mod entities;
 mod errors;
 mod exposure;
+mod fields;
 mod fit;
 mod hulls;
 mod picture;
@@ -25,6 +26,7 @@ mod work;
 pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
 pub use errors::Errors;
+pub use fields::{FieldsForm, Followed};
 pub use hulls::{
     HULL_VOXELS, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, MAX_APART_M, MAX_SKEW_S,
 };
@@ -164,6 +166,11 @@ pub struct Plan {
     pub opened: Vec<Opened>,
     /// Whether the cameras' colours are multiplied by their gains.
     pub evens_colors: bool,
+    /// Whether what stands still is coloured by texture fields, and which.
+    pub fields: FieldsForm,
+    /// Whose fields these are, if a session's.
+    #[serde(skip)]
+    pub followed: Option<Followed>,
     /// Most cameras that are blended at a pixel.
     pub most_cameras_a_pixel: usize,
     /// How cameras' backgrounds are looked up.
@@ -228,7 +235,7 @@ pub fn make_for(
     state: &SceneState,
     picture: &Picture,
     wishes: Wishes,
-    session: Option<&mut ViewSession>,
+    mut session: Option<&mut ViewSession>,
 ) -> Plan {
     let mut reasons = Vec::new();
     let settings = wishes.settings;
@@ -250,6 +257,8 @@ pub fn make_for(
         entity_cameras: Vec::new(),
         opened: Vec::new(),
         evens_colors: false,
+        fields: FieldsForm::Off,
+        followed: None,
         most_cameras_a_pixel: settings.most_cameras,
         filtering: settings.filtering,
         sampling: settings.sampling,
@@ -257,6 +266,8 @@ pub fn make_for(
         sky: state.scene.sky.plain_srgb().is_none(),
         reasons,
     };
+    let history = session.as_deref_mut().map(|session| &mut session.fields);
+    fields::plan(state, settings.fields, history, &mut plan);
     entities::plan(state, picture, &settings, &mut plan);
     exposure::plan(state, wishes.colors, &mut plan);
     if wishes.see_through {

@@ -3,6 +3,7 @@
 //! What hides is found by rays from several points of every entity to the viewer; an occluder opens where it hides most of
 //! one. A picture by itself shows the settled state; a [`ViewSession`] comes to it smoothly over scene time.
 
+use super::fields::FieldsHistory;
 use super::{EntityStyle, Picture, Plan, Reason, Viewer};
 use crate::clock::Timestamp;
 use crate::fuse::{Billboard, Entity, SceneState};
@@ -80,6 +81,8 @@ pub struct ViewSession {
     /// What hides at the instant, as far as any picture of it has told.
     hiding: Vec<(SurfaceId, f64)>,
     now: Vec<Opening>,
+    /// How far texture fields have followed.
+    pub(super) fields: FieldsHistory,
 }
 
 /// How far an occluder has opened.
@@ -111,7 +114,8 @@ impl ViewSession {
             // Another picture of the same instant.
             Some(_) => {}
             None => {
-                *self = Self { scene: Arc::downgrade(&state.scene), gain: 1.0, ..Self::default() };
+                let fields = std::mem::take(&mut self.fields);
+                *self = Self { scene: Arc::downgrade(&state.scene), gain: 1.0, fields, ..Self::default() };
             }
         }
         self.at = Some(state.instant);

@@ -1,8 +1,8 @@
 //! How exactly a picture is drawn: every knob in one value, the presets, and what a caller may ask for.
 
 use super::{
-    EntityStyle, HULL_VOXELS, HullForm, HullMethod, HullVisibility, MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS,
-    MAX_SUPERSAMPLING, Sampling,
+    EntityStyle, FieldsForm, HULL_VOXELS, HullForm, HullMethod, HullVisibility, MAX_BLENDED_CAMERAS,
+    MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Sampling,
 };
 use crate::error::Fault;
 use crate::fuse::{HullMaking, HullMemory, LEAST_VIEWS, SceneState};
@@ -98,6 +98,8 @@ pub struct Settings {
     pub most_cameras: usize,
     /// Whether what stands before a surface keeps a camera's picture off it.
     pub depth_maps: bool,
+    /// Whether what stands still is coloured by texture fields.
+    pub fields: FieldsForm,
     /// How cameras' backgrounds are looked up.
     pub filtering: Filtering,
     /// How often a pixel is looked at.
@@ -172,6 +174,7 @@ impl Settings {
             ("filtering", self.filtering.as_str().to_owned()),
             ("cameras", self.most_cameras.to_string()),
             ("depth_maps", if self.depth_maps { "on" } else { "off" }.to_owned()),
+            ("fields", self.fields.as_str().to_owned()),
         ];
         match self.entities {
             EntityStyle::Billboards => knobs.push(("sources", self.sources.to_string())),
@@ -200,6 +203,7 @@ impl Settings {
             ("filtering", self.filtering < other.filtering),
             ("cameras", self.most_cameras < other.most_cameras),
             ("depth_maps", !self.depth_maps && other.depth_maps),
+            ("fields", self.fields < other.fields),
             ("sources", self.entities.has_billboards() && self.sources < other.sources),
             (
                 "hull_visibility",
@@ -252,6 +256,7 @@ impl Preset {
             hull: HullForm::EXACT,
             most_cameras: MAX_BLENDED_CAMERAS,
             depth_maps: true,
+            fields: FieldsForm::Off,
             filtering: Filtering::Levels,
             sampling: Sampling { samples, supersampling: 1 },
             resolution: Detail::Whole,
@@ -292,6 +297,8 @@ pub struct Named {
     pub most_cameras: Option<usize>,
     /// See [`Settings::depth_maps`].
     pub depth_maps: Option<bool>,
+    /// See [`Settings::fields`].
+    pub fields: Option<FieldsForm>,
     /// See [`Settings::filtering`].
     pub filtering: Option<Filtering>,
     /// See [`Sampling::samples`].
@@ -323,6 +330,7 @@ impl Named {
             hull: self.hull_over(settings.hull),
             most_cameras: self.most_cameras.unwrap_or(settings.most_cameras),
             depth_maps: self.depth_maps.unwrap_or(settings.depth_maps),
+            fields: self.fields.unwrap_or(settings.fields),
             filtering: self.filtering.unwrap_or(settings.filtering),
             sampling: Sampling {
                 samples: self.samples.unwrap_or(settings.sampling.samples),
@@ -444,6 +452,8 @@ fn candidates_of(entities: EntityStyle, named: &Named) -> Vec<Settings> {
                 hull: hull(*sources),
                 most_cameras: *most_cameras,
                 depth_maps: *depth_maps,
+                // Nothing that a deadline may choose: it takes a scene some time to be made ready for.
+                fields: named.fields.unwrap_or_default(),
                 filtering: *filtering,
                 sampling,
                 resolution,

@@ -47,6 +47,7 @@ pub(super) const STAGES: [StageForm; 7] = [
             (F::Bilinear, 11.0),
             (F::Levels, 14.0),
             (F::DepthTests, 5.0),
+            (F::Fields, 10.0),
             (F::Lenses, 5.0),
             (F::SurfacePrograms, 40.0),
         ],
@@ -85,7 +86,7 @@ impl StageTimes {
             let stage = match pass {
                 "yuv" => TimedStage::Yuv,
                 "camera_depth" => TimedStage::CameraDepth,
-                "surface" => TimedStage::Surface,
+                "fields" | "surface" => TimedStage::Surface,
                 "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_peel" | "hull_voxels" | "hull"
                 | "see_through" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,

@@ -5,8 +5,8 @@
 
 use super::coverage;
 use super::{
-    EntityStyle, Filtering, HullForm, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard, Sampling,
-    Settings,
+    EntityStyle, FieldsForm, Filtering, HullForm, MAX_BLENDED_CAMERAS, Picture, Plan, PlannedBillboard,
+    Sampling, Settings,
 };
 use crate::fuse::{Billboard, Entity, LEAST_VIEWS, MAX_RUN, SceneState};
 use glam::DVec3;
@@ -35,6 +35,8 @@ pub enum Feature {
     Levels,
     /// The same of the cameras with a depth map.
     DepthTests,
+    /// 1 where texture fields run.
+    Fields,
     /// The same of the cameras with a lens that bends.
     Lenses,
     /// Drawn megapixels that rectangles cover, times their sources.
@@ -74,7 +76,7 @@ pub(super) const N_FEATURES: usize = Feature::ALL.len();
 
 impl Feature {
     /// All of them with their names in tables.
-    pub const ALL: [(&'static str, Self); 25] = [
+    pub const ALL: [(&'static str, Self); 26] = [
         ("one", Self::One),
         ("parts", Self::Parts),
         ("drawn", Self::Drawn),
@@ -84,6 +86,7 @@ impl Feature {
         ("bilinear", Self::Bilinear),
         ("levels", Self::Levels),
         ("depth_tests", Self::DepthTests),
+        ("fields", Self::Fields),
         ("lenses", Self::Lenses),
         ("rectangles", Self::Rectangles),
         ("entities", Self::Entities),
@@ -195,6 +198,8 @@ impl Program {
 pub struct SurfaceForm {
     /// Whether any camera has a depth map.
     has_depth_maps: bool,
+    /// Whether texture fields colour them.
+    has_fields: bool,
     /// Whether any has a lens that bends.
     has_lenses: bool,
     /// Whether anything is open.
@@ -321,6 +326,9 @@ impl Survey {
         let is_hulls = settings.entities.has_hulls();
         let has_entities = n_shown > 0 || n_runs > 0.0 || is_hulls && self.n_silhouettes > 0;
         let is_resampled = step > 1.0 || times > 1.0;
+        // Fields know who is hidden.
+        let has_fields = settings.fields != FieldsForm::Off;
+        let has_depth_maps = settings.depth_maps && !has_fields;
         let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
         let is_filtering = |filtering| settings.filtering == filtering;
         let mut work = Work::default();
@@ -333,7 +341,8 @@ impl Survey {
             (Feature::Nearest, only(is_filtering(Filtering::Nearest), looked_up)),
             (Feature::Bilinear, only(is_filtering(Filtering::Bilinear), looked_up)),
             (Feature::Levels, only(is_filtering(Filtering::Levels), looked_up)),
-            (Feature::DepthTests, only(settings.depth_maps, drawn * first.with_depth_maps)),
+            (Feature::DepthTests, only(has_depth_maps, drawn * first.with_depth_maps)),
+            (Feature::Fields, only(has_fields, 1.0)),
             (Feature::Lenses, drawn * first.with_lenses),
             (Feature::Rectangles, only(is_billboards, share(rectangles))),
             (Feature::Entities, n_shown as f64 / 100.0),
@@ -342,7 +351,7 @@ impl Survey {
             (Feature::Silhouettes, only(is_hulls, self.n_silhouettes as f64 / 100.0)),
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
-            (Feature::DepthMaps, only(settings.depth_maps, f64::from(pending.depth_maps))),
+            (Feature::DepthMaps, only(has_depth_maps, f64::from(pending.depth_maps))),
             (Feature::Resampled, only(is_resampled, drawn + finished)),
             (Feature::Finished, finished),
             (Feature::Cameras, self.n_observations as f64),
@@ -359,7 +368,10 @@ impl Survey {
         let (n_cameras, first) = self.first(settings);
         let Sampling { samples, supersampling } = settings.sampling;
         let form = SurfaceForm {
-            has_depth_maps: settings.depth_maps && first.with_depth_maps > 0.0,
+            has_depth_maps: settings.depth_maps
+                && settings.fields == FieldsForm::Off
+                && first.with_depth_maps > 0.0,
+            has_fields: settings.fields != FieldsForm::Off,
             has_lenses: first.with_lenses > 0.0,
             has_opened: self.n_opened > 0,
             evens_colors: self.evens_colors,

@@ -8,6 +8,7 @@
 mod camera_data;
 mod coplanar;
 mod error;
+mod field_mesh;
 mod found_hulls;
 mod hull_data;
 mod hulls;
@@ -26,6 +27,7 @@ mod texture_store;
 pub use crate::plan::{Picture, View, ViewLimits};
 pub use error::RenderError;
 pub use found_hulls::{FoundHull, FoundHulls};
+pub use passes::{FoundDistances, SurfaceDistances};
 pub use ready::MAX_READY_SCENES;
 pub use renderer::{Rendered, Renderer, view_limits};
 pub use texture_store::TextureUse;
@@ -39,6 +41,12 @@ pub enum Pass {
     Yuv,
     /// What may hide surfaces from the cameras, where scene or camera changed.
     CameraDepth,
+    /// Which faces of a mesh meet.
+    FieldsTopology,
+    /// Distances along a mesh.
+    FieldsDistances,
+    /// How much each camera lends to the vertices of what stands still.
+    Fields,
     /// All that stands still, with the cameras' backgrounds; a plain sky.
     Surface,
     /// A sky that is more than one colour, where nothing else was drawn.
@@ -74,6 +82,9 @@ impl Pass {
         match self {
             Self::Yuv => "yuv",
             Self::CameraDepth => "camera_depth",
+            Self::FieldsTopology => "fields_topology",
+            Self::FieldsDistances => "fields_distances",
+            Self::Fields => "fields",
             Self::Surface => "surface",
             Self::Sky => "sky",
             Self::Billboard => "billboard",

@@ -26,7 +26,7 @@ impl Renderer {
         let lacks_map =
             |camera: &&&crate::fuse::CameraState| !self.depth_maps.has(&state.scene, &camera.camera);
         let depth_maps = cameras(&plan.depth_map_cameras).iter().filter(lacks_map).count();
-        Pending { upload_bytes, depth_maps: depth_maps as u32, is_unprepared: !self.is_ready(state) }
+        Pending { upload_bytes, depth_maps: depth_maps as u32, is_unprepared: !self.is_ready(state, plan) }
     }
 }
 

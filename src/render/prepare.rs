@@ -1,5 +1,6 @@
 //! What is made ready once for all parts of a picture that are seen from one place.
 
+use super::field_mesh::FieldMesh;
 use super::image_array::{Job, Wanted};
 use super::mesh::Mesh;
 use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
@@ -44,7 +45,7 @@ impl Renderer {
         state: &'s SceneState,
         picture: &Picture,
         stand: &Stand,
-        (plan, patches): (&Plan, &Patches),
+        (plan, patches, fields): (&Plan, &Patches, Option<&FieldMesh>),
     ) -> Result<Uploads<'s>, RenderError> {
         let anchor = stand.anchor_in_world;
         let gain = |idx: usize| {
@@ -111,7 +112,10 @@ impl Renderer {
             filtering: plan.filtering,
             most_cameras: plan.most_cameras_a_pixel.min(MOST_LISTED),
         };
-        patches.batch(&drawing, &mut self.batches);
+        match fields {
+            Some(fields) => fields.batch(&drawing, &mut self.batches),
+            None => patches.batch(&drawing, &mut self.batches),
+        }
         self.frame.write_cameras(&self.gpu);
         self.prepare_entities(state, picture, stand, (plan, &places));
         Ok(uploads)

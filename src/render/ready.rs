@@ -1,12 +1,13 @@
 //! Scenes that are made ready to be drawn: their triangles, and these in patches for the scene's cameras.
 
 use super::RenderError;
+use super::field_mesh::FieldMesh;
 use super::mesh::Mesh;
 use super::patches::Patches;
 use super::renderer::Renderer;
 use crate::fuse::SceneState;
 use crate::geometry::Camera;
-use crate::plan::Plan;
+use crate::plan::{FieldsForm, Plan};
 use crate::scene::Scene;
 use std::sync::Arc;
 
@@ -17,6 +18,8 @@ pub const MAX_READY_SCENES: usize = 4;
 struct ReadyScene {
     mesh: Arc<Mesh>,
     patches: Arc<Patches>,
+    /// Once a plan has called for it.
+    fields: Option<Arc<FieldMesh>>,
 }
 
 /// The scenes that were drawn last.
@@ -57,7 +60,7 @@ impl ReadyScenes {
                 );
                 self.n_patches += 1;
                 let patches = Arc::new(Patches::new(&mesh, cameras, depth_map_side_px, self.n_patches));
-                ReadyScene { mesh, patches }
+                ReadyScene { mesh, patches, fields: None }
             }
         };
         let found = (Arc::clone(&ready.mesh), Arc::clone(&ready.patches));
@@ -67,14 +70,41 @@ impl ReadyScenes {
     }
 }
 
+impl ReadyScenes {
+    /// The fine mesh of the state's scene for its cameras, made where it is not there yet.
+    pub(super) fn fields_of(&mut self, state: &SceneState, depth_map_side_px: u32) -> Arc<FieldMesh> {
+        let (mesh, _) = self.of(state, depth_map_side_px);
+        let cameras = cameras_of(state);
+        let ready = &mut self.kept[0];
+        match &ready.fields {
+            Some(fields) if fields.serves(&mesh, &cameras) => Arc::clone(fields),
+            _ => {
+                self.n_patches += 1;
+                let fields = Arc::new(FieldMesh::new(&mesh, cameras, self.n_patches));
+                ready.fields = Some(Arc::clone(&fields));
+                fields
+            }
+        }
+    }
+
+    /// Whether [`Self::fields_of`] has nothing to do.
+    fn has_fields(&self, state: &SceneState) -> bool {
+        let ready = self.place_of(&state.scene).map(|place| &self.kept[place]);
+        let serves = |ready: &ReadyScene| {
+            ready.fields.as_ref().is_some_and(|fields| fields.serves(&ready.mesh, &cameras_of(state)))
+        };
+        ready.is_some_and(serves)
+    }
+}
+
 fn cameras_of(state: &SceneState) -> Vec<Arc<Camera>> {
     state.cameras.iter().map(|camera| Arc::clone(&camera.camera)).collect()
 }
 
 impl Renderer {
     /// Whether [`Self::make_ready`] has nothing to do.
-    pub(super) fn is_ready(&self, state: &SceneState) -> bool {
-        self.scenes.has(state)
+    pub(super) fn is_ready(&self, state: &SceneState, plan: &Plan) -> bool {
+        self.scenes.has(state) && (plan.fields == FieldsForm::Off || self.scenes.has_fields(state))
     }
 
     /// Makes the scene itself ready to be drawn where it is not: what costs time once, and is no part of what a picture takes.
@@ -84,6 +114,9 @@ impl Renderer {
     /// What the device reports.
     pub fn make_ready(&mut self, state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
         let (mesh, _) = self.scenes.of(state, self.depth_maps.side_px());
+        if plan.fields != FieldsForm::Off {
+            self.scenes.fields_of(state, self.depth_maps.side_px());
+        }
         self.pictures(&mesh, plan);
         // Pictures may be marked as there that never were.
         self.gpu.check().inspect_err(|_error| self.textures.clear())?;

@@ -2,12 +2,13 @@
 
 use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
 use super::error::RenderError;
+use super::field_mesh::FieldMesh;
 use super::hulls::{HullPiece, Hulls};
 use super::image_array::ImageArray;
 use super::mesh::Mesh;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
-    PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
+    FieldsPass, FieldsWanted, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
@@ -17,11 +18,13 @@ use super::ready::ReadyScenes;
 use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
+use crate::fields::MAX_VIEWS;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{Detail, Part, Picture, Plan, View, ViewLimits};
+use crate::plan::{Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
 use crate::scene::Sky;
+use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
 const BACKGROUND_LEVELS: u32 = 5;
@@ -72,6 +75,7 @@ pub struct Renderer {
 struct Passes {
     yuv: Option<YuvPass>,
     camera_depth: Option<CameraDepthPass>,
+    fields: Option<FieldsPass>,
     surface: Option<SurfacePass>,
     sky: Option<SkyPass>,
     billboard: Option<BillboardPass>,
@@ -88,8 +92,20 @@ struct Shown<'a> {
     size_px: (u32, u32),
     mesh: &'a Mesh,
     patches: &'a Patches,
+    fields: Option<&'a ShownFields>,
+    /// Who looks at all of the picture.
+    viewer: Viewer,
+    /// Whether it is the first of its picture: fields go on once a picture.
+    is_first: bool,
     stand: Stand,
     pictures: &'a Pictures,
+}
+
+/// The fine mesh of what stands still, and which cameras have a picture for it.
+struct ShownFields {
+    mesh: Arc<FieldMesh>,
+    /// By the field's views.
+    is_shown: [bool; MAX_VIEWS],
 }
 
 /// What surfaces and sky are painted with, as it is bound.
@@ -228,13 +244,14 @@ impl Renderer {
         self.gpu.check()?;
         let (mesh, patches) = self.scenes.of(state, self.depth_maps.side_px());
         let pictures = self.pictures(&mesh, plan);
+        let fields = self.fields(state, plan);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
         let row_bytes = picture.width_px as usize * 3;
         let mut data = vec![0; row_bytes * picture.height_px as usize];
         let mut timings: Vec<PassTime> = Vec::new();
-        let mut prepared = None;
+        let (mut prepared, mut is_first) = (None, true);
         for Part { view, left_px, top_px } in &picture.parts {
             // Not between making ready and drawing: layers would be marked as filled that are not.
             if !wanted() {
@@ -243,7 +260,8 @@ impl Renderer {
             let stand = Stand::of(view, &mesh);
             let mut uploads = Uploads::default();
             if prepared.replace(stand) != Some(stand) {
-                uploads = self.prepare(state, picture, &stand, (plan, &patches))?;
+                let fine = fields.as_ref().map(|fields| &*fields.mesh);
+                uploads = self.prepare(state, picture, &stand, (plan, &patches, fine))?;
             }
             let pieces = pieces::of(view, plan.sampling, max_side_px, max_bytes);
             for (idx, Piece { columns, rows }) in pieces.enumerate() {
@@ -257,8 +275,17 @@ impl Renderer {
                     1 => view,
                     step_px => view.coarse(step_px, ENLARGE_MARGIN_PX),
                 };
-                let piece =
-                    Shown { view, size_px, mesh: &mesh, patches: &patches, stand, pictures: &pictures };
+                let piece = Shown {
+                    view,
+                    size_px,
+                    mesh: &mesh,
+                    patches: &patches,
+                    fields: fields.as_ref(),
+                    viewer: picture.viewer,
+                    is_first: std::mem::take(&mut is_first),
+                    stand,
+                    pictures: &pictures,
+                };
                 self.submit(state, &piece, plan, &std::mem::take(&mut uploads))?;
                 self.readback.read_rgb(&self.gpu, &mut data[top * row_bytes + left * 3..], row_bytes)?;
                 for time in self.timer.read(&self.gpu)? {
@@ -271,6 +298,21 @@ impl Renderer {
         }
         let image = RgbImage { width: picture.width_px, height: picture.height_px, data };
         Ok(Some(Rendered { image, timings }))
+    }
+
+    /// The fine mesh of what stands still and who has a picture for it, where fields are planned.
+    fn fields(&mut self, state: &SceneState, plan: &Plan) -> Option<ShownFields> {
+        if plan.fields == FieldsForm::Off {
+            return None;
+        }
+        let mesh = self.scenes.fields_of(state, self.depth_maps.side_px());
+        let mut is_shown = [false; MAX_VIEWS];
+        for idx in &plan.surface_cameras {
+            if let Some(view) = mesh.place_of(&state.cameras[*idx].camera) {
+                is_shown[view] = true;
+            }
+        }
+        Some(ShownFields { mesh, is_shown })
     }
 
     /// The pictures of the scene's surfaces, and of its sky if that is planned, uploaded where they were not before.
@@ -329,13 +371,28 @@ impl Renderer {
         let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, hulls, .. } = self;
         let gpu = &*gpu;
         let scene = &*state.scene;
-        let Shown { view, size_px, mesh, patches, stand, pictures } = piece;
+        let Shown { view, size_px, mesh, patches, fields, viewer, is_first, stand, pictures } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
             pass.record(&mut recording, depth_maps, &mesh.vertices);
         }
 
+        let lent = match fields {
+            Some(ShownFields { mesh, is_shown }) => {
+                let pass = made(&mut passes.fields, || FieldsPass::new(gpu))?;
+                let wanted = FieldsWanted {
+                    form: plan.fields,
+                    viewer: *viewer,
+                    is_shown,
+                    most_cameras: plan.most_cameras_a_pixel,
+                    followed: plan.followed,
+                    goes_on: *is_first,
+                };
+                Some(pass.record(&mut recording, mesh, &wanted))
+            }
+            None => None,
+        };
         let reach = Reach { anchor_in_world: stand.anchor_in_world, depths_m: mesh.depths_m(&view.pose) };
         let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
         let (times, step_px) = (plan.sampling.supersampling, plan.resolution.step_px());
@@ -360,8 +417,15 @@ impl Renderer {
         let surface = made(&mut passes.surface, || Ok(SurfacePass::new(gpu)))?;
         let anchor_in_world = stand.anchor_in_world;
         let covering = !pictures.surfaces.is_empty();
+        let (number, vertices, may_overlap) = match fields {
+            Some(ShownFields { mesh, .. }) => (mesh.number, &mesh.vertices, mesh.may_overlap()),
+            None => (patches.number, &patches.vertices, patches.may_overlap()),
+        };
         let static_scene = StaticScene {
-            patches,
+            number,
+            vertices,
+            may_overlap,
+            lent: lent.as_ref(),
             batches,
             anchor_in_world,
             filtering: plan.filtering,

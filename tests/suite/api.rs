@@ -401,7 +401,7 @@ async fn a_plan_is_answered_without_a_picture() {
             "sampling": {"samples": 4, "supersampling": 2},
             "settings": {
                 "resolution": "whole", "samples": "4", "supersampling": "2", "filtering": "levels", "cameras": "8",
-                "depth_maps": "on", "sources": "2",
+                "depth_maps": "on", "fields": "off", "sources": "2",
             },
             "left_out": [],
             "restricted": false,

@@ -6,6 +6,10 @@ mod blend;
 mod counted;
 #[path = "render/exposure.rs"]
 mod exposure;
+#[path = "render/fields.rs"]
+mod fields;
+#[path = "render/fields_distances.rs"]
+mod fields_distances;
 #[path = "render/hulls.rs"]
 mod hulls;
 #[path = "render/knobs.rs"]

@@ -4,6 +4,9 @@ mod average;
 mod billboard;
 mod camera_depth;
 mod enlarge;
+mod fields;
+mod fields_distances;
+mod fields_topology;
 mod hull;
 mod hull_depths;
 mod hull_peel;
@@ -21,6 +24,8 @@ pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
+pub(super) use fields::{FIELD_SLOTS, FieldGroup, FieldVertex, FieldsPass, FieldsWanted, NO_FIELD_VIEW};
+pub use fields_distances::{FoundDistances, SurfaceDistances};
 pub(super) use hull::{HullPass, HullSeen};
 pub(super) use hull_depths::HullDepthsPass;
 pub(super) use hull_peel::{HullPeelPass, MOST_VALID_PX};
@@ -38,7 +43,10 @@ use crate::gpu::{Gpu, GpuError, Mirror, Timer};
 
 /// The mirror structs of all passes.
 pub(super) fn mirrors() -> Vec<Mirror> {
-    vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR]
+    let mut mirrors = vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR];
+    mirrors.extend(fields::MIRRORS);
+    mirrors.push(fields_topology::MeshSize::MIRROR);
+    mirrors
 }
 
 /// The vertex layouts of all passes: shader, entry point, attributes' locations and formats.

@@ -9,7 +9,7 @@ use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::plan::{Filtering, Opened};
 use crate::render::image_array::ImageArray;
 use crate::render::mesh::MeshVertex;
-use crate::render::patches::{Batch, Batches, CameraList, Patches, Shading};
+use crate::render::patches::{Batch, Batches, CameraList, Shading};
 use glam::DVec3;
 use std::num::NonZeroU64;
 
@@ -50,6 +50,11 @@ struct TextureVertex {
 }
 
 const TEXTURE_ATTRIBUTES: Attributes<2> = wgpu::vertex_attr_array![3 => Float32x4, 4 => Float32x3];
+
+/// What each camera of its list lends to a vertex.
+const LENT_ATTRIBUTES: Attributes<2> = wgpu::vertex_attr_array![6 => Float32x4, 7 => Float32x4];
+/// Bytes of it.
+const LENT_STRIDE: u64 = 32;
 
 /// Whether a surface covers what lies behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,6 +100,8 @@ struct Ready {
     indices: wgpu::Buffer,
     /// What the vertices of those with a picture have beside, and the pictures.
     textured: Option<(wgpu::Buffer, Vec<wgpu::BindGroup>)>,
+    /// What cameras lend to the vertices, where these say it.
+    lent: Option<wgpu::Buffer>,
 }
 
 /// A batch with its pipeline.
@@ -112,6 +119,9 @@ impl Ready {
             if let (Some((beside, pictures)), Some(place)) = (&self.textured, batch.texture) {
                 pass.set_vertex_buffer(1, beside.slice(..));
                 pass.set_bind_group(2, &pictures[place], &[]);
+            }
+            if let Some(lent) = self.lent.as_ref().filter(|_| batch.shading.has_fields) {
+                pass.set_vertex_buffer(2, lent.slice(..));
             }
             pass.draw_indexed(batch.indices.clone(), 0, 0..1);
         }
@@ -143,7 +153,12 @@ impl Translucent {
 /// What is shown, from where.
 #[derive(Clone, Copy)]
 pub(in crate::render) struct StaticScene<'a> {
-    pub patches: &'a Patches,
+    /// What is drawn: its number among all that is, its vertices, and whether some may lie before others.
+    pub number: u64,
+    pub vertices: &'a [MeshVertex],
+    pub may_overlap: bool,
+    /// What cameras lend to each, for batches with fields.
+    pub lent: Option<&'a wgpu::Buffer>,
     pub batches: &'a Batches,
     pub anchor_in_world: DVec3,
     pub filtering: Filtering,
@@ -166,9 +181,9 @@ pub(in crate::render) struct SurfacePass {
     lists: GrowingBuffer,
     scratch: Vec<Vertex>,
     texture_vertices: GrowingBuffer,
-    /// Of which patches they are.
+    /// Of which they are, by number.
     texture_vertices_of: Option<u64>,
-    /// Of which patches, relative to what the vertices are: parts of a picture mostly share both.
+    /// Of which, relative to what the vertices are: parts of a picture mostly share both.
     written: Option<(u64, DVec3)>,
 }
 
@@ -252,6 +267,14 @@ impl SurfacePass {
             bind_groups.push(Some(layout));
             buffers.push(Some(beside));
         }
+        if key.has_fields {
+            buffers.resize(2, None);
+            buffers.push(Some(wgpu::VertexBufferLayout {
+                array_stride: LENT_STRIDE,
+                step_mode: wgpu::VertexStepMode::Vertex,
+                attributes: &LENT_ATTRIBUTES,
+            }));
+        }
         let samples = into.targets.samples();
         let known = self.pipelines.iter().position(|(known, covers, _)| (*known, *covers) == (key, cover));
         let idx = known.unwrap_or_else(|| {
@@ -264,6 +287,8 @@ impl SurfacePass {
             vertices: &buffers,
             entry_points: match cover {
                 Cover::Depth => ["vs_main", "fs_depth"],
+                _ if key.has_fields && key.has_texture => ["vs_fields_textured", "fs_fields_textured"],
+                _ if key.has_fields => ["vs_fields", "fs_fields"],
                 _ if key.has_texture && has_cameras => ["vs_textured", "fs_textured"],
                 _ if key.has_texture => ["vs_textured", "fs_bare_textured"],
                 _ if has_cameras => MAIN,
@@ -311,13 +336,12 @@ impl SurfacePass {
             let lists = self.lists.write(gpu, &padded).clone();
             self.bind(gpu, shown.filtering, (backgrounds, depth_maps, &lists))
         });
-        let textured = shown
-            .textures
-            .map(|(pictures, _)| (self.write_beside(gpu, shown.patches).clone(), pictures.to_vec()));
+        let textured =
+            shown.textures.map(|(pictures, _)| (self.write_beside(gpu, shown).clone(), pictures.to_vec()));
         let texture_layout = shown.textures.map(|(_, layout)| layout);
-        let ready = Ready { cameras, vertices, indices, textured };
+        let ready = Ready { cameras, vertices, indices, textured, lent: shown.lent.cloned() };
         let n_indices = opaque.last().map_or(0, |batch| batch.indices.end);
-        let is_dear = shown.patches.may_overlap() && opaque.iter().any(|batch| batch.shading.n_cameras > 0);
+        let is_dear = shown.may_overlap && opaque.iter().any(|batch| batch.shading.n_cameras > 0);
         let depth = Batch { shading: Shading::default(), texture: None, list: 0, indices: 0..n_indices };
         let depth = if is_dear { self.items(gpu, into, (&[depth], Cover::Depth), None)? } else { Vec::new() };
         let opaque = self.items(gpu, into, (opaque, Cover::Whole), texture_layout)?;
@@ -335,28 +359,28 @@ impl SurfacePass {
         Ok(Some(Translucent { ready, surfaces }))
     }
 
-    /// What the patches' vertices have beside on the device: written once, since no view changes it.
-    fn write_beside(&mut self, gpu: &Gpu, patches: &Patches) -> &wgpu::Buffer {
-        if self.texture_vertices_of != Some(patches.number) {
+    /// What the vertices have beside on the device: written once, since no view changes it.
+    fn write_beside(&mut self, gpu: &Gpu, shown: &StaticScene<'_>) -> &wgpu::Buffer {
+        if self.texture_vertices_of != Some(shown.number) {
             let vertex = |vertex: &MeshVertex| TextureVertex {
                 texture: vertex.texture.to_array(),
                 tint: vertex.tint.to_array(),
             };
-            let vertices: Vec<TextureVertex> = patches.vertices.iter().map(vertex).collect();
+            let vertices: Vec<TextureVertex> = shown.vertices.iter().map(vertex).collect();
             self.texture_vertices.write(gpu, &vertices);
-            self.texture_vertices_of = Some(patches.number);
+            self.texture_vertices_of = Some(shown.number);
         }
         self.texture_vertices.get().expect("they have just been written")
     }
 
-    /// The patches' vertices on the device, written where they or the anchor are others than the last frame's.
+    /// The vertices on the device, written where they or the anchor are others than the last frame's.
     fn write(&mut self, gpu: &Gpu, shown: &StaticScene<'_>) -> &wgpu::Buffer {
-        let wanted = (shown.patches.number, shown.anchor_in_world);
+        let wanted = (shown.number, shown.anchor_in_world);
         match self.vertices.get() {
             Some(_) if self.written == Some(wanted) => {}
             _ => {
                 self.scratch.clear();
-                self.scratch.extend(shown.patches.vertices.iter().map(|vertex| Vertex {
+                self.scratch.extend(shown.vertices.iter().map(|vertex| Vertex {
                     position_from_anchor:
                         (vertex.position_in_world - shown.anchor_in_world).as_vec3().to_array(),
                     normal: vertex.normal.to_array(),

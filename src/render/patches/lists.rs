@@ -32,6 +32,8 @@ pub(in crate::render) struct Shading {
     pub has_levels: bool,
     /// It has a picture of its own.
     pub has_texture: bool,
+    /// Its vertices say what each camera lends.
+    pub has_fields: bool,
 }
 
 /// Patches that are drawn together: by one variant, with one list of cameras.
@@ -56,6 +58,25 @@ pub(in crate::render) struct Batches {
     pub opened: Vec<Vec<Batch>>,
     scratch: Vec<Drawn>,
     ranked: Vec<Ranked>,
+}
+
+impl Batches {
+    /// Begins a picture without any, in which so many surfaces are open.
+    pub(in crate::render) fn begin(&mut self, n_opened: usize) {
+        self.indices.clear();
+        self.lists.clear();
+        self.opaque.clear();
+        self.opened.clear();
+        self.opened.resize_with(n_opened, Vec::new);
+    }
+}
+
+impl CameraList {
+    /// Of cameras by their places among the frame's.
+    pub(in crate::render) fn of(places: [u32; MOST_LISTED]) -> Self {
+        let [low, high] = [[0, 1, 2, 3], [4, 5, 6, 7]].map(|four| four.map(|place: usize| places[place]));
+        Self { low, high }
+    }
 }
 
 /// A patch in this picture, in the order in which patches are drawn.
@@ -100,6 +121,7 @@ impl Patches {
     ///
     /// **Cost** some microseconds a patch.
     pub(in crate::render) fn batch(&self, drawing: &Drawing<'_>, batches: &mut Batches) {
+        batches.begin(drawing.opened.len());
         let Batches { indices, lists, opaque, opened, scratch, ranked } = batches;
         let mut in_frame: Vec<Vec<u8>> = vec![Vec::new(); self.cameras.len()];
         for (camera, place) in drawing.cameras.iter().zip(0..) {
@@ -116,20 +138,13 @@ impl Patches {
             scratch.push(drawn(ranked, drawing, (layer, idx), patch.texture));
         }
         scratch.sort_unstable();
-        indices.clear();
-        lists.clear();
-        opaque.clear();
-        opened.clear();
-        opened.resize_with(drawing.opened.len(), Vec::new);
         for batch in scratch.chunk_by(|a, b| {
             (a.layer, a.shading, a.texture, a.list) == (b.layer, b.shading, b.texture, b.list)
         }) {
             let first = indices.len() as u32;
             indices.extend(batch.iter().flat_map(|drawn| self.patches[drawn.patch].vertices.clone()));
             let Drawn { layer, shading, texture, list, .. } = batch[0];
-            let at = |idx: usize| u32::from(list[idx]);
-            let (low, high) = ([0, 1, 2, 3].map(at), [4, 5, 6, 7].map(at));
-            lists.push(CameraList { low, high });
+            lists.push(CameraList::of(list.map(u32::from)));
             let batch = Batch {
                 shading,
                 texture,
@@ -161,6 +176,7 @@ fn drawn(
         has_gains: ranked.iter().any(|ranked| of(ranked).has_gain()),
         has_levels: drawing.filtering == Filtering::Levels && !ranked.is_empty(),
         has_texture: texture.is_some(),
+        has_fields: false,
     };
     Drawn { layer, shading, texture, list, patch }
 }

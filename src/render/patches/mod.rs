@@ -20,6 +20,7 @@ use std::collections::BinaryHeap;
 use std::ops::Range;
 use std::sync::Arc;
 
+pub(super) use cut::within;
 pub(super) use lists::{Batch, Batches, CameraList, Drawing, MOST_LISTED, Shading};
 
 /// Patches beyond which no more is halved; a scene of more faces has as many as those.

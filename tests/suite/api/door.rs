@@ -25,8 +25,8 @@ use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, R
 use videofields::fuse::{Entity, SceneState, Velocity};
 use videofields::geometry::Surfaces;
 use videofields::plan::{
-    Basis, CostRow, CostTable, Detail, EntityStyle, Filtering, Forecast, Machine, Plan, Reason, Sampling,
-    Settings, Spread,
+    Basis, CostRow, CostTable, Detail, EntityStyle, FieldsForm, Filtering, Forecast, Machine, Plan, Reason,
+    Sampling, Settings, Spread,
 };
 use videofields::scene::{Scene, SceneView, Sky};
 use videofields::segment::PixelRect;
@@ -729,6 +729,8 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         entity_cameras: vec![],
         opened: vec![],
         evens_colors: false,
+        fields: FieldsForm::Off,
+        followed: None,
         most_cameras_a_pixel: 8,
         filtering: Filtering::Levels,
         sky: false,

@@ -1,0 +1,114 @@
+//! Whether what stands still is coloured by texture fields, and how far they have followed one who looks.
+
+use super::{Plan, Reason};
+use crate::clock::Timestamp;
+use crate::fields::MAX_VIEWS;
+use crate::fuse::SceneState;
+use crate::scene::Scene;
+use serde::{Deserialize, Serialize};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
+
+/// How cameras' pictures become one on what stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FieldsForm {
+    /// Pixel by pixel, from who looks squarely and as the viewer does.
+    #[default]
+    Off,
+    /// By weights of a fine mesh's vertices, from who looks squarely: the baseline (Holoportation).
+    Normals,
+    /// By texture fields (`Montage4D`): from whose colours are least beside, less towards the seams of each, smoothly over time.
+    Montage,
+}
+
+impl FieldsForm {
+    /// All of them with their words, from cheap to exact.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("off", Self::Off), ("normals", Self::Normals), ("montage", Self::Montage)];
+
+    /// Its word in requests and answers.
+    #[must_use]
+    pub const fn as_str(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Normals => "normals",
+            Self::Montage => "montage",
+        }
+    }
+}
+
+/// Whose fields are followed on, and for how long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// The session's, another for each.
+    pub number: u64,
+    /// Scene time since they were last drawn, seconds, at least 0; none where they begin anew.
+    pub passed_secs: Option<f64>,
+}
+
+/// A session's fields go on over steps of scene time up to this, and stand still for pictures of up to so long before, seconds.
+const LONGEST_STEP_SECS: f64 = 5.0;
+const LONGEST_BACK_SECS: f64 = 0.5;
+
+/// Numbers of sessions that were given out.
+static N_SESSIONS: AtomicU64 = AtomicU64::new(0);
+
+/// What of fields is remembered of one who looks: when they were last drawn. Weights themselves are the renderer's.
+#[derive(Clone, Debug, Default)]
+pub(super) struct FieldsHistory {
+    number: Option<u64>,
+    scene: Weak<Scene>,
+    at: Option<Timestamp>,
+}
+
+impl FieldsHistory {
+    /// Goes on to the state's instant.
+    fn follow(&mut self, state: &SceneState) -> Followed {
+        let number = *self.number.get_or_insert_with(|| N_SESSIONS.fetch_add(1, Ordering::Relaxed));
+        let is_same = std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(&state.scene));
+        let passed_secs = self
+            .at
+            .map(|at| state.instant.secs_since(at))
+            .filter(|passed| is_same && (-LONGEST_BACK_SECS..=LONGEST_STEP_SECS).contains(passed));
+        if passed_secs.is_none_or(|passed| passed > 0.0) {
+            self.at = Some(state.instant);
+            self.scene = Arc::downgrade(&state.scene);
+        }
+        Followed { number, passed_secs: passed_secs.map(|passed| passed.max(0.0)) }
+    }
+}
+
+/// Decides whether fields run: where they are asked for and some camera's picture is on a surface.
+pub(super) fn plan(
+    state: &SceneState,
+    form: FieldsForm,
+    history: Option<&mut FieldsHistory>,
+    plan: &mut Plan,
+) {
+    let n_cameras = state.cameras.len();
+    let (is_on, because) = match form {
+        FieldsForm::Off => (false, "not asked for".to_owned()),
+        _ if plan.surface_cameras.is_empty() => {
+            (false, "no camera's picture is on a surface in view".to_owned())
+        }
+        _ if n_cameras > MAX_VIEWS => {
+            (false, format!("{n_cameras} cameras: fields are of at most {MAX_VIEWS}"))
+        }
+        FieldsForm::Normals => (true, "asked for: who looks squarely lends most".to_owned()),
+        FieldsForm::Montage => {
+            (true, "asked for: whose colours are least beside lends most, less towards its seams".to_owned())
+        }
+    };
+    if is_on {
+        plan.fields = form;
+        plan.followed = history.map(|history| history.follow(state));
+        if !plan.depth_map_cameras.is_empty() {
+            plan.depth_map_cameras.clear();
+            plan.reasons.retain(|reason| reason.effect != "camera_depth");
+            let because = "fields know which vertices are hidden".to_owned();
+            plan.reasons.push(Reason { effect: "camera_depth", is_on: false, because });
+        }
+    }
+    plan.reasons.push(Reason { effect: "fields", is_on, because });
+}

@@ -1,0 +1,269 @@
+//! How much each camera lends to the vertices of a scene's fine mesh: texture fields, for one who looks from somewhere.
+//!
+//! Weights follow one who looks from picture to picture: they are kept by the session's number, the ones used last up to a bound in
+//! bytes. Pictures of nobody's session are of fields that have settled.
+
+use super::Recording;
+use crate::fields::{FOLLOW_SECS, MAX_VIEWS};
+use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
+use crate::plan::{FieldsForm, Followed, Viewer};
+use crate::render::field_mesh::FieldMesh;
+use glam::Vec3;
+
+const LABEL: &str = "fields";
+
+/// Most cameras that lend to one vertex: what a list of the surfaces' holds.
+pub(in crate::render) const FIELD_SLOTS: usize = crate::plan::MAX_BLENDED_CAMERAS;
+
+/// In place of a camera where a group has fewer.
+pub(in crate::render) const NO_FIELD_VIEW: u32 = u32::MAX;
+
+/// Bytes that one vertex' weights take.
+const LENT_BYTES: u64 = (FIELD_SLOTS * size_of::<f32>()) as u64;
+
+/// Most bytes of weights of all sessions together; the one used longest ago goes first, and begins anew.
+const MAX_KEPT_BYTES: u64 = 128 << 20;
+
+/// Threads of a group, and most groups in a row.
+const GROUP: u32 = 64;
+const MOST_GROUPS: u32 = 65_535;
+
+mirror! { "render/fields.wgsl",
+/// What changes from picture to picture. The shader documents the fields.
+pub(super) struct FieldFrame {
+    viewer: [f32; 3],
+    is_parallel: u32,
+    n_vertices: u32,
+    most_cameras: u32,
+    depth_m: f32,
+    follow: f32,
+    is_montage: u32,
+    pad_a: u32,
+    pad_b: u32,
+    pad_c: u32,
+    eyes: [[f32; 4]; MAX_VIEWS],
+}}
+
+mirror! { "render/fields.wgsl",
+/// A vertex with what each camera of its group has to do with it. The shader documents the fields.
+pub(in crate::render) struct FieldVertex {
+    position: [f32; 3],
+    group: u32,
+    ramps_low: [f32; 4],
+    ramps_high: [f32; 4],
+    normals_low: [f32; 4],
+    normals_high: [f32; 4],
+    pixels_low: [f32; 4],
+    pixels_high: [f32; 4],
+}}
+
+mirror! { "render/fields.wgsl",
+/// The cameras of a group, the best first.
+pub(in crate::render) struct FieldGroup {
+    low: [u32; 4],
+    high: [u32; 4],
+}}
+
+/// The first four and the last four.
+fn halves<T: Copy>(of: [T; FIELD_SLOTS]) -> [[T; 4]; 2] {
+    [[0, 1, 2, 3], [4, 5, 6, 7]].map(|places| places.map(|place: usize| of[place]))
+}
+
+impl FieldGroup {
+    /// Of cameras by their places among the field's.
+    pub(in crate::render) fn of(views: [u32; FIELD_SLOTS]) -> Self {
+        let [low, high] = halves(views);
+        Self { low, high }
+    }
+}
+
+impl FieldVertex {
+    /// `pixels_m` of who does not see it may be infinite.
+    pub(in crate::render) fn new(
+        position: Vec3,
+        group: u32,
+        ramps: [f32; FIELD_SLOTS],
+        normals: [f32; FIELD_SLOTS],
+        pixels_m: [f32; FIELD_SLOTS],
+    ) -> Self {
+        let finite = |pixel_m: f32| if pixel_m.is_finite() { pixel_m } else { f32::MAX.sqrt() };
+        let ([ramps_low, ramps_high], [normals_low, normals_high]) = (halves(ramps), halves(normals));
+        let [pixels_low, pixels_high] = halves(pixels_m.map(finite));
+        let position = position.to_array();
+        Self { position, group, ramps_low, ramps_high, normals_low, normals_high, pixels_low, pixels_high }
+    }
+}
+
+/// Whose fields are wanted, of how many cameras, seen from where.
+#[derive(Clone, Copy)]
+pub(in crate::render) struct FieldsWanted<'a> {
+    pub form: FieldsForm,
+    pub viewer: Viewer,
+    /// By the field's views: whether each has a picture now.
+    pub is_shown: &'a [bool],
+    pub most_cameras: usize,
+    pub followed: Option<Followed>,
+    /// Whether weights go on: for the first piece of a picture.
+    pub goes_on: bool,
+}
+
+/// Weights of one who looks.
+#[derive(Debug)]
+struct Kept {
+    session: Option<u64>,
+    mesh: u64,
+    weights: wgpu::Buffer,
+}
+
+/// Finds the weights of fields.
+#[derive(Debug)]
+pub(in crate::render) struct FieldsPass {
+    layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+    frame: GrowingBuffer,
+    vertices: GrowingBuffer,
+    groups: GrowingBuffer,
+    /// Of which mesh both are.
+    written: Option<u64>,
+    /// The one used last first.
+    kept: Vec<Kept>,
+}
+
+impl FieldsPass {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::COMPUTE,
+            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+            count: None,
+        };
+        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(LABEL),
+            entries: &[
+                entry(0, wgpu::BufferBindingType::Uniform),
+                entry(1, storage(true)),
+                entry(2, storage(true)),
+                entry(3, storage(false)),
+            ],
+        });
+        let module = gpu.shader("render/fields.wgsl")?;
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(LABEL),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let pipeline = gpu.compute_pipeline(
+            LABEL,
+            &wgpu::ComputePipelineDescriptor {
+                label: Some(LABEL),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some("cs_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            },
+        );
+        Ok(Self {
+            layout,
+            pipeline,
+            frame: GrowingBuffer::new("fields frame", wgpu::BufferUsages::UNIFORM),
+            vertices: GrowingBuffer::new("fields vertices", wgpu::BufferUsages::STORAGE),
+            groups: GrowingBuffer::new("fields groups", wgpu::BufferUsages::STORAGE),
+            written: None,
+            kept: Vec::new(),
+        })
+    }
+
+    /// Records that weights go on to what is wanted, unless they did for this picture; answers them, eight a vertex, to be drawn with.
+    pub(in crate::render) fn record(
+        &mut self,
+        recording: &mut Recording<'_>,
+        mesh: &FieldMesh,
+        wanted: &FieldsWanted<'_>,
+    ) -> wgpu::Buffer {
+        let gpu = recording.gpu;
+        let (weights, is_new) = self.weights_of(gpu, mesh, wanted.followed.map(|followed| followed.number));
+        let passed_secs = wanted.followed.and_then(|followed| followed.passed_secs).filter(|_| !is_new);
+        let follow = passed_secs.map_or(1.0, |secs| -(-secs / FOLLOW_SECS).exp_m1());
+        if mesh.lent.is_empty() || !(wanted.goes_on || is_new) {
+            return weights;
+        }
+        let frame = self.frame.write(gpu, &[frame_of(mesh, wanted, follow)]).clone();
+        if self.written != Some(mesh.number) {
+            self.vertices.write(gpu, &mesh.lent);
+            self.groups.write(gpu, &mesh.groups);
+            self.written = Some(mesh.number);
+        }
+        let written = |buffer: &GrowingBuffer| buffer.get().expect("they have been written").clone();
+        let buffers = [frame, written(&self.vertices), written(&self.groups), weights.clone()];
+        let entries: Vec<_> = (0..)
+            .zip(&buffers)
+            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .collect();
+        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(LABEL),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        let span = recording.timer.span(LABEL);
+        let writes = recording.timer.compute_writes(span);
+        let mut pass = gpu.begin_compute_pass(recording.encoder, LABEL, writes);
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        let n_groups = (mesh.lent.len() as u32).div_ceil(GROUP);
+        pass.dispatch_workgroups(n_groups.min(MOST_GROUPS), n_groups.div_ceil(MOST_GROUPS), 1);
+        weights
+    }
+
+    /// The weights of a session, or of nobody's; whether they are new.
+    fn weights_of(&mut self, gpu: &Gpu, mesh: &FieldMesh, session: Option<u64>) -> (wgpu::Buffer, bool) {
+        let known = self.kept.iter().position(|kept| (kept.session, kept.mesh) == (session, mesh.number));
+        if let Some(place) = known {
+            let kept = self.kept.remove(place);
+            let weights = kept.weights.clone();
+            self.kept.insert(0, kept);
+            return (weights, false);
+        }
+        let size = (mesh.lent.len() as u64 * LENT_BYTES).max(LENT_BYTES);
+        // Those of the same session on a mesh that is no more drawn are of no use.
+        self.kept.retain(|kept| kept.session != session);
+        let mut n_bytes = size;
+        self.kept.retain(|kept| {
+            n_bytes += kept.weights.size();
+            n_bytes <= MAX_KEPT_BYTES
+        });
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::VERTEX;
+        let weights = gpu.buffer("fields weights", size, usage);
+        self.kept.insert(0, Kept { session, mesh: mesh.number, weights: weights.clone() });
+        (weights, true)
+    }
+}
+
+fn frame_of(mesh: &FieldMesh, wanted: &FieldsWanted<'_>, follow: f64) -> FieldFrame {
+    let mut eyes = [[0.0; 4]; MAX_VIEWS];
+    for ((eye, at), is_shown) in eyes.iter_mut().zip(mesh.eyes_in_world()).zip(wanted.is_shown) {
+        let shown = if *is_shown { 1.0 } else { 0.0 };
+        *eye = (at - mesh.origin_in_world).as_vec3().extend(shown).to_array();
+    }
+    let (viewer, is_parallel) = match wanted.viewer {
+        Viewer::At(eye) => (eye - mesh.origin_in_world, 0),
+        Viewer::Along { direction, .. } => (-direction, 1),
+    };
+    FieldFrame {
+        viewer: viewer.as_vec3().to_array(),
+        is_parallel,
+        n_vertices: mesh.lent.len() as u32,
+        most_cameras: wanted.most_cameras as u32,
+        depth_m: mesh.depth_m as f32,
+        follow: follow as f32,
+        is_montage: u32::from(wanted.form == FieldsForm::Montage),
+        pad_a: 0,
+        pad_b: 0,
+        pad_c: 0,
+        eyes,
+    }
+}
+
+pub(super) const MIRRORS: [crate::gpu::Mirror; 3] =
+    [FieldFrame::MIRROR, FieldVertex::MIRROR, FieldGroup::MIRROR];
