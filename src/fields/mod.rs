@@ -13,19 +13,24 @@
 //! | `view` | a camera with its picture |
 //! | `agreement` | gains by which pictures agree |
 //! | `sight`, `vote`, `seams` | who sees a vertex, who is believed, and where that ends |
+//! | `smoothing` | all of this without steps from vertex to vertex |
 //! | `field` | from all of this, how much each camera lends |
 //! | `history` | the same smoothly over time, also where the mesh changes |
+//! | `flow`, `floating` | pictures that lie beside each other brought together by optical flow, for comparison |
 //! | `shade` | pictures by it: the truth of drawn ones |
 
 mod agreement;
 mod bounded;
 mod exact;
 mod field;
+mod floating;
+mod flow;
 mod history;
 mod marching;
 mod seams;
 mod shade;
 mod sight;
+mod smoothing;
 mod tessellation;
 #[cfg(test)]
 mod testing;
@@ -37,7 +42,7 @@ mod vote;
 
 pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
-pub use field::{Distances, Field, FieldError, FieldSettings, Preference, Weights};
+pub use field::{DEPTH_PX, Distances, Field, FieldError, FieldSettings, Preference, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;
