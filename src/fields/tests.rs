@@ -110,6 +110,54 @@ fn towards_its_seams_a_camera_lends_less() {
 }
 
 #[test]
+fn what_is_spread_changes_as_much_and_less_sharply() {
+    let (mesh, topology) = ground();
+    // All see everything, one darker; one more sees the left of it alone, brighter.
+    let mask = Mask {
+        width: 240,
+        height: 240,
+        data: (0..240 * 240).map(|i| u8::from(i % 240 < 120) * 255).collect::<Vec<u8>>().into(),
+    };
+    let bright = facing(12.0, |_, _| Vec3::splat(0.5));
+    let mut views = vec![
+        facing(12.0, |_, _| Vec3::splat(0.2)),
+        View::new(bright.camera().clone(), bright.picture().clone(), Some(mask)),
+    ];
+    let camera = views[0].camera().clone();
+    let raster = Raster::of(&mesh, &camera, [240, 240]);
+    let mut steps = |smoothing_rounds| {
+        let settings = FieldSettings { smoothing_rounds, vote: None, distances: Distances::Off, ..raw() };
+        let field = field(&mesh, &topology, &mut views, &settings);
+        let target = field.target(&mesh, &views, DVec3::new(4.0, 4.0, 20.0));
+        shade((&mesh, &raster), &camera, (&field, &views, &target), Blend::Mixed).steps
+    };
+    let (sharp, smooth) = (steps(0), steps(10));
+    let of = |of: Steps| (of.energy().unwrap(), of.sharpness().unwrap());
+    let ((sharp_energy, sharp_by), (smooth_energy, smooth_by)) = (of(sharp), of(smooth));
+    // Half-way up at one end of the ground already, since it is spread over as much as there is.
+    assert!((0.7..1.02).contains(&(smooth_energy / sharp_energy)), "{smooth_energy} {sharp_energy}");
+    assert!(smooth_by < 0.75 * sharp_by, "{smooth_by} {sharp_by}");
+    assert_eq!(sharp.plus(smooth).n_pairs, 2 * sharp.n_pairs);
+    assert_eq!((Steps::default().energy(), Steps::default().sharpness()), (None, None));
+}
+
+#[test]
+fn depths_are_wrong_by_pixels_unless_somebody_says_better() {
+    let (mesh, topology) = ground();
+    let depth_m = |height_m: f64, depth_m: Option<f64>| {
+        let preference = Preference::Errors { depth_m, exponent: 4.0 };
+        let mut views = [facing(height_m, plain), facing(2.0 * height_m, plain)];
+        field(&mesh, &topology, &mut views, &FieldSettings { preference, ..raw() }).depth_m()
+    };
+    // Pixels of the nearer one, right below it 12 / 110 m wide, and half a mean edge where they are small.
+    let pixel_m = 12.0 / 110.0;
+    assert!((DEPTH_PX * pixel_m..1.6 * DEPTH_PX * pixel_m).contains(&depth_m(12.0, None)));
+    assert_eq!(depth_m(12.0, Some(0.25)), 0.25);
+    let edge_m = topology.mean_length_m();
+    assert!(depth_m(0.05, None) >= 0.5 * edge_m);
+}
+
+#[test]
 fn everything_seam_falls_back_to_normals_and_nothing_is_lost() {
     let (mesh, topology) = ground();
     // Every other row of vertices is hidden, so that every triangle is a seam.

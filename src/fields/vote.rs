@@ -119,10 +119,11 @@ pub(super) fn footprints(mesh: &Mesh, views: &[View], side_px: u32) -> Vec<f32> 
 }
 
 fn footprints_of(mesh: &Mesh, view: &View, side_px: u32) -> Vec<f32> {
-    let picture = view.picture();
-    let scale = f64::from(side_px) / f64::from(picture.width.max(picture.height));
-    let size_px =
-        [picture.width, picture.height].map(|side| ((f64::from(side) * scale).round() as usize).max(1));
+    let (columns, rows) = view.camera().size_px();
+    let side = f64::from(side_px) / f64::from(columns.max(rows));
+    let size_px = [columns, rows].map(|of| ((f64::from(of) * side).round() as usize).max(1));
+    // Texels of the depth map that a pixel of the picture is wide.
+    let scale = size_px[0] as f64 / f64::from(view.picture().width);
     let [width, height] = size_px;
     let raster = Raster::of(mesh, view.camera(), size_px);
     let size = DVec2::new(width as f64, height as f64);
