@@ -49,7 +49,7 @@ pub(super) fn judged(subject: &Subject, found: &SegmentationRun) -> [Outcome; 3]
     let mesh = coarse.of(&subject.scene.surfaces, &cameras);
     let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
     let settings = |smoothing_rounds| FieldSettings {
-        preference: Preference::Errors { depth_m: Some(0.02), exponent: 4.0 },
+        preference: Preference::Errors { depth_m: Some(0.1), exponent: 4.0 },
         smoothing_rounds,
         ..FieldSettings::default()
     };
