@@ -8,7 +8,7 @@ mod gather;
 mod wording;
 
 pub use gather::{Fields, Gatherer, MAX_FAULTS, pointer_to};
-pub use wording::{closest, unknown};
+pub use wording::{closest, one_of, unknown};
 
 use std::fmt;
 

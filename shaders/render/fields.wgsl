@@ -43,6 +43,9 @@ struct FieldVertex {
     // How large a pixel of each is on the surface, metres.
     pixels_low: vec4<f32>,
     pixels_high: vec4<f32>,
+    // What each lends where fields give way.
+    fallback_low: vec4<f32>,
+    fallback_high: vec4<f32>,
 }
 
 // The cameras of a group, the best first.
@@ -92,6 +95,9 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     let group = groups[vertex.group];
     let here = Lent(shown(group.low, 0u), shown(group.high, 4u));
     var row = Lent(vertex.normals_low * here.low, vertex.normals_high * here.high);
+    if frame.is_montage != 0u {
+        row = Lent(vertex.fallback_low * here.low, vertex.fallback_high * here.high);
+    }
     row = times(row, 1.0 / max(total(row), 1e-30));
     if frame.is_montage != 0u {
         row = montage(vertex, group, here, row);
@@ -105,7 +111,7 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
 }
 
 // The least error counts most: e of a wrong depth seen from another direction and of a large pixel, as its fourth power's reciprocal.
-fn montage(vertex: FieldVertex, group: FieldGroup, here: Lent, by_normals: Lent) -> Lent {
+fn montage(vertex: FieldVertex, group: FieldGroup, here: Lent, fallback: Lent) -> Lent {
     let to_viewer = select(
         normalize_or_zero(frame.viewer - vertex.position), frame.viewer, frame.is_parallel != 0u);
     let ramps = Lent(vertex.ramps_low * here.low, vertex.ramps_high * here.high);
@@ -132,7 +138,7 @@ fn montage(vertex: FieldVertex, group: FieldGroup, here: Lent, by_normals: Lent)
     let four = max(wanted.low, wanted.high);
     let most = max(max(four.x, four.y), max(four.z, four.w));
     if !(most > 0.0) {
-        return by_normals;
+        return fallback;
     }
     // Relative to the greatest, so that powers of small numbers do not vanish together.
     let low = wanted.low / most;
@@ -140,11 +146,11 @@ fn montage(vertex: FieldVertex, group: FieldGroup, here: Lent, by_normals: Lent)
     wanted = Lent(ramps.low * low * low * low * low, ramps.high * high * high * high * high);
     let sum = total(wanted);
     if !(sum > 0.0) {
-        return by_normals;
+        return fallback;
     }
     let share = min(total(ramps), 1.0) * clamp(alike / LEAST_ALIKE, 0.0, 1.0);
     return Lent(
-        mix(by_normals.low, wanted.low / sum, share), mix(by_normals.high, wanted.high / sum, share));
+        mix(fallback.low, wanted.low / sum, share), mix(fallback.high, wanted.high / sum, share));
 }
 
 fn normalize_or_zero(offset: vec3<f32>) -> vec3<f32> {

@@ -11,6 +11,7 @@ use super::subject::{Scope, Subject};
 use super::views::{Easel, ViewForm, ViewTime, ViewsRun, view_times};
 use super::{AccuracyError, SweepError};
 use crate::config::RenderSettings;
+use crate::error::one_of;
 use crate::frame::RgbImage;
 use crate::geometry::Shape;
 use crate::mapping::{Builder, MappingError};
@@ -78,10 +79,7 @@ impl std::str::FromStr for Stage {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        Self::ALL.into_iter().find(|stage| stage.name() == text).ok_or_else(|| {
-            let known: Vec<&str> = Self::ALL.map(Self::name).to_vec();
-            format!("{text:?} is no stage; there are {}", known.join(", "))
-        })
+        one_of("stage", text, &Self::ALL, Self::name)
     }
 }
 

@@ -23,8 +23,8 @@ const MAX_TRIANGLES: usize = 1 << 21;
 ///
 /// Every camera that is named by --hold-back (or each in turn with --each) is left out; the others lend their colours to the mesh by
 /// several ways side by side: `best` takes the one that looks most as the camera does, `normals` mixes all by how straight they look at
-/// the surface (Holoportation's way), `filtered` does so in so coarse a level of detail that no ghost is seen, and `fields` by texture
-/// fields (Du et al. 2019). The mesh is in the cameras' units and axes.
+/// the surface (Holoportation's way), `filtered` does so in so coarse a level of detail that no ghost is seen, `floating` where optical
+/// flow between the pictures says that they show the same, and `fields` by texture fields (Du et al. 2019). The mesh is in the cameras' units and axes.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Montage {
     /// The mesh: .ply or .obj.
@@ -48,7 +48,7 @@ pub(crate) struct Montage {
     /// Leaves each camera out in turn.
     #[arg(long, conflicts_with = "hold_back")]
     each: bool,
-    /// Ways of mixing: best, normals, filtered, fields.
+    /// Ways of mixing: best, normals, filtered, floating, fields.
     #[arg(long, value_name = "WAY,...", value_delimiter = ',', default_value = "best,normals,fields")]
     ways: Vec<Way>,
     /// How hidden vertices are found: facing, depths, dilated, rays.
@@ -66,6 +66,9 @@ pub(crate) struct Montage {
     /// How far from its seams a camera lends in full, in the mesh's units; if absent what fifteen triangles reach.
     #[arg(long, value_name = "LENGTH")]
     reach: Option<f64>,
+    /// How often what weights are made of goes halfway to its neighbours' mean, so that they do not step from vertex to vertex.
+    #[arg(long, value_name = "ROUNDS", default_value_t = FieldSettings::default().smoothing_rounds, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    smoothing: u32,
     /// Leaves the pictures' exposures and white balances as they are; else those that lend are evened out, and what was held back is
     /// compared with as if it had theirs (one gain a channel).
     #[arg(long)]
@@ -74,7 +77,7 @@ pub(crate) struct Montage {
     #[arg(long, value_name = "NUMBER", default_value_t = FieldSettings::default().normal_exponent)]
     normal_exponent: f64,
     /// How wrong depths are taken to be, in the mesh's units: cameras are preferred whose colours are least beside where the viewer sees
-    /// them. Half of the mesh's mean edge if absent.
+    /// them. What sixteen of the finest pixels measure on the mesh if absent, and no less than half of its mean edge.
     #[arg(long, value_name = "LENGTH")]
     depth_error: Option<f64>,
     /// Prefers cameras that look as the viewer does instead, as Du et al. have it: by the cosine between both directions to this power.
@@ -97,6 +100,7 @@ enum Way {
     Best,
     Normals,
     Filtered,
+    Floating,
     Fields,
 }
 
@@ -106,6 +110,7 @@ impl Way {
             Self::Best => "best",
             Self::Normals => "normals",
             Self::Filtered => "filtered",
+            Self::Floating => "floating",
             Self::Fields => "fields",
         }
     }
@@ -121,7 +126,9 @@ struct Score {
     ssim: f64,
     /// What changes of the weights add to steps from one pixel to the next, in the mean, 8-bit codes.
     seam_energy: Option<f64>,
-    /// That over what the pictures have themselves.
+    /// The same as a root of the mean of squares.
+    seam_sharpness: Option<f64>,
+    /// Seam energy over what the pictures have themselves.
     seam_ratio: Option<f64>,
     n_pixels: u64,
     ms: f64,
@@ -138,6 +145,10 @@ impl Montage {
         ensure!(
             self.reach.is_none_or(|reach| reach.is_finite() && reach > 0.0),
             "--reach: expected a length above 0"
+        );
+        ensure!(
+            self.depth_error.is_none_or(|depth| depth.is_finite() && depth >= 0.0),
+            "--depth-error: expected a length of 0 or more"
         );
         for (flag, value) in [
             ("--view-exponent", self.view_exponent.unwrap_or_default()),
@@ -180,6 +191,7 @@ impl Montage {
             vote: self.vote,
             distances: self.distances,
             reach_m: self.reach,
+            smoothing_rounds: self.smoothing,
             is_evened: !self.uneven,
             preference: match self.view_exponent {
                 Some(exponent) => Preference::Directions { exponent },
@@ -231,6 +243,7 @@ impl Montage {
                 Way::Normals => (&by_normals, Blend::Mixed),
                 // Depths are taken to be wrong by an edge's length or so.
                 Way::Filtered => (&by_normals, Blend::Filtered { error_m: field.reach_m() / 5.0 }),
+                Way::Floating => (&by_normals, Blend::Floating),
                 Way::Fields => (&target, Blend::Mixed),
             };
             let shaded = shade((mesh, &raster), camera, (field, views, weights), blend);
@@ -271,6 +284,7 @@ impl Montage {
                 psnr_db: comparison.psnr_db,
                 ssim: comparison.ssim,
                 seam_energy: shaded.steps.energy(),
+                seam_sharpness: shaded.steps.sharpness(),
                 seam_ratio: shaded.steps.ratio(),
                 n_pixels: comparison.n_pixels,
                 ms: took.as_secs_f64() * 1e3,
@@ -314,13 +328,14 @@ impl Montage {
         let line = |score: &Score| {
             let of = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"));
             super::say(&format!(
-                "{:<12} {:<9} RMSE {:6.2}  PSNR {:>6} dB  SSIM {:.4}  seam energy {:>5} ratio {:>5}  {} pixels, {:.0} ms",
+                "{:<12} {:<9} RMSE {:6.2}  PSNR {:>6} dB  SSIM {:.4}  seam energy {:>6} sharpness {:>5} ratio {:>5}  {} pixels, {:.0} ms",
                 score.camera,
                 score.way,
                 score.rmse,
                 of(score.psnr_db),
                 score.ssim,
-                of(score.seam_energy),
+                score.seam_energy.map_or_else(|| "-".to_owned(), |value| format!("{value:.4}")),
+                of(score.seam_sharpness),
                 of(score.seam_ratio),
                 score.n_pixels,
                 score.ms
@@ -340,6 +355,7 @@ impl Montage {
                 psnr_db: mean(&|score| score.psnr_db),
                 ssim: mean(&|score| Some(score.ssim)).unwrap_or_default(),
                 seam_energy: mean(&|score| score.seam_energy),
+                seam_sharpness: mean(&|score| score.seam_sharpness),
                 seam_ratio: mean(&|score| score.seam_ratio),
                 n_pixels: of.iter().map(|score| score.n_pixels).sum(),
                 ms: mean(&|score| Some(score.ms)).unwrap_or_default(),

@@ -32,6 +32,20 @@ pub fn unknown(what: &str, word: &str, allowed: &[&str]) -> String {
     format!("unknown {what} `{}`; {meant}allowed: {list}", word.escape_debug())
 }
 
+/// The one of `all` that has this name.
+///
+/// # Errors
+/// Where none has: [`unknown`], of that `what`.
+pub fn one_of<T: Copy>(
+    what: &str,
+    name: &str,
+    all: &[T],
+    name_of: impl Fn(T) -> &'static str,
+) -> Result<T, String> {
+    let found = all.iter().copied().find(|of| name_of(*of) == name);
+    found.ok_or_else(|| unknown(what, name, &all.iter().copied().map(name_of).collect::<Vec<_>>()))
+}
+
 /// What serde's derived code says about a value, taken apart.
 pub(super) enum Complaint<'a> {
     /// A key that the type does not have.
@@ -96,6 +110,17 @@ mod tests {
         check("sa", None);
         check("", None);
         check("\u{1F600}", None);
+    }
+
+    #[test]
+    fn of_several_the_one_of_that_name_is_found_or_all_are_told() {
+        let name_of = |of: u8| ["zero", "one"][usize::from(of)];
+        assert_eq!(one_of("number", "one", &[0, 1], name_of), Ok(1));
+        assert_eq!(
+            one_of("number", "on", &[0, 1], name_of).unwrap_err(),
+            unknown("number", "on", &["zero", "one"])
+        );
+        assert!(one_of::<u8>("number", "one", &[], name_of).unwrap_err().ends_with("allowed: none"));
     }
 
     #[test]

@@ -84,35 +84,138 @@ struct Sides<'a> {
 /// infinite elsewhere. Right as far as windows came, some third of the rounds in edges; beyond, ways along
 /// edges.
 ///
-/// **Cost** linear in the edges that are near, a round.
+/// A device does every edge in every round; here a round does those whose neighbours changed in the last one, which comes to the same
+/// to the bit.
+///
+/// **Cost** linear in the faces, and in the edges near sources a round.
 #[must_use]
 pub fn bounded(topology: &Topology, positions_m: &[DVec3], sources: &[u32], rounds: u32) -> Vec<f32> {
     let sides = Sides::of(topology, positions_m);
     let mut distances_m = vec![f32::INFINITY; topology.n_vertices()];
     let mut begins: Vec<bool> =
         (0..topology.n_vertices() as u32).map(|vertex| topology.may_bend(vertex)).collect();
+    let mut changed = Changed::default();
     for source in sources {
         distances_m[*source as usize] = 0.0;
         begins[*source as usize] = true;
+        changed.vertices.push(*source);
     }
     // Of each face three: those that look into it through the edge across a corner.
     let mut kept: Vec<Kept> = vec![[None; KEPT]; 3 * topology.n_faces()];
+    let mut due = Due { sides: Marks::new(kept.len()), vertices: Marks::new(distances_m.len()) };
     for _ in 0..rounds {
-        let next: Vec<Kept> = (0..topology.n_faces() as u32)
-            .flat_map(|face| {
-                [0, 1, 2].map(|corner| sides.gathered(face, corner, (&kept, &distances_m, &begins)))
-            })
+        due.find_sides(topology, &changed);
+        let gathered: Vec<(u32, Kept)> = due
+            .sides
+            .items
+            .iter()
+            .map(|side| (*side, sides.gathered(side / 3, *side as usize % 3, (&kept, &distances_m, &begins))))
+            .filter(|(side, windows)| *windows != kept[*side as usize])
             .collect();
-        let reached: Vec<f32> = (0..topology.n_vertices() as u32)
-            .map(|vertex| sides.reached(vertex, &next, &distances_m))
+        changed.sides.clear();
+        for (side, windows) in gathered {
+            kept[side as usize] = windows;
+            changed.sides.push(side);
+        }
+        due.find_vertices(topology, &changed);
+        let reached: Vec<(u32, f32)> = due
+            .vertices
+            .items
+            .iter()
+            .map(|vertex| (*vertex, sides.reached(*vertex, &kept, &distances_m)))
+            .filter(|(vertex, distance_m)| *distance_m != distances_m[*vertex as usize])
             .collect();
-        let is_done = next == kept && reached == distances_m;
-        (kept, distances_m) = (next, reached);
-        if is_done {
+        changed.vertices.clear();
+        for (vertex, distance_m) in reached {
+            distances_m[vertex as usize] = distance_m;
+            changed.vertices.push(vertex);
+        }
+        if changed.sides.is_empty() && changed.vertices.is_empty() {
             break;
         }
     }
     distances_m
+}
+
+/// What the last round changed.
+#[derive(Debug, Default)]
+struct Changed {
+    /// Corners of faces, three a face: windows that look into it through the edge across.
+    sides: Vec<u32>,
+    vertices: Vec<u32>,
+}
+
+/// Items, each once.
+struct Marks {
+    is_in: Vec<bool>,
+    items: Vec<u32>,
+}
+
+impl Marks {
+    fn new(n: usize) -> Self {
+        Self { is_in: vec![false; n], items: Vec::new() }
+    }
+
+    fn clear(&mut self) {
+        for item in self.items.drain(..) {
+            self.is_in[item as usize] = false;
+        }
+    }
+
+    fn add(&mut self, item: u32) {
+        if !std::mem::replace(&mut self.is_in[item as usize], true) {
+            self.items.push(item);
+        }
+    }
+}
+
+/// What the next round has to do.
+struct Due {
+    sides: Marks,
+    vertices: Marks,
+}
+
+impl Due {
+    /// Windows that follow from windows and distances that changed: those through the two other edges of a face that they look into, and
+    /// those through edges across vertices.
+    fn find_sides(&mut self, topology: &Topology, changed: &Changed) {
+        self.sides.clear();
+        let mut beyond = |face: u32, corner: usize| {
+            let edge = topology.edges_of(face)[corner];
+            if edge == NO_EDGE {
+                return;
+            }
+            for into in topology.faces_at_edge(edge).iter().filter(|into| **into != face) {
+                if let Some(own) = topology.edges_of(*into).iter().position(|of| *of == edge) {
+                    self.sides.add(3 * into + own as u32);
+                }
+            }
+        };
+        for side in &changed.sides {
+            let (face, corner) = (side / 3, *side as usize % 3);
+            (0..3).filter(|other| *other != corner).for_each(|other| beyond(face, other));
+        }
+        for vertex in &changed.vertices {
+            for face in topology.faces_at(*vertex) {
+                if let Some(corner) = topology.corners(*face).iter().position(|of| of == vertex) {
+                    beyond(*face, corner);
+                }
+            }
+        }
+    }
+
+    /// Vertices that follow from this round's windows and the last round's distances.
+    fn find_vertices(&mut self, topology: &Topology, changed: &Changed) {
+        self.vertices.clear();
+        for side in &changed.sides {
+            self.vertices.add(topology.corners(side / 3)[*side as usize % 3]);
+        }
+        for vertex in &changed.vertices {
+            for edge in topology.edges_at(*vertex) {
+                self.vertices.add(topology.across(*edge, *vertex));
+            }
+        }
+    }
 }
 
 impl<'a> Sides<'a> {
@@ -287,6 +390,48 @@ mod tests {
         let worst = off.iter().copied().fold(0.0, f64::max);
         let least = off.iter().copied().fold(0.0, f64::min);
         [worst, off.iter().sum::<f64>() / off.len() as f64, least]
+    }
+
+    /// Every edge in every round, as a device does it.
+    fn everywhere(topology: &Topology, positions_m: &[DVec3], sources: &[u32], rounds: u32) -> Vec<f32> {
+        let sides = Sides::of(topology, positions_m);
+        let mut distances_m = vec![f32::INFINITY; topology.n_vertices()];
+        let vertices = 0..topology.n_vertices() as u32;
+        let mut begins: Vec<bool> = vertices.clone().map(|vertex| topology.may_bend(vertex)).collect();
+        for source in sources {
+            distances_m[*source as usize] = 0.0;
+            begins[*source as usize] = true;
+        }
+        let mut kept: Vec<Kept> = vec![[None; KEPT]; 3 * topology.n_faces()];
+        for _ in 0..rounds {
+            let side =
+                |side: usize| sides.gathered(side as u32 / 3, side % 3, (&kept, &distances_m, &begins));
+            let next: Vec<Kept> = (0..kept.len()).map(side).collect();
+            distances_m = vertices.clone().map(|vertex| sides.reached(vertex, &next, &distances_m)).collect();
+            kept = next;
+        }
+        distances_m
+    }
+
+    #[test]
+    fn rounds_of_what_changed_are_those_of_every_edge_to_the_bit() {
+        let hills = grid(31, 0.3, |x, y| 2.0 * (0.5 * x).sin() * (0.4 * y).cos());
+        for (mesh, sources) in [
+            (hills, vec![5, 400, 401, 900]),
+            (sphere(3), vec![0, 9]),
+            (fan(1e-5), vec![3]),
+            (grid(6, 0.2, |_, _| 0.0), vec![]),
+        ] {
+            let topology = Topology::of(&mesh.0, &mesh.1);
+            for rounds in [1, 2, 7, ROUNDS] {
+                let bits = |of: Vec<f32>| of.into_iter().map(f32::to_bits).collect::<Vec<u32>>();
+                assert_eq!(
+                    bits(bounded(&topology, &mesh.0, &sources, rounds)),
+                    bits(everywhere(&topology, &mesh.0, &sources, rounds)),
+                    "{rounds} rounds from {sources:?}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -1,117 +1,18 @@
-//! How much each camera lends to every vertex of a mesh: stage after stage, each of which can be off.
+//! How much each camera lends to every vertex of a mesh: stage after stage.
 //!
 //! `[M19]` Du et al. 2019, `Montage4D`, sections 4.2 to 4.5.
 
 use super::agreement::even;
 use super::seams::{SeamCounts, seams};
-use super::sight::{Hiding, Sight, Visibility, sights};
-use super::vote::{Ballot, VoteLevels};
-use super::{MAX_VIEWS, ROUNDS, Topology, View, bounded, exact, marching};
+use super::settings::{Distances, FieldSettings, Preference};
+use super::sight::{Hiding, Sight, sights};
+use super::smoothing::{Taking, smooth};
+use super::vote::{Ballot, footprints};
+use super::{DEPTH_PX, MAX_VIEWS, ROUNDS, Topology, View, bounded, exact, marching};
 use crate::error::ErrorKind;
 use crate::mesh::{Mesh, fill};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-
-/// How distances from seams are found, from cheap to exact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Distances {
-    /// They are not: a camera lends up to its seams.
-    Off,
-    /// By one front.
-    Marching,
-    /// In rounds of two windows an edge, as a device does.
-    Bounded,
-    /// To rounding.
-    Exact,
-}
-
-impl Distances {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Off, Self::Marching, Self::Bounded, Self::Exact];
-
-    /// Its name.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Off => "off",
-            Self::Marching => "marching",
-            Self::Bounded => "bounded",
-            Self::Exact => "exact",
-        }
-    }
-}
-
-impl std::str::FromStr for Distances {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        let names = || Self::ALL.map(Self::name).join(", ");
-        Self::ALL
-            .into_iter()
-            .find(|of| of.name() == name)
-            .ok_or_else(|| format!("expected one of {}", names()))
-    }
-}
-
-/// Which cameras lend most to a viewer.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Preference {
-    /// Those that look as the viewer does: the cosine between both directions, to a power (`[M19]`).
-    Directions {
-        /// The power.
-        exponent: f64,
-    },
-    /// Those whose colours are least beside where the viewer sees them: by how a wrong depth is seen from another direction, and by how
-    /// large a pixel is on the surface (after `[B01]` Buehler et al. 2001, Unstructured lumigraph rendering, section 3: angles and
-    /// resolutions, both in metres here).
-    Errors {
-        /// How wrong depths are, metres; if none half of a mean edge, which is what the mesh itself leaves out.
-        depth_m: Option<f64>,
-        /// To which power the reciprocal of an error counts.
-        exponent: f64,
-    },
-}
-
-/// Which stages of a field are run, and how exactly.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FieldSettings {
-    /// How hidden vertices are found.
-    pub visibility: Visibility,
-    /// Texels of depth maps along their longer side, at least 1.
-    pub depth_map_px: u32,
-    /// Levels of detail in which cameras vote on each other, if they do: where meshes lack what hides, as people; else it costs more than it
-    /// mends (docs/benchmarks/fields.md).
-    pub vote: Option<VoteLevels>,
-    /// How distances from seams are found.
-    pub distances: Distances,
-    /// How far from its seams a camera lends in full, metres; if none what fifteen triangles reach.
-    pub reach_m: Option<f64>,
-    /// Whether pictures are evened out first.
-    pub is_evened: bool,
-    /// Which cameras are preferred where several are believed.
-    pub preference: Preference,
-    /// Exponent of the share of all vertices that a camera sees: 1 as `[M19]` has it, for one thing in the middle of all cameras; 0 for
-    /// places of which cameras see parts, where who sees less may see it from nearer.
-    pub coverage_exponent: f64,
-    /// Exponent of the cosine between a surface's normal and the direction to a camera, in the baseline and what fields fall back to.
-    pub normal_exponent: f64,
-}
-
-impl Default for FieldSettings {
-    fn default() -> Self {
-        Self {
-            visibility: Visibility::Dilated,
-            depth_map_px: 1024,
-            vote: None,
-            distances: Distances::Exact,
-            reach_m: None,
-            is_evened: true,
-            preference: Preference::Errors { depth_m: None, exponent: 4.0 },
-            coverage_exponent: 0.0,
-            normal_exponent: 2.0,
-        }
-    }
-}
 
 /// Triangles from a camera's seam over which it comes to lend in full: `[M19]` section 4.4. About a third as many edges.
 const REACH_TRIANGLES: f64 = 15.0;
@@ -151,10 +52,12 @@ pub struct Field {
     n_views: usize,
     /// By vertex, and of a vertex by view, as all that follows.
     sights: Vec<Sight>,
-    /// How far from its seams, 0 to 1; 1 for a view without seams.
+    /// How far from its seams, 0 to 1; 1 for a view without seams, 0 where a view sees nothing.
     ramps: Vec<f32>,
-    /// Weights by normals: what the field falls back to, and the baseline. Sums are 1, or 0 where nobody sees a vertex.
+    /// Weights by normals: the baseline. Sums are 1, or 0 where nobody sees a vertex.
     by_normals: Vec<f32>,
+    /// The same without steps: what the field falls back to.
+    fallback: Vec<f32>,
     /// By view: which share of all vertices it sees.
     shares: Vec<f64>,
     seams: Vec<SeamCounts>,
@@ -163,8 +66,8 @@ pub struct Field {
     /// How large a pixel of the view is on the surface, along its longer side, metres.
     pixels_m: Vec<f32>,
     reach_m: f64,
-    /// Of all edges in the mean.
-    edge_m: f64,
+    /// How wrong depths are taken to be.
+    depth_m: f64,
     preference: Preference,
     coverage_exponent: f64,
 }
@@ -226,16 +129,17 @@ impl Field {
         }
         let views = &*views;
         if let Some(levels) = settings.vote {
-            let votes = all.par_chunks_mut(n_views).zip(&mesh.positions_m);
-            votes.for_each_init(Ballot::default, |ballot, (sights, place)| {
-                ballot.vote(*place, views, levels, sights);
+            let within = footprints(mesh, views, settings.depth_map_px);
+            let votes = all.par_chunks_mut(n_views).zip(within.par_chunks(n_views)).zip(&mesh.positions_m);
+            votes.for_each_init(Ballot::default, |ballot, ((sights, within), place)| {
+                ballot.vote(*place, (views, within), levels, sights);
             });
         }
         let reach_m = settings
             .reach_m
             .unwrap_or(REACH_TRIANGLES / 3.0 * topology.mean_length_m())
             .max(f64::MIN_POSITIVE);
-        let (mut ramps, mut counts) = (vec![1.0_f32; n_vertices * n_views], Vec::new());
+        let (mut ramps, mut counts) = (vec![0.0_f32; n_vertices * n_views], Vec::new());
         let each: Vec<(Vec<f32>, SeamCounts)> = (0..n_views)
             .into_par_iter()
             .map(|view| {
@@ -244,7 +148,10 @@ impl Field {
             })
             .collect();
         for (view, (own, seams)) in each.into_iter().enumerate() {
-            own.into_iter().enumerate().for_each(|(vertex, ramp)| ramps[vertex * n_views + view] = ramp);
+            for (vertex, ramp) in own.into_iter().enumerate() {
+                let at = vertex * n_views + view;
+                ramps[at] = if all[at] == Sight::Seen { ramp } else { 0.0 };
+            }
             counts.push(seams);
         }
         let mut n_seen = vec![0_u64; n_views];
@@ -254,18 +161,24 @@ impl Field {
         let mut field = Self {
             n_views,
             by_normals: by_normals(mesh, views, &all, settings.normal_exponent),
+            fallback: Vec::new(),
             sights: all,
             ramps,
             shares: n_seen.into_iter().map(|n| n as f64 / n_vertices as f64).collect(),
             seams: counts,
             colors: Vec::new(),
             reach_m,
-            edge_m: topology.mean_length_m(),
+            depth_m: 0.0,
             pixels_m: Vec::new(),
             preference: settings.preference,
             coverage_exponent: settings.coverage_exponent,
         };
         field.pixels_m = field.pixels_m(mesh, views);
+        field.depth_m = match settings.preference {
+            Preference::Errors { depth_m: Some(depth_m), .. } => depth_m,
+            _ => (DEPTH_PX * field.finest_px_m()).max(0.5 * topology.mean_length_m()),
+        };
+        field.spread(topology, settings.smoothing_rounds);
         field.colors = field.vertex_colors(mesh, views, topology.mean_length_m());
         Ok(field)
     }
@@ -285,7 +198,7 @@ impl Field {
         self.sights[vertex as usize * self.n_views + view]
     }
 
-    /// How far from its seams a view sees a vertex, 0 to 1.
+    /// How far from its seams a view sees a vertex, 0 to 1, as smooth as the settings say; 0 where it does not.
     ///
     /// # Panics
     /// Of one that is not there.
@@ -310,6 +223,15 @@ impl Field {
     #[must_use]
     pub fn lends_by_normals(&self, vertex: u32) -> &[f32] {
         &self.by_normals[vertex as usize * self.n_views..][..self.n_views]
+    }
+
+    /// What every view lends to a vertex where fields give way: by normals, without steps.
+    ///
+    /// # Panics
+    /// Of one that is not there.
+    #[must_use]
+    pub fn falls_back_to(&self, vertex: u32) -> &[f32] {
+        &self.fallback[vertex as usize * self.n_views..][..self.n_views]
     }
 
     /// How large a pixel of a view is on the surface at a vertex that it sees, along its longer side, metres; infinite at others.
@@ -339,13 +261,25 @@ impl Field {
         self.reach_m
     }
 
+    /// How wrong depths are taken to be, metres.
+    #[must_use]
+    pub const fn depth_m(&self) -> f64 {
+        self.depth_m
+    }
+
+    /// Weights by normals without steps, as smooth as the settings say: what fields fall back to.
+    #[must_use]
+    pub fn fallback(&self) -> Weights {
+        Weights { n_views: self.n_views, shares: self.fallback.clone() }
+    }
+
     /// What every vertex looks like from everywhere, linear light; of what nobody sees, what is around it.
     #[must_use]
     pub fn colors(&self) -> &[Vec3] {
         &self.colors
     }
 
-    /// Weights by normals alone, whoever looks: the baseline (Holoportation), and what fields fall back to.
+    /// Weights by normals alone, whoever looks: the baseline (Holoportation).
     #[must_use]
     pub fn by_normals(&self) -> Weights {
         Weights { n_views: self.n_views, shares: self.by_normals.clone() }
@@ -365,7 +299,7 @@ impl Field {
             (self.sights.len(), n_views),
             "the field's own"
         );
-        let mut shares = self.by_normals.clone();
+        let mut shares = self.fallback.clone();
         let rows = shares.par_chunks_mut(n_views).zip(self.sights.par_chunks(n_views));
         let rows = rows.zip(self.ramps.par_chunks(n_views)).zip(self.pixels_m.par_chunks(n_views));
         let rows = rows.zip(&mesh.positions_m);
@@ -381,9 +315,8 @@ impl Field {
                 alike = alike.max(cosine);
                 wanted[view] = match self.preference {
                     Preference::Directions { .. } => cosine.max(0.0),
-                    Preference::Errors { depth_m, .. } => {
-                        let depth_m = depth_m.unwrap_or(0.5 * self.edge_m);
-                        let beside_m = depth_m * (1.0 - cosine * cosine).max(0.0).sqrt();
+                    Preference::Errors { .. } => {
+                        let beside_m = self.depth_m * (1.0 - cosine * cosine).max(0.0).sqrt();
                         beside_m.hypot(f64::from(pixels_m[view])).max(f64::MIN_POSITIVE).recip()
                     }
                 };
@@ -411,6 +344,49 @@ impl Field {
             }
         });
         Weights { n_views, shares }
+    }
+
+    /// Makes what weights are made of smooth: ramps, where what does not see a vertex counts as 0; sizes of pixels, whose logarithms are
+    /// taken among those that see it, since normals of meshes are uneven; and what fields fall back to.
+    fn spread(&mut self, topology: &Topology, rounds: u32) {
+        let (n_views, sights) = (self.n_views, &self.sights);
+        let is_seen = |at: usize| sights[at] == Sight::Seen;
+        smooth(topology, (&mut self.ramps, n_views), rounds, &Taking { changes: is_seen, counts: |_| true });
+        self.fallback = self.by_normals.clone();
+        if rounds == 0 {
+            return;
+        }
+        let is_sized: Vec<bool> = self.pixels_m.iter().map(|pixel_m| pixel_m.is_finite()).collect();
+        let sized = |at: usize| is_sized[at];
+        self.pixels_m.par_iter_mut().for_each(|pixel_m| *pixel_m = pixel_m.ln());
+        smooth(topology, (&mut self.pixels_m, n_views), rounds, &Taking { changes: sized, counts: sized });
+        self.pixels_m.par_iter_mut().for_each(|log| *log = log.exp());
+        let by_normals = &self.by_normals;
+        let may_lend = |at: usize| by_normals[at] > 0.0;
+        smooth(
+            topology,
+            (&mut self.fallback, n_views),
+            rounds,
+            &Taking { changes: may_lend, counts: |_| true },
+        );
+        self.fallback.par_chunks_mut(n_views).for_each(|row| {
+            let sum: f32 = row.iter().sum();
+            if sum > 0.0 {
+                row.iter_mut().for_each(|share| *share /= sum);
+            }
+        });
+    }
+
+    /// How large the finest pixel is on the surface, in the median of all vertices that are seen, metres; 0 where none is.
+    fn finest_px_m(&self) -> f64 {
+        let finest = |row: &[f32]| row.iter().copied().fold(f32::INFINITY, f32::min);
+        let mut all: Vec<f32> =
+            self.pixels_m.chunks(self.n_views).map(finest).filter(|pixel_m| pixel_m.is_finite()).collect();
+        let middle = all.len() / 2;
+        if all.is_empty() {
+            return 0.0;
+        }
+        f64::from(*all.select_nth_unstable_by(middle, f32::total_cmp).1)
     }
 
     fn pixels_m(&self, mesh: &Mesh, views: &[View]) -> Vec<f32> {

@@ -13,19 +13,26 @@
 //! | `view` | a camera with its picture |
 //! | `agreement` | gains by which pictures agree |
 //! | `sight`, `vote`, `seams` | who sees a vertex, who is believed, and where that ends |
+//! | `smoothing` | all of this without steps from vertex to vertex |
+//! | `settings` | which stages are run |
 //! | `field` | from all of this, how much each camera lends |
 //! | `history` | the same smoothly over time, also where the mesh changes |
+//! | `flow`, `floating` | pictures that lie beside each other brought together by optical flow, for comparison |
 //! | `shade` | pictures by it: the truth of drawn ones |
 
 mod agreement;
 mod bounded;
 mod exact;
 mod field;
+mod floating;
+mod flow;
 mod history;
 mod marching;
 mod seams;
+mod settings;
 mod shade;
 mod sight;
+mod smoothing;
 mod tessellation;
 #[cfg(test)]
 mod testing;
@@ -37,10 +44,11 @@ mod vote;
 
 pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
-pub use field::{Distances, Field, FieldError, FieldSettings, Preference, Weights};
+pub use field::{Field, FieldError, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;
+pub use settings::{DEPTH_PX, Distances, FieldSettings, Preference};
 pub use shade::{Blend, NO_VIEW, Shaded, Steps, shade};
 pub use sight::{Sight, Visibility};
 pub use tessellation::Tessellation;

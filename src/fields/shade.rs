@@ -1,5 +1,6 @@
 //! A mesh as a camera would see it, coloured by what others see of it: what a device's pictures are held to.
 
+use super::floating::Floats;
 use super::{Field, View, Weights};
 use crate::frame::{Mask, RgbImage, codes_of};
 use crate::geometry::Camera;
@@ -23,6 +24,9 @@ pub enum Blend {
         /// By how much depths are wrong, metres.
         error_m: f64,
     },
+    /// Each counts as much as it lends, where optical flow between the pictures as the viewer would see them says that they show the same
+    /// (`[E08]` Eisemann et al. 2008, Floating Textures).
+    Floating,
 }
 
 /// A picture of a mesh.
@@ -45,6 +49,8 @@ pub struct Shaded {
 pub struct Steps {
     /// The sizes of the fields' parts.
     pub across: f64,
+    /// Their squares.
+    pub across_squared: f64,
     /// The sizes of the pictures' parts.
     pub within: f64,
     /// How many pairs there are.
@@ -52,21 +58,32 @@ pub struct Steps {
 }
 
 impl Steps {
-    /// Seam energy: what a change of fields adds to a step, in the mean, 8-bit codes; none without pairs.
+    /// Seam energy: what a change of fields adds to a step, in the mean, 8-bit codes; none without pairs. Of a change from one camera to
+    /// another it is the same however wide it is spread.
     #[must_use]
     pub fn energy(&self) -> Option<f64> {
         (self.n_pairs > 0).then(|| self.across / self.n_pairs as f64)
     }
 
-    /// That over what pictures have themselves; none where they have no steps.
+    /// The same as a root of the mean of squares, 8-bit codes, for which a step that is spread over n pixels is root n times as small:
+    /// what is seen of seams are sharp steps; none without pairs.
+    #[must_use]
+    pub fn sharpness(&self) -> Option<f64> {
+        (self.n_pairs > 0).then(|| (self.across_squared / self.n_pairs as f64).sqrt())
+    }
+
+    /// Seam energy over what pictures have themselves; none where they have no steps.
     #[must_use]
     pub fn ratio(&self) -> Option<f64> {
         (self.within > 0.0).then(|| self.across / self.within)
     }
 
-    fn plus(self, other: Self) -> Self {
+    /// Of both together.
+    #[must_use]
+    pub fn plus(self, other: Self) -> Self {
         Self {
             across: self.across + other.across,
+            across_squared: self.across_squared + other.across_squared,
             within: self.within + other.within,
             n_pairs: self.n_pairs + other.n_pairs,
         }
@@ -74,12 +91,19 @@ impl Steps {
 }
 
 /// A place of a mesh in a picture.
-struct Place {
-    at: DVec3,
-    corners: [u32; 3],
+pub(super) struct Place {
+    pub(super) at: DVec3,
+    pub(super) corners: [u32; 3],
     /// Of the corners.
     shares: [f32; 3],
-    depth_m: f64,
+    pub(super) depth_m: f64,
+}
+
+impl Place {
+    /// What a view lends there.
+    pub(super) fn lent(&self, weights: &Weights, view: usize) -> f32 {
+        self.corners.iter().zip(self.shares).map(|(corner, share)| weights.of(*corner)[view] * share).sum()
+    }
 }
 
 /// Rows that are shaded at once, and for one more what steps to them come from.
@@ -94,6 +118,8 @@ struct Mixing<'a> {
     views: &'a [View],
     weights: &'a Weights,
     blend: Blend,
+    /// Of [`Blend::Floating`].
+    floats: Option<Floats>,
 }
 
 /// What views show of some pixels, and how much they lend there: so many numbers a pixel as views, and one more.
@@ -119,7 +145,8 @@ pub fn shade(
     blend: Blend,
 ) -> Shaded {
     let [width, height] = raster.size_px();
-    let mixing = Mixing { mesh, raster, camera, field, views, weights, blend };
+    let floats = (blend == Blend::Floating).then(|| Floats::of((mesh, raster), camera, (views, weights)));
+    let mixing = Mixing { mesh, raster, camera, field, views, weights, blend, floats };
     let mut data = vec![0; 3 * width * height];
     let (mut covered, mut owners) = (vec![0_u8; width * height], vec![NO_VIEW; width * height]);
     let bands = data.par_chunks_mut(3 * width * BAND_ROWS).zip(covered.par_chunks_mut(width * BAND_ROWS));
@@ -174,12 +201,11 @@ impl Mixing<'_> {
         let place = place_of(self.mesh, self.raster, pixel, (self.camera, texture))?;
         let own_scale = size.x / f64::from(self.camera.size_px().0);
         let own_px_per_m = self.camera.focal_px().x * own_scale / place.depth_m.max(1e-9);
-        let rows = place.corners.map(|corner| self.weights.of(corner));
         let n_views = self.views.len();
         let mut covered = 0.0;
-        for view in 0..n_views {
-            lent[view] = rows.iter().zip(place.shares).map(|(row, share)| row[view] * share).sum();
-            covered += lent[view];
+        for (view, own) in lent[..n_views].iter_mut().enumerate() {
+            *own = place.lent(self.weights, view);
+            covered += *own;
         }
         let most = (0..n_views).max_by(|a, b| lent[*a].total_cmp(&lent[*b]))?;
         let mut used = 0.0;
@@ -187,7 +213,11 @@ impl Mixing<'_> {
             if self.blend == Blend::Best && view != most {
                 lent[view] = 0.0;
             }
-            let Some((texture, depth_m)) = (lent[view] > 0.0).then(|| of.project(place.at)).flatten() else {
+            let shown = || match &self.floats {
+                Some(floats) => floats.look_up(&place, self.mesh, (self.camera, texture, size), (view, of)),
+                None => of.project(place.at),
+            };
+            let Some((texture, depth_m)) = (lent[view] > 0.0).then(shown).flatten() else {
                 lent[view] = 0.0;
                 continue;
             };
@@ -242,6 +272,7 @@ impl Parts {
                 within += 0.5 * (lent_a + lent_b) * (gray_b - gray_a);
             }
             steps.across += f64::from(across.abs());
+            steps.across_squared += f64::from(across).powi(2);
             steps.within += f64::from(within.abs());
             steps.n_pairs += 1;
         };
@@ -256,7 +287,7 @@ impl Parts {
 }
 
 /// Where on the mesh the middle of a pixel is.
-fn place_of(
+pub(super) fn place_of(
     mesh: &Mesh,
     raster: &Raster,
     pixel: usize,

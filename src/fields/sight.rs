@@ -1,6 +1,7 @@
 //! Which vertices of a mesh a camera sees: in its picture, of the mesh and not hidden by it.
 
 use super::View;
+use crate::error::one_of;
 use crate::geometry::{Ray, Shape, Surfaces, TriangleMesh};
 use crate::mesh::{Mesh, Raster};
 use glam::DVec2;
@@ -56,11 +57,7 @@ impl std::str::FromStr for Visibility {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
-        let names = || Self::ALL.map(Self::name).join(", ");
-        Self::ALL
-            .into_iter()
-            .find(|of| of.name() == name)
-            .ok_or_else(|| format!("expected one of {}", names()))
+        one_of("way to find what is hidden", name, &Self::ALL, Self::name)
     }
 }
 

@@ -6,6 +6,7 @@ use super::occupancy::Occupancy;
 use super::octree;
 use super::silhouettes::{Hull, Scratch};
 use super::view::HullError;
+use crate::error::one_of;
 use crate::geometry::Ray;
 use crate::mesh::{Mesh, MeshError};
 use glam::DVec3;
@@ -44,11 +45,7 @@ impl FromStr for Method {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let known = Self::ALL.into_iter().find(|method| method.name() == text);
-        known.ok_or_else(|| {
-            let names = Self::ALL.map(Self::name).join(", ");
-            format!("{text} is no method that gives a surface; there are {names}")
-        })
+        one_of("method that gives a surface", text, &Self::ALL, Self::name)
     }
 }
 

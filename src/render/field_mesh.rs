@@ -4,7 +4,7 @@
 //! cameras of its group alone numbers are kept.
 
 use super::mesh::{Mesh, MeshVertex};
-use super::passes::{FIELD_SLOTS, FieldGroup, FieldVertex, NO_FIELD_VIEW};
+use super::passes::{FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, NO_FIELD_VIEW};
 use super::patches::{Batch, Batches, CameraList, Drawing, Shading, within};
 use crate::fields::{Field, FieldSettings, MAX_VIEWS, Tessellation, Topology, View};
 use crate::geometry::{Camera, SurfaceId};
@@ -83,7 +83,7 @@ impl FieldMesh {
             indices: Vec::new(),
             may_overlap,
             origin_in_world,
-            depth_m: 0.5 * topology.mean_length_m(),
+            depth_m: field.as_ref().map_or(0.0, Field::depth_m),
         };
         let mut sorted: BTreeMap<GroupKey, Vec<usize>> = BTreeMap::new();
         for (triangle, corners) in fine.triangles.iter().enumerate() {
@@ -138,20 +138,16 @@ impl FieldMesh {
 
     /// What the cameras of the next group have to do with one of its vertices.
     fn lent_to(&self, at: DVec3, vertex: u32, (field, views): (Option<&Field>, &[u8])) -> FieldVertex {
-        let of = |get: &dyn Fn(&Field, usize) -> f32| {
-            let mut slots = [0.0; FIELD_SLOTS];
-            for (slot, view) in slots.iter_mut().zip(views) {
-                *slot = field.map_or(0.0, |field| get(field, usize::from(*view)));
-            }
-            slots
-        };
-        FieldVertex::new(
-            (at - self.origin_in_world).as_vec3(),
-            self.groups.len() as u32,
-            of(&|field, view| field.trust(vertex, view)),
-            of(&|field, view| field.lends_by_normals(vertex)[view]),
-            of(&|field, view| field.pixel_m(vertex, view)),
-        )
+        let mut slots = FieldSlots::default();
+        for (slot, view) in views.iter().enumerate() {
+            let Some(field) = field else { break };
+            let view = usize::from(*view);
+            slots.ramps[slot] = field.trust(vertex, view);
+            slots.normals[slot] = field.lends_by_normals(vertex)[view];
+            slots.pixels_m[slot] = field.pixel_m(vertex, view);
+            slots.fallback[slot] = field.falls_back_to(vertex)[view];
+        }
+        FieldVertex::new((at - self.origin_in_world).as_vec3(), self.groups.len() as u32, &slots)
     }
 
     /// Whether this is the mesh for at least these cameras.

@@ -3,6 +3,7 @@
 //! Expected figures are scikit-image 0.26's for the same pictures: `structural_similarity(a, b, channel_axis=2,
 //! full=True)` and `peak_signal_noise_ratio(a, b)`, masked ones from the map and the squares at the mask's pixels.
 
+mod fields;
 mod guard;
 mod report;
 mod scene;

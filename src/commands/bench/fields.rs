@@ -41,6 +41,9 @@ pub(super) struct Fields {
     /// Columns of cameras' pictures and of views; rows are nine sixteenths of them.
     #[arg(long, value_name = "PIXELS", default_value_t = 640)]
     width: u32,
+    /// Frames of the world's period, which is played twice: backgrounds are learned from so many.
+    #[arg(long, value_name = "COUNT", default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    frames: u32,
     /// Where every stage's pictures are written, and the truth, PNG.
     #[arg(long, value_name = "FOLDER")]
     pictures: Option<PathBuf>,
@@ -67,6 +70,7 @@ fn stages() -> Vec<Stage> {
         visibility: Visibility::Facing,
         vote: None,
         distances: Distances::Off,
+        smoothing_rounds: 0,
         is_evened: false,
         ..FieldSettings::default()
     };
@@ -74,17 +78,17 @@ fn stages() -> Vec<Stage> {
     let hidden = FieldSettings { visibility: Visibility::Depths, ..plain };
     let dilated = FieldSettings { visibility: Visibility::Dilated, ..plain };
     let evened = FieldSettings { is_evened: true, ..dilated };
-    let marched = FieldSettings { distances: Distances::Marching, ..evened };
-    let full = FieldSettings { distances: Distances::Exact, ..evened };
+    let sharp = FieldSettings { distances: Distances::Exact, ..evened };
+    let full = FieldSettings { smoothing_rounds: FieldSettings::default().smoothing_rounds, ..sharp };
+    let marched = FieldSettings { distances: Distances::Marching, ..full };
+    let undistanced = FieldSettings { distances: Distances::Off, ..full };
     let voted = FieldSettings { vote: Some(VoteLevels::default()), ..full };
-    let errors = |depth_m, exponent| FieldSettings {
-        preference: Preference::Errors { depth_m: Some(depth_m), exponent },
-        ..full
-    };
+    let errors =
+        |depth_m, exponent| FieldSettings { preference: Preference::Errors { depth_m, exponent }, ..full };
     let directions = FieldSettings {
         preference: Preference::Directions { exponent: 20.0 },
         coverage_exponent: 1.0,
-        ..full
+        ..sharp
     };
     vec![
         Stage { blend: Blend::Best, ..of("best camera", evened, false) },
@@ -93,11 +97,15 @@ fn stages() -> Vec<Stage> {
         of("+ dilated", dilated, true),
         of("+ evened: the baseline", evened, true),
         Stage { blend: Blend::Filtered { error_m: 0.05 }, ..of("baseline, filtered", evened, true) },
+        Stage { blend: Blend::Floating, ..of("baseline, floating", evened, true) },
         of("fields: by the viewer", evened, false),
-        of("+ distances: all", full, false),
-        of("all, by directions (the paper)", directions, false),
-        of("all, by errors of 0.1 m", errors(0.1, 4.0), false),
-        of("all, by errors of 0.5 m", errors(0.5, 4.0), false),
+        of("+ distances", sharp, false),
+        of("+ smoothing: all", full, false),
+        of("all but distances", undistanced, false),
+        of("the paper: by directions, no smoothing", directions, false),
+        of("all, by errors of 0.1 m", errors(Some(0.1), 4.0), false),
+        of("all, by errors of 0.5 m", errors(Some(0.5), 4.0), false),
+        of("all, by errors of 16 pixels", errors(None, 4.0), false),
         of("all, distances by a front", marched, false),
         of("all, distances bounded", FieldSettings { distances: Distances::Bounded, ..full }, false),
         of("baseline, with the vote", voted, true),
@@ -109,9 +117,7 @@ fn stages() -> Vec<Stage> {
 #[derive(Default)]
 struct Outcome {
     pooled: Pooled,
-    across: f64,
-    within: f64,
-    n_pairs: u64,
+    steps: Steps,
     field: Vec<Duration>,
     target: Vec<Duration>,
     shade: Vec<Duration>,
@@ -120,28 +126,21 @@ struct Outcome {
 }
 
 impl Outcome {
-    fn add(&mut self, steps: &Steps) {
-        self.across += steps.across;
-        self.within += steps.within;
-        self.n_pairs += steps.n_pairs;
-    }
-
     fn row(&self, name: &str) -> String {
         let of = |value: Option<f64>, digits: usize| {
             value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}"))
         };
-        let energy = (self.n_pairs > 0).then(|| self.across / self.n_pairs as f64);
-        let ratio = (self.within > 0.0).then(|| self.across / self.within);
         let ms = |all: &[Duration]| {
             all.iter().map(Duration::as_secs_f64).sum::<f64>() * 1e3 / all.len().max(1) as f64
         };
         format!(
-            "{name} | {} | {} | {} | {} | {} | {:.1} | {:.1} | {:.1}",
+            "{name} | {} | {} | {} | {} | {} | {} | {:.1} | {:.1} | {:.1}",
             of(self.pooled.rmse(), 2),
             of(self.pooled.psnr_db(), 2),
             of(self.pooled.ssim(), 4),
-            of(energy, 3),
-            of(ratio, 3),
+            of(self.steps.energy(), 3),
+            of(self.steps.sharpness(), 2),
+            of(self.steps.ratio(), 3),
             ms(&self.field),
             ms(&self.target),
             ms(&self.shade)
@@ -173,8 +172,14 @@ impl Fields {
         let clock = SystemClock::new();
         let watch = Stopwatch::new(&clock, &OpenGate);
         let size_px = (self.width, self.width * 9 / 16);
-        let scope =
-            Scope { size_px, view_size_px: size_px, samples_per_side: 2, n_moments: 1, ..Scope::FULL };
+        let scope = Scope {
+            size_px,
+            view_size_px: size_px,
+            samples_per_side: 2,
+            n_moments: 1,
+            n_frames: self.frames,
+            ..Scope::FULL
+        };
         let subject = Subject::prepare(world, &scope, &watch, &crate::commands::complain)?;
         let cameras: Vec<Camera> = subject.cameras.iter().map(|of| of.camera.clone()).collect();
         let mesh = Tessellation::default().of(&subject.scene.surfaces, &cameras);
@@ -222,8 +227,8 @@ impl Fields {
             writeln!(out, "\n{name}, {} cameras, {what}: {of}\n", cameras.len())?;
             writeln!(
                 out,
-                "| stage | RMSE | PSNR, dB | SSIM | seam energy | across / within | field, ms | target, ms | picture, ms |\n\
-                 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
+                "| stage | RMSE | PSNR, dB | SSIM | seam energy | sharpness | across / within | field, ms | target, ms | picture, ms |\n\
+                 | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
             )?;
             for (stage, outcome) in outcomes {
                 writeln!(out, "| {} |", outcome.row(stage.name))?;
@@ -312,51 +317,107 @@ fn judge_mesh(
     parts: &[Part<'_>],
     (outcomes, clock): (&mut [(Stage, Outcome)], &SystemClock),
 ) -> Result<()> {
+    let shown: Vec<Shown<'_>> = parts.iter().map(|part| Shown::of(mesh, part)).collect();
     for (stage, outcome) in outcomes {
         let mut views = views.to_vec();
         let started = clock.monotonic();
         let field = Field::new(mesh, topology, &mut views, &stage.settings)?;
         outcome.field.push(clock.monotonic().saturating_sub(started));
         outcome.last.clear();
-        for part in parts {
-            draw((mesh, &field, &views), stage, part, (outcome, clock))?;
+        for shown in &shown {
+            draw((mesh, &field, &views), stage, shown, (outcome, clock))?;
         }
     }
     Ok(())
+}
+
+/// A mesh in a view, and where it is judged: within what rows and columns.
+struct Shown<'a> {
+    part: &'a Part<'a>,
+    raster: Raster,
+    /// The truth and what of it counts, within `window`.
+    truth: RgbImage,
+    judged: Mask,
+    /// First column and row, and how many; none where nothing is judged.
+    window: Option<[usize; 4]>,
+}
+
+/// Pixels around what is judged that similarity looks at too.
+const MARGIN_PX: usize = 8;
+
+impl<'a> Shown<'a> {
+    fn of(mesh: &Mesh, part: &'a Part<'a>) -> Self {
+        let [width, height] = [part.truth.width, part.truth.height].map(|side| side as usize);
+        let raster = Raster::of(mesh, part.camera, [width, height]);
+        // All stages are judged on the same pixels: where anything is, seen or filled.
+        let mut judged = Mask::clone(part.part);
+        judged.data.iter_mut().zip(raster.triangles()).for_each(|(judged, triangle)| {
+            *judged = if *triangle == videofields::mesh::NO_TRIANGLE { 0 } else { *judged };
+        });
+        let pixels = judged.data.iter().enumerate().filter(|(_, value)| **value > 0);
+        let bounds = pixels.map(|(pixel, _)| [pixel % width, pixel / width]).fold(None, |bounds, [x, y]| {
+            let [low_x, low_y, high_x, high_y] = bounds.unwrap_or([x, y, x, y]);
+            Some([low_x.min(x), low_y.min(y), high_x.max(x), high_y.max(y)])
+        });
+        let window = bounds.map(|[low_x, low_y, high_x, high_y]| {
+            let (x, y) = (low_x.saturating_sub(MARGIN_PX), low_y.saturating_sub(MARGIN_PX));
+            let [right, bottom] = [(high_x + MARGIN_PX + 1).min(width), (high_y + MARGIN_PX + 1).min(height)];
+            [x, y, right - x, bottom - y]
+        });
+        let all = [0, 0, width, height];
+        let truth = cut(part.truth, window.unwrap_or(all));
+        let rows = window.unwrap_or(all);
+        let data = rows_of(&judged.data, width, rows).collect::<Vec<u8>>();
+        let judged = Mask { width: rows[2] as u32, height: rows[3] as u32, data: data.into() };
+        Self { part, raster, truth, judged, window }
+    }
+}
+
+/// The values of a window of lines that are so long.
+fn rows_of<T: Copy>(
+    of: &[T],
+    length: usize,
+    [x, y, width, height]: [usize; 4],
+) -> impl Iterator<Item = T> + '_ {
+    (y..y + height).flat_map(move |row| of[row * length + x..][..width].iter().copied())
+}
+
+fn cut(of: &RgbImage, [x, y, width, height]: [usize; 4]) -> RgbImage {
+    let data = rows_of(&of.data, 3 * of.width as usize, [3 * x, y, 3 * width, height]).collect();
+    RgbImage { width: width as u32, height: height as u32, data }
 }
 
 /// Draws one view of a mesh by a stage, and judges it where anything is.
 fn draw(
     (mesh, field, views): (&Mesh, &Field, &[View]),
     stage: &Stage,
-    Part { camera, truth, part }: &Part<'_>,
+    Shown { part, raster, truth, judged, window }: &Shown<'_>,
     (outcome, clock): (&mut Outcome, &SystemClock),
 ) -> Result<()> {
-    let raster = Raster::of(mesh, camera, [truth.width as usize, truth.height as usize]);
+    let Some(window) = window else {
+        let (width, height) = (part.truth.width, part.truth.height);
+        let data = vec![0; part.truth.data.len()];
+        outcome.last.push(RgbImage { width, height, data });
+        return Ok(());
+    };
     let started = clock.monotonic();
     let weights = if stage.is_by_normals {
         field.by_normals()
     } else {
-        field.target(mesh, views, camera.pose().position_in_world)
+        field.target(mesh, views, part.camera.pose().position_in_world)
     };
     outcome.target.push(clock.monotonic().saturating_sub(started));
     let started = clock.monotonic();
-    let shaded = shade((mesh, &raster), camera, (field, views, &weights), stage.blend);
+    let shaded = shade((mesh, raster), part.camera, (field, views, &weights), stage.blend);
     outcome.shade.push(clock.monotonic().saturating_sub(started));
-    // All stages are judged on the same pixels: where anything is, seen or filled.
-    let mut judged = Mask::clone(part);
-    judged.data.iter_mut().zip(raster.triangles()).for_each(|(judged, triangle)| {
-        *judged = if *triangle == videofields::mesh::NO_TRIANGLE { 0 } else { *judged };
-    });
     debug_assert!(
         shaded.owners.data.iter().all(|owner| usize::from(*owner) < views.len() || *owner == NO_VIEW)
     );
-    if judged.data.iter().any(|value| *value > 0) {
-        // How cameras are exposed is nothing that a blend could know.
-        let truth = exposed_like(truth, &shaded.picture, &judged);
-        outcome.pooled.add(&compare(&truth, &shaded.picture, Some(&judged))?);
-        outcome.add(&shaded.steps);
-    }
+    let drawn = cut(&shaded.picture, *window);
+    // How cameras are exposed is nothing that a blend could know.
+    let truth = exposed_like(truth, &drawn, judged);
+    outcome.pooled.add(&compare(&truth, &drawn, Some(judged))?);
+    outcome.steps = outcome.steps.plus(shaded.steps);
     outcome.last.push(shaded.picture);
     Ok(())
 }

@@ -55,7 +55,22 @@ pub(in crate::render) struct FieldVertex {
     normals_high: [f32; 4],
     pixels_low: [f32; 4],
     pixels_high: [f32; 4],
+    fallback_low: [f32; 4],
+    fallback_high: [f32; 4],
 }}
+
+/// What each camera of a group has to do with a vertex.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::render) struct FieldSlots {
+    /// How far from its seams, 0 to 1; 0 of who does not see it.
+    pub ramps: [f32; FIELD_SLOTS],
+    /// What it lends by normals alone.
+    pub normals: [f32; FIELD_SLOTS],
+    /// How large its pixels are on the surface, metres; of who does not see it they may be infinite.
+    pub pixels_m: [f32; FIELD_SLOTS],
+    /// What it lends where fields give way.
+    pub fallback: [f32; FIELD_SLOTS],
+}
 
 mirror! { "render/fields.wgsl",
 /// The cameras of a group, the best first.
@@ -78,19 +93,25 @@ impl FieldGroup {
 }
 
 impl FieldVertex {
-    /// `pixels_m` of who does not see it may be infinite.
-    pub(in crate::render) fn new(
-        position: Vec3,
-        group: u32,
-        ramps: [f32; FIELD_SLOTS],
-        normals: [f32; FIELD_SLOTS],
-        pixels_m: [f32; FIELD_SLOTS],
-    ) -> Self {
+    pub(in crate::render) fn new(position: Vec3, group: u32, slots: &FieldSlots) -> Self {
         let finite = |pixel_m: f32| if pixel_m.is_finite() { pixel_m } else { f32::MAX.sqrt() };
-        let ([ramps_low, ramps_high], [normals_low, normals_high]) = (halves(ramps), halves(normals));
-        let [pixels_low, pixels_high] = halves(pixels_m.map(finite));
+        let [ramps_low, ramps_high] = halves(slots.ramps);
+        let [normals_low, normals_high] = halves(slots.normals);
+        let [pixels_low, pixels_high] = halves(slots.pixels_m.map(finite));
+        let [fallback_low, fallback_high] = halves(slots.fallback);
         let position = position.to_array();
-        Self { position, group, ramps_low, ramps_high, normals_low, normals_high, pixels_low, pixels_high }
+        Self {
+            position,
+            group,
+            ramps_low,
+            ramps_high,
+            normals_low,
+            normals_high,
+            pixels_low,
+            pixels_high,
+            fallback_low,
+            fallback_high,
+        }
     }
 }
 

@@ -24,7 +24,9 @@ pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
-pub(super) use fields::{FIELD_SLOTS, FieldGroup, FieldVertex, FieldsPass, FieldsWanted, NO_FIELD_VIEW};
+pub(super) use fields::{
+    FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, FieldsPass, FieldsWanted, NO_FIELD_VIEW,
+};
 pub use fields_distances::{FoundDistances, SurfaceDistances};
 pub(super) use hull::{HullPass, HullSeen};
 pub(super) use hull_depths::HullDepthsPass;

@@ -22,7 +22,7 @@ mod gltf_write;
 mod paper;
 
 use super::{MAX_DOCUMENT_BYTES, Scene, SceneError};
-use crate::error::{Fault, MAX_FAULTS};
+use crate::error::{Fault, MAX_FAULTS, one_of};
 use serde_json::Value;
 use std::fmt;
 use std::str::FromStr;
@@ -84,9 +84,7 @@ impl FromStr for ExchangeFormat {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(name, _)| *name == text);
-        let names = || Self::ALL.map(|(name, _)| name).join(", ");
-        found.map(|(_, format)| *format).ok_or_else(|| format!("expected one of {}", names()))
+        one_of("format", text, &Self::ALL, |(name, _)| name).map(|(_, format)| format)
     }
 }
 

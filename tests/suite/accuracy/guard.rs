@@ -54,6 +54,19 @@ fn the_plaza_is_as_accurate_as_it_was() {
     check("the grid map's mean distance", grid["mean_m"], 0.0..=0.02);
     check("the grid map's missing share", grid["missing_share"], 0.0..=0.02);
 
+    // Fields against their baseline, with cameras that are a pixel off; and against themselves, sharp as they are without smoothing.
+    let figures = |of: &super::fields::Outcome| {
+        let (psnr_db, ssim) = (of.pooled.psnr_db().unwrap(), of.pooled.ssim().unwrap());
+        (psnr_db, ssim, of.steps.energy().unwrap(), of.steps.sharpness().unwrap(), of.flicker())
+    };
+    let all = super::fields::judged(&subject, &found);
+    let [baseline, sharp, fields] = all.each_ref().map(figures);
+    let told = format!("baseline {baseline:?}, not smooth {sharp:?}, fields {fields:?}");
+    assert!(fields.0 > baseline.0 && fields.1 > baseline.1 && fields.2 < baseline.2, "{told}");
+    assert!(fields.0 > sharp.0 && fields.2 < sharp.2 && fields.3 < sharp.3, "{told}");
+    // A mix of cameras whose backgrounds are settled is no less steady than they are: no more than half a code off.
+    check("flicker of fields", fields.4, 0.0..=0.25);
+
     if adapter("").is_none() {
         return;
     }
