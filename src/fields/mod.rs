@@ -48,7 +48,7 @@ pub use field::{Field, FieldError, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;
-pub use settings::{DEPTH_PX, Distances, FieldSettings, Preference};
+pub use settings::{DEPTH_PX, Distances, FieldSettings, PLACE_DEPTH_M, Preference};
 pub use shade::{Blend, NO_VIEW, Shaded, Steps, shade};
 pub use sight::{Sight, Visibility};
 pub use tessellation::Tessellation;

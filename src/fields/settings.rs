@@ -94,6 +94,19 @@ pub struct FieldSettings {
     pub normal_exponent: f64,
 }
 
+/// How wrong depths of places are taken to be, metres: what a camera that is turned a pixel off shows beside, on ground some tens of metres
+/// away. Their surfaces are known better than [`DEPTH_PX`] of pixels, which would be metres (docs/benchmarks/fields.md).
+pub const PLACE_DEPTH_M: f64 = 0.1;
+
+impl FieldSettings {
+    /// Of what stands still in a scene, whose surfaces were measured and not made of pictures.
+    #[must_use]
+    pub fn of_places() -> Self {
+        let preference = Preference::Errors { depth_m: Some(PLACE_DEPTH_M), exponent: 4.0 };
+        Self { preference, ..Self::default() }
+    }
+}
+
 impl Default for FieldSettings {
     fn default() -> Self {
         Self {

@@ -68,7 +68,7 @@ impl FieldMesh {
         let topology = Topology::of(&fine.positions_m, &fine.triangles);
         let mut views: Vec<View> = seeing.into_iter().map(View::without_picture).collect();
         // Colours are evened out elsewhere; votes need pictures, which change.
-        let settings = FieldSettings { is_evened: false, vote: None, ..FieldSettings::default() };
+        let settings = FieldSettings { is_evened: false, vote: None, ..FieldSettings::of_places() };
         let field = Field::new(&fine, &topology, &mut views, &settings).ok();
         let origin_in_world = fine.bounds().map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high));
         let may_overlap = mesh.scene.surfaces.hiding_bounds().next().is_some();

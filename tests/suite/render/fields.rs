@@ -44,7 +44,7 @@ fn shaded(state: &SceneState, view: &View, form: FieldsForm) -> (RgbImage, Vec<b
         .zip(cameras)
         .map(|(of, camera)| videofields::fields::View::new(camera, of.observation.background.to_rgb(), None))
         .collect();
-    let settings = FieldSettings { is_evened: false, ..FieldSettings::default() };
+    let settings = FieldSettings { is_evened: false, ..FieldSettings::of_places() };
     let field = Field::new(&mesh, &topology, &mut views, &settings).expect("a field");
     let weights = match form {
         FieldsForm::Montage => field.target(&mesh, &views, view.pose.position_in_world),
