@@ -78,6 +78,7 @@ pictures: setup
 	deploy/pictures.sh
 	deploy/pictures-fused.sh
 	deploy/pictures-hulls.sh
+	deploy/pictures-sequences.sh
 
 clips: setup
 	$(CARGO) build --release --locked
