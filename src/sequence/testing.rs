@@ -120,7 +120,7 @@ impl Rolling {
 
     /// Writes it all into a folder, and gives its manifest.
     pub(super) fn write(&self) -> (TempDir, SequenceDocument) {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir().expect("a folder");
         for number in 0..self.n_frames {
             let secs = self.secs(number);
             let mesh = ball(if self.is_changing { number } else { 0 }, middle(secs));
@@ -150,7 +150,7 @@ impl Rolling {
                         self.n_cameras,
                         (self.size)(i),
                     )))
-                    .unwrap(),
+                    .expect("it is written"),
                     pictures: pattern(format!("c{i}-%03d.png")),
                     masks: Some(pattern(format!("m{i}-%03d.png"))),
                 })
@@ -162,24 +162,25 @@ impl Rolling {
 }
 
 pub(super) fn manifest(folder: &Path, document: &SequenceDocument) {
-    std::fs::write(folder.join(MANIFEST), serde_json::to_string(document).unwrap()).unwrap();
+    std::fs::write(folder.join(MANIFEST), serde_json::to_string(document).expect("it is written"))
+        .expect("it is written");
 }
 
 pub(super) fn write_mesh(path: &Path, mesh: &Mesh) {
     let mut bytes = Vec::new();
-    mesh.write_ply(&mut bytes).unwrap();
-    std::fs::write(path, bytes).unwrap();
+    mesh.write_ply(&mut bytes).expect("it is written");
+    std::fs::write(path, bytes).expect("it is written");
 }
 
 pub(super) fn save(path: &Path, picture: &RgbImage) {
     image::save_buffer(path, &picture.data, picture.width, picture.height, image::ExtendedColorType::Rgb8)
-        .unwrap();
+        .expect("it is written");
 }
 
 pub(super) fn open(folder: &Path) -> Result<Sequence, SequenceError> {
-    Sequence::open(folder, &MediaRoots::new(&[folder.to_path_buf()]).unwrap())
+    Sequence::open(folder, &MediaRoots::new(&[folder.to_path_buf()]).expect("it is written"))
 }
 
 pub(super) fn player(folder: &Path, settings: PlayerSettings) -> Player {
-    Player::new(open(folder).unwrap(), settings)
+    Player::new(open(folder).expect("it is written"), settings)
 }
