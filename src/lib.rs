@@ -68,6 +68,8 @@ pub mod ingest;
 
 pub mod scene;
 
+pub mod sequence;
+
 pub mod fuse;
 
 pub mod plan;

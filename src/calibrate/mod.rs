@@ -29,7 +29,9 @@ use std::str::FromStr;
 
 pub use correspondence::{MAX_PAIRS, Miss, Pair, Solved, Unknowns, solve};
 pub use json::{CameraDocument, DistortionDocument};
-pub use picture_set::{MAX_PICTURES, PictureCamera, SetFormat, SetOptions, SizeOf, import_set};
+pub use picture_set::{
+    MAX_PICTURES, PictureCamera, SetFormat, SetOptions, SizeOf, import_colmap, import_set,
+};
 pub use vanishing::{KnownView, MAX_LINES, Pencil, Turned, WorldAxis, turn};
 
 /// Most bytes that a calibration may have: a thousand times what honest ones need.

@@ -22,6 +22,7 @@ pub(crate) mod progress;
 pub(crate) mod restore;
 pub(crate) mod scene;
 pub(crate) mod segment;
+pub(crate) mod sequence;
 pub(crate) mod serve;
 pub(crate) mod simulate;
 pub(crate) mod snapshot;

@@ -237,7 +237,7 @@ fn parse_view(text: &str) -> Result<ExtraView, String> {
     })
 }
 
-fn parse_point(text: &str) -> Result<DVec3, String> {
+pub(super) fn parse_point(text: &str) -> Result<DVec3, String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(str::parse).collect();
     match numbers.as_deref() {
         Ok(&[x, y, z]) => Ok(DVec3::new(x, y, z)),

@@ -273,7 +273,7 @@ impl Field {
         Weights { n_views: self.n_views, shares: self.fallback.clone() }
     }
 
-    /// What every vertex looks like from everywhere, linear light; of what nobody sees, what is around it.
+    /// What every vertex looks like from everywhere, linear light; of what nobody sees the mesh's own colour, or what is around it.
     #[must_use]
     pub fn colors(&self) -> &[Vec3] {
         &self.colors
@@ -417,12 +417,17 @@ impl Field {
                 sum += *share * view.light_at(texture, level);
                 lent += *share;
             }
-            (lent > 0.0).then(|| sum / lent)
+            let own = || Some(light_of(mesh.colors_srgb.as_ref()?[vertex]));
+            if lent > 0.0 { Some(sum / lent) } else { own() }
         };
         let mut colors: Vec<Option<Vec3>> = (0..mesh.positions_m.len()).into_par_iter().map(color).collect();
         fill(&mut colors, &mesh.triangles);
         colors.into_iter().map(|color| color.unwrap_or(crate::mesh::UNSEEN)).collect()
     }
+}
+
+fn light_of(codes: [u8; 3]) -> Vec3 {
+    Vec3::from(codes.map(|code| crate::frame::linear_from_srgb(f32::from(code) / 255.0)))
 }
 
 /// How far vertices are from sources, as a share of `reach_m` up to 1.

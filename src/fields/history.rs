@@ -2,7 +2,7 @@
 //!
 //! `[M19]` section 4.5, whose 0.05 a picture at some 120 pictures a second is a time constant of 0.16 s: 95 % of the way in half a second.
 
-use super::Weights;
+use super::{Field, Sight, Weights};
 use crate::mesh::Mesh;
 use glam::{DVec3, IVec3};
 use std::collections::HashMap;
@@ -24,6 +24,27 @@ impl Weights {
             let is_new = row.iter().all(|own| *own <= 0.0) || target.iter().all(|own| *own <= 0.0);
             let share = if is_new { 1.0 } else { share };
             row.iter_mut().zip(target).for_each(|(own, target)| *own += share * (*target - *own));
+        }
+    }
+
+    /// Lets go of what views lend to vertices that they do not see, unless `target` has them lend there too; what is left is shared out
+    /// among the others as before.
+    ///
+    /// # Panics
+    /// Where all are not of the same mesh and views.
+    pub fn let_go_of_unseen(&mut self, target: &Self, field: &Field) {
+        assert_eq!((self.n_views, self.shares.len()), (target.n_views, target.shares.len()), "of one mesh");
+        let rows = self.shares.chunks_mut(self.n_views).zip(target.shares.chunks(self.n_views));
+        for (vertex, (row, target)) in (0..).zip(rows) {
+            for (view, own) in row.iter_mut().enumerate() {
+                if target[view] <= 0.0 && field.sight(vertex, view) != Sight::Seen {
+                    *own = 0.0;
+                }
+            }
+            let sum: f32 = row.iter().sum();
+            if sum > 0.0 {
+                row.iter_mut().for_each(|own| *own /= sum);
+            }
         }
     }
 

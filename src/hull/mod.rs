@@ -41,6 +41,7 @@ pub use distances::REACH_PX;
 pub use extraction::{Method, RESOLUTION, extract};
 pub use foreground::{largest, silhouette};
 pub use net::Crossings;
+pub(crate) use net::surface;
 pub use occupancy::Occupancy;
 pub use outline::{LEAF_EDGES, Outline};
 pub use paint::{Agreement, paint};

@@ -54,7 +54,7 @@ impl Crossings for Halfway {
 ///
 /// # Errors
 /// When nothing is inside, or the surface has more than [`Mesh::MAX_TRIANGLES`]; known before room is made for it.
-pub(super) fn surface(occupancy: &mut Occupancy, crossings: &impl Crossings) -> Result<Mesh, MeshError> {
+pub(crate) fn surface(occupancy: &mut Occupancy, crossings: &impl Crossings) -> Result<Mesh, MeshError> {
     let n_mended = occupancy.mend();
     let n_triangles = 2 * occupancy.n_crossings();
     if n_triangles > Mesh::MAX_TRIANGLES as u64 {

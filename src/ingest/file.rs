@@ -28,7 +28,7 @@ const MAX_IDLE_LOOKS: u32 = 3;
 const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
 
 /// A video file.
-pub(super) struct VideoFile {
+pub(crate) struct VideoFile {
     path: PathBuf,
     file: File,
     stop: StopFlag,
@@ -39,7 +39,7 @@ pub(super) struct VideoFile {
 
 impl VideoFile {
     /// Opens the file at `path`; whether it is a video shows with its first picture.
-    pub(super) fn open(
+    pub(crate) fn open(
         path: &Path,
         roots: &MediaRoots,
         stop: &StopFlag,
@@ -57,7 +57,7 @@ impl VideoFile {
     }
 
     /// Goes on at a time, or before it; where it stands in a file that cannot be sought in.
-    pub(super) fn seek(&self, stream_nanos: i64) {
+    pub(crate) fn seek(&self, stream_nanos: i64) {
         if let Some((decoder, _)) = &self.pass
             && !decoder.seek(stream_nanos)
         {

@@ -11,7 +11,7 @@ use crate::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
 use crate::media::{EncodedFrame, Picture};
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
-use std::io::{self, Cursor, Read};
+use std::io::{self, Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 /// Most columns and rows of a picture.
@@ -61,10 +61,7 @@ impl NumberedPictures {
     /// The picture of that number, and the file as it is if that is a JPEG.
     fn read(&self, number: u64) -> Result<(YuvImage, Option<Vec<u8>>), IngestError> {
         let path = self.pattern.path(number);
-        let mut file = self.roots.open(&path)?;
-        let mut bytes = Vec::new();
-        let unreadable = |source: io::Error| IngestError::Unreadable { path: path.clone(), source };
-        file.by_ref().take(MAX_FILE_BYTES).read_to_end(&mut bytes).map_err(unreadable)?;
+        let bytes = read_bytes(&path, &self.roots, MAX_FILE_BYTES)?;
         let (rgb, format) =
             decode(&bytes).map_err(|source| IngestError::Picture { path: path.clone(), source })?;
         // JPEG's own colours are full-range BT.601 (JFIF); PNG pictures take the same way.
@@ -126,6 +123,22 @@ fn find_numbers(
         Some(pair) => Err(IngestError::Gap { path: path.to_path_buf(), missing: pair[0] + 1 }),
         None => Ok(*first..=*last),
     }
+}
+
+/// The bytes of a file, at most so many of them.
+pub(crate) fn read_bytes(path: &Path, roots: &MediaRoots, most: u64) -> Result<Vec<u8>, IngestError> {
+    let mut bytes = Vec::new();
+    let unreadable = |source: io::Error| IngestError::Unreadable { path: path.to_path_buf(), source };
+    roots.open(path)?.take(most).read_to_end(&mut bytes).map_err(unreadable)?;
+    Ok(bytes)
+}
+
+/// One picture, JPEG or PNG.
+pub(crate) fn read_picture(path: &Path, roots: &MediaRoots) -> Result<RgbImage, IngestError> {
+    let bytes = read_bytes(path, roots, MAX_FILE_BYTES)?;
+    let (picture, _) =
+        decode(&bytes).map_err(|source| IngestError::Picture { path: path.to_path_buf(), source })?;
+    Ok(picture)
 }
 
 fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageError> {

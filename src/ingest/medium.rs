@@ -5,7 +5,7 @@ use crate::media::{EncodedFrame, Picture};
 use std::path::Path;
 
 /// Pictures that can be read from the first to the last, and then again.
-pub(super) trait Medium: Send {
+pub(crate) trait Medium: Send {
     /// The path as it was asked for; for messages.
     fn path(&self) -> &Path;
 

@@ -35,8 +35,12 @@ mod worker;
 pub use browse::{FoundFile, FoundFiles, browse, devices};
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
 pub use error::IngestError;
+pub(crate) use file::VideoFile;
+pub(crate) use images::{read_bytes, read_picture};
 pub use jpeg::recorded_as_jpeg;
 pub use look::{Look, look};
+pub(crate) use medium::Medium;
+pub(crate) use pattern::Pattern;
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use reach::CameraError;
 pub use roots::MediaRoots;
@@ -196,7 +200,7 @@ pub fn open_tapped(
         let timed = timed::TimedSource::new(pictures, Timing::Index, settings.rate_hz, settings.end);
         return Ok(Box::new(timed.with_cut(cut_of(settings))));
     }
-    let file = file::VideoFile::open(path, roots, stop, tap)?;
+    let file = VideoFile::open(path, roots, stop, tap)?;
     let timing = settings.timing.unwrap_or(Timing::Pts);
     let timed = timed::TimedSource::new(file, timing, settings.rate_hz, settings.end);
     Ok(Box::new(timed.with_cut(cut_of(settings))))

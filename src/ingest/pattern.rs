@@ -13,7 +13,7 @@ pub(super) fn is_pattern(path: &Path) -> bool {
 
 /// A parsed pattern: what stands before the number, its least digits, what stands behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Pattern {
+pub(crate) struct Pattern {
     folder: PathBuf,
     before: String,
     digits: usize,
@@ -22,7 +22,7 @@ pub(super) struct Pattern {
 
 impl Pattern {
     /// Takes `path` apart; its folder may have no number.
-    pub(super) fn parse(path: &Path) -> Result<Self, IngestError> {
+    pub(crate) fn parse(path: &Path) -> Result<Self, IngestError> {
         let refuse = |reason| IngestError::Pattern { path: path.to_path_buf(), reason };
         let name = path.file_name().and_then(|name| name.to_str());
         let name = name.ok_or_else(|| refuse("the file name must be UTF-8"))?;
@@ -55,17 +55,17 @@ impl Pattern {
     }
 
     /// The folder of the pictures, as written.
-    pub(super) fn folder(&self) -> &Path {
+    pub(crate) fn folder(&self) -> &Path {
         &self.folder
     }
 
     /// The path of picture `number`.
-    pub(super) fn path(&self, number: u64) -> PathBuf {
+    pub(crate) fn path(&self, number: u64) -> PathBuf {
         self.folder.join(self.name(number))
     }
 
     /// The number in a file's name, if it is exactly the name that the pattern gives that number.
-    pub(super) fn number(&self, name: &str) -> Option<u64> {
+    pub(crate) fn number(&self, name: &str) -> Option<u64> {
         let digits = name.strip_prefix(self.before.as_str())?.strip_suffix(self.after.as_str())?;
         let is_decimal = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
         let number = if is_decimal { digits.parse().ok()? } else { return None };

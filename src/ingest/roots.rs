@@ -79,7 +79,7 @@ impl MediaRoots {
     }
 
     /// Resolves a folder that must lie in the roots.
-    pub(super) fn resolve_folder(&self, path: &Path) -> Result<PathBuf, IngestError> {
+    pub(crate) fn resolve_folder(&self, path: &Path) -> Result<PathBuf, IngestError> {
         self.resolve(if path.as_os_str().is_empty() { Path::new(".") } else { path })
     }
 

@@ -24,6 +24,7 @@ pub use document::{
 };
 pub use import::{ASSETS, FolderImports, Imports, load_file, no_imports};
 pub(crate) use json::tree as json_tree;
+pub(crate) use model::read_gltf;
 pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
 pub use paint::{MappedTriangle, Paint, Painted, Repeated};
 pub use paint_document::{

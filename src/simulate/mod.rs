@@ -21,6 +21,7 @@ mod document;
 pub mod effects;
 mod explain;
 mod figure;
+mod figure_mesh;
 #[cfg(test)]
 mod hand_checked;
 mod light;
@@ -31,6 +32,7 @@ mod options;
 mod proof;
 mod seen;
 mod sensor;
+mod sequence;
 mod shade;
 mod shape;
 mod solids;
@@ -51,6 +53,7 @@ pub use explain::{Beside, EffectLine, ExplainOptions, Explanation, LensLine, Sti
 pub use moment::Shot;
 pub use options::{ExtraView, Parts, SimulateOptions, Step, Written};
 pub use seen::{JudgedView, SolidShare};
+pub use sequence::{SequenceOptions, write_sequence};
 pub use shape::{Entry, Part, Shape};
 pub use solids::{SolidHit, SolidId, Solids};
 pub use station::{Exposure, Station, Wanted};
@@ -140,6 +143,9 @@ pub enum SimulateError {
         /// Which one.
         camera: String,
     },
+    /// What moves has no mesh.
+    #[error("what moves cannot be made a mesh: {0}")]
+    Mesh(crate::mesh::MeshError),
     /// A document could not be serialised.
     #[error("cannot write a document: {0}")]
     Document(#[from] serde_json::Error),
@@ -161,6 +167,7 @@ impl SimulateError {
             | Self::View { .. }
             | Self::Camera(_)
             | Self::NothingArrives { .. } => ErrorKind::Invalid,
+            Self::Mesh(error) => error.kind(),
             Self::NoElement { .. } => ErrorKind::Unsupported,
             Self::Video { .. } | Self::Picture { .. } | Self::File { .. } | Self::Document(_) => {
                 ErrorKind::Internal

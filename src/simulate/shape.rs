@@ -84,6 +84,26 @@ impl Shape {
         }
     }
 
+    /// About how far outside of the shape a place is, metres; below 0 inside. 0 on the surface; exact of capsules, elsewhere never more
+    /// than the distance to the surface.
+    pub(super) fn outside_m(&self, at: DVec3) -> f64 {
+        match *self {
+            Self::Capsule { from, to, radius_m } => {
+                let axis = to - from;
+                let share = (at - from).dot(axis) / axis.length_squared().max(f64::MIN_POSITIVE);
+                (at - from - axis * share.clamp(0.0, 1.0)).length() - radius_m
+            }
+            Self::Ellipsoid { center, half_axes } => {
+                (in_half_axes(&half_axes, at - center).length() - 1.0) * least_half(&half_axes)
+            }
+            Self::Block { center, half_axes } => {
+                let [x, y, z] = [half_axes.x_axis, half_axes.y_axis, half_axes.z_axis].map(DVec3::length);
+                let beyond = in_half_axes(&half_axes, at - center).abs() - 1.0;
+                (beyond * DVec3::new(x, y, z)).max_element()
+            }
+        }
+    }
+
     /// The corners of the tightest box along the world's axes.
     #[must_use]
     pub fn bounds(&self) -> (DVec3, DVec3) {
@@ -152,6 +172,10 @@ fn capsule_entry(ray: &Ray, from: DVec3, to: DVec3, radius_m: f64) -> Option<Ent
         }
     }
     best
+}
+
+fn least_half(half_axes: &DMat3) -> f64 {
+    half_axes.x_axis.length().min(half_axes.y_axis.length()).min(half_axes.z_axis.length())
 }
 
 /// In shares of a matrix's perpendicular columns: the inverse is the transpose with every row divided by its squared
@@ -227,25 +251,6 @@ mod tests {
         ]
     }
 
-    /// Signed: below 0 inside.
-    fn implicit(shape: &Shape, point: DVec3) -> f64 {
-        match *shape {
-            Shape::Capsule { from, to, radius_m } => {
-                let axis = to - from;
-                let share = if axis.length() > 0.0 {
-                    ((point - from).dot(axis) / axis.length_squared()).clamp(0.0, 1.0)
-                } else {
-                    0.0
-                };
-                (point - from - axis * share).length() - radius_m
-            }
-            Shape::Ellipsoid { center, half_axes } => (half_axes.inverse() * (point - center)).length() - 1.0,
-            Shape::Block { center, half_axes } => {
-                (half_axes.inverse() * (point - center)).abs().max_element() - 1.0
-            }
-        }
-    }
-
     #[test]
     fn entries_lie_on_the_surface_and_nothing_is_entered_before_them() {
         for shape in shapes() {
@@ -261,7 +266,7 @@ mod tests {
                 let ray = ray(eye, target);
                 let before = shape.entry(&ray).map_or(8.0, |entry| entry.distance_m);
                 for distance in (0..800).map(|k| f64::from(k) * 0.01).filter(|d| *d < before - 1e-6) {
-                    assert!(implicit(&shape, ray.at(distance)) > -1e-9, "{shape:?}: skipped at {distance}");
+                    assert!(shape.outside_m(ray.at(distance)) > -1e-9, "{shape:?}: skipped at {distance}");
                 }
                 let Some(entry) = shape.entry(&ray) else {
                     n_misses += 1;
@@ -269,9 +274,9 @@ mod tests {
                 };
                 n_hits += 1;
                 let point = ray.at(entry.distance_m);
-                assert!(implicit(&shape, point).abs() < 1e-9, "{shape:?}");
+                assert!(shape.outside_m(point).abs() < 1e-9, "{shape:?}");
                 assert!((entry.normal.length() - 1.0).abs() < 1e-9);
-                assert!(implicit(&shape, point + entry.normal * 1e-4) > 0.0, "{shape:?}: inward normal");
+                assert!(shape.outside_m(point + entry.normal * 1e-4) > 0.0, "{shape:?}: inward normal");
                 assert!(entry.normal.dot(ray.direction) < 1e-9);
             }
             assert!(n_hits > 20 && n_misses > 20, "{n_hits} hits, {n_misses} misses");

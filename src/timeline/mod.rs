@@ -14,7 +14,7 @@ pub use event::{Event, EventKind, EventLog, LoggedEvent};
 pub use horizon::Horizon;
 pub use playhead::{Extent, MAX_RATE, Playhead, PlayheadMode};
 pub use replay::{PastFrame, Replay, ReplayError};
-pub(crate) use ring::edges;
+pub(crate) use ring::{REACH_NANOS, edges};
 pub use ring::{Timeline, TimelineError};
 
 use crate::frame::{Frame, Mask, YuvImage};

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::watch;
 
 /// How far from its time an observation counts at least, nanoseconds.
-pub(super) const REACH_NANOS: i64 = 1_000_000_000;
+pub(crate) const REACH_NANOS: i64 = 1_000_000_000;
 
 /// A time at which a camera saw nothing, or an observation that does not follow the newest.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -26,6 +26,7 @@ mod recording;
 mod render;
 mod scene;
 mod segment;
+mod sequence;
 mod simulate;
 mod standing;
 mod store;

@@ -9,13 +9,17 @@
 //! | `middlebury` | `*_par.txt` of the multi-view stereo benchmark | the picture's file name | at integers | never said |
 //! | `opencv` | what the first door takes as `opencv` | the camera's name, key or index | at integers | may be said |
 //! | `kitti` | `calib.txt`, `calib_cam_to_cam.txt` | the key, as `P0` or `P_rect_00` | at integers | said as `S_rect_00` |
+//! | COLMAP ([`import_colmap`], a door of its own: two files) | `cameras` and `images`, `.txt` or `.bin` | the picture's path | at +0.5 | said |
 //! | `nerf` | `transforms.json` | `file_path` as written | at +0.5 | may be said |
 
+mod colmap;
 mod kitti;
 mod middlebury;
 mod nerf;
 mod numbers;
 mod opencv;
+
+pub use colmap::import_colmap;
 
 use super::{CalibrateError, ImportOptions, MAX_BYTES, agreed_size, without_byte_order_mark};
 use crate::geometry::{Camera, Pose};

@@ -69,6 +69,26 @@ pub(super) fn read(file: &str, most_triangles: usize, files: &mut Files<'_>) -> 
     model.map_err(|reason| format!("cannot read {file:?}: {}", shortened(&reason)))
 }
 
+/// The triangles of a glTF or GLB file alone, in its own axes (y up) and units, with the colour of each where there are any.
+pub(crate) fn read_gltf(
+    file: &str,
+    most_triangles: usize,
+    imports: &mut dyn super::Imports,
+) -> Result<GltfTriangles, String> {
+    let bytes = imports.file(file, MAX_MODEL_BYTES)?;
+    let model = gltf::read(&bytes, file, most_triangles, &mut Files::new(imports))
+        .map_err(|reason| shortened(&reason))?;
+    Ok(GltfTriangles { points: model.points, triangles: model.triangles, colors_srgb: model.triangles_srgb })
+}
+
+/// What [`read_gltf`] finds.
+pub(crate) struct GltfTriangles {
+    pub(crate) points: Vec<DVec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Of every triangle.
+    pub(crate) colors_srgb: Option<Vec<[u8; 3]>>,
+}
+
 /// What a library says may repeat the file's own text at length.
 pub(super) fn shortened(reason: &str) -> String {
     const MOST_CHARS: usize = 300;

@@ -161,7 +161,7 @@ impl JsonLines {
     }
 }
 
-fn save_rgb(path: &Path, rgb: &RgbImage) -> Result<(), SimulateError> {
+pub(super) fn save_rgb(path: &Path, rgb: &RgbImage) -> Result<(), SimulateError> {
     save(path, &rgb.data, (rgb.width, rgb.height), image::ExtendedColorType::Rgb8)
 }
 
