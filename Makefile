@@ -79,6 +79,7 @@ pictures: setup
 	deploy/pictures-fused.sh
 	deploy/pictures-hulls.sh
 	deploy/pictures-fields.sh
+	deploy/pictures-effects.sh
 
 clips: setup
 	$(CARGO) build --release --locked
