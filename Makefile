@@ -80,6 +80,7 @@ pictures: setup
 	deploy/pictures-hulls.sh
 	deploy/pictures-fields.sh
 	deploy/pictures-sequences.sh
+	deploy/pictures-effects.sh
 
 clips: setup
 	$(CARGO) build --release --locked

@@ -38,7 +38,8 @@ struct Case {
 
 impl Case {
     fn new(name: &str, state: SceneState, picture: &Picture, settings: Settings) -> Self {
-        let wishes = Wishes { settings, see_through: false, colors: Colors::Raw };
+        let wishes =
+            Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() };
         let plan = plan::make(&state, picture, wishes);
         Self { name: name.to_owned(), state, picture: picture.clone(), plan, took_ms: Vec::new() }
     }
@@ -93,6 +94,7 @@ fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<Came
         materials: vec![Material::plain([120, 110, 100]); 1 + boxes.len()],
         surfaces: Surfaces::of_ground_and_boxes(vec![ground], boxes),
         sky: Sky::Plain { color_srgb: [120, 160, 210] },
+        effects: Default::default(),
         min_entity_size_m: 0.0,
         cameras: cameras.iter().map(camera).collect(),
         view: None,
@@ -348,6 +350,7 @@ impl Case {
             settings: settings(EntityStyle::None, Filtering::Levels, self.plan.sampling.samples),
             see_through: false,
             colors: Colors::Raw,
+            effects: Default::default(),
         };
         self.plan = plan::make(&self.state, &self.picture, wishes);
         self

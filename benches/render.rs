@@ -69,6 +69,7 @@ fn state(n_cameras: u32) -> SceneState {
             .collect(),
         surfaces: Surfaces::of_ground_and_boxes(vec![ground], boxes),
         sky: Sky::Plain { color_srgb: [120, 160, 210] },
+        effects: Default::default(),
         min_entity_size_m: 0.0,
         cameras: cameras
             .iter()
@@ -105,6 +106,7 @@ fn render(criterion: &mut Criterion) {
         },
         see_through: false,
         colors: Colors::Even,
+        effects: Default::default(),
     };
     for samples in [1, 4] {
         let Ok(gpu) = Gpu::new("") else { return };

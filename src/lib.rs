@@ -60,6 +60,8 @@ pub mod hull;
 
 pub mod fields;
 
+pub mod effects;
+
 pub mod archive;
 
 pub mod timeline;

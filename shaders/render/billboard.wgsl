@@ -81,8 +81,7 @@ fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>) -> vec4
 
 // Two sources of one entity are mixed before they cover anything. Where both show it, it is as opaque as by one; what one
 // alone shows is as opaque as that if it has half of the weight or more, and fades with less.
-@fragment
-fn fs_main(in: Varying) -> @location(0) vec4<f32> {
+fn mixed(in: Varying) -> vec4<f32> {
     var color = shown(in.camera_idx, in.seen_from_anchor, in.rect);
     if HAS_BESIDE {
         let beside = shown(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect);
@@ -92,7 +91,23 @@ fn fs_main(in: Varying) -> @location(0) vec4<f32> {
         let alpha = max(claims.x, claims.y);
         color = vec4<f32>(sum.rgb * (alpha / max(sum.a, 1e-6)), alpha);
     }
+    return color;
+}
+
+@fragment
+fn fs_main(in: Varying) -> @location(0) vec4<f32> {
+    let color = mixed(in);
     if color.a <= 0.0 {
+        discard;
+    }
+    return color;
+}
+
+// Of what shows more than half, the depth alone.
+@fragment
+fn fs_depth(in: Varying) -> @location(0) vec4<f32> {
+    let color = mixed(in);
+    if color.a < 0.5 {
         discard;
     }
     return color;

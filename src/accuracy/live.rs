@@ -263,6 +263,7 @@ fn leave_out(
         settings: Settings { entities: EntityStyle::None, ..Preset::Balanced.settings(samples) },
         see_through: false,
         colors: Colors::Raw,
+        effects: Default::default(),
     };
     let plan = plan::make(&state, &picture, wishes);
     let drawn = renderer.render(&state, &picture, &plan)?.image;

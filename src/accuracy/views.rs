@@ -88,7 +88,11 @@ impl Easel {
         let picture = Picture::from(view.view);
         let settings = surface.with(entities);
         settings.place(&mut state, &mut HullMemory::default());
-        let plan = plan::make(&state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
+        let plan = plan::make(
+            &state,
+            &picture,
+            Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() },
+        );
         let survey = Survey::of(&state, &picture, &plan);
         let work = survey.work(&settings, self.renderer.pending(&state, &plan));
         let planned = clock.monotonic();

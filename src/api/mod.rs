@@ -21,6 +21,7 @@ mod connection;
 mod content;
 mod contract;
 mod documents;
+mod effects;
 mod effort;
 mod encoding;
 mod entities;

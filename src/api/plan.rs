@@ -8,7 +8,7 @@ use super::scenes::problem_of;
 use super::schema;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
-use super::{effort, scenes};
+use super::{effects, effort, scenes};
 use crate::access::Right;
 use crate::encode::PictureFormat;
 use crate::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
@@ -28,6 +28,7 @@ pub(super) fn routes() -> Routes {
         .right(Right::Live)
         .parameters(view::PARAMETERS)
         .parameters(&effort::PARAMETERS)
+        .parameters(&effects::PARAMETERS)
         .may_fail(&[422])
         .answers(Answer::json(200, "The plan", schema::named("Plan")));
     Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/plan", self::show, show)

@@ -14,7 +14,7 @@ use super::query::Query;
 use super::screens::{Health, Place};
 use super::segments::Segments;
 use super::wall_tiles::Wishes;
-use super::{Api, Site, effort, scenes, view, views, walls};
+use super::{Api, Site, effects, effort, scenes, view, views, walls};
 use crate::access::Right;
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
@@ -75,7 +75,10 @@ pub(super) fn routes() -> Routes {
     let about_tile =
         format!("{about} How it fares it may say with `{{\"health\": ...}}`, which `list_screens` tells.");
     let viewed = |operation: Operation| {
-        let operation = operation.parameters(view::PARAMETERS).parameters(&effort::PARAMETERS);
+        let operation = operation
+            .parameters(view::PARAMETERS)
+            .parameters(&effort::PARAMETERS)
+            .parameters(&effects::PARAMETERS);
         operation.parameters(RATE).parameters(CREDIT)
     };
     let of_view = viewed(described("follow_view", "Pictures of a view by WebSocket", about));

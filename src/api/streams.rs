@@ -12,7 +12,7 @@ use super::segments::Segments;
 
 use super::Api;
 use super::wall_tiles::Wishes;
-use super::{effort, scenes, view, views, walls};
+use super::{effects, effort, scenes, view, views, walls};
 use crate::access::Right;
 use crate::encode::PictureFormat;
 use axum::body::{Body, Bytes};
@@ -38,7 +38,11 @@ pub(super) fn routes() -> Routes {
             .answers(streamed)
     };
     let viewed = |operation: Operation| {
-        operation.parameters(view::PARAMETERS).parameters(&effort::PARAMETERS).parameters(RATE)
+        operation
+            .parameters(view::PARAMETERS)
+            .parameters(&effort::PARAMETERS)
+            .parameters(&effects::PARAMETERS)
+            .parameters(RATE)
     };
     let of_view = viewed(of("stream_view", "A view again and again"));
     let of_named = viewed(of("stream_named_view", "A named view again and again"));

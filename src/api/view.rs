@@ -9,7 +9,7 @@ use super::picture::{Encoded, Picture, pictured, server_timing, split, write_rgb
 use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::tags::{Finish, Had, Key};
-use super::{Api, effort, scenes};
+use super::{Api, effects, effort, scenes};
 use crate::access::{Right, Scope};
 use crate::clock::Timestamp;
 use crate::encode::PictureFormat;
@@ -109,6 +109,7 @@ pub(super) fn routes() -> Routes {
         .right(Right::Live)
         .parameters(PARAMETERS)
         .parameters(&effort::PARAMETERS)
+        .parameters(&effects::PARAMETERS)
         .may_fail(&[422])
         .answers(answered());
     Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/{picture}", self::picture, picture)
@@ -173,7 +174,7 @@ pub(super) async fn drawn(
     let mut fields = vec![
         ("videofields-view", shown_text(&answer)),
         ("videofields-sources", sources(&answer)),
-        ("videofields-plan", effects(&answer)),
+        ("videofields-plan", running(&answer)),
         ("videofields-settings", settings(&answer)),
         ("videofields-cache", origin(&answer).to_owned()),
         ("server-timing", server_timing(&stages)),
@@ -246,7 +247,7 @@ fn read(
     raw: Option<&str>,
     playhead: impl FnOnce(&str) -> Result<Timestamp, EngineError>,
 ) -> Result<(ViewRequest, Moment), Problem> {
-    let known = [PARAMETERS, &effort::PARAMETERS].concat();
+    let known = [PARAMETERS, &effort::PARAMETERS, &effects::PARAMETERS].concat();
     let mut query = Query::parse(raw, &known);
     let moment = query.moment(playhead);
     let kind = read_kind(&mut query);
@@ -265,6 +266,7 @@ fn read(
         colors: query.choice("colors", &[("even", Colors::Even), ("raw", Colors::Raw)]).unwrap_or_default(),
         session: query.id("session"),
         effort: effort::read(&mut query, style),
+        effects: effects::read(&mut query),
         horizon: None,
         blur_people: None,
         scope: Scope::all(),
@@ -423,7 +425,7 @@ fn expected_text(expected: &Expected) -> String {
     text
 }
 
-fn effects(answer: &ViewAnswer) -> String {
+fn running(answer: &ViewAnswer) -> String {
     let running = answer.plan.reasons.iter().filter(|reason| reason.is_on);
     running.map(|reason| reason.effect).collect::<Vec<_>>().join(",")
 }

@@ -10,7 +10,7 @@ use super::picture::{Picture, files, pictured, split};
 use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::tags::Finish;
-use super::{Api, documents, effort, schema, view};
+use super::{Api, documents, effects, effort, schema, view};
 use crate::access::Right;
 use crate::catalog::NamedView;
 use crate::encode::PictureFormat;
@@ -47,6 +47,7 @@ pub(super) fn routes() -> Routes {
         .right(Right::Live)
         .parameters(view::PARAMETERS)
         .parameters(&effort::PARAMETERS)
+        .parameters(&effects::PARAMETERS)
         .may_fail(&[422])
         .answers(pictured("The picture").field("Videofields-View-Version", "The view's version"));
     kept::routes::<NamedView>().merge(Routes::of(TAG, SEGMENTS).get(

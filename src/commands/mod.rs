@@ -12,6 +12,7 @@ pub(crate) mod calibration;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod doctor;
+mod effect_flags;
 mod given;
 pub(crate) mod hull;
 pub(crate) mod manual;

@@ -115,6 +115,8 @@ pub(crate) struct View {
     /// With hulls, how cameras are found before whom somebody stands, and lend no colour: off, depths or rays.
     #[arg(long, value_name = "FORM")]
     hull_visibility: Option<String>,
+    #[command(flatten)]
+    effects: super::effect_flags::EffectFlags,
     /// Says on standard error which effects ran, why, and what each stage took.
     #[arg(long)]
     explain: bool,
@@ -191,6 +193,6 @@ impl View {
         let pair = |(name, value): (&str, &Option<String>)| {
             value.as_ref().map(|value| format!("{name}={}", utf8_percent_encode(value, NON_ALPHANUMERIC)))
         };
-        flags.into_iter().filter_map(pair).collect::<Vec<_>>().join("&")
+        flags.into_iter().chain(self.effects.pairs()).filter_map(pair).collect::<Vec<_>>().join("&")
     }
 }

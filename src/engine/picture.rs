@@ -106,7 +106,9 @@ impl Subject {
             (Arc::downgrade(&of.frame.image), Arc::downgrade(&of.soft_mask), Arc::downgrade(&of.background))
         };
         let seen = observations.iter().map(memory).collect();
-        let wishes = Wishes { settings, see_through: request.see_through, colors: request.colors };
+        let effects = scene.effects_of(&request.effects).map_err(EngineError::Request)?;
+        let (see_through, colors) = (request.see_through, request.colors);
+        let wishes = Wishes { settings, see_through, colors, effects };
         let session = request.session.clone();
         let deadline = request.effort.deadline().map(|deadline| (deadline, request.effort.named));
         let (scene, gaps) = (Arc::clone(scene), Vec::new());

@@ -499,6 +499,7 @@ mod tests {
             colors: crate::plan::Colors::Even,
             session: None,
             effort: crate::plan::Effort::default(),
+            effects: Default::default(),
             horizon: None,
             blur_people: None,
             scope: crate::access::Scope::all(),

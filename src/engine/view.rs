@@ -6,6 +6,7 @@ use super::handle::At;
 use super::identity::ViewIdentity;
 use crate::access::Scope;
 use crate::clock::Timestamp;
+use crate::effects::Asked;
 use crate::frame::{CameraId, RgbImage, YuvImage};
 use crate::plan::{Colors, Effort, EntityStyle, Plan, Settings};
 use crate::scene::{Scene, SceneView};
@@ -85,6 +86,8 @@ pub struct ViewRequest {
     pub session: Option<String>,
     /// How exactly it is drawn, or how soon it must be there.
     pub effort: Effort,
+    /// What is done to it once the scene is drawn.
+    pub effects: Asked,
     /// How far cameras had been seen when the instant was chosen: what came since is not looked at, so that the same instant
     /// shows the same. None: all there is.
     pub horizon: Option<Horizon>,
@@ -111,6 +114,7 @@ impl ViewRequest {
             colors: Colors::default(),
             session: None,
             effort,
+            effects: Asked::default(),
             horizon: None,
             blur_people: None,
             scope: Scope::all(),

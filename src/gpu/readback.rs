@@ -22,7 +22,19 @@ impl Readback {
 
     /// Records the copy of a texture's first level, of a format of so many bytes a pixel.
     pub fn copy(&mut self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) {
-        (self.width, self.height) = (texture.width(), texture.height());
+        self.copy_within(gpu, encoder, texture, 0);
+    }
+
+    /// As [`Self::copy`], without so many pixels on every side; at least one column and row is left.
+    pub fn copy_within(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        texture: &wgpu::Texture,
+        margin_px: u32,
+    ) {
+        let within = |side: u32| side.saturating_sub(2 * margin_px).max(1);
+        (self.width, self.height) = (within(texture.width()), within(texture.height()));
         self.pixel_bytes = texture.format().block_copy_size(None).unwrap_or(4);
         let row_bytes = self.padded_row_bytes();
         let size = u64::from(row_bytes) * u64::from(self.height);
@@ -38,8 +50,9 @@ impl Readback {
                 mapped_at_creation: false,
             })
         });
+        let origin = wgpu::Origin3d { x: margin_px, y: margin_px, z: 0 };
         encoder.copy_texture_to_buffer(
-            texture.as_image_copy(),
+            wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() },
             wgpu::TexelCopyBufferInfo {
                 buffer,
                 layout: wgpu::TexelCopyBufferLayout {
@@ -48,7 +61,7 @@ impl Readback {
                     rows_per_image: None,
                 },
             },
-            texture.size(),
+            wgpu::Extent3d { width: self.width, height: self.height, depth_or_array_layers: 1 },
         );
     }
 

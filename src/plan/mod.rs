@@ -6,6 +6,7 @@
 mod choose;
 mod cost;
 mod coverage;
+mod effects;
 mod entities;
 mod errors;
 mod exposure;
@@ -25,6 +26,7 @@ mod work;
 
 pub use choose::{Choice, Known};
 pub use cost::{COST_TABLE_VERSION, CostRow, CostTable, Machine, Spread, quantile};
+pub use effects::{PlannedEffects, PlannedLight, anchor_px};
 pub use errors::Errors;
 pub use fields::{FieldsForm, Followed};
 pub use hulls::{
@@ -41,6 +43,7 @@ pub use stages::{StageTimes, TimedStage};
 pub use view::{Frustum, Projection, View, ViewLimits};
 pub use work::{Feature, Pending, Program, Survey, Variant, Work};
 
+use crate::effects::EffectSettings;
 use crate::error::Fault;
 use crate::fuse::SceneState;
 use crate::scene::Sky;
@@ -133,7 +136,7 @@ pub enum Colors {
 }
 
 /// What whoever asks for a picture may wish for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wishes {
     /// How exactly it is drawn.
     pub settings: Settings,
@@ -141,6 +144,8 @@ pub struct Wishes {
     pub see_through: bool,
     /// Whether cameras' colours are made to agree.
     pub colors: Colors,
+    /// What is done to the picture once the scene is drawn.
+    pub effects: EffectSettings,
 }
 
 /// Which passes a picture needs, and why.
@@ -178,6 +183,9 @@ pub struct Plan {
     /// Whether the sky takes a pass: one colour is what the picture is cleared to.
     #[serde(skip)]
     pub sky: bool,
+    /// What is done to the picture once the scene is drawn.
+    #[serde(skip)]
+    pub effects: PlannedEffects,
     /// How often a pixel is looked at.
     pub sampling: Sampling,
     /// How many of the pixels are drawn.
@@ -264,6 +272,7 @@ pub fn make_for(
         sampling: settings.sampling,
         resolution: settings.resolution,
         sky: state.scene.sky.plain_srgb().is_none(),
+        effects: PlannedEffects::default(),
         reasons,
     };
     let history = session.as_deref_mut().map(|session| &mut session.fields);
@@ -277,6 +286,7 @@ pub fn make_for(
         plan.reasons.push(Reason { effect: "see_through", is_on: false, because });
     }
     plan_sky(&state.scene.sky, &mut plan.reasons);
+    effects::plan(state, &wishes.effects, &mut plan);
     plan_sampling(&settings, &mut plan.reasons);
     plan
 }

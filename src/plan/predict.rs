@@ -157,11 +157,16 @@ impl Model {
     pub fn task(&self, survey: &Survey, settings: &Settings, pending: Pending) -> Task {
         let mut work = survey.work(settings, pending);
         let variant = survey.variant(settings);
-        let mut n_new = [0_u32; 3];
+        let mut n_new = [0_u32; 4];
         for program in variant.programs().filter(|program| !self.programs.contains(program)) {
             n_new[program.pass()] += 1;
         }
-        let features = [Feature::SurfacePrograms, Feature::EntityPrograms, Feature::ResamplePrograms];
+        let features = [
+            Feature::SurfacePrograms,
+            Feature::EntityPrograms,
+            Feature::ResamplePrograms,
+            Feature::EffectPrograms,
+        ];
         for (feature, n_new) in features.into_iter().zip(n_new) {
             work.set(feature, f64::from(n_new));
         }

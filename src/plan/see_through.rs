@@ -316,6 +316,7 @@ mod tests {
                 vec![wall(0.0), wall(20.0)],
             ),
             sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
+            effects: Default::default(),
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: None,

@@ -17,6 +17,8 @@ pub enum TimedStage {
     Entities,
     /// Averaging and enlarging.
     Resample,
+    /// A sky of several colours, and what is done to the picture once the scene is drawn.
+    Effects,
     /// All else of drawing: waiting, reading back.
     Rest,
 }
@@ -28,7 +30,7 @@ use Feature as F;
 pub(super) type StageForm = (&'static str, &'static [(Feature, f64)]);
 
 /// By [`TimedStage`].
-pub(super) const STAGES: [StageForm; 7] = [
+pub(super) const STAGES: [StageForm; 8] = [
     (
         "fuse",
         &[(F::One, 0.3), (F::Cameras, 0.1), (F::Sources, 5.0), (F::Points, 0.3), (F::Silhouettes, 80.0)],
@@ -64,6 +66,16 @@ pub(super) const STAGES: [StageForm; 7] = [
         ],
     ),
     ("resample", &[(F::Resampled, 2.0), (F::ResamplePrograms, 10.0)]),
+    (
+        "effects",
+        &[
+            (F::Sky, 8.0),
+            (F::Relit, 30.0),
+            (F::Occluded, 90.0),
+            (F::Stippled, 25.0),
+            (F::EffectPrograms, 15.0),
+        ],
+    ),
     ("rest", &[(F::One, 1.5), (F::Parts, 0.5), (F::Finished, 4.0), (F::Drawn, 0.5), (F::Uploads, 2.0)]),
 ];
 
@@ -90,6 +102,7 @@ impl StageTimes {
                 "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_peel" | "hull_voxels" | "hull"
                 | "see_through" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,
+                "sky" | "distance" | "relight" | "occlusion" | "stipple" => TimedStage::Effects,
                 _ => continue,
             };
             times.0[stage as usize] += ms;

@@ -59,6 +59,14 @@ pub enum Feature {
     Resampled,
     /// Megapixels of the finished picture.
     Finished,
+    /// Drawn megapixels of a sky that takes a pass.
+    Sky,
+    /// Drawn megapixels in another light.
+    Relit,
+    /// Drawn megapixels whose surroundings are looked at.
+    Occluded,
+    /// Megapixels that are dotted.
+    Stippled,
     /// Cameras that saw something of the instant.
     Cameras,
     /// Rectangles of all entities, by the hundred, whether shown or not.
@@ -69,6 +77,8 @@ pub enum Feature {
     EntityPrograms,
     /// The same for averaging and enlarging.
     ResamplePrograms,
+    /// The same for what is done once the scene is drawn.
+    EffectPrograms,
 }
 
 /// How many features there are.
@@ -76,7 +86,7 @@ pub(super) const N_FEATURES: usize = Feature::ALL.len();
 
 impl Feature {
     /// All of them with their names in tables.
-    pub const ALL: [(&'static str, Self); 26] = [
+    pub const ALL: [(&'static str, Self); 31] = [
         ("one", Self::One),
         ("parts", Self::Parts),
         ("drawn", Self::Drawn),
@@ -98,11 +108,16 @@ impl Feature {
         ("depth_maps", Self::DepthMaps),
         ("resampled", Self::Resampled),
         ("finished", Self::Finished),
+        ("sky", Self::Sky),
+        ("relit", Self::Relit),
+        ("occluded", Self::Occluded),
+        ("stippled", Self::Stippled),
         ("cameras", Self::Cameras),
         ("sources", Self::Sources),
         ("surface_programs", Self::SurfacePrograms),
         ("entity_programs", Self::EntityPrograms),
         ("resample_programs", Self::ResamplePrograms),
+        ("effect_programs", Self::EffectPrograms),
     ];
 }
 
@@ -157,6 +172,25 @@ pub struct Survey {
     n_observations: usize,
     n_sources: usize,
     n_opened: usize,
+    effects: Effects,
+}
+
+/// What is done once the scene is drawn, and the sky.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Effects {
+    has_sky: bool,
+    is_relit: bool,
+    is_occluded: bool,
+    is_stippled: bool,
+    /// Pixels that are drawn for it, of those that the picture has.
+    drawn_share: f64,
+}
+
+impl Default for Effects {
+    fn default() -> Self {
+        let (has_sky, is_relit, is_occluded, is_stippled) = Default::default();
+        Self { has_sky, is_relit, is_occluded, is_stippled, drawn_share: 1.0 }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -180,15 +214,18 @@ pub enum Program {
     Hull(HullForm, u32),
     /// Pixels drawn for one each way, and drawn one for.
     Resample(u32, u32),
+    /// Whether a sky, another light, occlusion and dots; samples.
+    Effects([bool; 4], u32),
 }
 
 impl Program {
-    /// Surfaces, entities, averaging and enlarging: 0 to 2.
+    /// Surfaces, entities, averaging and enlarging, effects: 0 to 3.
     pub(super) const fn pass(self) -> usize {
         match self {
             Self::Surface(..) => 0,
             Self::Billboard(..) | Self::Points(_) | Self::Hull(..) => 1,
             Self::Resample(..) => 2,
+            Self::Effects(..) => 3,
         }
     }
 }
@@ -217,7 +254,7 @@ pub struct Variant {
     /// The numbers of cameras that are blended somewhere, a bit for each.
     blended: u16,
     form: SurfaceForm,
-    others: [Option<Program>; 2],
+    others: [Option<Program>; 3],
 }
 
 impl Variant {
@@ -295,6 +332,13 @@ impl Survey {
             n_observations: state.cameras.len(),
             n_sources: sources().count(),
             n_opened: plan.opened.len(),
+            effects: Effects {
+                has_sky: plan.sky,
+                is_relit: plan.effects.relight.is_some(),
+                is_occluded: plan.effects.occlusion.is_some(),
+                is_stippled: plan.effects.stipple.is_some(),
+                drawn_share: plan.effects.drawn_share(picture),
+            },
         }
     }
 
@@ -311,12 +355,13 @@ impl Survey {
         let finished = self.megapixels();
         let step = f64::from(settings.resolution.step_px());
         let times = f64::from(settings.sampling.supersampling);
-        let drawn = finished * times * times / (step * step);
+        let whole = finished * self.effects.drawn_share;
+        let drawn = whole * times * times / (step * step);
         let surface = drawn * self.surface_share;
         let looked_up = drawn * first.all;
         let n_samples = f64::from(settings.sampling.samples);
         // Where rectangles lie over one another, or reach beyond the picture, each pixel of theirs counts once and more.
-        let share = |pixels: f64| drawn * pixels / (finished * MILLION).max(1.0);
+        let share = |pixels: f64| drawn * pixels / (whole * MILLION).max(1.0);
         let is_billboards = settings.entities.has_billboards();
         let [alone, beside] = self.rectangles_px;
         let rectangles = alone + if settings.sources > 1 { beside } else { 0.0 };
@@ -352,8 +397,12 @@ impl Survey {
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
             (Feature::DepthMaps, only(has_depth_maps, f64::from(pending.depth_maps))),
-            (Feature::Resampled, only(is_resampled, drawn + finished)),
+            (Feature::Resampled, only(is_resampled, drawn + whole)),
             (Feature::Finished, finished),
+            (Feature::Sky, only(self.effects.has_sky, drawn - surface)),
+            (Feature::Relit, only(self.effects.is_relit, drawn)),
+            (Feature::Occluded, only(self.effects.is_occluded, drawn)),
+            (Feature::Stippled, only(self.effects.is_stippled, whole)),
             (Feature::Cameras, self.n_observations as f64),
             (Feature::Sources, self.n_sources as f64 / 100.0),
         ] {
@@ -395,7 +444,10 @@ impl Survey {
         let blended = (0..=MAX_BLENDED_CAMERAS)
             .filter(|n| self.seen_by & (1 << n) != 0)
             .fold(0, |bits, n| bits | 1 << n.min(n_cameras));
-        Variant { blended, form, others: [entities, resample] }
+        let Effects { has_sky, is_relit, is_occluded, is_stippled, .. } = self.effects;
+        let which = [has_sky, is_relit, is_occluded, is_stippled];
+        let effects = which.contains(&true).then_some(Program::Effects(which, samples));
+        Variant { blended, form, others: [entities, resample, effects] }
     }
 
     fn first(&self, settings: &Settings) -> (usize, Blended) {

@@ -76,14 +76,7 @@ impl View {
         let view_from_world = world_from_view.transpose();
         let view_from_anchor =
             DMat4::from_translation(view_from_world * anchor_from_eye) * DMat4::from_mat3(view_from_world);
-        let [nearest_m, farthest_m] = reach.depths_m;
-        let depths_m = match view.frustum.projection {
-            Projection::Orthographic => [nearest_m.max(0.0), farthest_m],
-            Projection::Perspective if anchor_from_eye == DVec3::ZERO => [VIEW_NEAR_M, f64::INFINITY],
-            // From far away, near over distance would be the same for all.
-            Projection::Perspective => [nearest_m.max(VIEW_NEAR_M), farthest_m],
-        };
-        let clip_from_anchor = clip_from_view(&view.frustum, depths_m) * view_from_anchor;
+        let clip_from_anchor = clip_from_view(&view.frustum, depths_of(view, reach)) * view_from_anchor;
         let axis = |axis: DVec3| axis.as_vec3().to_array();
         Self {
             clip_from_anchor: clip_from_anchor.as_mat4().to_cols_array_2d(),
@@ -96,6 +89,19 @@ impl View {
             eye_from_anchor: axis(-anchor_from_eye),
             pad_eye: 0,
         }
+    }
+}
+
+/// Distances before the plane through the eye between which a view's depths run from 1 to 0, metres.
+pub(super) fn depths_of(view: &plan::View, reach: &Reach) -> [f64; 2] {
+    let [nearest_m, farthest_m] = reach.depths_m;
+    match view.frustum.projection {
+        Projection::Orthographic => [nearest_m.max(0.0), farthest_m],
+        Projection::Perspective if reach.anchor_in_world == view.pose.position_in_world => {
+            [VIEW_NEAR_M, f64::INFINITY]
+        }
+        // From far away, near over distance would be the same for all.
+        Projection::Perspective => [nearest_m.max(VIEW_NEAR_M), farthest_m],
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod camera_data;
 mod coplanar;
+mod effects;
 mod error;
 mod field_mesh;
 mod found_hulls;
@@ -25,6 +26,7 @@ mod targets;
 mod texture_store;
 
 pub use crate::plan::{Picture, View, ViewLimits};
+pub use effects::{EffectFilter, Filtered};
 pub use error::RenderError;
 pub use found_hulls::{FoundHull, FoundHulls};
 pub use passes::{FoundDistances, SurfaceDistances};
@@ -69,10 +71,18 @@ pub enum Pass {
     Hull,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
     SeeThrough,
+    /// How far what was drawn lies, where an effect asks.
+    Distance,
+    /// Another light on what was drawn.
+    Relight,
+    /// Light taken away where much stands around.
+    Occlusion,
     /// Several pixels averaged into one.
     Average,
     /// One pixel made several.
     Enlarge,
+    /// The finished picture as dots on paper.
+    Stipple,
 }
 
 impl Pass {
@@ -96,8 +106,12 @@ impl Pass {
             Self::HullDepths => "hull_depths",
             Self::Hull => "hull",
             Self::SeeThrough => "see_through",
+            Self::Distance => "distance",
+            Self::Relight => "relight",
+            Self::Occlusion => "occlusion",
             Self::Average => "average",
             Self::Enlarge => "enlarge",
+            Self::Stipple => "stipple",
         }
     }
 }

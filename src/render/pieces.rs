@@ -1,7 +1,6 @@
 //! What of a part is drawn at once: bands of rows, and of columns too where a row is longer than the device takes.
 
-use super::targets::TargetKey;
-use crate::plan::{Sampling, View};
+use crate::plan::View;
 use std::ops::Range;
 
 /// One piece, in the part's pixels.
@@ -11,25 +10,35 @@ pub(super) struct Piece {
     pub rows: Range<u32>,
 }
 
-/// The pieces of a part, in their order: with `sampling` none has more than `max_side_px` pixels each way on the device,
-/// nor targets of more than `max_bytes`. Inner edges lie at even pixels, so that what devices compute in pairs of pixels
-/// is the same with and without them.
-pub(super) fn of(
-    view: &View,
-    sampling: Sampling,
-    max_side_px: u32,
-    max_bytes: u64,
-) -> impl Iterator<Item = Piece> {
-    let times = sampling.supersampling;
+/// What there is room for at once.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Room {
+    /// Pixels each way that are drawn for one.
+    pub times: u32,
+    /// Most pixels each way on the device.
+    pub max_side_px: u32,
+    /// Most bytes of all targets.
+    pub max_bytes: u64,
+    /// Bytes of all targets for a drawn pixel.
+    pub pixel_bytes: u64,
+    /// Pixels beside a piece that are drawn with it, on every side.
+    pub margin_px: u32,
+}
+
+/// The pieces of a part, in their order: none, with what is drawn beside it, needs more than there is room for, unless a single
+/// pixel does. Inner edges lie at even pixels, so that what devices compute in pairs of pixels is the same with and without them.
+pub(super) fn of(view: &View, room: Room) -> impl Iterator<Item = Piece> {
+    let Room { times, max_side_px, max_bytes, pixel_bytes, margin_px } = room;
     let even = |most: u64, side: u32| match u32::try_from(most) {
         Ok(most) if most < side => (most & !1).max(1),
         _ => side,
     };
+    let both = 2 * u64::from(margin_px);
+    let most = u64::from(max_side_px / times).saturating_sub(both);
     let (width, height) = (view.width_px, view.height_px);
-    let n_columns = even(u64::from(max_side_px / times), width);
-    let row_bytes =
-        u64::from(n_columns * times) * u64::from(times) * TargetKey::pixel_bytes(sampling.samples);
-    let n_rows = even((max_bytes / row_bytes).min(u64::from(max_side_px / times)), height);
+    let n_columns = even(most, width);
+    let row_bytes = (u64::from(n_columns) + both) * u64::from(times).pow(2) * pixel_bytes;
+    let n_rows = even((max_bytes / row_bytes).saturating_sub(both).min(most), height);
     let starts = move |side: u32, step: u32| (0..side).step_by(step as usize);
     starts(height, n_rows).flat_map(move |top| {
         starts(width, n_columns).map(move |left| Piece {
@@ -41,36 +50,48 @@ pub(super) fn of(
 
 #[cfg(test)]
 mod tests {
+    use super::super::targets::TargetKey;
     use super::*;
     use crate::geometry::Pose;
-    use crate::plan::Frustum;
+    use crate::plan::{Frustum, Sampling};
     use glam::DVec3;
 
-    fn pieces(width: u32, height: u32, sampling: Sampling, max_side_px: u32, max_bytes: u64) -> Vec<Piece> {
+    fn room(sampling: Sampling, max_side_px: u32, max_bytes: u64, margin_px: u32) -> Room {
+        let pixel_bytes = TargetKey::pixel_bytes(sampling.samples);
+        Room { times: sampling.supersampling, max_side_px, max_bytes, pixel_bytes, margin_px }
+    }
+
+    fn pieces(width: u32, height: u32, room: Room) -> Vec<Piece> {
         let pose = Pose::looking_at(DVec3::ZERO, DVec3::X).expect("a direction");
         let view =
             View { pose, frustum: Frustum::around_axis(1.0, 4, 4), width_px: width, height_px: height };
-        of(&view, sampling, max_side_px, max_bytes).collect()
+        of(&view, room).collect()
     }
 
     #[test]
     fn what_fits_is_one_piece() {
         let whole = vec![Piece { columns: 0..33, rows: 0..7 }];
-        assert_eq!(pieces(33, 7, Sampling::ONCE, 64, 1 << 20), whole);
+        assert_eq!(pieces(33, 7, room(Sampling::ONCE, 64, 1 << 20, 0)), whole);
     }
 
     #[test]
     fn pieces_fill_the_part_and_fit_the_device() {
-        for (width, height, samples, supersampling) in
-            [(100, 100, 1, 1), (101, 57, 4, 1), (101, 57, 1, 4), (1, 300, 4, 2), (300, 1, 1, 3)]
-        {
+        for (width, height, samples, supersampling, margin_px) in [
+            (100, 100, 1, 1, 0),
+            (101, 57, 4, 1, 0),
+            (101, 57, 1, 4, 0),
+            (1, 300, 4, 2, 0),
+            (300, 1, 1, 3, 0),
+            (100, 100, 1, 1, 4),
+            (57, 101, 4, 1, 4),
+        ] {
             let sampling = Sampling { samples, supersampling };
-            let (side, bytes) = (40, 9000);
-            let found = pieces(width, height, sampling, side, bytes);
+            let (side, bytes) = (40, 16_000);
+            let found = pieces(width, height, room(sampling, side, bytes, margin_px));
             let mut covered = vec![0; (width * height) as usize];
             for Piece { columns, rows } in &found {
                 assert!(columns.start.is_multiple_of(2) && rows.start.is_multiple_of(2) || side < 2);
-                let (w, h) = (columns.len() as u32 * supersampling, rows.len() as u32 * supersampling);
+                let [w, h] = [columns, rows].map(|of| (of.len() as u32 + 2 * margin_px) * supersampling);
                 assert!(w <= side && h <= side, "{w} x {h}");
                 let n_bytes = u64::from(w) * u64::from(h) * TargetKey::pixel_bytes(samples);
                 assert!(n_bytes <= bytes, "{n_bytes}");

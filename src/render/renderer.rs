@@ -1,6 +1,7 @@
 //! The renderer: what is kept between frames, and the order of one frame.
 
 use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
+use super::effects::{self, Around, EffectPasses};
 use super::error::RenderError;
 use super::field_mesh::FieldMesh;
 use super::hulls::{HullPiece, Hulls};
@@ -12,7 +13,7 @@ use super::passes::{
 };
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
-use super::pieces::{self, Piece};
+use super::pieces::{self, Piece, Room};
 use super::prepare::{Stand, Uploads};
 use super::ready::ReadyScenes;
 use super::targets::{Place, TargetCache, TargetKey};
@@ -22,7 +23,7 @@ use crate::fields::MAX_VIEWS;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
+use crate::plan::{self, Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
 use crate::scene::Sky;
 use std::sync::Arc;
 
@@ -68,6 +69,7 @@ pub struct Renderer {
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
     pub(super) hulls: Hulls,
+    effects: EffectPasses,
 }
 
 /// Pipelines, each made when a plan first calls for it.
@@ -88,8 +90,9 @@ struct Passes {
 struct Shown<'a> {
     /// As it is drawn: of fewer pixels, and with a margin, where it is enlarged.
     view: View,
-    /// Columns and rows of the piece itself.
+    /// Columns and rows of the piece itself, with what effects look at beside it.
     size_px: (u32, u32),
+    around: Around,
     mesh: &'a Mesh,
     patches: &'a Patches,
     fields: Option<&'a ShownFields>,
@@ -159,6 +162,7 @@ impl Renderer {
             slot_ends: Vec::new(),
             points: Vec::new(),
             hulls: Hulls::default(),
+            effects: EffectPasses::default(),
             gpu,
         };
         renderer.gpu.check()?;
@@ -225,6 +229,7 @@ impl Renderer {
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
         self.hulls.trim(MAX_KEPT_READBACK_BYTES);
+        self.effects.trim(MAX_KEPT_READBACK_BYTES);
         if let Some(average) = &mut self.passes.average {
             average.trim(MAX_KEPT_READBACK_BYTES);
         }
@@ -252,7 +257,10 @@ impl Renderer {
         let mut data = vec![0; row_bytes * picture.height_px as usize];
         let mut timings: Vec<PassTime> = Vec::new();
         let (mut prepared, mut is_first) = (None, true);
-        for Part { view, left_px, top_px } in &picture.parts {
+        let step_px = plan.resolution.step_px();
+        let effect_bytes = if plan.effects.is_none() { 0 } else { effects::PIXEL_BYTES };
+        let pixel_bytes = TargetKey::pixel_bytes(plan.sampling.samples) + effect_bytes;
+        for part @ Part { view, left_px, top_px } in &picture.parts {
             // Not between making ready and drawing: layers would be marked as filled that are not.
             if !wanted() {
                 return Ok(None);
@@ -263,21 +271,35 @@ impl Renderer {
                 let fine = fields.as_ref().map(|fields| &*fields.mesh);
                 uploads = self.prepare(state, picture, &stand, (plan, &patches, fine))?;
             }
-            let pieces = pieces::of(view, plan.sampling, max_side_px, max_bytes);
-            for (idx, Piece { columns, rows }) in pieces.enumerate() {
+            let margin_px = plan.effects.margin_px(view, step_px);
+            let most_reach = plan.effects.most_reach(view);
+            let anchor_px = plan::anchor_px(picture, part);
+            let times = plan.sampling.supersampling;
+            let room = Room { times, max_side_px, max_bytes, pixel_bytes, margin_px };
+            for (idx, Piece { columns, rows }) in pieces::of(view, room).enumerate() {
                 if idx > 0 && !wanted() {
                     return Ok(None);
                 }
                 let (left, top) = ((left_px + columns.start) as usize, (top_px + rows.start) as usize);
-                let view = view.cropped(columns, rows);
+                let first = |anchor: i64, start: u32| anchor + i64::from(start) - i64::from(margin_px);
+                let around = Around {
+                    margin_px,
+                    most_reach,
+                    anchor_px: [first(anchor_px[0], columns.start), first(anchor_px[1], rows.start)],
+                };
+                let view = match margin_px {
+                    0 => view.cropped(columns, rows),
+                    margin_px => view.cropped(columns, rows).coarse(1, margin_px),
+                };
                 let size_px = (view.width_px, view.height_px);
-                let view = match plan.resolution.step_px() {
+                let view = match step_px {
                     1 => view,
                     step_px => view.coarse(step_px, ENLARGE_MARGIN_PX),
                 };
                 let piece = Shown {
                     view,
                     size_px,
+                    around,
                     mesh: &mesh,
                     patches: &patches,
                     fields: fields.as_ref(),
@@ -368,10 +390,22 @@ impl Renderer {
         piece: &Shown<'_>,
         plan: &Plan,
     ) -> Result<(), GpuError> {
-        let Self { gpu, passes, frame, depth_maps, frames, backgrounds, batches, textures, hulls, .. } = self;
+        let Self {
+            gpu,
+            passes,
+            frame,
+            depth_maps,
+            frames,
+            backgrounds,
+            batches,
+            textures,
+            hulls,
+            effects,
+            ..
+        } = self;
         let gpu = &*gpu;
         let scene = &*state.scene;
-        let Shown { view, size_px, mesh, patches, fields, viewer, is_first, stand, pictures } = piece;
+        let Shown { view, size_px, around, mesh, patches, fields, viewer, is_first, stand, pictures } = piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
@@ -400,7 +434,8 @@ impl Renderer {
             width_px: view.width_px * times,
             height_px: view.height_px * times,
             samples: plan.sampling.samples,
-            is_read: times > 1 || step_px > 1,
+            is_read: times > 1 || step_px > 1 || !plan.effects.is_none(),
+            keeps_depth: plan.effects.needs_distances(),
         };
         let targets = self.targets.get(gpu, targets);
         // Before the targets are drawn on: where the hulls' surfaces are.
@@ -460,16 +495,20 @@ impl Renderer {
                 see_through::record(&mut recording, &into, opened);
             }
         }
+        let pixels = (times, step_px);
+        let drawn =
+            effects.drawn(&mut recording, targets, (view, &reach), (&plan.effects, around), pixels)?;
         let picture = if times > 1 {
             let pass = made(&mut passes.average, || Ok(AveragePass::new(gpu)))?;
-            pass.record(&mut recording, &targets.color, times)?
+            pass.record(&mut recording, &drawn, times)?.clone()
         } else if step_px > 1 {
             let pass = made(&mut passes.enlarge, || Ok(EnlargePass::new(gpu)))?;
-            pass.record(&mut recording, &targets.color, step_px, *size_px)?
+            pass.record(&mut recording, &drawn, step_px, *size_px)?.clone()
         } else {
-            &targets.color
+            drawn
         };
-        self.readback.copy(gpu, recording.encoder, picture);
+        let picture = effects.finished(&mut recording, picture, (&plan.effects, around.anchor_px))?;
+        self.readback.copy_within(gpu, recording.encoder, &picture, around.margin_px);
         Ok(())
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct TargetKey {
     pub samples: u32,
     /// Whether a later pass reads the colour.
     pub is_read: bool,
+    /// Whether a later pass reads the depth.
+    pub keeps_depth: bool,
 }
 
 impl TargetKey {
@@ -95,7 +97,7 @@ impl TargetCache {
 
 impl Targets {
     fn new(gpu: &Gpu, key: TargetKey) -> Self {
-        let TargetKey { width_px: width, height_px: height, samples, is_read } = key;
+        let TargetKey { width_px: width, height_px: height, samples, is_read, keeps_depth } = key;
         let texture = |label, format, sample_count, usage| {
             gpu.texture(&TextureDescriptor {
                 label: Some(label),
@@ -115,13 +117,25 @@ impl Targets {
         let color = texture("color", COLOR_FORMAT, 1, attachment | taken);
         let samples_view =
             (samples > 1).then(|| view(&texture("color samples", COLOR_FORMAT, samples, attachment)));
-        let depth_view = view(&texture("depth", DEPTH_FORMAT, samples, attachment));
+        let looked_at =
+            if keeps_depth { wgpu::TextureUsages::TEXTURE_BINDING } else { wgpu::TextureUsages::empty() };
+        let depth_view = view(&texture("depth", DEPTH_FORMAT, samples, attachment | looked_at));
         Self { color_view: view(&color), color, samples_view, depth_view, key }
     }
 
     /// Samples a pixel.
     pub(super) const fn samples(&self) -> u32 {
         self.key.samples
+    }
+
+    /// Whether depths outlast the last pass that draws.
+    pub(super) const fn keeps_depth(&self) -> bool {
+        self.key.keeps_depth
+    }
+
+    /// The depths, where they are kept.
+    pub(super) const fn depth_view(&self) -> &wgpu::TextureView {
+        &self.depth_view
     }
 
     /// Where a pass draws: the first clears, the last resolves.
@@ -140,10 +154,11 @@ impl Targets {
         }
     }
 
-    /// The depth that a pass tests against: the first clears it to infinity, the last lets it go.
+    /// The depth that a pass tests against: the first clears it to infinity, the last lets it go unless it is kept.
     pub(super) fn depth_attachment(&self, place: Place) -> wgpu::RenderPassDepthStencilAttachment<'_> {
         let load = if place.clear.is_some() { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
-        let store = if place.is_last { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
+        let is_done = place.is_last && !self.key.keeps_depth;
+        let store = if is_done { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store };
         wgpu::RenderPassDepthStencilAttachment {
             view: &self.depth_view,
             depth_ops: Some(wgpu::Operations { load, store }),

@@ -1,6 +1,7 @@
 //! The document as it is written, version 1; and as it is written back: every default filled in, every imported
 //! calibration in the project's own form, so that it needs no other file.
 
+use super::effects_document::EffectsDocument;
 use super::paint_document::{ImageryDocument, SkyDocument, TextureDocument};
 use super::shape_document::{CylinderDocument, FootprintDocument, HeightFieldDocument, ModelDocument};
 use crate::calibrate::{CameraDocument, Format};
@@ -39,6 +40,9 @@ pub struct SceneDocument {
     /// them again when it is read again.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<ModelDocument>,
+    /// What is done to pictures of it once they are drawn. Default: nothing.
+    #[serde(skip_serializing_if = "EffectsDocument::is_empty")]
+    pub effects: EffectsDocument,
     /// What is taken for something that stands in the scene.
     pub entities: EntitiesDocument,
     /// The cameras that look at the scene, at most 256; ids are unique.

@@ -5,6 +5,8 @@
 //! Knows nothing of pictures, time or the GPU.
 
 mod document;
+mod effects;
+mod effects_document;
 pub mod exchange;
 mod import;
 mod json;
@@ -21,6 +23,10 @@ mod texture;
 pub use document::{
     BoxDocument, Color, EntitiesDocument, GroundDocument, ImportReference, OriginDocument,
     SceneCameraDocument, SceneDocument, VERSION, ViewDocument,
+};
+pub use effects::SceneEffects;
+pub use effects_document::{
+    EffectsDocument, OcclusionDocument, RelightDocument, StippleDocument, SunDocument,
 };
 pub use import::{ASSETS, FolderImports, Imports, load_file, no_imports};
 pub(crate) use json::tree as json_tree;
@@ -127,6 +133,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// What is seen where nothing stands.
     pub sky: Sky,
+    /// What is done to pictures of it once they are drawn.
+    pub effects: SceneEffects,
     /// Least extent of an entity, upwards or across, metres.
     pub min_entity_size_m: f64,
     /// The cameras that look at the scene.
@@ -170,6 +178,13 @@ fn document_of(document: &str, cameras: &[SceneCamera]) -> Arc<str> {
     let mut document: Value = serde_json::from_str(document).unwrap_or_default();
     if let Some(Value::Array(all)) = document.get_mut("cameras") {
         all.retain(is_kept);
+    }
+    // Nor does it tell of others by their names.
+    if let Some(Value::Object(relight)) = document.pointer_mut("/effects/relight") {
+        let is_kept = |camera: &Value| cameras.iter().any(|of| Some(of.id.as_str()) == camera.as_str());
+        if relight.get("camera").is_some_and(|camera| !is_kept(camera)) {
+            relight.remove("camera");
+        }
     }
     serde_json::to_string_pretty(&document).unwrap_or_default().into()
 }

@@ -56,6 +56,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     let name = fields.take("name").and_then(|placed| name(placed, gatherer)).unwrap_or_else(|| id.to_owned());
     let origin = fields.take("origin").and_then(|placed| origin(placed, gatherer));
     let sky = fields.take("sky");
+    let effects = fields.take("effects");
     let ground = gatherer.list(fields.take("ground"), MAX_POLYGONS);
     let boxes = gatherer.list(fields.take("boxes"), MAX_BOXES);
     let cylinders = gatherer.list(fields.take("cylinders"), shapes::MAX_CYLINDERS);
@@ -70,6 +71,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     let ground = bounded(ground, gatherer);
     let mut painting = Painting::new(imports, origin.as_ref());
     let (sky_document, sky) = painting.sky(sky, gatherer);
+    let (effects_document, effects) = super::effects::read(effects, &mut painting, gatherer);
     let mut ids = HashSet::new();
     let mut standing = Standing::default();
     let ground = standing.add(ground, |placed| {
@@ -109,7 +111,12 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     let imports = painting.files.imports();
     let cameras = all(cameras, |placed| camera(placed, &mut ids, imports, gatherer));
 
-    let (camera_documents, cameras) = cameras.into_iter().unzip();
+    let (camera_documents, cameras): (Vec<_>, Vec<SceneCamera>) = cameras.into_iter().unzip();
+    if let Some(camera) = &effects.camera
+        && !cameras.iter().any(|member| member.id == *camera)
+    {
+        gatherer.fault("/effects/relight/camera", format!("the scene has no camera `{camera}`"));
+    }
     let document = SceneDocument {
         version: VERSION,
         name: name.clone(),
@@ -121,6 +128,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
         footprints,
         height_fields,
         models,
+        effects: effects_document,
         entities,
         cameras: camera_documents,
         view,
@@ -131,6 +139,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
         surfaces: Surfaces::new(standing.shapes),
         materials: standing.materials,
         sky,
+        effects,
         min_entity_size_m: entities.min_size_m,
         cameras,
         view: view.map(|view| SceneView {

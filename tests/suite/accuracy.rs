@@ -171,6 +171,7 @@ fn the_demo_is_true_where_no_camera_stands() {
             colors: Colors::Raw,
             session: None,
             effort: Effort::default(),
+            effects: Default::default(),
             horizon: None,
             blur_people: None,
             scope: videofields::access::Scope::all(),

@@ -197,6 +197,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         colors: Colors::Even,
         session: None,
         effort: Effort::default(),
+        effects: Default::default(),
         horizon: None,
         blur_people: None,
         scope: videofields::access::Scope::all(),

@@ -4,6 +4,8 @@
 mod blend;
 #[path = "render/counted.rs"]
 mod counted;
+#[path = "render/effects.rs"]
+mod effects;
 #[path = "render/exposure.rs"]
 mod exposure;
 #[path = "render/fields.rs"]
@@ -58,7 +60,7 @@ impl Brush {
     fn wishes(&self, entities: EntityStyle) -> Wishes {
         let sampling = Sampling { samples: self.samples, supersampling: 1 };
         let settings = Settings { entities, sampling, ..Settings::default() };
-        Wishes { settings, see_through: false, colors: Colors::Even }
+        Wishes { settings, see_through: false, colors: Colors::Even, effects: Default::default() }
     }
 
     pub(crate) fn plan(&self, state: &SceneState, view: &View, style: EntityStyle) -> Plan {

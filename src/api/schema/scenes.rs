@@ -149,6 +149,57 @@ fn sky() -> Value {
     )
 }
 
+fn effects() -> Value {
+    let on = || ("on", boolean(), "Whether it is on where a request does not say; true if absent");
+    let occlusion = taken(
+        &[],
+        [
+            on(),
+            ("radius_m", number_within(0.05, 20.0), "Within how many metres"),
+            ("strength", number_within(0.0, 2.0), "How much"),
+        ],
+    );
+    let sun = taken(
+        &[],
+        [
+            ("azimuth_deg", number_within(-360.0, 360.0), "From north towards east"),
+            ("elevation_deg", number_within(-10.0, 90.0), "Above the horizon"),
+            ("strength", number_within(0.0, 20.0), "Of what all else gives in the mean"),
+        ],
+    );
+    let picture = taken(&["file"], [("file", path(), "All around"), ("yaw_deg", number(), "Its turn")]);
+    let relight = taken(
+        &[],
+        [
+            on(),
+            ("light", word(&["sky", "picture", "camera"]), "Where it comes from; `sky` if absent"),
+            ("picture", picture, "The light as a picture"),
+            ("camera", id(), "The camera whose background is the light"),
+            ("sun", sun, "A sun beside it"),
+            ("exposure_stops", number_within(-4.0, 4.0), "How bright"),
+            ("strength", number_within(0.0, 1.0), "How much of it is taken"),
+        ],
+    );
+    let stipple = taken(
+        &[],
+        [
+            on(),
+            ("dot_px", whole_within(1, 8), "Side of a dot"),
+            ("blur_px", whole_within(1, 32), "How far away a dot's pixel may lie"),
+            ("contrast", number_within(0.25, 8.0), "Power of the grey"),
+            ("shade", number_within(0.0, 1.0), "Share of dots in what is black"),
+        ],
+    );
+    taken(
+        &[],
+        [
+            ("occlusion", occlusion, "Light that is taken away where much stands around"),
+            ("relight", relight, "Another light"),
+            ("stipple", stipple, "Dots on paper"),
+        ],
+    )
+}
+
 fn calibration() -> Value {
     let model = word(&["none", "brown_conrady", "fisheye"]);
     let lens = taken(
@@ -288,6 +339,7 @@ fn scene() -> Value {
             ("footprints", list(footprint), "Outlines of buildings, drawn upwards"),
             ("height_fields", list(field), "Uneven ground"),
             ("models", list(model), "Models in files"),
+            ("effects", effects(), "What is done to pictures of it once they are drawn"),
             ("entities", entities, "What is taken for something that stands there"),
             ("cameras", list(named("SceneCamera")), "The cameras that look at it"),
             ("view", view, "What is shown where a request names no view"),

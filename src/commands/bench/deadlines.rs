@@ -317,6 +317,7 @@ fn view(
         see_through: true,
         session: None,
         effort,
+        effects: Default::default(),
         horizon: None,
         blur_people: None,
         scope: videofields::access::Scope::all(),

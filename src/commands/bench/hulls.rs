@@ -306,7 +306,11 @@ pub(super) fn drawn(
     picture: &Picture,
     settings: Settings,
 ) -> Result<RgbImage> {
-    let plan = plan::make(state, picture, Wishes { settings, see_through: false, colors: Colors::Raw });
+    let plan = plan::make(
+        state,
+        picture,
+        Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() },
+    );
     Ok(renderer.render(state, picture, &plan)?.image)
 }
 

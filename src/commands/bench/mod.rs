@@ -3,6 +3,7 @@
 
 mod background;
 mod deadlines;
+mod effects;
 mod fields;
 mod hull_costs;
 mod hulls;
@@ -25,6 +26,7 @@ pub(crate) struct Bench {
 enum What {
     Background(background::Background),
     Deadlines(deadlines::Deadlines),
+    Effects(effects::Effects),
     Fields(fields::Fields),
     Hulls(hulls::Hulls),
     Load(load::Load),
@@ -38,6 +40,7 @@ impl Bench {
         match &self.what {
             What::Background(background) => background.run(),
             What::Deadlines(deadlines) => deadlines.run(),
+            What::Effects(effects) => effects.run(),
             What::Fields(fields) => fields.run(),
             What::Hulls(hulls) => hulls.run(),
             What::Load(load) => load.run(),

@@ -214,7 +214,11 @@ fn drawn(
     let mut state = state.clone();
     settings.place(&mut state, &mut HullMemory::default());
     let state = &state;
-    let plan = plan::make(state, &picture, Wishes { settings, see_through: false, colors: Colors::Raw });
+    let plan = plan::make(
+        state,
+        &picture,
+        Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() },
+    );
     Ok(renderer.render(state, &picture, &plan)?.image)
 }
 

@@ -54,5 +54,9 @@ pub(super) fn same_as(
 /// Whether two requests may mean one picture, by what can be told without a look at any camera.
 fn may_be_same(a: &ViewRequest, b: &ViewRequest) -> bool {
     let drawn = |of: &ViewRequest| (of.width_px, of.height_px, of.style, of.see_through, of.colors);
-    a.scene == b.scene && a.session == b.session && drawn(a) == drawn(b) && a.blur_people == b.blur_people
+    a.scene == b.scene
+        && a.session == b.session
+        && drawn(a) == drawn(b)
+        && a.effects == b.effects
+        && a.blur_people == b.blur_people
 }

@@ -169,6 +169,8 @@ pub(in crate::render) struct BillboardPass {
     frames: LiveFrames,
     /// Without a second source, and with; each without gains, and with.
     pipelines: [[BySamples; 2]; 2],
+    /// The same, of depths alone, which gains do not change.
+    cutouts: [BySamples; 2],
     instances: GrowingBuffer,
 }
 
@@ -178,7 +180,7 @@ impl BillboardPass {
     pub(in crate::render) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
-        Self { frames, pipelines: Default::default(), instances }
+        Self { frames, pipelines: Default::default(), cutouts: Default::default(), instances }
     }
 
     /// Records the rectangles, given from back to front, and among them the surfaces that are translucent: the first of
@@ -199,10 +201,29 @@ impl BillboardPass {
         };
         let samples = into.targets.samples();
         let is_blended = instances.iter().any(Instance::is_blended);
+        let bind_groups = [Some(into.frame_layout), Some(&self.frames.layout)];
+        let vertices = [Some(layout)];
+        // Where depths are kept: what shows more than half has one. After all colours, so that these are as without.
+        let cutout = if into.targets.keeps_depth() {
+            let wanted = DrawPipeline {
+                label: LABEL,
+                bind_groups: &bind_groups,
+                vertices: &vertices,
+                entry_points: ["vs_main", "fs_depth"],
+                topology: wgpu::PrimitiveTopology::TriangleStrip,
+                mixing: Mixing { blend: None, writes_depth: true, culls_back: false, writes_color: false },
+                variant: &[("HAS_BESIDE", f64::from(u8::from(is_blended)))],
+                samples,
+            };
+            let cutouts = &mut self.cutouts[usize::from(is_blended)];
+            Some(cutouts.get(samples, || draw_pipeline(gpu, wanted))?)
+        } else {
+            None
+        };
         let wanted = DrawPipeline {
             label: LABEL,
-            bind_groups: &[Some(into.frame_layout), Some(&self.frames.layout)],
-            vertices: &[Some(layout)],
+            bind_groups: &bind_groups,
+            vertices: &vertices,
             entry_points: MAIN,
             topology: wgpu::PrimitiveTopology::TriangleStrip,
             mixing: Mixing {
@@ -220,13 +241,13 @@ impl BillboardPass {
         let pipeline = self.pipelines[usize::from(is_blended)][usize::from(into.has_gains)]
             .get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
-        let vertices = self.instances.write(gpu, instances);
+        let buffer = self.instances.write(gpu, instances);
         let mut pass = recording.draw(LABEL, into);
         let draw = |pass: &mut wgpu::RenderPass<'_>, which: Range<u32>| {
             if !which.is_empty() {
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(1, &textures, &[]);
-                pass.set_vertex_buffer(0, vertices.slice(..));
+                pass.set_vertex_buffer(0, buffer.slice(..));
                 pass.draw(0..4, which);
             }
         };
@@ -239,6 +260,12 @@ impl BillboardPass {
             }
         }
         draw(&mut pass, first..instances.len() as u32);
+        if let Some(cutout) = cutout {
+            pass.set_pipeline(cutout);
+            pass.set_bind_group(1, &textures, &[]);
+            pass.set_vertex_buffer(0, buffer.slice(..));
+            pass.draw(0..4, 0..instances.len() as u32);
+        }
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 mod average;
 mod billboard;
 mod camera_depth;
+mod distance;
 mod enlarge;
 mod fields;
 mod fields_distances;
@@ -13,16 +14,20 @@ mod hull_peel;
 mod hull_rays;
 mod hull_trim;
 mod hull_voxels;
+mod occlusion;
 mod points;
+mod relight;
 mod resample;
 pub(super) mod see_through;
 mod sky;
+mod stipple;
 mod surface;
 mod yuv;
 
 pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
+pub(super) use distance::{DISTANCE_FORMAT, DistancePass, Lens};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use fields::{
     FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, FieldsPass, FieldsWanted, NO_FIELD_VIEW,
@@ -34,8 +39,11 @@ pub(super) use hull_peel::{HullPeelPass, MOST_VALID_PX};
 pub(super) use hull_rays::{HullRaysPass, HullSurface};
 pub(super) use hull_trim::HullTrimPass;
 pub(super) use hull_voxels::HullVoxelsPass;
+pub(super) use occlusion::OcclusionPass;
 pub(super) use points::{Instance as PointInstance, PointsPass};
+pub(super) use relight::{Drawn, RelightPass};
 pub(super) use sky::SkyPass;
+pub(super) use stipple::StipplePass;
 pub(super) use surface::{StaticScene, SurfacePass, Translucent};
 pub(super) use yuv::YuvPass;
 
@@ -48,6 +56,12 @@ pub(super) fn mirrors() -> Vec<Mirror> {
     let mut mirrors = vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR];
     mirrors.extend(fields::MIRRORS);
     mirrors.push(fields_topology::MeshSize::MIRROR);
+    mirrors.extend([
+        Lens::MIRROR,
+        relight::Light::MIRROR,
+        occlusion::Occlusion::MIRROR,
+        stipple::Stipple::MIRROR,
+    ]);
     mirrors
 }
 

@@ -16,6 +16,7 @@ fn scene(shapes: Vec<Shape>) -> Arc<Scene> {
         materials,
         surfaces: Surfaces::new(shapes),
         sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
+        effects: Default::default(),
         min_entity_size_m: 0.0,
         cameras: Vec::new(),
         view: None,

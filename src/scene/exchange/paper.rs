@@ -77,6 +77,7 @@ pub(super) fn write(document: &Value) -> super::Written {
         ("view", "the view shown at first"),
         ("height_fields", "uneven ground"),
         ("models", "models in files"),
+        ("effects", "effects"),
     ] {
         if document.get(key).is_some() {
             warnings.add(format!("/{key}"), format!("left out: the format has no word for {what}"));

@@ -139,7 +139,7 @@ fn keep(name: &str, state: &SceneState) {
     let picture = Picture::from(View::new(eye, target, 0.8, 960, 540, &limits).unwrap());
     let sampling = Sampling { samples: 4, supersampling: 1 };
     let settings = Settings { entities: EntityStyle::None, sampling, ..Settings::default() };
-    let wishes = Wishes { settings, see_through: false, colors: Colors::Even };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Even, effects: Default::default() };
     let plan = plan::make(state, &picture, wishes);
     let mut renderer = Renderer::new(gpu, &RenderSettings::default()).unwrap();
     let drawn = renderer.render(state, &picture, &plan).unwrap();

@@ -6,6 +6,7 @@ use super::textures::{changed, gradient, imagery, panorama};
 use super::{Brush, GREEN, RED, points_of, renderer, v, view};
 use glam::{DVec3, Vec3};
 use std::path::Path;
+use videofields::effects::{EffectSettings, LightSource, Occlusion, Relight, Stipple};
 use videofields::fuse::SceneState;
 use videofields::gpu::Counted::{self, Buffer, Pass, Pipeline, Texture, Upload};
 use videofields::plan::{self, Colors, Detail, EntityStyle, Filtering, Picture, Sampling, Settings, Wishes};
@@ -38,7 +39,7 @@ fn walled() -> Stage {
 fn bare() -> Wishes {
     let settings =
         Settings { entities: EntityStyle::None, sources: 1, sampling: Sampling::ONCE, ..Settings::default() };
-    Wishes { settings, see_through: false, colors: Colors::Raw }
+    Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() }
 }
 
 fn with(change: impl FnOnce(&mut Settings)) -> Wishes {
@@ -191,6 +192,57 @@ fn samples_and_resolution_cost_their_targets_and_passes() {
         added.sort_unstable();
         check_effect(name, state, (bare(), wishes), (&added, &again));
     }
+}
+
+#[test]
+fn effects_cost_their_passes_and_their_pictures_and_leave_nothing_behind() {
+    let state = ground().state();
+    let state = (&state, N_LEVEL_PIPELINES);
+    let with = |effects| Wishes { effects, ..bare() };
+    let none = EffectSettings::NONE;
+    // Targets have what effects look at beside the picture; what reads depths needs targets that keep them.
+    let targets = [(Texture, "color", 1), (Texture, "depth", 1)];
+    let check = |name, effects, own: &[Row], passes: &[Row]| {
+        let mut again = [passes, &[(Pass, "surface", 1)]].concat();
+        let mut added = [own, &targets, &again].concat();
+        again.sort_unstable();
+        added.sort_unstable();
+        check_effect(name, state, (bare(), with(effects)), (&added, &again));
+    };
+    let light = Some(Relight::by(LightSource::Sky));
+    check(
+        "relight",
+        EffectSettings { relight: light, ..none },
+        &[
+            (Pipeline, "distance", 1),
+            (Pipeline, "relight", 1),
+            (Texture, "distance", 1),
+            (Texture, "relight", 1),
+            (Buffer, "lens", 1),
+            (Buffer, "relight", 1),
+        ],
+        &[(Pass, "distance", 1), (Pass, "relight", 1)],
+    );
+    check(
+        "occlusion",
+        EffectSettings { occlusion: Some(Occlusion::default()), ..none },
+        &[
+            (Pipeline, "distance", 1),
+            (Pipeline, "occlusion", 2),
+            (Texture, "distance", 1),
+            (Texture, "occlusion", 1),
+            (Texture, "occlusion open", 1),
+            (Buffer, "lens", 1),
+            (Buffer, "occlusion", 1),
+        ],
+        &[(Pass, "distance", 1), (Pass, "occlusion", 2)],
+    );
+    check(
+        "stipple",
+        EffectSettings { stipple: Some(Stipple::default()), ..none },
+        &[(Pipeline, "stipple", 1), (Texture, "stipple", 1), (Buffer, "stipple", 1)],
+        &[(Pass, "stipple", 1)],
+    );
 }
 
 #[test]

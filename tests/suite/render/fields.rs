@@ -15,7 +15,7 @@ use videofields::render::View;
 
 fn wishes(brush: &Brush, fields: FieldsForm) -> Wishes {
     let settings = Settings { fields, ..brush.wishes(EntityStyle::None).settings };
-    Wishes { settings, see_through: false, colors: Colors::Raw }
+    Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() }
 }
 
 fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, fields: FieldsForm) -> RgbImage {
@@ -208,6 +208,7 @@ fn open_buildings_and_hard_views_have_fields_too() {
             },
             see_through: true,
             colors: Colors::Even,
+            effects: Default::default(),
         };
         let plan = plan::make(&state, &picture, wishes);
         let found = brush.renderer.render(&state, &picture, &plan).expect("a picture").image;

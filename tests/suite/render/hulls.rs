@@ -189,7 +189,7 @@ pub(super) fn found(
     let hull = HullForm { method, ..HullForm::EXACT };
     let settings =
         Settings { entities: EntityStyle::Hulls, hull, sampling: Sampling::ONCE, ..Settings::default() };
-    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() };
     let plan = plan::make(state, &Picture::from(*view), wishes);
     assert!(!plan.hulls.is_empty(), "{:?}", plan.reasons);
     let rendered = brush.render(state, view, &plan).unwrap();
@@ -507,7 +507,7 @@ fn textured(
     let hull = HullForm { method, texture, ..HullForm::EXACT };
     let settings =
         Settings { entities: EntityStyle::Hulls, hull, sampling: Sampling::ONCE, ..Settings::default() };
-    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw, effects: Default::default() };
     let plan = plan::make(state, &Picture::from(*view), wishes);
     let image = brush.render(state, view, &plan).unwrap().image;
     keep(name, &image);
@@ -762,6 +762,7 @@ fn who_cannot_be_a_hull_is_a_billboard_and_the_plan_says_why() {
         },
         see_through: false,
         colors: Colors::Raw,
+        effects: Default::default(),
     };
     let reason = |state: &SceneState, effect: &str| {
         let plan = plan::make(state, &Picture::from(view), wishes(EntityStyle::Hulls));

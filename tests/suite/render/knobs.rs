@@ -13,7 +13,11 @@ fn settings(brush: &Brush) -> Settings {
 }
 
 fn plan(state: &SceneState, picture: &Picture, settings: Settings) -> Plan {
-    plan::make(state, picture, Wishes { settings, see_through: false, colors: plan::Colors::Raw })
+    plan::make(
+        state,
+        picture,
+        Wishes { settings, see_through: false, colors: plan::Colors::Raw, effects: Default::default() },
+    )
 }
 
 fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, settings: Settings) -> RgbImage {

@@ -53,6 +53,7 @@ impl Place {
             materials: surfaces.shapes().iter().map(|_| Material::plain([0; 3])).collect(),
             surfaces,
             sky: Sky::Plain { color_srgb: [0; 3] },
+            effects: Default::default(),
             min_entity_size_m: 0.0,
             cameras: cameras.iter().map(member).collect(),
             view: None,
@@ -223,7 +224,8 @@ fn count(place: &Place, view: &View, settings: &Settings, image: &RgbImage, came
 /// Draws views of a place with each of its cameras in a colour of its own, and counts.
 fn counted(name: &str, place: &Place, views: &[View], settings: &Settings) -> Option<Count> {
     let mut brush = renderer("", 1)?;
-    let wishes = Wishes { settings: *settings, see_through: false, colors: Colors::Raw };
+    let wishes =
+        Wishes { settings: *settings, see_through: false, colors: Colors::Raw, effects: Default::default() };
     let all: Vec<usize> = (0..place.state.cameras.len()).collect();
     let mut sum = Count::default();
     for colored in all.chunks(3) {

@@ -36,6 +36,7 @@ fn planned(brush: &Brush, state: &SceneState, entities: EntityStyle) -> Plan {
             settings: Settings { entities, sampling, ..Settings::default() },
             see_through: true,
             colors: Colors::Raw,
+            effects: Default::default(),
         },
     )
 }

@@ -130,6 +130,7 @@ impl Stage {
                 .collect(),
             surfaces,
             sky: Sky::Plain { color_srgb: SKY },
+            effects: Default::default(),
             min_entity_size_m: 0.0,
             cameras: members,
             view: None,

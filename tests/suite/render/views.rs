@@ -20,6 +20,7 @@ fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, supersampling
             settings: Settings { sampling, ..Settings::default() },
             see_through: false,
             colors: Colors::Raw,
+            effects: Default::default(),
         },
     );
     let image = brush.renderer.render(state, picture, &plan).expect("a picture").image;

@@ -48,6 +48,12 @@ function PictureMenu() {
           <input type="checkbox" checked={state.colors.value === "even"}
             onChange={(event) => state.choose("colors", event.currentTarget.checked ? "even" : "raw", "even")} /> {say("colors.label")}
         </label>
+        <Segments name="occlusion" label={say("occlusion.label")} values={state.SWITCHES} chosen={state.occlusion.value}
+          text={(value) => say(`effect.${value}`)} onChoose={(value) => state.choose("occlusion", value, "scene")} />
+        <Segments name="relight" label={say("relight.label")} values={state.LIGHTS} chosen={state.relight.value}
+          text={(value) => say(`effect.${value}`)} onChoose={(value) => state.choose("relight", value, "scene")} />
+        <Segments name="stipple" label={say("stipple.label")} values={state.SWITCHES} chosen={state.stipple.value}
+          text={(value) => say(`effect.${value}`)} onChoose={(value) => state.choose("stipple", value, "scene")} />
         <Checked name="labels" label={say("people.labels")} isOn={state.labels.value === "on"} />
         <Checked name="trails" label={say("people.trails")} isOn={state.trails.value === "on"} />
       </div>

@@ -38,7 +38,7 @@ function wish(): object | null {
   if (!scene) return null;
   const parameters = new URLSearchParams({
     ...(view ? printed(view) : {}), t: instant(millis), width: String(SIZE.width), height: String(SIZE.height),
-    entities: state.entities.peek(), see_through: state.seeThrough.peek(), colors: state.colors.peek(), quality: "exact",
+    entities: state.entities.peek(), see_through: state.seeThrough.peek(), colors: state.colors.peek(), quality: "exact", ...state.effects.peek(),
   });
   return { scene: scene.id, parameters: parameters.toString().replaceAll("%2C", ",").replaceAll("%3A", ":") };
 }

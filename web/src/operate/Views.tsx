@@ -15,7 +15,7 @@ type Listed = Awaited<ReturnType<typeof asked>>["views"][number];
 const AGAIN_MILLIS = 10_000;
 const NUMBERS = 9;
 /** What of a view, beside its place, is kept. */
-const CHOICES = { entities: "billboards", see_through: "on", colors: "even", quality: "balanced" } as const;
+const CHOICES = { entities: "billboards", see_through: "on", colors: "even", quality: "balanced", occlusion: "scene", relight: "scene", stipple: "scene" } as const;
 
 const views = signal<Listed[]>([]);
 const failure = signal<string | null>(null);
@@ -64,7 +64,7 @@ export function goToNumber(number: number): boolean {
 
 function present(): string {
   const view = state.view.peek() ?? state.shown.peek()?.view;
-  const chosen = { entities: state.entities.peek(), see_through: state.seeThrough.peek(), colors: state.colors.peek(), quality: state.quality.peek() };
+  const chosen = { entities: state.entities.peek(), see_through: state.seeThrough.peek(), colors: state.colors.peek(), quality: state.quality.peek(), ...state.effects.peek() };
   const unusual = Object.entries(chosen).filter(([name, value]) => value !== CHOICES[name as keyof typeof CHOICES]);
   return new URLSearchParams({ ...(view ? printed(view) : {}), ...Object.fromEntries(unusual) }).toString().replaceAll("%2C", ",");
 }

@@ -95,7 +95,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
     stillTimer = setTimeout(rest.wake, STILL_AFTER_MILLIS);
   });
   const stopWishes = effect(() => {
-    dependOn(state.scene, state.entities, state.quality, state.seeThrough, state.colors, state.at);
+    dependOn(state.scene, state.entities, state.quality, state.seeThrough, state.colors, state.effects, state.at);
     rest.wake();
   });
   const sizes = new ResizeObserver(rest.wake);
@@ -117,6 +117,7 @@ export function follow(stage: HTMLElement, image: HTMLImageElement): () => void 
       quality: isMoving ? "draft" : state.quality.value,
       see_through: state.seeThrough.value,
       colors: state.colors.value,
+      ...state.effects.value,
     };
     const text = JSON.stringify([path, wish]);
     // What was there at a fixed time stays as it was.

@@ -15,6 +15,9 @@ export type Scene = { id: string; name: string; cameras: string[] };
 
 export const ENTITIES = ["billboards", "points", "hulls", "auto", "none"] as const;
 export const QUALITIES = ["draft", "balanced", "exact"] as const;
+/** What is done to the picture once it is drawn: `scene` leaves it to the scene. */
+export const SWITCHES = ["scene", "on", "off"] as const;
+export const LIGHTS = ["scene", "off", "sky", "camera"] as const;
 export const DRAWINGS = ["auto", "server", "browser"] as const;
 export const KINDS = ["frame", "background", "mask"] as const;
 export type Kind = (typeof KINDS)[number];
@@ -52,6 +55,14 @@ export const seeThrough = oneOf(["on", "off"], "see_through", "on");
 /** Who draws: `auto` leaves it to what the browser can do. */
 export const drawing = oneOf(DRAWINGS, "drawing", "auto");
 export const colors = oneOf(["even", "raw"], "colors", "even");
+export const occlusion = oneOf(SWITCHES, "occlusion", "scene");
+export const relight = oneOf(LIGHTS, "relight", "scene");
+export const stipple = oneOf(SWITCHES, "stipple", "scene");
+/** Those that are not left to the scene, as requests have them. */
+export const effects = computed((): Readonly<Record<string, string>> => {
+  const chosen = { occlusion: occlusion.value, relight: relight.value, stipple: stipple.value };
+  return Object.fromEntries(Object.entries(chosen).filter(([, value]) => value !== "scene"));
+});
 export const kind = oneOf(KINDS, "kind", "frame");
 /** How pointer and keys move the viewer. */
 export const mode = oneOf(MODES, "move", "orbit");

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import { decide } from "./choose";
 
-const usual = { wish: "auto", graphics: "card", rate: null, isPast: false, isLost: false, entities: "billboards" } as const;
+const usual = { wish: "auto", graphics: "card", rate: null, isPast: false, isLost: false, entities: "billboards", hasEffects: false } as const;
 
 test("left to itself the browser draws as long as it keeps up", () => {
   expect(decide(usual)).toEqual({ by: "browser", why: "measuring" });
@@ -19,4 +19,5 @@ test("what is wished for is done where it can be", () => {
   expect(decide({ ...usual, wish: "browser", entities: "points" }).by).toBe("server");
   expect(decide({ ...usual, wish: "browser", entities: "hulls" })).toEqual({ by: "server", why: "hulls" });
   expect(decide({ ...usual, wish: "browser", entities: "auto" })).toEqual({ by: "server", why: "auto" });
+  expect(decide({ ...usual, wish: "browser", hasEffects: true })).toEqual({ by: "server", why: "effects" });
 });

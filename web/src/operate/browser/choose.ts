@@ -7,7 +7,7 @@ import * as state from "../state";
 
 export type By = "browser" | "server";
 /** Why: a key of the texts beneath `spatial.why.`. */
-export type Why = "wished" | "fast" | "measuring" | "slow" | "none" | "software" | "past" | "lost" | "points" | "hulls" | "auto";
+export type Why = "wished" | "fast" | "measuring" | "slow" | "none" | "software" | "past" | "lost" | "points" | "hulls" | "auto" | "effects";
 export type Choice = { readonly by: By; readonly why: Why };
 
 /** Fewer pictures a second are too few. */
@@ -28,6 +28,7 @@ export function decide(given: {
   isPast: boolean;
   isLost: boolean;
   entities: string;
+  hasEffects: boolean;
 }): Choice {
   const { wish } = given;
   if (wish === "server") return { by: "server", why: "wished" };
@@ -37,6 +38,7 @@ export function decide(given: {
   if (given.isPast) return { by: "server", why: "past" };
   const { entities } = given;
   if (entities === "points" || entities === "hulls" || entities === "auto") return { by: "server", why: entities };
+  if (given.hasEffects) return { by: "server", why: "effects" };
   if (wish === "browser") return { by: "browser", why: "wished" };
   if (given.graphics === "software") return { by: "server", why: "software" };
   if (given.rate === null) return { by: "browser", why: "measuring" };
@@ -51,4 +53,5 @@ export const choice = computed((): Choice => decide({
   isPast: state.at.value !== null,
   isLost: isLost.value,
   entities: state.entities.value,
+  hasEffects: Object.values(state.effects.value).some((value) => value !== "off"),
 }));

@@ -20,6 +20,15 @@ export const operate = {
 
   "colors.label": "Even colours",
 
+  "occlusion.label": "Shade where much stands around",
+  "relight.label": "Light",
+  "stipple.label": "Dots on paper",
+  "effect.scene": "As the scene",
+  "effect.on": "On",
+  "effect.off": "Off",
+  "effect.sky": "The sky's",
+  "effect.camera": "A camera's",
+
   "view.waiting": "Waiting for the first picture",
   "view.old": "Old picture: nothing newer for {age}",
   "view.behind": "{cameras} behind: not what is there now",

@@ -20,6 +20,7 @@ export const spatial = {
   "spatial.why.lost": "since this browser lost its graphics card.",
   "spatial.why.hulls": "since the browser draws no shapes.",
   "spatial.why.auto": "since the server chooses between shapes and billboards, and the browser draws no shapes.",
+  "spatial.why.effects": "since the browser draws no shade, other light or dots.",
   "spatial.why.points": "since the browser draws no points.",
 
   "spatial.headset.enter": "Enter VR",
