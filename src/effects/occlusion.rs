@@ -135,17 +135,17 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    const MOST: f32 = 0.2;
-
     fn open_of(lens: Lens, beyond_m: &[f32], radius_m: f32) -> Vec<f32> {
         let distances = Distances { width: SIZE, beyond_m, lens };
         let settings = Occlusion { radius_m, strength: 1.0 };
+        // A tangent, of parallel rays metres: as much nine metres away.
+        let most = if lens.is_parallel { 1.8 } else { 0.2 };
         let pixel = |at: u32| [(at % SIZE) as i32, (at / SIZE) as i32];
         let raw = |at: [i32; 2]| {
             let is_within = at.iter().all(|along| (0..SIZE as i32).contains(along));
-            if is_within { open_share(&distances, at, at, &settings, MOST) } else { 1.0 }
+            if is_within { open_share(&distances, at, at, &settings, most) } else { 1.0 }
         };
-        (0..SIZE * SIZE).map(|at| smoothed(&distances, pixel(at), &settings, MOST, raw)).collect()
+        (0..SIZE * SIZE).map(|at| smoothed(&distances, pixel(at), &settings, most, raw)).collect()
     }
 
     #[test]
