@@ -1,6 +1,6 @@
 //! Light from all around as nine real spherical harmonics a colour, by how bright every direction is.
 //!
-//! [G03] Green 2003, Spherical Harmonic Lighting: the gritty details. The basis is orthonormal; directions are unit vectors in the
+//! `[G03]` Green 2003, Spherical Harmonic Lighting: the gritty details. The basis is orthonormal; directions are unit vectors in the
 //! world (z up).
 
 use crate::geometry::Camera;
@@ -45,7 +45,7 @@ pub enum LightError {
 
 /// The basis functions at a unit direction, in the order (0, 0), (1, -1), (1, 0), (1, 1), (2, -2) to (2, 2).
 ///
-/// Source: [G03], appendix A3; written for z up.
+/// Source: `[G03]`, appendix A3; written for z up.
 #[must_use]
 pub fn basis(direction: Vec3) -> [f32; N_HARMONICS] {
     let Vec3 { x, y, z } = direction;

@@ -1,6 +1,6 @@
 //! How much of the light from all around reaches a pixel, by what stands near it in the picture.
 //!
-//! [M12] `McGuire`, Mara, Luebke 2012, Scalable ambient obscurance, section 2.1, in units of its radius, without its levels of depth.
+//! `[M12]` `McGuire`, Mara, Luebke 2012, Scalable ambient obscurance, section 2.1, in units of its radius, without its levels of depth.
 
 use super::{Distances, Occlusion};
 use glam::Vec2;

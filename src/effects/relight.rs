@@ -1,12 +1,12 @@
 //! Another light on a pixel: `[M19]` Du et al. 2019, `Montage4D`, section 6.2.
 //!
-//! [RH01] Ramamoorthi and Hanrahan 2001, An efficient representation for irradiance environment maps.
+//! `[RH01]` Ramamoorthi and Hanrahan 2001, An efficient representation for irradiance environment maps.
 
 use super::harmonics::{BANDS, Harmonics, N_HARMONICS, basis, luminance};
 use crate::frame::{linear_from_srgb, srgb_from_linear};
 use glam::Vec3;
 
-/// What a matt surface's cosine leaves of each band, over pi: [RH01] equation 8.
+/// What a matt surface's cosine leaves of each band, over pi: `[RH01]` equation 8.
 pub const MATT_BANDS: [f32; 3] = [1.0, 2.0 / 3.0, 0.25];
 
 /// The sRGB code of light that changes nothing.

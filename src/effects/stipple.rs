@@ -1,6 +1,6 @@
 //! Sketchy stippling: `[M19]` Du et al. 2019, `Montage4D`, section 6.1, with dots in dark areas beside.
 //!
-//! [JO20] Jarzynski and Olano 2020, Hash functions for GPU rendering (PCG3D).
+//! `[JO20]` Jarzynski and Olano 2020, Hash functions for GPU rendering (PCG3D).
 
 use super::Stipple;
 use crate::frame::srgb_from_linear;
@@ -9,7 +9,7 @@ use glam::{Vec2, Vec3};
 /// Of sRGB codes (ITU-R BT.709).
 const LUMA: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
-/// Three numbers from 0 to below 1 that follow from a cell alone: [JO20].
+/// Three numbers from 0 to below 1 that follow from a cell alone: `[JO20]`.
 fn random(cell: [i32; 2]) -> Vec3 {
     let mut v = [cell[0] as u32, cell[1] as u32, 0];
     v = v.map(|of| of.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
