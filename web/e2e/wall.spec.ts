@@ -161,7 +161,7 @@ test("tiles are moved by hand, versions come back, and what somebody else kept i
   await expect(page.getByRole("radio", { name: "Free" })).toBeChecked();
   await page.getByRole("button", { name: "Restore version 1" }).click();
   await expect(page.getByRole("heading", { name: "Lobby" })).toBeVisible();
-  await expect(page.getByLabel("Columns")).toHaveValue("1");
+  await expect(page.getByLabel("Columns")).toHaveValue("2");
 
   await page.getByRole("button", { name: "Remove wall" }).click();
   await page.getByRole("button", { name: "Remove wall" }).click();
