@@ -21,7 +21,7 @@ struct Kept {
 }
 
 @group(0) @binding(0) var<uniform> mesh: MeshSize;
-@group(0) @binding(1) var<storage, read> positions: array<f32>;
+@group(0) @binding(1) var<storage, read> positions: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
 @group(0) @binding(3) var<storage, read> opposite: array<u32>;
 @group(0) @binding(4) var<storage, read> turns: array<u32>;
@@ -49,7 +49,7 @@ struct Window {
 }
 
 fn position(vertex: u32) -> vec3<f32> {
-    return vec3<f32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
+    return positions[vertex].xyz;
 }
 
 fn no_window() -> Window {

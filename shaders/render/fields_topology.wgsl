@@ -13,8 +13,8 @@ struct MeshSize {
 }
 
 @group(0) @binding(0) var<uniform> mesh: MeshSize;
-// Three a vertex, from the mesh's origin, metres.
-@group(0) @binding(1) var<storage, read> positions: array<f32>;
+// From the mesh's origin, metres.
+@group(0) @binding(1) var<storage, read> positions: array<vec4<f32>>;
 // Three a face.
 @group(0) @binding(2) var<storage, read> corners: array<u32>;
 // 0 where nobody is, else one more than a half-edge.
@@ -34,7 +34,7 @@ const AT_BORDER: u32 = 0x40000000u;
 const LEAST_AREA: f32 = 1e-7;
 
 fn position(vertex: u32) -> vec3<f32> {
-    return vec3<f32>(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u]);
+    return positions[vertex].xyz;
 }
 
 fn is_face(face: u32) -> bool {

@@ -40,7 +40,7 @@ pub(super) const PARAMETERS: [Parameter; 15] = [
     Parameter::word(
         "fields",
         || words(&FieldsForm::ALL),
-        "Whether what stands still is coloured by texture fields: by who looks squarely, or by whose colours are least beside, smoothly",
+        "Whether what stands still, and hulls as meshes, are coloured by texture fields: by who looks squarely, or by whose colours are least beside, smoothly",
     ),
     Parameter::word(
         "sources",

@@ -94,7 +94,7 @@ pub(crate) struct View {
     /// Whether what stands before a surface keeps cameras' pictures off it: on or off.
     #[arg(long, value_name = "ON_OFF", allow_hyphen_values = true)]
     depth_maps: Option<String>,
-    /// Whether what stands still is coloured by texture fields: off, normals or montage; off if absent.
+    /// Whether what stands still, and hulls as meshes, are coloured by texture fields: off, normals or montage; off if absent.
     #[arg(long, value_name = "FORM", allow_hyphen_values = true)]
     fields: Option<String>,
     /// By how many cameras one entity is shown, 1 or 2.

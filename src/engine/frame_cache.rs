@@ -173,6 +173,7 @@ mod tests {
                 opened: Vec::new(),
                 evens_colors: false,
                 fields: FieldsForm::Off,
+                hull_fields: FieldsForm::Off,
                 followed: None,
                 most_cameras_a_pixel: 8,
                 filtering: Filtering::Levels,

@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Triangles from a camera's seam over which it comes to lend in full: `[M19]` section 4.4. About a third as many edges.
-const REACH_TRIANGLES: f64 = 15.0;
+pub const REACH_TRIANGLES: f64 = 15.0;
 
 /// Cosine between the directions to the viewer and to the nearest camera below which fields give way to normals, so that they do not
 /// end all at once where every camera looks against the viewer.

@@ -44,7 +44,7 @@ mod vote;
 
 pub use bounded::{ROUNDS, bounded};
 pub use exact::exact;
-pub use field::{Field, FieldError, Weights};
+pub use field::{Field, FieldError, REACH_TRIANGLES, Weights};
 pub use history::FOLLOW_SECS;
 pub use marching::marching;
 pub use seams::SeamCounts;

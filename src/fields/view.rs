@@ -53,6 +53,12 @@ impl View {
         self.picture.finest()
     }
 
+    /// What of the picture is of the mesh, where that is known: 0 is not.
+    #[must_use]
+    pub const fn foreground(&self) -> Option<&Mask> {
+        self.foreground.as_ref()
+    }
+
     /// Where it stands.
     #[must_use]
     pub const fn eye(&self) -> DVec3 {

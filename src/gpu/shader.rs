@@ -12,6 +12,7 @@ macro_rules! shaders {
 
 shaders![
     "common/camera.wgsl",
+    "common/changing_mesh.wgsl",
     "common/color.wgsl",
     "common/distances.wgsl",
     "common/fullscreen.wgsl",
@@ -23,6 +24,7 @@ shaders![
     "render/enlarge.wgsl",
     "render/billboard.wgsl",
     "render/camera_depth.wgsl",
+    "render/changing_mesh.wgsl",
     "render/distance.wgsl",
     "render/fields.wgsl",
     "render/fields_distances.wgsl",
@@ -33,6 +35,12 @@ shaders![
     "render/hull_rays.wgsl",
     "render/hull_trim.wgsl",
     "render/hull_voxels.wgsl",
+    "render/mesh_carry.wgsl",
+    "render/mesh_colors.wgsl",
+    "render/mesh_depths.wgsl",
+    "render/mesh_sight.wgsl",
+    "render/mesh_smooth.wgsl",
+    "render/mesh_weights.wgsl",
     "render/occlusion.wgsl",
     "render/points.wgsl",
     "render/relight.wgsl",

@@ -102,6 +102,17 @@ impl Mesh {
         Self { positions_m, normals, colors_srgb: None, triangles, n_mended: 0 }
     }
 
+    /// How long sides of triangles are in the mean, each counted for each of its triangles, metres; 0 without triangles.
+    #[must_use]
+    pub fn mean_side_m(&self) -> f64 {
+        let around_m = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|corner| self.positions_m[corner as usize]);
+            a.distance(b) + b.distance(c) + c.distance(a)
+        };
+        let n_sides = (3 * self.triangles.len()).max(1);
+        self.triangles.iter().map(around_m).sum::<f64>() / n_sides as f64
+    }
+
     /// Low and high corner of the box around all points, metres, in the world; none without points.
     #[must_use]
     pub fn bounds(&self) -> Option<[DVec3; 2]> {

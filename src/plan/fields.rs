@@ -6,6 +6,7 @@ use crate::fields::MAX_VIEWS;
 use crate::fuse::SceneState;
 use crate::scene::Scene;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Weak};
 
@@ -79,7 +80,7 @@ impl FieldsHistory {
     }
 }
 
-/// Decides whether fields run: where they are asked for and some camera's picture is on a surface.
+/// Decides whether fields run: where they are asked for, and some camera's picture is on a surface or somebody is drawn as a hull.
 pub(super) fn plan(
     state: &SceneState,
     form: FieldsForm,
@@ -87,28 +88,45 @@ pub(super) fn plan(
     plan: &mut Plan,
 ) {
     let n_cameras = state.cameras.len();
-    let (is_on, because) = match form {
-        FieldsForm::Off => (false, "not asked for".to_owned()),
-        _ if plan.surface_cameras.is_empty() => {
-            (false, "no camera's picture is on a surface in view".to_owned())
-        }
-        _ if n_cameras > MAX_VIEWS => {
-            (false, format!("{n_cameras} cameras: fields are of at most {MAX_VIEWS}"))
-        }
-        FieldsForm::Normals => (true, "asked for: who looks squarely lends most".to_owned()),
-        FieldsForm::Montage => {
-            (true, "asked for: whose colours are least beside lends most, less towards its seams".to_owned())
-        }
-    };
-    if is_on {
+    let is_asked_for = form != FieldsForm::Off;
+    let has_surfaces = !plan.surface_cameras.is_empty();
+    if is_asked_for && has_surfaces && n_cameras <= MAX_VIEWS {
         plan.fields = form;
-        plan.followed = history.map(|history| history.follow(state));
-        if !plan.depth_map_cameras.is_empty() {
-            plan.depth_map_cameras.clear();
-            plan.reasons.retain(|reason| reason.effect != "camera_depth");
-            let because = "fields know which vertices are hidden".to_owned();
-            plan.reasons.push(Reason { effect: "camera_depth", is_on: false, because });
+    }
+    let hull_cameras: BTreeSet<usize> =
+        plan.hulls.iter().flat_map(|idx| state.hulls[*idx].cameras.iter().copied()).collect();
+    if is_asked_for && (1..=MAX_VIEWS).contains(&hull_cameras.len()) {
+        plan.hull_fields = form;
+    }
+    let is_on = plan.fields != FieldsForm::Off || plan.hull_fields != FieldsForm::Off;
+    let mut because = match form {
+        FieldsForm::Off => "not asked for",
+        _ if !has_surfaces && plan.hulls.is_empty() => {
+            "no camera's picture is on a surface in view, and nobody is drawn as a hull"
         }
+        FieldsForm::Normals => "asked for: who looks squarely lends most",
+        FieldsForm::Montage => "asked for: whose colours are least beside lends most, less towards its seams",
+    }
+    .to_owned();
+    if plan.hull_fields != FieldsForm::Off {
+        let n = plan.hulls.len();
+        because.push_str(&format!("; {n} {} as meshes", if n == 1 { "hull" } else { "hulls" }));
+    }
+    let beyond = [
+        ("surfaces", has_surfaces && n_cameras > MAX_VIEWS, n_cameras),
+        ("hulls", hull_cameras.len() > MAX_VIEWS, hull_cameras.len()),
+    ];
+    for (what, _, n) in beyond.into_iter().filter(|(_, is_so, _)| *is_so && is_asked_for) {
+        because.push_str(&format!("; not {what}, which {n} cameras see: fields are of at most {MAX_VIEWS}"));
+    }
+    if is_on {
+        plan.followed = history.map(|history| history.follow(state));
+    }
+    if plan.fields != FieldsForm::Off && !plan.depth_map_cameras.is_empty() {
+        plan.depth_map_cameras.clear();
+        plan.reasons.retain(|reason| reason.effect != "camera_depth");
+        let because = "fields know which vertices are hidden".to_owned();
+        plan.reasons.push(Reason { effect: "camera_depth", is_on: false, because });
     }
     plan.reasons.push(Reason { effect: "fields", is_on, because });
 }

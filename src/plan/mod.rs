@@ -173,6 +173,8 @@ pub struct Plan {
     pub evens_colors: bool,
     /// Whether what stands still is coloured by texture fields, and which.
     pub fields: FieldsForm,
+    /// Whether hulls are drawn as meshes that are coloured so, and which.
+    pub hull_fields: FieldsForm,
     /// Whose fields these are, if a session's.
     #[serde(skip)]
     pub followed: Option<Followed>,
@@ -266,6 +268,7 @@ pub fn make_for(
         opened: Vec::new(),
         evens_colors: false,
         fields: FieldsForm::Off,
+        hull_fields: FieldsForm::Off,
         followed: None,
         most_cameras_a_pixel: settings.most_cameras,
         filtering: settings.filtering,
@@ -275,9 +278,9 @@ pub fn make_for(
         effects: PlannedEffects::default(),
         reasons,
     };
+    entities::plan(state, picture, &settings, &mut plan);
     let history = session.as_deref_mut().map(|session| &mut session.fields);
     fields::plan(state, settings.fields, history, &mut plan);
-    entities::plan(state, picture, &settings, &mut plan);
     exposure::plan(state, wishes.colors, &mut plan);
     if wishes.see_through {
         see_through::plan(state, picture, (settings.entities, session), &mut plan);

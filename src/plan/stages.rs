@@ -61,6 +61,7 @@ pub(super) const STAGES: [StageForm; 8] = [
             (F::Entities, 1.0),
             (F::Points, 0.2),
             (F::HullRays, 200.0),
+            (F::HullMeshes, 2000.0),
             (F::Later, 0.5),
             (F::EntityPrograms, 40.0),
         ],
@@ -76,7 +77,17 @@ pub(super) const STAGES: [StageForm; 8] = [
             (F::EffectPrograms, 15.0),
         ],
     ),
-    ("rest", &[(F::One, 1.5), (F::Parts, 0.5), (F::Finished, 4.0), (F::Drawn, 0.5), (F::Uploads, 2.0)]),
+    (
+        "rest",
+        &[
+            (F::One, 1.5),
+            (F::Parts, 0.5),
+            (F::Finished, 4.0),
+            (F::Drawn, 0.5),
+            (F::Uploads, 2.0),
+            (F::HullMeshes, 200.0),
+        ],
+    ),
 ];
 
 /// How many stages there are.
@@ -100,7 +111,9 @@ impl StageTimes {
                 "camera_depth" => TimedStage::CameraDepth,
                 "fields" | "surface" => TimedStage::Surface,
                 "billboard" | "points" | "hull_rays" | "hull_trim" | "hull_peel" | "hull_voxels" | "hull"
-                | "see_through" => TimedStage::Entities,
+                | "see_through" | "mesh_depths" | "mesh_sight" | "mesh_smooth" | "mesh_colors"
+                | "mesh_carry" | "mesh_weights" | "fields_topology" | "fields_distances"
+                | "changing_mesh" => TimedStage::Entities,
                 "average" | "enlarge" => TimedStage::Resample,
                 "sky" | "distance" | "relight" | "occlusion" | "stipple" => TimedStage::Effects,
                 _ => continue,

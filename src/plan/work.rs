@@ -49,6 +49,8 @@ pub enum Feature {
     HullRays,
     /// Silhouettes of hulls, by the hundred.
     Silhouettes,
+    /// Silhouettes of hulls that are drawn as meshes, by the hundred.
+    HullMeshes,
     /// Drawn megapixels times samples where entities are drawn over them, else 0.
     Later,
     /// Megabytes of pictures that are new to the device.
@@ -86,7 +88,7 @@ pub(super) const N_FEATURES: usize = Feature::ALL.len();
 
 impl Feature {
     /// All of them with their names in tables.
-    pub const ALL: [(&'static str, Self); 31] = [
+    pub const ALL: [(&'static str, Self); 32] = [
         ("one", Self::One),
         ("parts", Self::Parts),
         ("drawn", Self::Drawn),
@@ -103,6 +105,7 @@ impl Feature {
         ("points", Self::Points),
         ("hull_rays", Self::HullRays),
         ("silhouettes", Self::Silhouettes),
+        ("hull_meshes", Self::HullMeshes),
         ("later", Self::Later),
         ("uploads", Self::Uploads),
         ("depth_maps", Self::DepthMaps),
@@ -392,8 +395,9 @@ impl Survey {
             (Feature::Rectangles, only(is_billboards, share(rectangles))),
             (Feature::Entities, n_shown as f64 / 100.0),
             (Feature::Points, n_runs / 1000.0),
-            (Feature::HullRays, only(is_hulls, share(self.hulls_px))),
+            (Feature::HullRays, only(is_hulls && !has_fields, share(self.hulls_px))),
             (Feature::Silhouettes, only(is_hulls, self.n_silhouettes as f64 / 100.0)),
+            (Feature::HullMeshes, only(is_hulls && has_fields, self.n_silhouettes as f64 / 100.0)),
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
             (Feature::DepthMaps, only(has_depth_maps, f64::from(pending.depth_maps))),

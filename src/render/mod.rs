@@ -12,9 +12,12 @@ mod error;
 mod field_mesh;
 mod found_hulls;
 mod hull_data;
+mod hull_meshes;
 mod hulls;
 mod image_array;
+mod lent_mesh;
 mod mesh;
+mod mesh_fields;
 mod passes;
 mod patches;
 mod pending;
@@ -22,6 +25,8 @@ mod pieces;
 mod prepare;
 mod ready;
 mod renderer;
+mod surface_distances;
+mod surface_fields;
 mod targets;
 mod texture_store;
 
@@ -29,9 +34,10 @@ pub use crate::plan::{Picture, View, ViewLimits};
 pub use effects::{EffectFilter, Filtered};
 pub use error::RenderError;
 pub use found_hulls::{FoundHull, FoundHulls};
-pub use passes::{FoundDistances, SurfaceDistances};
 pub use ready::MAX_READY_SCENES;
 pub use renderer::{Rendered, Renderer, view_limits};
+pub use surface_distances::{FoundDistances, SurfaceDistances};
+pub use surface_fields::{FieldsPicture, FoundFields, Reading, SurfaceFields};
 pub use texture_store::TextureUse;
 
 use crate::gpu::Mirror;
@@ -47,6 +53,18 @@ pub enum Pass {
     FieldsTopology,
     /// Distances along a mesh.
     FieldsDistances,
+    /// What every camera sees first of a mesh that changes.
+    MeshDepths,
+    /// Who sees its vertices, and how far it is from there to where that ends.
+    MeshSight,
+    /// What weights of it are made of, without steps.
+    MeshSmooth,
+    /// What it looks like from everywhere.
+    MeshColors,
+    /// What cameras lent to the mesh before.
+    MeshCarry,
+    /// How much each camera lends to its vertices.
+    MeshWeights,
     /// How much each camera lends to the vertices of what stands still.
     Fields,
     /// All that stands still, with the cameras' backgrounds; a plain sky.
@@ -69,6 +87,8 @@ pub enum Pass {
     HullDepths,
     /// Entities as hulls.
     Hull,
+    /// Entities as meshes that change.
+    ChangingMesh,
     /// Buildings that are open, over whom they hide; with billboards, within their pass.
     SeeThrough,
     /// How far what was drawn lies, where an effect asks.
@@ -94,6 +114,12 @@ impl Pass {
             Self::CameraDepth => "camera_depth",
             Self::FieldsTopology => "fields_topology",
             Self::FieldsDistances => "fields_distances",
+            Self::MeshDepths => "mesh_depths",
+            Self::MeshSight => "mesh_sight",
+            Self::MeshSmooth => "mesh_smooth",
+            Self::MeshColors => "mesh_colors",
+            Self::MeshCarry => "mesh_carry",
+            Self::MeshWeights => "mesh_weights",
             Self::Fields => "fields",
             Self::Surface => "surface",
             Self::Sky => "sky",
@@ -105,6 +131,7 @@ impl Pass {
             Self::HullVoxels => "hull_voxels",
             Self::HullDepths => "hull_depths",
             Self::Hull => "hull",
+            Self::ChangingMesh => "changing_mesh",
             Self::SeeThrough => "see_through",
             Self::Distance => "distance",
             Self::Relight => "relight",

@@ -8,7 +8,9 @@ use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::{PointRun, SceneState};
-use crate::plan::{EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
+use crate::plan::{
+    EntityStyle, FieldsForm, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection,
+};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -118,6 +120,7 @@ impl Renderer {
         }
         self.frame.write_cameras(&self.gpu);
         self.prepare_entities(state, picture, stand, (plan, &places));
+        self.entity_places = places;
         Ok(uploads)
     }
 
@@ -165,7 +168,7 @@ impl Renderer {
                 let end = |idx: usize| ordered.partition_point(|(slot, ..)| *slot <= idx) as u32;
                 self.slot_ends.extend((0..plan.opened.len()).map(end));
                 self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
-                if !plan.hulls.is_empty() {
+                if !plan.hulls.is_empty() && plan.hull_fields == FieldsForm::Off {
                     self.hulls.assign(&self.gpu, (state, plan), anchor, shader_idx);
                 }
             }

@@ -4,9 +4,12 @@ use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
 use super::effects::{self, Around, EffectPasses};
 use super::error::RenderError;
 use super::field_mesh::FieldMesh;
+use super::hull_meshes::HullMeshes;
 use super::hulls::{HullPiece, Hulls};
 use super::image_array::ImageArray;
+use super::lent_mesh::LentMesh;
 use super::mesh::Mesh;
+use super::mesh_fields::{MeshFields, MeshLook};
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
     FieldsPass, FieldsWanted, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
@@ -22,6 +25,7 @@ use crate::config::RenderSettings;
 use crate::fields::MAX_VIEWS;
 use crate::frame::{RgbImage, linear_from_srgb};
 use crate::fuse::SceneState;
+use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{self, Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
 use crate::scene::Sky;
@@ -69,6 +73,12 @@ pub struct Renderer {
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
     pub(super) hulls: Hulls,
+    hull_meshes: HullMeshes,
+    mesh_fields: MeshFields,
+    /// Which of the frame's cameras one with a live frame is: the state's and the frame's.
+    pub(super) entity_places: Vec<(usize, usize)>,
+    /// Of the cameras of the mesh that hulls are drawn as, which of the frame's they are.
+    pub(super) mesh_cameras: Vec<u32>,
     effects: EffectPasses,
 }
 
@@ -96,6 +106,8 @@ struct Shown<'a> {
     mesh: &'a Mesh,
     patches: &'a Patches,
     fields: Option<&'a ShownFields>,
+    /// Hulls as a mesh, where fields colour them.
+    hulls: Option<&'a LentMesh>,
     /// Who looks at all of the picture.
     viewer: Viewer,
     /// Whether it is the first of its picture: fields go on once a picture.
@@ -162,6 +174,10 @@ impl Renderer {
             slot_ends: Vec::new(),
             points: Vec::new(),
             hulls: Hulls::default(),
+            hull_meshes: HullMeshes::default(),
+            mesh_fields: MeshFields::default(),
+            entity_places: Vec::new(),
+            mesh_cameras: Vec::new(),
             effects: EffectPasses::default(),
             gpu,
         };
@@ -225,6 +241,7 @@ impl Renderer {
             self.depth_maps.clear();
             self.textures.clear();
             self.targets.clear();
+            self.mesh_fields.clear();
         }
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
@@ -250,6 +267,10 @@ impl Renderer {
         let (mesh, patches) = self.scenes.of(state, self.depth_maps.side_px());
         let pictures = self.pictures(&mesh, plan);
         let fields = self.fields(state, plan);
+        let hulls = match plan.hull_fields {
+            FieldsForm::Off => None,
+            _ => self.hull_meshes.of(state, plan),
+        };
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
@@ -270,6 +291,7 @@ impl Renderer {
             if prepared.replace(stand) != Some(stand) {
                 let fine = fields.as_ref().map(|fields| &*fields.mesh);
                 uploads = self.prepare(state, picture, &stand, (plan, &patches, fine))?;
+                self.find_mesh_cameras(state, hulls.as_deref());
             }
             let margin_px = plan.effects.margin_px(view, step_px);
             let most_reach = plan.effects.most_reach(view);
@@ -303,6 +325,7 @@ impl Renderer {
                     mesh: &mesh,
                     patches: &patches,
                     fields: fields.as_ref(),
+                    hulls: hulls.as_deref(),
                     viewer: picture.viewer,
                     is_first: std::mem::take(&mut is_first),
                     stand,
@@ -335,6 +358,20 @@ impl Renderer {
             }
         }
         Some(ShownFields { mesh, is_shown })
+    }
+
+    /// Finds which of the frame's cameras those of a mesh are, which must have been made ready for it.
+    fn find_mesh_cameras(&mut self, state: &SceneState, mesh: Option<&LentMesh>) {
+        self.mesh_cameras.clear();
+        let Some(mesh) = mesh else { return };
+        let of = |camera: &Arc<Camera>| {
+            let idx = state.cameras.iter().position(|known| Arc::ptr_eq(&known.camera, camera));
+            let place =
+                |idx| self.entity_places.iter().find(|(known, _)| *known == idx).map(|(_, place)| *place);
+            idx.and_then(place).unwrap_or(0) as u32
+        };
+        let found = mesh.cameras.iter().map(of).collect();
+        self.mesh_cameras = found;
     }
 
     /// The pictures of the scene's surfaces, and of its sky if that is planned, uploaded where they were not before.
@@ -400,12 +437,15 @@ impl Renderer {
             batches,
             textures,
             hulls,
+            mesh_fields,
+            mesh_cameras,
             effects,
             ..
         } = self;
         let gpu = &*gpu;
         let scene = &*state.scene;
-        let Shown { view, size_px, around, mesh, patches, fields, viewer, is_first, stand, pictures } = piece;
+        let Shown { view, size_px, around, mesh, patches, fields, viewer, is_first, stand, pictures, .. } =
+            piece;
         let mut recording = Recording { gpu, encoder, timer: &mut self.timer };
         if depth_maps.has_jobs() {
             let pass = made(&mut passes.camera_depth, || CameraDepthPass::new(gpu))?;
@@ -440,11 +480,34 @@ impl Renderer {
         let targets = self.targets.get(gpu, targets);
         // Before the targets are drawn on: where the hulls' surfaces are.
         let looked_for = HullPiece { view, times, anchor: stand.anchor_in_world, reach: &reach };
-        let found = hulls.find(&mut recording, (frame, &frame_group), (state, plan), &looked_for)?;
+        let found = match plan.hull_fields {
+            FieldsForm::Off => {
+                hulls.find(&mut recording, (frame, &frame_group), (state, plan), &looked_for)?
+            }
+            _ => None,
+        };
+        let lent_mesh = match piece.hulls {
+            Some(mesh) => {
+                let look = MeshLook {
+                    form: plan.hull_fields,
+                    viewer: *viewer,
+                    followed: plan.followed,
+                    goes_on: *is_first,
+                    anchor_in_world: stand.anchor_in_world,
+                    camera_idx: mesh_cameras,
+                    most_cameras: plan.most_cameras_a_pixel,
+                };
+                let live = &frames.store(gpu).sampled;
+                let of = (&frame_group, frame.layout());
+                Some(mesh_fields.record(&mut recording, of, (mesh, live), &look)?)
+            }
+            None => None,
+        };
         let has_more = !self.billboards.is_empty()
             || !self.points.is_empty()
             || !plan.opened.is_empty()
-            || found.is_some();
+            || found.is_some()
+            || lent_mesh.is_some();
         let place = Place { clear: Some(clear_color(&scene.sky)), is_last: !has_more && !plan.sky };
         let has_gains = plan.evens_colors;
         let mut into =
@@ -477,6 +540,11 @@ impl Renderer {
         if let Some(found) = &found {
             into.place.is_last = self.billboards.is_empty() && opened.is_none();
             hulls.show(&mut recording, &into, found, (plan, frames))?;
+        }
+        if let Some(lent_mesh) = &lent_mesh {
+            into.place.is_last = self.billboards.is_empty() && opened.is_none();
+            let live = &frames.store(gpu).sampled;
+            mesh_fields.show(&mut recording, &into, (lent_mesh, live))?;
         }
         into.place.is_last = true;
         if !self.billboards.is_empty() {

@@ -12,12 +12,16 @@ mod exposure;
 mod fields;
 #[path = "render/fields_distances.rs"]
 mod fields_distances;
+#[path = "render/hull_fields.rs"]
+mod hull_fields;
 #[path = "render/hulls.rs"]
 mod hulls;
 #[path = "render/knobs.rs"]
 mod knobs;
 #[path = "render/leak.rs"]
 mod leak;
+#[path = "render/mesh_fields.rs"]
+mod mesh_fields;
 #[path = "render/see_through.rs"]
 mod see_through;
 #[path = "render/stage.rs"]

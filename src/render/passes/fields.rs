@@ -4,6 +4,7 @@
 //! bytes. Pictures of nobody's session are of fields that have settled.
 
 use super::Recording;
+use super::compute::{Access, bind, dispatch, layout, pipelines};
 use crate::fields::{FOLLOW_SECS, MAX_VIEWS};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
 use crate::plan::{FieldsForm, Followed, Viewer};
@@ -23,10 +24,6 @@ const LENT_BYTES: u64 = (FIELD_SLOTS * size_of::<f32>()) as u64;
 
 /// Most bytes of weights of all sessions together; the one used longest ago goes first, and begins anew.
 const MAX_KEPT_BYTES: u64 = 128 << 20;
-
-/// Threads of a group, and most groups in a row.
-const GROUP: u32 = 64;
-const MOST_GROUPS: u32 = 65_535;
 
 mirror! { "render/fields.wgsl",
 /// What changes from picture to picture. The shader documents the fields.
@@ -152,39 +149,8 @@ pub(in crate::render) struct FieldsPass {
 
 impl FieldsPass {
     pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
-        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-            count: None,
-        };
-        let storage = |read_only| wgpu::BufferBindingType::Storage { read_only };
-        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some(LABEL),
-            entries: &[
-                entry(0, wgpu::BufferBindingType::Uniform),
-                entry(1, storage(true)),
-                entry(2, storage(true)),
-                entry(3, storage(false)),
-            ],
-        });
-        let module = gpu.shader("render/fields.wgsl")?;
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(LABEL),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let pipeline = gpu.compute_pipeline(
-            LABEL,
-            &wgpu::ComputePipelineDescriptor {
-                label: Some(LABEL),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some("cs_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            },
-        );
+        let layout = layout(gpu, LABEL, &[Access::Read, Access::Read, Access::Write]);
+        let [pipeline] = pipelines(gpu, LABEL, &layout, ["cs_main"])?;
         Ok(Self {
             layout,
             pipeline,
@@ -217,23 +183,15 @@ impl FieldsPass {
             self.written = Some(mesh.number);
         }
         let written = |buffer: &GrowingBuffer| buffer.get().expect("they have been written").clone();
-        let buffers = [frame, written(&self.vertices), written(&self.groups), weights.clone()];
-        let entries: Vec<_> = (0..)
-            .zip(&buffers)
-            .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-            .collect();
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(LABEL),
-            layout: &self.layout,
-            entries: &entries,
-        });
+        let (vertices, groups) = (written(&self.vertices), written(&self.groups));
+        let group = bind(gpu, (LABEL, &self.layout), &[&frame, &vertices, &groups, &weights]);
         let span = recording.timer.span(LABEL);
         let writes = recording.timer.compute_writes(span);
         let mut pass = gpu.begin_compute_pass(recording.encoder, LABEL, writes);
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &group, &[]);
-        let n_groups = (mesh.lent.len() as u32).div_ceil(GROUP);
-        pass.dispatch_workgroups(n_groups.min(MOST_GROUPS), n_groups.div_ceil(MOST_GROUPS), 1);
+        dispatch(&mut pass, mesh.lent.len() as u32);
+        drop(pass);
         weights
     }
 

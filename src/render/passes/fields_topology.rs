@@ -3,21 +3,17 @@
 //! [`crate::fields::Topology`] is its counterpart.
 
 use super::Recording;
+use super::compute::{Access, DeviceBuffer, bind, dispatch, layout, pipelines};
 use crate::gpu::{Gpu, GpuError, mirror};
-use crate::mesh::Mesh;
 
 const LABEL: &str = "fields_topology";
-
-/// Threads of a group, and most groups in a row.
-const GROUP: u32 = 64;
-const MOST_GROUPS: u32 = 65_535;
 
 /// Windows of sources that are apart by less than this share of the mean side are one.
 const SAME: f64 = 1e-2;
 
 mirror! { "render/fields_topology.wgsl",
 /// How large a mesh is. The shader documents the fields.
-pub(super) struct MeshSize {
+pub(in crate::render) struct MeshSize {
     n_vertices: u32,
     n_faces: u32,
     table_mask: u32,
@@ -25,128 +21,100 @@ pub(super) struct MeshSize {
 }}
 
 impl MeshSize {
-    /// Of a mesh that has triangles.
-    pub(super) fn of(mesh: &Mesh) -> Self {
-        let side_m = |corners: &[u32; 3]| {
-            let [a, b, c] = corners.map(|corner| mesh.positions_m[corner as usize]);
-            a.distance(b) + b.distance(c) + c.distance(a)
-        };
-        let n_half_edges = 3 * mesh.triangles.len();
-        let mean_m = mesh.triangles.iter().map(side_m).sum::<f64>() / n_half_edges as f64;
+    /// Of so many vertices and faces, whose sides are so long in the mean.
+    pub(in crate::render) fn new(n_vertices: usize, n_faces: usize, side_m: f64) -> Self {
         Self {
-            n_vertices: mesh.positions_m.len() as u32,
-            n_faces: mesh.triangles.len() as u32,
-            table_mask: table_slots(n_half_edges) as u32 - 1,
-            same_m: (SAME * mean_m) as f32,
+            n_vertices: n_vertices as u32,
+            n_faces: n_faces as u32,
+            table_mask: table_slots(3 * n_faces) as u32 - 1,
+            same_m: (SAME * side_m) as f32,
         }
     }
+
+    /// Sides of faces, each counted for each of its faces.
+    pub(super) const fn n_half_edges(&self) -> u32 {
+        3 * self.n_faces
+    }
+
+    /// How many vertices there are.
+    pub(super) const fn n_vertices(&self) -> u32 {
+        self.n_vertices
+    }
+}
+
+/// A mesh on the device: its size as it is bound and as it is known, places and corners.
+#[derive(Clone)]
+pub(in crate::render) struct OnDevice {
+    pub size: wgpu::Buffer,
+    pub of: MeshSize,
+    pub positions: wgpu::Buffer,
+    pub corners: wgpu::Buffer,
+}
+
+/// How a mesh hangs together: by half-edge the opposite one, by vertex how far around its faces go.
+pub(in crate::render) struct HangsTogether {
+    pub opposite: wgpu::Buffer,
+    pub turns: wgpu::Buffer,
 }
 
 /// Finds which half-edges meet, and how far around each vertex its faces go.
 #[derive(Debug)]
-pub(super) struct FieldsTopologyPass {
+pub(in crate::render) struct FieldsTopologyPass {
     layout: wgpu::BindGroupLayout,
     meet: wgpu::ComputePipeline,
     border: wgpu::ComputePipeline,
+    table: DeviceBuffer,
+    opposite: DeviceBuffer,
+    turns: DeviceBuffer,
 }
 
 impl FieldsTopologyPass {
-    pub(super) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         use Access::{Read, Write};
         let layout = layout(gpu, LABEL, &[Read, Read, Write, Write, Write]);
         let [meet, border] = pipelines(gpu, LABEL, &layout, ["cs_meet", "cs_border"])?;
-        Ok(Self { layout, meet, border })
+        let buffer = DeviceBuffer::new;
+        Ok(Self {
+            layout,
+            meet,
+            border,
+            table: buffer("fields table"),
+            opposite: buffer("fields opposite"),
+            turns: buffer("fields turns"),
+        })
     }
 
-    /// Records both steps for so many threads; the last three `buffers` (table, opposites, turns) are cleared first.
-    pub(super) fn record(&self, recording: &mut Recording<'_>, buffers: &[&wgpu::Buffer; 6], threads: u32) {
-        for cleared in &buffers[3..] {
+    /// Records both steps; what was found of another mesh is no more.
+    pub(in crate::render) fn record(
+        &mut self,
+        recording: &mut Recording<'_>,
+        mesh: &OnDevice,
+    ) -> HangsTogether {
+        let gpu = recording.gpu;
+        let words = |n: u32| 4 * u64::from(n);
+        let table = self.table.sized(gpu, words(mesh.of.table_mask + 1));
+        let opposite = self.opposite.sized(gpu, words(mesh.of.n_half_edges()));
+        let turns = self.turns.sized(gpu, words(mesh.of.n_vertices));
+        for cleared in [&table, &opposite, &turns] {
             recording.encoder.clear_buffer(cleared, 0, None);
         }
-        let group = bind(recording.gpu, (LABEL, &self.layout), buffers);
+        let buffers = [&mesh.size, &mesh.positions, &mesh.corners, &table, &opposite, &turns];
+        let group = bind(gpu, (LABEL, &self.layout), &buffers);
         let span = recording.timer.span(LABEL);
         let writes = recording.timer.compute_writes(span);
-        let mut pass = recording.gpu.begin_compute_pass(recording.encoder, LABEL, writes);
+        let mut pass = gpu.begin_compute_pass(recording.encoder, LABEL, writes);
         pass.set_bind_group(0, &group, &[]);
         for pipeline in [&self.meet, &self.border] {
             pass.set_pipeline(pipeline);
-            dispatch(&mut pass, threads);
+            dispatch(&mut pass, mesh.of.n_half_edges());
         }
+        drop(pass);
+        HangsTogether { opposite, turns }
     }
 }
 
 /// At most half of them are filled.
-pub(super) const fn table_slots(n_half_edges: usize) -> usize {
+const fn table_slots(n_half_edges: usize) -> usize {
     let wanted = if n_half_edges < 32 { 64 } else { 2 * n_half_edges };
     wanted.next_power_of_two()
-}
-
-/// What a shader does with a storage buffer.
-#[derive(Clone, Copy)]
-pub(super) enum Access {
-    Read,
-    Write,
-}
-
-/// A uniform buffer, and storage buffers after it.
-pub(super) fn layout(gpu: &Gpu, label: &'static str, storage: &[Access]) -> wgpu::BindGroupLayout {
-    let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
-        count: None,
-    };
-    let mut entries = vec![entry(0, wgpu::BufferBindingType::Uniform)];
-    entries.extend((1..).zip(storage).map(|(binding, access)| {
-        let read_only = matches!(access, Access::Read);
-        entry(binding, wgpu::BufferBindingType::Storage { read_only })
-    }));
-    let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries };
-    gpu.device.create_bind_group_layout(&descriptor)
-}
-
-pub(super) fn bind(
-    gpu: &Gpu,
-    (label, layout): (&'static str, &wgpu::BindGroupLayout),
-    buffers: &[&wgpu::Buffer],
-) -> wgpu::BindGroup {
-    let entries: Vec<_> = (0..)
-        .zip(buffers)
-        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
-        .collect();
-    let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
-    gpu.device.create_bind_group(&descriptor)
-}
-
-/// Two entry points of the shader that is called as its passes are.
-pub(super) fn pipelines(
-    gpu: &Gpu,
-    label: &'static str,
-    layout: &wgpu::BindGroupLayout,
-    entry_points: [&str; 2],
-) -> Result<[wgpu::ComputePipeline; 2], GpuError> {
-    let module = gpu.shader(&format!("render/{label}.wgsl"))?;
-    let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some(label),
-        bind_group_layouts: &[Some(layout)],
-        immediate_size: 0,
-    });
-    Ok(entry_points.map(|entry_point| {
-        gpu.compute_pipeline(
-            label,
-            &wgpu::ComputePipelineDescriptor {
-                label: Some(label),
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(entry_point),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            },
-        )
-    }))
-}
-
-pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, threads: u32) {
-    let n_groups = threads.div_ceil(GROUP);
-    pass.dispatch_workgroups(n_groups.min(MOST_GROUPS), n_groups.div_ceil(MOST_GROUPS), 1);
 }

@@ -3,6 +3,8 @@
 mod average;
 mod billboard;
 mod camera_depth;
+mod changing_mesh;
+mod compute;
 mod distance;
 mod enlarge;
 mod fields;
@@ -14,6 +16,12 @@ mod hull_peel;
 mod hull_rays;
 mod hull_trim;
 mod hull_voxels;
+mod mesh_carry;
+mod mesh_colors;
+mod mesh_depths;
+mod mesh_sight;
+mod mesh_smooth;
+mod mesh_weights;
 mod occlusion;
 mod points;
 mod relight;
@@ -27,18 +35,30 @@ mod yuv;
 pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
+pub(super) use changing_mesh::{
+    ChangingMesh, ChangingMeshPass, MOST_SLOTS, MadeMesh, MeshBuffers, MeshCamera, ShownBy, VALUE_BYTES,
+    WrittenMesh,
+};
+pub(super) use compute::DeviceBuffer;
 pub(super) use distance::{DISTANCE_FORMAT, DistancePass, Lens};
 pub(super) use enlarge::{EnlargePass, MARGIN_PX as ENLARGE_MARGIN_PX};
 pub(super) use fields::{
     FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, FieldsPass, FieldsWanted, NO_FIELD_VIEW,
 };
-pub use fields_distances::{FoundDistances, SurfaceDistances};
+pub(super) use fields_distances::FieldsDistancesPass;
+pub(super) use fields_topology::{FieldsTopologyPass, MeshSize, OnDevice};
 pub(super) use hull::{HullPass, HullSeen};
 pub(super) use hull_depths::HullDepthsPass;
 pub(super) use hull_peel::{HullPeelPass, MOST_VALID_PX};
 pub(super) use hull_rays::{HullRaysPass, HullSurface};
 pub(super) use hull_trim::HullTrimPass;
 pub(super) use hull_voxels::HullVoxelsPass;
+pub(super) use mesh_carry::{Before, MeshCarryPass};
+pub(super) use mesh_colors::MeshColorsPass;
+pub(super) use mesh_depths::MeshDepthsPass;
+pub(super) use mesh_sight::{MeshSightPass, Reaching};
+pub(super) use mesh_smooth::MeshSmoothPass;
+pub(super) use mesh_weights::MeshWeightsPass;
 pub(super) use occlusion::OcclusionPass;
 pub(super) use points::{Instance as PointInstance, PointsPass};
 pub(super) use relight::{Drawn, RelightPass};
@@ -55,7 +75,7 @@ use crate::gpu::{Gpu, GpuError, Mirror, Timer};
 pub(super) fn mirrors() -> Vec<Mirror> {
     let mut mirrors = vec![yuv::Conversion::MIRROR, camera_depth::Face::MIRROR, sky::Sky::MIRROR];
     mirrors.extend(fields::MIRRORS);
-    mirrors.push(fields_topology::MeshSize::MIRROR);
+    mirrors.extend([MeshSize::MIRROR, MeshCamera::MIRROR, ChangingMesh::MIRROR]);
     mirrors.extend([
         Lens::MIRROR,
         relight::Light::MIRROR,
@@ -282,14 +302,16 @@ impl LiveFrames {
     }
 
     fn bind(&self, gpu: &Gpu, frames: &mut ImageArray) -> wgpu::BindGroup {
+        self.bind_view(gpu, &frames.store(gpu).sampled)
+    }
+
+    /// The same of pictures that are the device's own.
+    fn bind_view(&self, gpu: &Gpu, frames: &wgpu::TextureView) -> wgpu::BindGroup {
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("live frames"),
             layout: &self.layout,
             entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&frames.store(gpu).sampled),
-                },
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(frames) },
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
             ],
         })

@@ -731,6 +731,7 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         opened: vec![],
         evens_colors: false,
         fields: FieldsForm::Off,
+        hull_fields: FieldsForm::Off,
         followed: None,
         most_cameras_a_pixel: 8,
         filtering: Filtering::Levels,

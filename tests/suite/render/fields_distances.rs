@@ -7,7 +7,7 @@ use videofields::mesh::Mesh;
 use videofields::render::SurfaceDistances;
 
 /// A square of so many vertices each way, a metre apart, moved by up to `uneven` and lifted.
-fn grid(n: u32, uneven: f64, height_m: impl Fn(f64, f64) -> f64) -> Mesh {
+pub(super) fn grid(n: u32, uneven: f64, height_m: impl Fn(f64, f64) -> f64) -> Mesh {
     let wave = |at: u32, salt: f64| uneven * (f64::from(at) * salt).sin();
     let place = |idx: u32| {
         let (x, y) = (f64::from(idx % n) + wave(idx, 12.9898), f64::from(idx / n) + wave(idx, 78.233));
@@ -21,7 +21,7 @@ fn grid(n: u32, uneven: f64, height_m: impl Fn(f64, f64) -> f64) -> Mesh {
 }
 
 /// A unit sphere: an octahedron whose triangles are quartered so many times.
-fn sphere(times: u32) -> Mesh {
+pub(super) fn sphere(times: u32) -> Mesh {
     let mut positions = vec![DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z];
     let mut triangles =
         vec![[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]];

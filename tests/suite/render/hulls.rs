@@ -31,7 +31,7 @@ pub(super) const BODY: [([f64; 3], f64); 9] = [
 ];
 
 /// Where a ray meets the body that stands at `foot`, if it does.
-fn met(foot: DVec3, ray: &Ray) -> Option<f64> {
+pub(super) fn met(foot: DVec3, ray: &Ray) -> Option<f64> {
     let of = |(center, radius): ([f64; 3], f64)| {
         let to = foot + DVec3::from_array(center) - ray.origin;
         let along = to.dot(ray.direction);
@@ -43,7 +43,7 @@ fn met(foot: DVec3, ray: &Ray) -> Option<f64> {
 }
 
 /// What the body is painted with: bands that turn with the height, so that what lies where shows.
-fn paint(at: DVec3) -> [u8; 3] {
+pub(super) fn paint(at: DVec3) -> [u8; 3] {
     let wave = |phase: f64| (127.5 + 110.0 * (phase).sin()) as u8;
     [wave(at.z * 9.0), wave(at.z * 9.0 + 2.0 + 2.0 * at.x), wave(4.0 * at.y + 4.0)]
 }
@@ -296,7 +296,7 @@ fn masked(mut state: SceneState, mut change: impl FnMut(usize, u32, &mut [u8])) 
     state
 }
 
-fn seen_from(eye: DVec3) -> View {
+pub(super) fn seen_from(eye: DVec3) -> View {
     view(eye, v(0.0, 0.0, 0.9), 0.5, 96, 120)
 }
 
@@ -515,7 +515,7 @@ fn textured(
 }
 
 /// Pixels whose codes differ by more than so many.
-fn n_apart(a: &RgbImage, b: &RgbImage, codes: u8) -> usize {
+pub(super) fn n_apart(a: &RgbImage, b: &RgbImage, codes: u8) -> usize {
     let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
     pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > codes)).count()
 }
@@ -624,7 +624,7 @@ fn hulls_at_map_coordinates_and_through_parallel_rays_are_as_exact() {
 }
 
 /// As cameras have it that see it at `at_s` each, where it goes on by `velocity` a second from the middle at 0.
-fn walking(stage: &Stage, velocity: DVec3, at_s: &[f64]) -> SceneState {
+pub(super) fn walking(stage: &Stage, velocity: DVec3, at_s: &[f64]) -> SceneState {
     let mut state = peopled(stage, &[DVec3::ZERO]);
     for (idx, at_s) in at_s.iter().enumerate() {
         let mut then = peopled(stage, &[velocity * *at_s]);

@@ -1,0 +1,329 @@
+//! Texture fields of a mesh that is given with its cameras' pictures, by the device's passes: for recorded meshes, and for who compares
+//! and measures.
+
+use super::camera_data::{FrameData, Reach, View as ViewData};
+use super::lent_mesh::{LentMesh, MeshPart};
+use super::mesh_fields::{Lent, MeshFields, MeshLook};
+use super::passes::{DrawInto, Recording, VALUE_BYTES};
+use super::targets::{Place, TargetCache, TargetKey};
+use super::{RenderError, View};
+use crate::fields::{self, FieldSettings};
+use crate::frame::RgbImage;
+use crate::geometry::Camera;
+use crate::gpu::{Gpu, GpuError, PassTime, Readback, TextureDescriptor, Timer, read};
+use crate::mesh::Mesh;
+use crate::plan::{FieldsForm, Followed, Picture};
+use crate::render::image_array::IMAGE_FORMAT;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// Cameras that are mixed at a place.
+const MOST_CAMERAS: usize = 8;
+
+/// What the device found at the vertices of a mesh. By vertex, and of a vertex by view.
+#[derive(Clone, Debug)]
+pub struct FoundFields {
+    /// As the numbers of [`fields::Sight`].
+    pub sights: Vec<u32>,
+    /// How far from its seams a view sees a vertex, 0 to 1.
+    pub ramps: Vec<f32>,
+    /// What every view lends.
+    pub weights: Vec<f32>,
+}
+
+/// A picture of a mesh.
+#[derive(Clone, Debug)]
+pub struct FieldsPicture {
+    /// The picture, black where the mesh is not.
+    pub image: RgbImage,
+    /// Time that the device spent in each pass that ran; empty where it cannot tell.
+    pub timings: Vec<PassTime>,
+}
+
+/// Pictures of cameras, a layer each.
+#[derive(Debug)]
+struct Pictures {
+    texture: wgpu::Texture,
+    view: wgpu::TextureView,
+}
+
+/// A mesh, and the cameras that show it.
+#[derive(Debug)]
+struct Given {
+    mesh: LentMesh,
+    /// Each view's picture: its size, and what its light is multiplied by.
+    pictures: Vec<([u32; 2], [f32; 3])>,
+}
+
+/// Draws meshes that are given, by texture fields; what is kept is used again for the next.
+#[derive(Debug)]
+pub struct SurfaceFields {
+    fields: MeshFields,
+    frame: FrameData,
+    given: Option<Given>,
+    pictures: Option<Pictures>,
+    targets: TargetCache,
+    readback: Readback,
+    timer: Timer,
+    n_given: u64,
+}
+
+impl SurfaceFields {
+    /// For a device. Compiles nothing yet.
+    #[must_use]
+    pub fn new(gpu: &Gpu) -> Self {
+        Self {
+            fields: MeshFields::default(),
+            frame: FrameData::new(gpu),
+            given: None,
+            pictures: None,
+            targets: TargetCache::default(),
+            readback: Readback::default(),
+            timer: Timer::new(gpu),
+            n_given: 0,
+        }
+    }
+
+    /// Gives the next mesh with its views, whose gains are taken as they are. Of `settings` the vote is not run, rays are depth maps, exact
+    /// distances those of windows, and of preferences errors count, to the fourth power.
+    ///
+    /// **Cost** that of handing over mesh and pictures.
+    ///
+    /// # Errors
+    /// Of a mesh without triangles, of no or too many views, and of pictures that are larger than the device holds.
+    pub fn give(
+        &mut self,
+        gpu: &Gpu,
+        mesh: &Mesh,
+        views: &[fields::View],
+        settings: &FieldSettings,
+    ) -> Result<(), GpuError> {
+        let cameras: Vec<Arc<Camera>> = views.iter().map(|view| Arc::new(view.camera().clone())).collect();
+        // Places are carried from mesh to mesh as they are in the world, near where the first was.
+        let home_in_world = match &self.given {
+            Some(given) => given.mesh.home_in_world,
+            None => mesh.bounds().map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high)),
+        };
+        let part = MeshPart { mesh, home_in_world, number: 0, shifts: vec![Some(DVec3::ZERO); views.len()] };
+        self.n_given += 1;
+        let lent =
+            LentMesh::new(self.n_given, &[part], cameras, settings).ok_or_else(|| GpuError::Refused {
+                message: format!(
+                    "a field is of a mesh with triangles and 1 to {} views, got {} triangles and {} views",
+                    fields::MAX_VIEWS,
+                    mesh.triangles.len(),
+                    views.len()
+                ),
+            })?;
+        self.upload(gpu, views)?;
+        let picture =
+            |view: &fields::View| ([view.picture().width, view.picture().height], view.gain.to_array());
+        self.given = Some(Given { mesh: lent, pictures: views.iter().map(picture).collect() });
+        Ok(())
+    }
+
+    fn upload(&mut self, gpu: &Gpu, views: &[fields::View]) -> Result<(), GpuError> {
+        let most =
+            |side: fn(&RgbImage) -> u32| views.iter().map(|view| side(view.picture())).max().unwrap_or(1);
+        let size = wgpu::Extent3d {
+            width: most(|picture| picture.width),
+            height: most(|picture| picture.height),
+            depth_or_array_layers: (views.len() as u32).max(2),
+        };
+        let limit = gpu.limits().max_texture_dimension_2d;
+        if size.width.max(size.height) > limit {
+            let message = format!(
+                "pictures of {} x {} pixels, at most {limit} each way are allowed",
+                size.width, size.height
+            );
+            return Err(GpuError::Refused { message });
+        }
+        self.pictures.take_if(|kept| kept.texture.size() != size);
+        let pictures = self.pictures.get_or_insert_with(|| {
+            let texture = gpu.texture(&TextureDescriptor {
+                label: Some("fields pictures"),
+                size,
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: IMAGE_FORMAT,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+                view_formats: &[],
+            });
+            let view = texture.create_view(&wgpu::TextureViewDescriptor {
+                dimension: Some(wgpu::TextureViewDimension::D2Array),
+                ..wgpu::TextureViewDescriptor::default()
+            });
+            Pictures { texture, view }
+        });
+        let mut texels = Vec::new();
+        for (layer, view) in (0..).zip(views) {
+            let picture = view.picture();
+            texels.clear();
+            texels.reserve(4 * picture.width as usize * picture.height as usize);
+            let (colors, _) = picture.data.as_chunks::<3>();
+            for (at, [r, g, b]) in (0..).zip(colors) {
+                texels.extend([*r, *g, *b, alpha(view, [at % picture.width, at / picture.width])]);
+            }
+            let layout = wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(4 * picture.width),
+                rows_per_image: Some(picture.height),
+            };
+            gpu.upload(
+                "fields pictures",
+                wgpu::TexelCopyTextureInfo {
+                    texture: &pictures.texture,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                (&texels, layout),
+                wgpu::Extent3d { width: picture.width, height: picture.height, depth_or_array_layers: 1 },
+            );
+        }
+        Ok(())
+    }
+
+    /// The mesh as `view` shows it, by weights on their way to what `form` wants; the second is what was found of its vertices, where that
+    /// is asked for.
+    ///
+    /// # Errors
+    /// Where nothing was given, what the device reports, and [`MeshFields::record`]'s.
+    pub fn picture(
+        &mut self,
+        gpu: &Gpu,
+        view: &View,
+        (form, followed): (FieldsForm, Option<Followed>),
+        reading: Reading,
+    ) -> Result<(FieldsPicture, Option<FoundFields>), RenderError> {
+        let nothing = || GpuError::Refused { message: "no mesh was given".to_owned() };
+        let Self { fields, frame, given, pictures, targets, readback, timer, .. } = self;
+        let (Some(given), Some(pictures)) = (given.as_ref(), pictures.as_ref()) else {
+            return Err(nothing().into());
+        };
+        let mesh = &given.mesh;
+        timer.begin_frame();
+        let anchor_in_world = mesh.origin_in_world;
+        frame.clear();
+        for (layer, (camera, (size, gain))) in (0..).zip(mesh.cameras.iter().zip(&given.pictures)) {
+            let data = frame.add(camera, anchor_in_world);
+            let (whole, sides) = (pictures.texture.size(), size.map(|side| side as f32));
+            data.frame_layer = layer;
+            data.frame_size_px = sides;
+            data.frame_scale = [sides[0] / whole.width as f32, sides[1] / whole.height as f32];
+            data.gain = *gain;
+        }
+        frame.write_cameras(gpu);
+        let reach = Reach { anchor_in_world, depths_m: depths_m(mesh, view) };
+        let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
+        let key = TargetKey {
+            width_px: view.width_px,
+            height_px: view.height_px,
+            samples: 1,
+            is_read: false,
+            keeps_depth: false,
+        };
+        let targets = targets.get(gpu, key);
+        let descriptor = wgpu::CommandEncoderDescriptor { label: Some("surface fields") };
+        let mut encoder = gpu.device.create_command_encoder(&descriptor);
+        let mut recording = Recording { gpu, encoder: &mut encoder, timer };
+        let camera_idx: Vec<u32> = (0..mesh.cameras.len() as u32).collect();
+        let look = MeshLook {
+            form,
+            viewer: Picture::from(*view).viewer,
+            followed,
+            goes_on: true,
+            anchor_in_world,
+            camera_idx: &camera_idx,
+            most_cameras: MOST_CAMERAS,
+        };
+        let of = (&frame_group, frame.layout());
+        let lent = fields.record(&mut recording, of, (mesh, &pictures.view), &look)?;
+        let into = DrawInto {
+            targets,
+            frame: &frame_group,
+            frame_layout: frame.layout(),
+            has_gains: given.pictures.iter().any(|(_, gain)| *gain != [1.0; 3]),
+            place: Place { clear: Some(wgpu::Color::BLACK), is_last: true },
+        };
+        fields.show(&mut recording, &into, (&lent, &pictures.view))?;
+        let copied = match reading {
+            Reading::Picture => None,
+            Reading::Vertices => Some(copy_found(&mut recording, &lent)),
+        };
+        timer.resolve(&mut encoder);
+        readback.copy(gpu, &mut encoder, &targets.color);
+        gpu.queue.submit([encoder.finish()]);
+        let row_bytes = 3 * view.width_px as usize;
+        let mut data = vec![0; row_bytes * view.height_px as usize];
+        let result = readback.read_rgb(gpu, &mut data, row_bytes);
+        if let Err(error) = result {
+            fields.clear();
+            return Err(error.into());
+        }
+        let image = RgbImage { width: view.width_px, height: view.height_px, data };
+        let found = copied.map(|[sights, values, weights]| found(gpu, [&sights, &values, &weights]));
+        Ok((FieldsPicture { image, timings: timer.read(gpu)? }, found.transpose()?))
+    }
+}
+
+/// What is read back with a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// The picture alone.
+    Picture,
+    /// What was found at vertices too.
+    Vertices,
+}
+
+/// Alpha of a pixel of a view's picture: whether it is of the mesh.
+fn alpha(view: &fields::View, [x, y]: [u32; 2]) -> u8 {
+    let Some(mask) = view.foreground() else { return 255 };
+    let picture = view.picture();
+    let at = |place: u32, side: u32, of: u32| {
+        (((f64::from(place) + 0.5) / f64::from(side) * f64::from(of)) as u32).min(of.saturating_sub(1))
+    };
+    let (column, row) = (at(x, picture.width, mask.width), at(y, picture.height, mask.height));
+    let value = mask.data.get(row as usize * mask.width as usize + column as usize);
+    if value.is_some_and(|value| *value > 0) { 255 } else { 0 }
+}
+
+/// Between which distances before the plane through a view's eye the mesh lies, metres.
+fn depths_m(mesh: &LentMesh, view: &View) -> [f64; 2] {
+    let forward = view.pose.forward_in_world();
+    let from_eye = mesh.origin_in_world - view.pose.position_in_world;
+    let depth =
+        |at: &[f32; 4]| (from_eye + DVec3::new(at[0].into(), at[1].into(), at[2].into())).dot(forward);
+    let (least, most) =
+        mesh.positions.iter().map(depth).fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), depth| {
+            (least.min(depth), most.max(depth))
+        });
+    let slack = 1e-3 * (most - least).max(1e-3);
+    [least - slack, (most + slack).max(least + 2.0 * slack)]
+}
+
+/// Records that what was found is copied to where it can be read.
+fn copy_found(recording: &mut Recording<'_>, lent: &Lent) -> [wgpu::Buffer; 3] {
+    let [n_vertices, _, n_views] = lent.mesh.n;
+    let n = u64::from(n_vertices) * u64::from(n_views);
+    [(&lent.mesh.sights, 4), (&lent.mesh.values[lent.values], VALUE_BYTES), (&lent.weights, 4)].map(
+        |(buffer, bytes)| {
+            let usage = wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ;
+            let to = recording.gpu.buffer("fields read", n * bytes, usage);
+            recording.encoder.copy_buffer_to_buffer(buffer, 0, &to, 0, n * bytes);
+            to
+        },
+    )
+}
+
+fn found(gpu: &Gpu, [sights, values, weights]: [&wgpu::Buffer; 3]) -> Result<FoundFields, GpuError> {
+    let mut found = FoundFields { sights: Vec::new(), ramps: Vec::new(), weights: Vec::new() };
+    let words = |bytes: &[u8]| bytes.as_chunks::<4>().0.to_vec();
+    read(gpu, sights, |bytes| found.sights = words(bytes).into_iter().map(u32::from_ne_bytes).collect())?;
+    read(gpu, values, |bytes| {
+        found.ramps = words(bytes).into_iter().step_by(4).map(f32::from_ne_bytes).collect();
+    })?;
+    read(gpu, weights, |bytes| found.weights = words(bytes).into_iter().map(f32::from_ne_bytes).collect())?;
+    Ok(found)
+}
