@@ -96,6 +96,7 @@ fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<Came
         sky: Sky::Plain { color_srgb: [120, 160, 210] },
         effects: Default::default(),
         min_entity_size_m: 0.0,
+        sequences: Vec::new(),
         cameras: cameras.iter().map(camera).collect(),
         view: None,
         document: Arc::from("{}"),
@@ -110,6 +111,7 @@ fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<Came
         entities,
         points,
         hulls: Vec::new(),
+        sequences: Vec::new(),
     }
 }
 

@@ -71,6 +71,7 @@ fn state(n_cameras: u32) -> SceneState {
         sky: Sky::Plain { color_srgb: [120, 160, 210] },
         effects: Default::default(),
         min_entity_size_m: 0.0,
+        sequences: Vec::new(),
         cameras: cameras
             .iter()
             .map(|state| SceneCamera { id: state.id.clone(), camera: Arc::clone(&state.camera) })
@@ -86,6 +87,7 @@ fn state(n_cameras: u32) -> SceneState {
         entities: Vec::new(),
         points: Vec::new(),
         hulls: Vec::new(),
+        sequences: Vec::new(),
     }
 }
 

@@ -11,7 +11,7 @@
 @group(1) @binding(3) var<storage, read> values: array<vec4<f32>>;
 // NEIGHBOURS a vertex: how many there are, and the first of them.
 @group(1) @binding(4) var<storage, read> neighbours: array<u32>;
-// By vertex: linear light, and 1 where it is known.
+// By vertex: linear light, and 1 where it is known; to begin with, the mesh's own.
 @group(1) @binding(5) var<storage, read> before: array<vec4<f32>>;
 @group(1) @binding(6) var<storage, read_write> after: array<vec4<f32>>;
 @group(1) @binding(7) var frames: texture_2d_array<f32>;
@@ -45,7 +45,8 @@ fn cs_colors(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgrou
         let color = textureSampleLevel(frames, frame_sampler, at, cameras[camera_idx].frame_layer, 0.0);
         sum += lent * vec4<f32>(evened(camera_idx, color.rgb), 1.0);
     }
-    after[vertex] = select(vec4<f32>(0.0), vec4<f32>(sum.rgb / max(sum.a, 1e-30), 1.0), sum.a > 0.0);
+    // What no camera sees has the mesh's own colour, where it has any.
+    after[vertex] = select(before[vertex], vec4<f32>(sum.rgb / max(sum.a, 1e-30), 1.0), sum.a > 0.0);
 }
 
 // A thread a vertex: what is not known becomes the mean of what is beside it.

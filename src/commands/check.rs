@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use videofields::config::{self, CameraSettings, Settings, SourceSettings};
 use videofields::ingest::{self, MediaRoots};
 use videofields::scene::{self, Scene};
+use videofields::sequence::SceneSequences;
 
 /// Reads a configuration and the scenes it names, and says what is wrong with them.
 ///
-/// Also reads the first frame of every camera and background clip and says which cannot be read now, and which
-/// cameras of a scene are not configured; those are warnings and do not make the configuration wrong.
+/// Also reads the first frame of every camera and background clip and says which cannot be read now, which
+/// cameras of a scene are not configured, and which of its recorded sequences cannot be opened; those are warnings and do not make the configuration wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckConfig {
     /// The configuration (TOML).
@@ -23,7 +24,12 @@ impl CheckConfig {
         let mut n_faulty = 0;
         for scene in &settings.scene {
             match scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
-                Ok(parsed) => warn_of_unknown_cameras(settings, &parsed.scene),
+                Ok(parsed) => {
+                    warn_of_unknown_cameras(settings, &parsed.scene);
+                    for (id, reason) in SceneSequences::open(&parsed.scene, 0).problems() {
+                        super::complain(&format!("warning: scene {}: sequence {id}: {reason}", scene.id));
+                    }
+                }
                 Err(error) => {
                     super::complain(&format!("scene {}: {}: {error}", scene.id, scene.file.display()));
                     n_faulty += 1;

@@ -16,6 +16,7 @@ use crate::plan::{
 };
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
+use crate::sequence::SceneSequences;
 use crate::timeline::Observation;
 use glam::{DVec2, DVec3};
 use std::sync::{Arc, Weak};
@@ -69,6 +70,9 @@ impl PartialEq for Subject {
                 .all(|(a, b)| a.0.ptr_eq(&b.0) && a.1.ptr_eq(&b.1) && a.2.ptr_eq(&b.2))
     }
 }
+
+/// Most bytes of a scene's sequences' frames that are kept ready.
+const SEQUENCES_BYTES: usize = 256 << 20;
 
 /// Stages of [`ViewAnswer::timings`] that run on the CPU or span all passes; the others are passes on the GPU.
 pub(super) const HOST_STAGES: [&str; 3] = ["fuse", "plan", "render"];
@@ -154,10 +158,15 @@ impl Subject {
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
-        let Remembered { association, exposure, .. } = remembered;
+        let Remembered { association, exposure, sequences, .. } = remembered;
         let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
+        }
+        // Nobody blurs those whom a sequence shows: who may see people blurred alone does not see it.
+        if !self.scene.sequences.is_empty() && self.blurs.is_none() {
+            let opened = sequences.get_or_insert_with(|| SceneSequences::open(&self.scene, SEQUENCES_BYTES));
+            state.sequences = opened.at(self.instant);
         }
         // Last, so that who is who and where follows from what was seen.
         if let Some(blurs) = &self.blurs {

@@ -456,6 +456,8 @@ mod tests {
                 evens_colors: false,
                 fields: FieldsForm::Off,
                 hull_fields: FieldsForm::Off,
+                sequences: Vec::new(),
+                sequence_fields: FieldsForm::Off,
                 followed: None,
                 most_cameras_a_pixel: 8,
                 filtering: Filtering::Levels,

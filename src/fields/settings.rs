@@ -99,6 +99,13 @@ pub struct FieldSettings {
 pub const PLACE_DEPTH_M: f64 = 0.1;
 
 impl FieldSettings {
+    /// Of a mesh that is another from frame to frame, on a device: one front is off by less than smoothing spreads, and windows would take
+    /// most of a frame's time.
+    #[must_use]
+    pub fn of_changing() -> Self {
+        Self { distances: Distances::Marching, ..Self::default() }
+    }
+
     /// Of what stands still in a scene, whose surfaces were measured and not made of pictures.
     #[must_use]
     pub fn of_places() -> Self {

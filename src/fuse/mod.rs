@@ -32,6 +32,7 @@ use crate::frame::CameraId;
 use crate::geometry::Camera;
 use crate::scene::Scene;
 use crate::segment::PixelRect;
+use crate::sequence::AtInstant;
 use crate::timeline::Observation;
 use crate::track::Track;
 use estimate::{Estimate, Head};
@@ -95,6 +96,7 @@ pub fn assemble_within(
         n_overlapping: 0,
         points: Vec::new(),
         hulls: Vec::new(),
+        sequences: Vec::new(),
     };
     if let Some(stride) = point_stride {
         state.place_points(stride);
@@ -132,6 +134,8 @@ pub struct SceneState {
     pub points: Vec<PointRun>,
     /// The entities' hulls; empty unless they were asked for ([`SceneState::place_hulls`]).
     pub hulls: Vec<Arc<EntityHull>>,
+    /// What there is of the scene's recorded sequences; empty where nobody placed them.
+    pub sequences: Vec<AtInstant>,
 }
 
 impl SceneState {

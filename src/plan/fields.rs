@@ -98,10 +98,11 @@ pub(super) fn plan(
     if is_asked_for && (1..=MAX_VIEWS).contains(&hull_cameras.len()) {
         plan.hull_fields = form;
     }
-    let is_on = plan.fields != FieldsForm::Off || plan.hull_fields != FieldsForm::Off;
+    let has_sequences = is_asked_for && !plan.sequences.is_empty();
+    let is_on = plan.fields != FieldsForm::Off || plan.hull_fields != FieldsForm::Off || has_sequences;
     let mut because = match form {
         FieldsForm::Off => "not asked for",
-        _ if !has_surfaces && plan.hulls.is_empty() => {
+        _ if !has_surfaces && plan.hulls.is_empty() && !has_sequences => {
             "no camera's picture is on a surface in view, and nobody is drawn as a hull"
         }
         FieldsForm::Normals => "asked for: who looks squarely lends most",
@@ -111,6 +112,10 @@ pub(super) fn plan(
     if plan.hull_fields != FieldsForm::Off {
         let n = plan.hulls.len();
         because.push_str(&format!("; {n} {} as meshes", if n == 1 { "hull" } else { "hulls" }));
+    }
+    if has_sequences {
+        let n = plan.sequences.len();
+        because.push_str(&format!("; {n} recorded {}", if n == 1 { "sequence" } else { "sequences" }));
     }
     let beyond = [
         ("surfaces", has_surfaces && n_cameras > MAX_VIEWS, n_cameras),

@@ -16,6 +16,7 @@ mod hulls;
 mod picture;
 mod predict;
 mod see_through;
+mod sequences;
 mod settings;
 mod sources;
 mod stages;
@@ -175,6 +176,12 @@ pub struct Plan {
     pub fields: FieldsForm,
     /// Whether hulls are drawn as meshes that are coloured so, and which.
     pub hull_fields: FieldsForm,
+    /// Recorded sequences that are drawn (indices into `SceneState::sequences`).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sequences: Vec<usize>,
+    /// How cameras' pictures become one on them.
+    #[serde(skip)]
+    pub sequence_fields: FieldsForm,
     /// Whose fields these are, if a session's.
     #[serde(skip)]
     pub followed: Option<Followed>,
@@ -269,6 +276,8 @@ pub fn make_for(
         evens_colors: false,
         fields: FieldsForm::Off,
         hull_fields: FieldsForm::Off,
+        sequences: Vec::new(),
+        sequence_fields: FieldsForm::Off,
         followed: None,
         most_cameras_a_pixel: settings.most_cameras,
         filtering: settings.filtering,
@@ -279,6 +288,7 @@ pub fn make_for(
         reasons,
     };
     entities::plan(state, picture, &settings, &mut plan);
+    sequences::plan(state, picture, settings.fields, &mut plan);
     let history = session.as_deref_mut().map(|session| &mut session.fields);
     fields::plan(state, settings.fields, history, &mut plan);
     exposure::plan(state, wishes.colors, &mut plan);

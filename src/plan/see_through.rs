@@ -318,6 +318,7 @@ mod tests {
             sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
             effects: Default::default(),
             min_entity_size_m: 0.0,
+            sequences: Vec::new(),
             cameras: Vec::new(),
             view: None,
             document: Arc::from("{}"),
@@ -347,6 +348,7 @@ mod tests {
             entities: feet.iter().map(entity).collect(),
             points: Vec::new(),
             hulls: Vec::new(),
+            sequences: Vec::new(),
         }
     }
 

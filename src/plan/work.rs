@@ -49,7 +49,7 @@ pub enum Feature {
     HullRays,
     /// Silhouettes of hulls, by the hundred.
     Silhouettes,
-    /// Silhouettes of hulls that are drawn as meshes, by the hundred.
+    /// Silhouettes of hulls that are drawn as meshes, and cameras of recorded ones, by the hundred.
     HullMeshes,
     /// Drawn megapixels times samples where entities are drawn over them, else 0.
     Later,
@@ -170,6 +170,8 @@ pub struct Survey {
     /// Pixels that hulls' bounds cover, times their silhouettes; and how many silhouettes there are.
     hulls_px: f64,
     n_silhouettes: usize,
+    /// Cameras of recorded sequences.
+    n_recorded: usize,
     /// Runs of points that the entities' blobs come to with every row, about.
     n_runs: f64,
     n_observations: usize,
@@ -319,6 +321,10 @@ impl Survey {
             [] => (0..state.entities.len()).map(|entity| runs(entity, 0)).sum(),
             planned => planned.iter().map(|of| runs(of.entity, of.source)).sum(),
         };
+        let recorded = |idx: usize| {
+            let moment = state.sequences.get(idx).and_then(|at| at.moment.as_ref().ok());
+            moment.map_or(0, |moment| moment.views.len())
+        };
         let sources = || state.entities.iter().flat_map(|entity| &entity.sources);
         Self {
             size_px: (picture.width_px, picture.height_px),
@@ -331,6 +337,7 @@ impl Survey {
             n_billboards: plan.billboards.len(),
             hulls_px,
             n_silhouettes,
+            n_recorded: plan.sequences.iter().map(|idx| recorded(*idx)).sum(),
             n_runs,
             n_observations: state.cameras.len(),
             n_sources: sources().count(),
@@ -379,6 +386,7 @@ impl Survey {
         let has_depth_maps = settings.depth_maps && !has_fields;
         let only = |is_so: bool, value: f64| if is_so { value } else { 0.0 };
         let is_filtering = |filtering| settings.filtering == filtering;
+        let of_hulls = if is_hulls && has_fields { self.n_silhouettes } else { 0 };
         let mut work = Work::default();
         for (feature, value) in [
             (Feature::One, 1.0),
@@ -397,7 +405,7 @@ impl Survey {
             (Feature::Points, n_runs / 1000.0),
             (Feature::HullRays, only(is_hulls && !has_fields, share(self.hulls_px))),
             (Feature::Silhouettes, only(is_hulls, self.n_silhouettes as f64 / 100.0)),
-            (Feature::HullMeshes, only(is_hulls && has_fields, self.n_silhouettes as f64 / 100.0)),
+            (Feature::HullMeshes, (of_hulls + self.n_recorded) as f64 / 100.0),
             (Feature::Later, only(has_entities, drawn * n_samples)),
             (Feature::Uploads, pending.upload_bytes as f64 / MILLION),
             (Feature::DepthMaps, only(has_depth_maps, f64::from(pending.depth_maps))),

@@ -1,7 +1,7 @@
 //! Entities' hulls as one mesh a frame, for texture fields: found on the processor, kept while the hulls are the same.
 
 use super::lent_mesh::{LentMesh, MeshPart};
-use crate::fields::{Distances, FieldSettings};
+use crate::fields::FieldSettings;
 use crate::fuse::{EntityHull, SceneState};
 use crate::hull::{Bounds, Method, RESOLUTION, extract};
 use crate::mesh::Mesh;
@@ -121,7 +121,5 @@ fn whole(
         })
         .collect();
     let cameras = cameras.iter().map(|idx| Arc::clone(&state.cameras[*idx].camera)).collect();
-    // One front is off by less than smoothing spreads: windows cost most of a frame.
-    let settings = FieldSettings { distances: Distances::Marching, ..FieldSettings::default() };
-    LentMesh::new(number, &parts, cameras, &settings)
+    LentMesh::new(number, &parts, cameras, &FieldSettings::of_changing())
 }

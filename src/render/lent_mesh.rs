@@ -1,8 +1,10 @@
 //! A mesh of one frame as the device is given it: what it consists of, the cameras that lend to it, and how far it may be wrong.
 
-use super::passes::MeshSize;
+use super::passes::{MeshSize, VALUE_BYTES};
 use crate::fields::{DEPTH_PX, Distances, FieldSettings, MAX_VIEWS, Preference, REACH_TRIANGLES, Visibility};
+use crate::frame::linear_from_srgb;
 use crate::geometry::Camera;
+use crate::gpu::{Gpu, GpuError};
 use crate::mesh::Mesh;
 use glam::DVec3;
 use std::sync::Arc;
@@ -34,6 +36,8 @@ pub(super) struct LentMesh {
     pub homes: Vec<[f32; 4]>,
     pub normals: Vec<[f32; 3]>,
     pub corners: Vec<[u32; 3]>,
+    /// The mesh's own colours, linear light; empty where it has none.
+    pub colors: Vec<[f32; 4]>,
     /// At most [`MAX_VIEWS`].
     pub cameras: Vec<Arc<Camera>>,
     /// By part and camera.
@@ -85,6 +89,7 @@ impl LentMesh {
             homes: Vec::with_capacity(n_vertices),
             normals: Vec::with_capacity(n_vertices),
             corners: Vec::with_capacity(n_faces),
+            colors: Vec::new(),
             shifts: Vec::with_capacity(parts.len() * cameras.len()),
             size: MeshSize::new(n_vertices, n_faces, side_m),
             origin_in_world,
@@ -108,6 +113,14 @@ impl LentMesh {
             );
             made.homes
                 .extend(part.mesh.positions_m.iter().map(|at| (*at + home).as_vec3().extend(0.0).to_array()));
+            if let Some(colors) = &part.mesh.colors_srgb {
+                // Parts without colours before it have none.
+                made.colors.resize(first as usize, [0.0; 4]);
+                made.colors.extend(colors.iter().map(|codes| {
+                    let [r, g, b] = codes.map(|code| linear_from_srgb(f32::from(code) / 255.0));
+                    [r, g, b, 1.0]
+                }));
+            }
             made.normals.extend(part.mesh.normals.iter().map(|normal| normal.to_array()));
             made.corners
                 .extend(part.mesh.triangles.iter().map(|corners| corners.map(|corner| first + corner)));
@@ -117,7 +130,27 @@ impl LentMesh {
                     .map(|shift| shift.map_or([0.0; 4], |shift| shift.as_vec3().extend(1.0).to_array())),
             );
         }
+        if !made.colors.is_empty() {
+            made.colors.resize(made.positions.len(), [0.0; 4]);
+        }
         Some(made)
+    }
+
+    /// Holds its lists to what the device's buffers may be.
+    ///
+    /// # Errors
+    /// Of more vertices and cameras than they hold.
+    pub(super) fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        let [n_vertices, _, n_views] = self.n();
+        let needed = VALUE_BYTES * u64::from(n_vertices) * u64::from(n_views);
+        let most = gpu.limits().max_storage_buffer_binding_size;
+        if needed > most {
+            let message = format!(
+                "{n_vertices} vertices of {n_views} cameras take {needed} bytes, at most {most} are allowed"
+            );
+            return Err(GpuError::Refused { message });
+        }
+        Ok(())
     }
 
     /// Vertices, faces, views.

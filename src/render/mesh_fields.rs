@@ -7,8 +7,7 @@ use super::lent_mesh::LentMesh;
 use super::passes::{
     Before, ChangingMesh, ChangingMeshPass, DeviceBuffer, DrawInto, FieldsDistancesPass, FieldsTopologyPass,
     MOST_SLOTS, MadeMesh, MeshBuffers, MeshCamera, MeshCarryPass, MeshColorsPass, MeshDepthsPass,
-    MeshSightPass, MeshSmoothPass, MeshWeightsPass, OnDevice, Reaching, Recording, ShownBy, VALUE_BYTES,
-    WrittenMesh,
+    MeshSightPass, MeshSmoothPass, MeshWeightsPass, OnDevice, Reaching, Recording, ShownBy, WrittenMesh,
 };
 use super::renderer::made;
 use crate::fields::{Distances, FOLLOW_SECS, MAX_VIEWS, ROUNDS};
@@ -25,6 +24,7 @@ const MAX_KEPT_BYTES: u64 = 64 << 20;
 const MOST_FINE_MAPS: usize = 16;
 
 /// Who looks at a mesh, and how.
+#[derive(Clone, Copy)]
 pub(super) struct MeshLook<'a> {
     pub form: FieldsForm,
     pub viewer: Viewer,
@@ -105,6 +105,7 @@ pub(super) struct MeshFields {
     normals: GrowingBuffer,
     homes: GrowingBuffer,
     shifts: GrowingBuffer,
+    colors: GrowingBuffer,
     buffers: MeshBuffers,
     /// Of cameras without lenses that bend, and of all.
     seeing: [Option<Seeing>; 2],
@@ -141,6 +142,7 @@ impl Default for MeshFields {
             normals: storage("mesh normals"),
             homes: GrowingBuffer::new("mesh homes", homes),
             shifts: storage("mesh shifts"),
+            colors: GrowingBuffer::new("mesh own colors", wgpu::BufferUsages::COPY_SRC),
             buffers: MeshBuffers::new(),
             seeing: [None, None],
             along: None,
@@ -167,14 +169,7 @@ impl MeshFields {
         let gpu = recording.gpu;
         let n @ [n_vertices, n_faces, n_views] = mesh.n();
         let n_entries = u64::from(n_vertices) * u64::from(n_views);
-        let most = gpu.limits().max_storage_buffer_binding_size;
-        if VALUE_BYTES * n_entries > most {
-            let message = format!(
-                "{n_vertices} vertices of {n_views} cameras take {} bytes, at most {most} are allowed",
-                VALUE_BYTES * n_entries
-            );
-            return Err(GpuError::Refused { message });
-        }
+        mesh.check(gpu)?;
         let has_lenses = mesh.cameras.iter().any(|camera| *camera.distortion() != Distortion::None);
         let maps_px = maps_px(mesh);
         let place = self.session(look.followed.map(|followed| followed.number));
@@ -227,7 +222,8 @@ impl MeshFields {
                 let rounds = mesh.settings.smoothing_rounds;
                 let distances = usize::from(has_windows);
                 let values = along.smooth.record(recording, (&on, &hangs_together), (distances, rounds));
-                seeing.colors.record(recording, frame, (&on, values), frames);
+                let own = (!mesh.colors.is_empty()).then(|| self.colors.write(gpu, &mesh.colors));
+                seeing.colors.record(recording, frame, (&on, values), (frames, own));
                 self.made = Some((mesh.number, values));
                 values
             }

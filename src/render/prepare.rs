@@ -104,6 +104,7 @@ impl Renderer {
             data.frame_scale = scale;
             data.frame_size_px = [wanted.image.width() as f32, wanted.image.height() as f32];
         }
+        self.sequences.prepare(&self.gpu, (state, plan), (&mut self.frame, anchor));
         let camera = |idx: &usize| Arc::clone(&state.cameras[*idx].camera);
         let cameras: Vec<_> = plan.surface_cameras.iter().map(camera).collect();
         let drawing = Drawing {

@@ -19,6 +19,7 @@ use super::patches::{Batches, Patches};
 use super::pieces::{self, Piece, Room};
 use super::prepare::{Stand, Uploads};
 use super::ready::ReadyScenes;
+use super::sequences::Sequences;
 use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
@@ -75,6 +76,7 @@ pub struct Renderer {
     pub(super) hulls: Hulls,
     hull_meshes: HullMeshes,
     mesh_fields: MeshFields,
+    pub(super) sequences: Sequences,
     /// Which of the frame's cameras one with a live frame is: the state's and the frame's.
     pub(super) entity_places: Vec<(usize, usize)>,
     /// Of the cameras of the mesh that hulls are drawn as, which of the frame's they are.
@@ -176,6 +178,7 @@ impl Renderer {
             hulls: Hulls::default(),
             hull_meshes: HullMeshes::default(),
             mesh_fields: MeshFields::default(),
+            sequences: Sequences::default(),
             entity_places: Vec::new(),
             mesh_cameras: Vec::new(),
             effects: EffectPasses::default(),
@@ -242,6 +245,7 @@ impl Renderer {
             self.textures.clear();
             self.targets.clear();
             self.mesh_fields.clear();
+            self.sequences.clear();
         }
         self.targets.trim();
         self.readback.trim(MAX_KEPT_READBACK_BYTES);
@@ -439,6 +443,7 @@ impl Renderer {
             hulls,
             mesh_fields,
             mesh_cameras,
+            sequences,
             effects,
             ..
         } = self;
@@ -486,28 +491,31 @@ impl Renderer {
             }
             _ => None,
         };
+        let look = MeshLook {
+            form: plan.hull_fields,
+            viewer: *viewer,
+            followed: plan.followed,
+            goes_on: *is_first,
+            anchor_in_world: stand.anchor_in_world,
+            camera_idx: mesh_cameras,
+            most_cameras: plan.most_cameras_a_pixel,
+        };
+        let of_frame = (&frame_group, frame.layout());
         let lent_mesh = match piece.hulls {
             Some(mesh) => {
-                let look = MeshLook {
-                    form: plan.hull_fields,
-                    viewer: *viewer,
-                    followed: plan.followed,
-                    goes_on: *is_first,
-                    anchor_in_world: stand.anchor_in_world,
-                    camera_idx: mesh_cameras,
-                    most_cameras: plan.most_cameras_a_pixel,
-                };
                 let live = &frames.store(gpu).sampled;
-                let of = (&frame_group, frame.layout());
-                Some(mesh_fields.record(&mut recording, of, (mesh, live), &look)?)
+                Some(mesh_fields.record(&mut recording, of_frame, (mesh, live), &look)?)
             }
             None => None,
         };
+        let look = MeshLook { form: plan.sequence_fields, ..look };
+        let recorded = sequences.record(&mut recording, of_frame, &look)?;
         let has_more = !self.billboards.is_empty()
             || !self.points.is_empty()
             || !plan.opened.is_empty()
             || found.is_some()
-            || lent_mesh.is_some();
+            || lent_mesh.is_some()
+            || !recorded.is_empty();
         let place = Place { clear: Some(clear_color(&scene.sky)), is_last: !has_more && !plan.sky };
         let has_gains = plan.evens_colors;
         let mut into =
@@ -537,14 +545,19 @@ impl Renderer {
             let picture = pictures.sky.as_ref().map(|picture| (picture, textures.layout(gpu)));
             pass.record(&mut recording, &into, (&scene.sky, view), picture)?;
         }
+        let ends_with_meshes = self.billboards.is_empty() && self.points.is_empty() && opened.is_none();
         if let Some(found) = &found {
-            into.place.is_last = self.billboards.is_empty() && opened.is_none();
+            into.place.is_last = ends_with_meshes && recorded.is_empty();
             hulls.show(&mut recording, &into, found, (plan, frames))?;
         }
         if let Some(lent_mesh) = &lent_mesh {
-            into.place.is_last = self.billboards.is_empty() && opened.is_none();
+            into.place.is_last = ends_with_meshes && recorded.is_empty();
             let live = &frames.store(gpu).sampled;
             mesh_fields.show(&mut recording, &into, (lent_mesh, live))?;
+        }
+        for (place, lent) in recorded.iter().enumerate() {
+            into.place.is_last = ends_with_meshes && place + 1 == recorded.len();
+            sequences.show(&mut recording, &into, (place, lent))?;
         }
         into.place.is_last = true;
         if !self.billboards.is_empty() {
@@ -607,7 +620,13 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
         }
     }
     let is_another = |camera: &&usize| !plan.surface_cameras.contains(camera);
-    let needed = plan.surface_cameras.len() + plan.entity_cameras.iter().filter(is_another).count();
+    let of_sequence = |idx: &usize| {
+        let moment = state.sequences.get(*idx).and_then(|at| at.moment.as_ref().ok());
+        moment.map_or(0, |moment| moment.views.len())
+    };
+    let needed = plan.surface_cameras.len()
+        + plan.entity_cameras.iter().filter(is_another).count()
+        + plan.sequences.iter().map(of_sequence).sum::<usize>();
     if needed > MAX_CAMERAS {
         let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
         return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });

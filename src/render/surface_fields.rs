@@ -2,20 +2,18 @@
 //! and measures.
 
 use super::camera_data::{FrameData, Reach, View as ViewData};
-use super::lent_mesh::{LentMesh, MeshPart};
+use super::given_mesh::GivenMesh;
+use super::lent_mesh::LentMesh;
 use super::mesh_fields::{Lent, MeshFields, MeshLook};
 use super::passes::{DrawInto, Recording, VALUE_BYTES};
 use super::targets::{Place, TargetCache, TargetKey};
 use super::{RenderError, View};
 use crate::fields::{self, FieldSettings};
 use crate::frame::RgbImage;
-use crate::geometry::Camera;
-use crate::gpu::{Gpu, GpuError, PassTime, Readback, TextureDescriptor, Timer, read};
+use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer, read};
 use crate::mesh::Mesh;
 use crate::plan::{FieldsForm, Followed, Picture};
-use crate::render::image_array::IMAGE_FORMAT;
 use glam::DVec3;
-use std::sync::Arc;
 
 /// Cameras that are mixed at a place.
 const MOST_CAMERAS: usize = 8;
@@ -40,28 +38,12 @@ pub struct FieldsPicture {
     pub timings: Vec<PassTime>,
 }
 
-/// Pictures of cameras, a layer each.
-#[derive(Debug)]
-struct Pictures {
-    texture: wgpu::Texture,
-    view: wgpu::TextureView,
-}
-
-/// A mesh, and the cameras that show it.
-#[derive(Debug)]
-struct Given {
-    mesh: LentMesh,
-    /// Each view's picture: its size, and what its light is multiplied by.
-    pictures: Vec<([u32; 2], [f32; 3])>,
-}
-
 /// Draws meshes that are given, by texture fields; what is kept is used again for the next.
 #[derive(Debug)]
 pub struct SurfaceFields {
     fields: MeshFields,
     frame: FrameData,
-    given: Option<Given>,
-    pictures: Option<Pictures>,
+    given: Option<GivenMesh>,
     targets: TargetCache,
     readback: Readback,
     timer: Timer,
@@ -76,7 +58,6 @@ impl SurfaceFields {
             fields: MeshFields::default(),
             frame: FrameData::new(gpu),
             given: None,
-            pictures: None,
             targets: TargetCache::default(),
             readback: Readback::default(),
             timer: Timer::new(gpu),
@@ -98,90 +79,9 @@ impl SurfaceFields {
         views: &[fields::View],
         settings: &FieldSettings,
     ) -> Result<(), GpuError> {
-        let cameras: Vec<Arc<Camera>> = views.iter().map(|view| Arc::new(view.camera().clone())).collect();
-        // Places are carried from mesh to mesh as they are in the world, near where the first was.
-        let home_in_world = match &self.given {
-            Some(given) => given.mesh.home_in_world,
-            None => mesh.bounds().map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high)),
-        };
-        let part = MeshPart { mesh, home_in_world, number: 0, shifts: vec![Some(DVec3::ZERO); views.len()] };
         self.n_given += 1;
-        let lent =
-            LentMesh::new(self.n_given, &[part], cameras, settings).ok_or_else(|| GpuError::Refused {
-                message: format!(
-                    "a field is of a mesh with triangles and 1 to {} views, got {} triangles and {} views",
-                    fields::MAX_VIEWS,
-                    mesh.triangles.len(),
-                    views.len()
-                ),
-            })?;
-        self.upload(gpu, views)?;
-        let picture =
-            |view: &fields::View| ([view.picture().width, view.picture().height], view.gain.to_array());
-        self.given = Some(Given { mesh: lent, pictures: views.iter().map(picture).collect() });
-        Ok(())
-    }
-
-    fn upload(&mut self, gpu: &Gpu, views: &[fields::View]) -> Result<(), GpuError> {
-        let most =
-            |side: fn(&RgbImage) -> u32| views.iter().map(|view| side(view.picture())).max().unwrap_or(1);
-        let size = wgpu::Extent3d {
-            width: most(|picture| picture.width),
-            height: most(|picture| picture.height),
-            depth_or_array_layers: (views.len() as u32).max(2),
-        };
-        let limit = gpu.limits().max_texture_dimension_2d;
-        if size.width.max(size.height) > limit {
-            let message = format!(
-                "pictures of {} x {} pixels, at most {limit} each way are allowed",
-                size.width, size.height
-            );
-            return Err(GpuError::Refused { message });
-        }
-        self.pictures.take_if(|kept| kept.texture.size() != size);
-        let pictures = self.pictures.get_or_insert_with(|| {
-            let texture = gpu.texture(&TextureDescriptor {
-                label: Some("fields pictures"),
-                size,
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format: IMAGE_FORMAT,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-                view_formats: &[],
-            });
-            let view = texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..wgpu::TextureViewDescriptor::default()
-            });
-            Pictures { texture, view }
-        });
-        let mut texels = Vec::new();
-        for (layer, view) in (0..).zip(views) {
-            let picture = view.picture();
-            texels.clear();
-            texels.reserve(4 * picture.width as usize * picture.height as usize);
-            let (colors, _) = picture.data.as_chunks::<3>();
-            for (at, [r, g, b]) in (0..).zip(colors) {
-                texels.extend([*r, *g, *b, alpha(view, [at % picture.width, at / picture.width])]);
-            }
-            let layout = wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(4 * picture.width),
-                rows_per_image: Some(picture.height),
-            };
-            gpu.upload(
-                "fields pictures",
-                wgpu::TexelCopyTextureInfo {
-                    texture: &pictures.texture,
-                    mip_level: 0,
-                    origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
-                    aspect: wgpu::TextureAspect::All,
-                },
-                (&texels, layout),
-                wgpu::Extent3d { width: picture.width, height: picture.height, depth_or_array_layers: 1 },
-            );
-        }
+        let given = GivenMesh::new(self.given.take(), gpu, self.n_given, (mesh, views, settings))?;
+        self.given = Some(given);
         Ok(())
     }
 
@@ -198,22 +98,13 @@ impl SurfaceFields {
         reading: Reading,
     ) -> Result<(FieldsPicture, Option<FoundFields>), RenderError> {
         let nothing = || GpuError::Refused { message: "no mesh was given".to_owned() };
-        let Self { fields, frame, given, pictures, targets, readback, timer, .. } = self;
-        let (Some(given), Some(pictures)) = (given.as_ref(), pictures.as_ref()) else {
-            return Err(nothing().into());
-        };
+        let Self { fields, frame, given, targets, readback, timer, .. } = self;
+        let Some(given) = given.as_ref() else { return Err(nothing().into()) };
         let mesh = &given.mesh;
         timer.begin_frame();
         let anchor_in_world = mesh.origin_in_world;
         frame.clear();
-        for (layer, (camera, (size, gain))) in (0..).zip(mesh.cameras.iter().zip(&given.pictures)) {
-            let data = frame.add(camera, anchor_in_world);
-            let (whole, sides) = (pictures.texture.size(), size.map(|side| side as f32));
-            data.frame_layer = layer;
-            data.frame_size_px = sides;
-            data.frame_scale = [sides[0] / whole.width as f32, sides[1] / whole.height as f32];
-            data.gain = *gain;
-        }
+        let camera_idx = given.add_cameras(frame, anchor_in_world);
         frame.write_cameras(gpu);
         let reach = Reach { anchor_in_world, depths_m: depths_m(mesh, view) };
         let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
@@ -228,7 +119,6 @@ impl SurfaceFields {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("surface fields") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
         let mut recording = Recording { gpu, encoder: &mut encoder, timer };
-        let camera_idx: Vec<u32> = (0..mesh.cameras.len() as u32).collect();
         let look = MeshLook {
             form,
             viewer: Picture::from(*view).viewer,
@@ -239,15 +129,15 @@ impl SurfaceFields {
             most_cameras: MOST_CAMERAS,
         };
         let of = (&frame_group, frame.layout());
-        let lent = fields.record(&mut recording, of, (mesh, &pictures.view), &look)?;
+        let lent = fields.record(&mut recording, of, (mesh, given.pictures()), &look)?;
         let into = DrawInto {
             targets,
             frame: &frame_group,
             frame_layout: frame.layout(),
-            has_gains: given.pictures.iter().any(|(_, gain)| *gain != [1.0; 3]),
+            has_gains: given.has_gains(),
             place: Place { clear: Some(wgpu::Color::BLACK), is_last: true },
         };
-        fields.show(&mut recording, &into, (&lent, &pictures.view))?;
+        fields.show(&mut recording, &into, (&lent, given.pictures()))?;
         let copied = match reading {
             Reading::Picture => None,
             Reading::Vertices => Some(copy_found(&mut recording, &lent)),
@@ -275,18 +165,6 @@ pub enum Reading {
     Picture,
     /// What was found at vertices too.
     Vertices,
-}
-
-/// Alpha of a pixel of a view's picture: whether it is of the mesh.
-fn alpha(view: &fields::View, [x, y]: [u32; 2]) -> u8 {
-    let Some(mask) = view.foreground() else { return 255 };
-    let picture = view.picture();
-    let at = |place: u32, side: u32, of: u32| {
-        (((f64::from(place) + 0.5) / f64::from(side) * f64::from(of)) as u32).min(of.saturating_sub(1))
-    };
-    let (column, row) = (at(x, picture.width, mask.width), at(y, picture.height, mask.height));
-    let value = mask.data.get(row as usize * mask.width as usize + column as usize);
-    if value.is_some_and(|value| *value > 0) { 255 } else { 0 }
 }
 
 /// Between which distances before the plane through a view's eye the mesh lies, metres.

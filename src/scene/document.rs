@@ -40,6 +40,9 @@ pub struct SceneDocument {
     /// them again when it is read again.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub models: Vec<ModelDocument>,
+    /// Recorded mesh sequences that are shown in it, at most 4. Their files stay where they are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub sequences: Vec<SceneSequenceDocument>,
     /// What is done to pictures of it once they are drawn. Default: nothing.
     #[serde(skip_serializing_if = "EffectsDocument::is_empty")]
     pub effects: EffectsDocument,
@@ -58,6 +61,19 @@ impl SceneDocument {
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("every key is text and every number is finite")
     }
+}
+
+/// A recorded mesh sequence.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSequenceDocument {
+    /// Its id, as a camera's; unique among sequences.
+    pub id: String,
+    /// Its manifest (`docs/sequences.md`), or the folder that it lies in; a relative path starts at the document's folder.
+    pub file: String,
+    /// Whether it is shown over and over, at any instant; else at the times that it was recorded at. Default: false.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub repeats: bool,
 }
 
 /// What is taken for something that stands in a scene.

@@ -36,6 +36,14 @@ pub trait Imports {
     /// Why there is none, for people.
     fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String>;
 
+    /// Where a file lies that is opened later; a relative path starts at the document's folder.
+    ///
+    /// # Errors
+    /// Why there is none, for people; always where documents come from elsewhere than a file.
+    fn path(&mut self, file: &str) -> Result<PathBuf, String> {
+        Err(format!("cannot read {file:?}: sequences are read only by scene files"))
+    }
+
     /// The bytes of a model's or picture's file, at most so many; a relative path starts at the document's folder.
     ///
     /// # Errors
@@ -99,7 +107,7 @@ impl FolderImports {
         std::fs::symlink_metadata(&path).is_ok_and(|of| of.is_file()).then_some(path)
     }
 
-    fn path(&self, file: &str) -> Result<PathBuf, String> {
+    fn found(&self, file: &str) -> Result<PathBuf, String> {
         if file.is_empty() || file.contains('\0') {
             return Err("`file` must be a path".to_owned());
         }
@@ -113,11 +121,15 @@ impl FolderImports {
 
 impl Imports for FolderImports {
     fn calibration(&mut self, reference: &ImportReference) -> Result<Camera, String> {
-        import_calibration(reference, &self.path(&reference.file)?)
+        import_calibration(reference, &self.found(&reference.file)?)
+    }
+
+    fn path(&mut self, file: &str) -> Result<PathBuf, String> {
+        self.found(file)
     }
 
     fn file(&mut self, file: &str, most_bytes: usize) -> Result<Vec<u8>, String> {
-        read_bytes(&self.path(file)?, most_bytes).map_err(|refusal| match refusal {
+        read_bytes(&self.found(file)?, most_bytes).map_err(|refusal| match refusal {
             Refusal::Unreadable(source) => format!("cannot read {file:?}: {source}"),
             Refusal::NotAFile(what) => format!("cannot read {file:?}: expected a file, but this is {what}"),
             Refusal::TooLarge(bytes) => {

@@ -137,6 +137,8 @@ pub struct Scene {
     pub effects: SceneEffects,
     /// Least extent of an entity, upwards or across, metres.
     pub min_entity_size_m: f64,
+    /// Recorded mesh sequences that are shown in it.
+    pub sequences: Vec<SceneSequence>,
     /// The cameras that look at the scene.
     pub cameras: Vec<SceneCamera>,
     /// The view shown where a request names none.
@@ -159,18 +161,23 @@ impl Scene {
         self.id == before.id && ids(self) == ids(before)
     }
 
-    /// The same with those cameras alone that `is_kept`, in the document too.
+    /// The same with those cameras alone that `is_kept`, in the document too; without sequences where any is left out, since who may
+    /// not see a camera may not see whom others recorded.
     #[must_use]
     pub fn with_cameras(&self, is_kept: impl Fn(&CameraId) -> bool) -> Self {
         let mut part = self.clone();
         part.cameras.retain(|member| is_kept(&member.id));
-        part.document = document_of(&self.document, &part.cameras);
+        if part.cameras.len() < self.cameras.len() {
+            part.sequences.clear();
+        }
+        part.document = document_of(&self.document, &part);
         part
     }
 }
 
-/// A document with these cameras alone.
-fn document_of(document: &str, cameras: &[SceneCamera]) -> Arc<str> {
+/// A document with the cameras and sequences of a part of its scene alone.
+fn document_of(document: &str, part: &Scene) -> Arc<str> {
+    let cameras = &part.cameras;
     let is_kept = |camera: &Value| {
         let id = camera.get("id").and_then(Value::as_str);
         cameras.iter().any(|member| Some(member.id.as_str()) == id)
@@ -178,6 +185,9 @@ fn document_of(document: &str, cameras: &[SceneCamera]) -> Arc<str> {
     let mut document: Value = serde_json::from_str(document).unwrap_or_default();
     if let Some(Value::Array(all)) = document.get_mut("cameras") {
         all.retain(is_kept);
+    }
+    if let Some(all) = document.as_object_mut().filter(|_| part.sequences.is_empty()) {
+        all.remove("sequences");
     }
     // Nor does it tell of others by their names.
     if let Some(Value::Object(relight)) = document.pointer_mut("/effects/relight") {
@@ -187,6 +197,17 @@ fn document_of(document: &str, cameras: &[SceneCamera]) -> Arc<str> {
         }
     }
     serde_json::to_string_pretty(&document).unwrap_or_default().into()
+}
+
+/// A recorded mesh sequence of a scene: where its manifest lies, which is opened by who shows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneSequence {
+    /// Its id.
+    pub id: String,
+    /// The manifest, or the folder that it lies in.
+    pub path: PathBuf,
+    /// Whether it is shown over and over, at any instant.
+    pub repeats: bool,
 }
 
 /// A named place to look from.

@@ -2,10 +2,12 @@
 
 use super::document::{
     BoxDocument, EntitiesDocument, GroundDocument, ImportReference, OriginDocument, SceneCameraDocument,
-    SceneDocument, VERSION, ViewDocument,
+    SceneDocument, SceneSequenceDocument, VERSION, ViewDocument,
 };
 use super::painting::{PaintedShape, Painting};
-use super::{Imports, Material, ParsedScene, Scene, SceneCamera, SceneError, SceneView, json, shapes};
+use super::{
+    Imports, Material, ParsedScene, Scene, SceneCamera, SceneError, SceneSequence, SceneView, json, shapes,
+};
 use crate::calibrate::CameraDocument;
 use crate::error::{Gatherer, pointer_to};
 use crate::frame::{CameraId, IdError, is_id};
@@ -21,6 +23,7 @@ const MAX_POLYGONS: usize = 256;
 const MAX_CORNERS: usize = 16_384;
 const MAX_BOXES: usize = 4096;
 const MAX_CAMERAS: usize = 256;
+const MAX_SEQUENCES: usize = 4;
 const MAX_VIEW_M: f64 = 1e8;
 const MIN_VIEW_DISTANCE_M: f64 = 1e-3;
 
@@ -64,6 +67,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
     let height_fields = gatherer.list(fields.take("height_fields"), shapes::MAX_HEIGHT_FIELDS);
     let models = gatherer.list(fields.take("models"), shapes::MAX_MODELS);
     let entities = fields.take("entities").and_then(|placed| entities(placed, gatherer)).unwrap_or_default();
+    let sequences = gatherer.list(fields.take("sequences"), MAX_SEQUENCES);
     let cameras = gatherer.list(fields.take("cameras"), MAX_CAMERAS);
     let view = fields.take("view").and_then(|placed| view(placed, gatherer));
     fields.finish(gatherer);
@@ -107,8 +111,11 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
             shapes::model(placed, (&mut ids, &mut n_left), &mut painting.files, gatherer)?;
         Some((document, (Shape::Model(mesh), material)))
     });
-    let mut ids = HashSet::new();
     let imports = painting.files.imports();
+    let mut ids = HashSet::new();
+    let sequences = all(sequences, |placed| sequence(placed, &mut ids, imports, gatherer));
+    let (sequence_documents, sequences): (Vec<_>, Vec<_>) = sequences.into_iter().unzip();
+    let mut ids = HashSet::new();
     let cameras = all(cameras, |placed| camera(placed, &mut ids, imports, gatherer));
 
     let (camera_documents, cameras): (Vec<_>, Vec<SceneCamera>) = cameras.into_iter().unzip();
@@ -128,6 +135,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
         footprints,
         height_fields,
         models,
+        sequences: sequence_documents,
         effects: effects_document,
         entities,
         cameras: camera_documents,
@@ -141,6 +149,7 @@ fn read(id: &str, tree: Value, imports: &mut dyn Imports, gatherer: &mut Gathere
         sky,
         effects,
         min_entity_size_m: entities.min_size_m,
+        sequences,
         cameras,
         view: view.map(|view| SceneView {
             eye: DVec3::from_array(view.eye_m),
@@ -269,6 +278,26 @@ fn upright_box(
                 _ => "size_m",
             };
             gatherer.fault(pointer_to(&place, key), error.to_string());
+            None
+        }
+    }
+}
+
+fn sequence(
+    (value, place): Placed,
+    ids: &mut HashSet<String>,
+    imports: &mut dyn Imports,
+    gatherer: &mut Gatherer,
+) -> Option<(SceneSequenceDocument, SceneSequence)> {
+    let document: SceneSequenceDocument = gatherer.read(value, &place)?;
+    shapes::unique_id(&document.id, (&place, "sequence"), ids, gatherer);
+    match imports.path(&document.file) {
+        Ok(path) => {
+            let made = SceneSequence { id: document.id.clone(), path, repeats: document.repeats };
+            Some((document, made))
+        }
+        Err(message) => {
+            gatherer.fault(pointer_to(&place, "file"), message);
             None
         }
     }

@@ -16,6 +16,7 @@
 //! | `moment` | one frame, ready to be coloured |
 //! | `cache` | moments within a bound of bytes |
 //! | `player` | pictures at instants, weights that follow |
+//! | `scene` | the sequences of a scene, at its instants |
 //! | `check` | what is in a sequence, and what is wrong with it |
 
 mod cache;
@@ -28,6 +29,7 @@ mod moment;
 mod open;
 mod pictures;
 mod player;
+mod scene;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
@@ -42,7 +44,8 @@ pub use frames::Frame;
 pub use meshes::FrameMesh;
 pub use moment::Moment;
 pub use open::{Sequence, SequenceCamera};
-pub use player::{Look, Mixing, Player, PlayerSettings};
+pub use player::{Look, MadeOn, Mixing, Player, PlayerSettings};
+pub use scene::{AtInstant, SceneSequences};
 pub use turn::Up;
 
 use crate::clock::Timestamp;

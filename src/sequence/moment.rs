@@ -25,7 +25,7 @@ pub struct Moment {
     pub blind: Vec<(usize, Option<String>)>,
     /// One a camera, in order, blind ones too; one blind view without cameras.
     pub views: Vec<View>,
-    /// How much each view may lend; none where the mesh has no triangles.
+    /// How much each view may lend; none where the mesh has no triangles, and where a device finds it.
     pub field: Option<Field>,
 }
 
@@ -36,7 +36,8 @@ const FIELD_BYTES: usize = 1 + 4 + 4 + 4;
 const VERTEX_BYTES: usize = 24 + 12 + 3 + 12;
 
 impl Moment {
-    /// Reads a frame and makes it ready. A camera whose picture is missing or broken is blind.
+    /// Reads a frame and makes it ready, with its field where there are `settings` for it. A camera whose picture is missing or broken is
+    /// blind.
     ///
     /// **Cost** that of reading the mesh, decoding as many pictures as cameras, and [`Field::new`].
     ///
@@ -45,7 +46,7 @@ impl Moment {
     pub(super) fn read(
         sequence: &mut Sequence,
         idx: usize,
-        settings: &FieldSettings,
+        settings: Option<&FieldSettings>,
     ) -> Result<Self, SequenceError> {
         let (number, at) = (sequence.frames()[idx].number, sequence.frames()[idx].at);
         let found = sequence.mesh(idx)?;
@@ -78,6 +79,7 @@ impl Moment {
         if moment.views.is_empty() {
             moment.views.push(blind_view(nobody()));
         }
+        let Some(settings) = settings else { return Ok(moment) };
         let topology = Topology::of(&moment.mesh.positions_m, &moment.mesh.triangles);
         match Field::new(&moment.mesh, &topology, &mut moment.views, settings) {
             Ok(field) => moment.field = Some(field),

@@ -7,6 +7,7 @@ use crate::fields::{Blend, FieldSettings, Shaded, Weights, shade};
 use crate::geometry::Camera;
 use crate::mesh::{NO_TRIANGLE, Raster};
 use crate::timeline::{Extent, Playhead};
+use glam::Vec3;
 use std::collections::HashMap;
 use std::str::FromStr;
 use std::sync::Arc;
@@ -51,6 +52,17 @@ impl FromStr for Mixing {
     }
 }
 
+/// Where fields of frames are made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MadeOn {
+    /// Here.
+    #[default]
+    Processor,
+    /// On a device, by who draws: frames have none. Gains, by which cameras agree, are those of the first frame that was read, since one
+    /// recording is exposed alike.
+    Device,
+}
+
 /// How a sequence is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlayerSettings {
@@ -58,13 +70,20 @@ pub struct PlayerSettings {
     pub mixing: Mixing,
     /// How fields are made.
     pub fields: FieldSettings,
+    /// Where they are made.
+    pub made_on: MadeOn,
     /// Bytes of frames that are kept ready. Default 512 MiB.
     pub cache_bytes: usize,
 }
 
 impl Default for PlayerSettings {
     fn default() -> Self {
-        Self { mixing: Mixing::default(), fields: FieldSettings::default(), cache_bytes: 512 << 20 }
+        Self {
+            mixing: Mixing::default(),
+            fields: FieldSettings::default(),
+            made_on: MadeOn::Processor,
+            cache_bytes: 512 << 20,
+        }
     }
 }
 
@@ -82,6 +101,8 @@ pub struct Player {
     cache: Cache,
     /// Why frames cannot be read, so that none is tried at every picture.
     broken: HashMap<usize, Arc<SequenceError>>,
+    /// What each camera's light is multiplied by, once that is known.
+    gains: Option<Vec<Vec3>>,
     history: Option<History>,
     /// Where a playhead stood when it was last asked, and the machine's time then.
     asked: Option<(Playhead, Timestamp, Duration)>,
@@ -117,6 +138,7 @@ impl Player {
             cache: Cache::new(settings.cache_bytes),
             settings,
             broken: HashMap::new(),
+            gains: None,
             history: None,
             asked: None,
             n_seeks: 0,
@@ -186,8 +208,13 @@ impl Player {
         if let Some(moment) = self.cache.get(idx) {
             return Ok(moment);
         }
-        match Moment::read(&mut self.sequence, idx, &self.settings.fields) {
-            Ok(moment) => {
+        let is_here = self.settings.made_on == MadeOn::Processor;
+        let settings = (is_here || self.gains.is_none()).then_some(&self.settings.fields);
+        match Moment::read(&mut self.sequence, idx, settings) {
+            Ok(mut moment) => {
+                if !is_here {
+                    self.even(&mut moment);
+                }
                 let moment = Arc::new(moment);
                 self.cache.put(idx, &moment);
                 Ok(moment)
@@ -197,6 +224,16 @@ impl Player {
                 self.broken.insert(idx, Arc::clone(&error));
                 Err(error)
             }
+        }
+    }
+
+    /// Leaves a frame's field to a device, and gives its views the gains that are known, or has them known.
+    fn even(&mut self, moment: &mut Moment) {
+        if moment.field.take().is_some() {
+            self.gains = Some(moment.views.iter().map(|view| view.gain).collect());
+        }
+        for (view, gain) in moment.views.iter_mut().zip(self.gains.iter().flatten()) {
+            view.gain = *gain;
         }
     }
 

@@ -57,6 +57,7 @@ fn scene_of(cameras: &[Arc<Camera>], mut shapes: Vec<Shape>) -> Arc<Scene> {
         }),
         sky: Sky::Plain { color_srgb: [0; 3] },
         effects: Default::default(),
+        sequences: vec![],
         min_entity_size_m: 0.0,
         cameras: cameras.iter().enumerate().map(member).collect(),
         view: None,

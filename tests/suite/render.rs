@@ -24,6 +24,8 @@ mod leak;
 mod mesh_fields;
 #[path = "render/see_through.rs"]
 mod see_through;
+#[path = "render/sequences.rs"]
+mod sequences;
 #[path = "render/stage.rs"]
 pub(crate) mod stage;
 #[path = "render/textures.rs"]

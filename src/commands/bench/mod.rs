@@ -8,6 +8,7 @@ mod fields;
 mod hull_costs;
 mod hulls;
 mod load;
+mod meshes;
 mod playing;
 mod quality;
 mod views;
@@ -30,6 +31,7 @@ enum What {
     Fields(fields::Fields),
     Hulls(hulls::Hulls),
     Load(load::Load),
+    Meshes(meshes::Meshes),
     Quality(quality::Quality),
     Views(views::Views),
     Vision(vision::Vision),
@@ -44,6 +46,7 @@ impl Bench {
             What::Fields(fields) => fields.run(),
             What::Hulls(hulls) => hulls.run(),
             What::Load(load) => load.run(),
+            What::Meshes(meshes) => meshes.run(),
             What::Quality(quality) => quality.run(),
             What::Views(views) => views.run(),
             What::Vision(vision) => vision.run(),

@@ -34,15 +34,23 @@ impl MeshColorsPass {
         Ok(Self { layout, sampler: linear_sampler(gpu, LABEL), colors, fill })
     }
 
-    /// Records the first of the mesh's colours, by its weights by normals in the values that are smooth (the first or second).
+    /// Records the first of the mesh's colours, by its weights by normals in the values that are smooth (the first or second); where nobody
+    /// sees a vertex it has the mesh's own, if `own` are any.
     pub(in crate::render) fn record(
         &self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,
         (mesh, values): (&MadeMesh, usize),
-        frames: &wgpu::TextureView,
+        (frames, own): (&wgpu::TextureView, Option<&wgpu::Buffer>),
     ) {
         let gpu = recording.gpu;
+        match own {
+            Some(own) => {
+                let n_bytes = 16 * u64::from(mesh.n[0]);
+                recording.encoder.copy_buffer_to_buffer(own, 0, &mesh.colors[1], 0, n_bytes);
+            }
+            None => recording.encoder.clear_buffer(&mesh.colors[1], 0, None),
+        }
         let group = |before: usize| {
             let buffers = [
                 &mesh.uniform,

@@ -17,6 +17,7 @@ fn scene(shapes: Vec<Shape>) -> Arc<Scene> {
         surfaces: Surfaces::new(shapes),
         sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
         effects: Default::default(),
+        sequences: Vec::new(),
         min_entity_size_m: 0.0,
         cameras: Vec::new(),
         view: None,

@@ -263,6 +263,7 @@ impl Door for FakeDoor {
             }],
             points: Vec::new(),
             hulls: Vec::new(),
+            sequences: vec![],
         })
     }
 
@@ -554,6 +555,7 @@ impl Door for FakeDoor {
             materials: Vec::new(),
             sky: Sky::Plain { color_srgb: [0; 3] },
             effects: Default::default(),
+            sequences: vec![],
             min_entity_size_m: 0.0,
             cameras: Vec::new(),
             view: Some(own_view()),
@@ -726,12 +728,14 @@ fn answer(request: &ViewRequest) -> ViewAnswer {
         entities: EntityStyle::None,
         billboards: vec![],
         hulls: vec![],
+        sequences: vec![],
         hull: videofields::plan::HullForm::EXACT,
         entity_cameras: vec![],
         opened: vec![],
         evens_colors: false,
         fields: FieldsForm::Off,
         hull_fields: FieldsForm::Off,
+        sequence_fields: FieldsForm::Off,
         followed: None,
         most_cameras_a_pixel: 8,
         filtering: Filtering::Levels,

@@ -54,6 +54,7 @@ impl Place {
             surfaces,
             sky: Sky::Plain { color_srgb: [0; 3] },
             effects: Default::default(),
+            sequences: vec![],
             min_entity_size_m: 0.0,
             cameras: cameras.iter().map(member).collect(),
             view: None,
@@ -67,6 +68,7 @@ impl Place {
             entities: Vec::new(),
             points: Vec::new(),
             hulls: Vec::new(),
+            sequences: vec![],
         };
         Self { state, truth }
     }

@@ -55,6 +55,14 @@ fn balls(offset: DVec3, turn: f64) -> Mesh {
     Mesh::new(positions.chain(more).collect(), ball.triangles.iter().copied().chain(corners).collect())
 }
 
+/// The same where what of its picture is of the mesh is known.
+fn masked(view: &FieldView, mesh: &Mesh) -> FieldView {
+    let raster = Raster::of(mesh, view.camera(), SIZE_PX.map(|side| side as usize));
+    let data = raster.depths_m().iter().map(|depth_m| if depth_m.is_finite() { 255 } else { 0 }).collect();
+    let [width, height] = SIZE_PX;
+    FieldView::new(view.camera().clone(), view.picture().clone(), Some(Mask { width, height, data }))
+}
+
 fn settings(distances: Distances, reach_m: f64) -> FieldSettings {
     FieldSettings {
         distances,
@@ -104,6 +112,7 @@ fn the_device_makes_the_fields_that_the_processor_makes() {
     let lens = Distortion::BrownConrady { coefficients: [-0.15, 0.03, 0.001, -0.001, 0.0, 0.0, 0.0, 0.0] };
     for (name, offset, distortion) in [
         ("pinhole", DVec3::ZERO, Distortion::None),
+        ("masked", DVec3::ZERO, Distortion::None),
         ("far", v(5e5, 5e6, 100.0), Distortion::None),
         ("lens", DVec3::ZERO, lens),
     ] {
@@ -116,6 +125,9 @@ fn the_device_makes_the_fields_that_the_processor_makes() {
         {
             let settings = settings(distances, reach_m);
             let mut views = around(offset, 6, distortion);
+            if name == "masked" {
+                views.iter_mut().for_each(|view| *view = masked(view, &mesh));
+            }
             let field = Field::new(&mesh, &topology, &mut views, &settings).expect("a field");
             let mut device = SurfaceFields::new(gpu);
             device.give(gpu, &mesh, &views, &settings).expect("a mesh");

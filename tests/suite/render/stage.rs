@@ -131,6 +131,7 @@ impl Stage {
             surfaces,
             sky: Sky::Plain { color_srgb: SKY },
             effects: Default::default(),
+            sequences: vec![],
             min_entity_size_m: 0.0,
             cameras: members,
             view: None,
@@ -162,6 +163,7 @@ impl Stage {
             entities,
             points: Vec::new(),
             hulls: Vec::new(),
+            sequences: vec![],
         }
     }
 
