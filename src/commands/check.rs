@@ -26,7 +26,8 @@ impl CheckConfig {
             match scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
                 Ok(parsed) => {
                     warn_of_unknown_cameras(settings, &parsed.scene);
-                    for (id, reason) in SceneSequences::open(&parsed.scene, 0).problems() {
+                    let roots = MediaRoots::usable(&settings.media.roots);
+                    for (id, reason) in SceneSequences::open(&parsed.scene, &roots, 0).problems() {
                         super::complain(&format!("warning: scene {}: sequence {id}: {reason}", scene.id));
                     }
                 }

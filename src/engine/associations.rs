@@ -3,7 +3,6 @@
 
 use crate::fuse::{Association, Exposure, HullMemory, Overlap};
 use crate::scene::Scene;
-use crate::sequence::SceneSequences;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 /// Scenes whose entities and gains are remembered, those asked for last: both are small, a scene's document may not be.
@@ -16,8 +15,6 @@ pub(super) struct Remembered {
     /// None before colours are first evened.
     pub(super) exposure: Option<Exposure>,
     pub(super) hulls: HullMemory,
-    /// None before they were opened.
-    pub(super) sequences: Option<SceneSequences>,
 }
 
 /// What is remembered by scene; the scene asked for last is the last.

@@ -29,6 +29,7 @@ mod playheads;
 mod presence;
 mod privacy;
 mod queue;
+mod recordings;
 mod redraw;
 mod reload;
 mod renderer;

@@ -4,7 +4,8 @@ use super::EngineError;
 use super::associations::{Overlaps, Remembered};
 use super::forecaster::Forecaster;
 use super::handle::At;
-use super::picture::{Observations, Subject, failure_of, none_fits};
+use super::picture::{Common, Observations, Subject, failure_of, none_fits};
+use super::recordings::Recordings;
 use super::renderer::open_renderer;
 use super::resolve::limits_of;
 use super::view::{ViewAnswer, ViewRequest};
@@ -72,7 +73,9 @@ pub fn view_once(
     // Of this machine nothing is known yet.
     let forecaster = Forecaster::default();
     let started = clock.monotonic();
-    let state = subject.state(&found, &mut Remembered::default(), &Overlaps::default());
+    let (overlaps, recordings) = (Overlaps::default(), Recordings::default());
+    let common = Common { overlaps: &overlaps, recordings: &recordings, roots: &|| roots.clone() };
+    let state = subject.state(&found, &mut Remembered::default(), &common);
     let fused = clock.monotonic();
     let deadline = subject.deadline.map(|(deadline, _)| deadline);
     let left = || deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));

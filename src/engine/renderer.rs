@@ -255,7 +255,7 @@ impl<'a> RenderThread<'a> {
         let forecaster = &shared.forecaster;
         let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
         let started = clock.monotonic();
-        let state = subject.state(&seen.0, remembered, &self.shared.overlaps);
+        let state = shared.state_of(subject, &seen.0, remembered);
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let left = || {

@@ -13,6 +13,7 @@ use super::playheads::Playheads;
 use super::presence::Presences;
 use super::privacy::Privacies;
 use super::queue::RenderQueue;
+use super::recordings::Recordings;
 use super::roster::Roster;
 use super::scene_list::SceneList;
 use super::scopes::Scopes;
@@ -99,6 +100,7 @@ pub(super) struct Shared {
     device_loss: Mutex<Option<DeviceLoss>>,
     pub(super) queue: RenderQueue,
     pub(super) overlaps: Overlaps,
+    pub(super) recordings: Recordings,
     pub(super) forecaster: Forecaster,
 }
 
@@ -153,6 +155,7 @@ impl Shared {
             device_loss: Mutex::new(None),
             queue,
             overlaps: Overlaps::default(),
+            recordings: Recordings::default(),
             forecaster: Forecaster::default(),
         }
     }

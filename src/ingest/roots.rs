@@ -59,6 +59,17 @@ impl MediaRoots {
         Self { networks: networks.to_vec(), ..self }
     }
 
+    /// The same with one more folder.
+    ///
+    /// # Errors
+    /// When that folder does not exist, cannot be read, or is none.
+    pub fn with_folder(mut self, folder: &Path) -> Result<Self, IngestError> {
+        let more = Self::new(&[folder.to_path_buf()])?;
+        self.configured.extend(more.configured);
+        self.resolved.extend(more.resolved);
+        Ok(self)
+    }
+
     /// The folders as they are configured that can be used, each with no link left in it.
     pub(super) fn folders(&self) -> impl Iterator<Item = &Path> {
         let is_usable = |root: &&PathBuf| fs::canonicalize(root).is_ok_and(|root| self.contains(&root));

@@ -37,12 +37,12 @@ const MOST_LOGGED: usize = 1024;
 
 impl SceneSequences {
     /// Those of `scene`; of all their frames at most `cache_bytes` are kept, and of each the one that was shown last. Files that a manifest
-    /// names are opened beneath its own folder alone. One that cannot be opened is told at every instant, and stops no other.
+    /// names are opened beneath its own folder and `roots` alone. One that cannot be opened is told at every instant, and stops no other.
     #[must_use]
-    pub fn open(scene: &Scene, cache_bytes: usize) -> Self {
+    pub fn open(scene: &Scene, roots: &MediaRoots, cache_bytes: usize) -> Self {
         let own_bytes = cache_bytes / scene.sequences.len().max(1);
         let open = |of: &SceneSequence| {
-            let player = opened(&of.path, own_bytes).inspect_err(|reason| {
+            let player = opened(&of.path, roots, own_bytes).inspect_err(|reason| {
                 tracing::error!(scene = scene.id, sequence = of.id, %reason, "a sequence cannot be opened");
             });
             Playing { id: of.id.as_str().into(), repeats: of.repeats, player, logged: HashSet::new() }
@@ -93,10 +93,10 @@ fn told(error: &SequenceError, (id, logged): (&str, &mut HashSet<u64>)) -> Arc<s
     }
 }
 
-fn opened(path: &Path, cache_bytes: usize) -> Result<Box<Player>, String> {
+fn opened(path: &Path, roots: &MediaRoots, cache_bytes: usize) -> Result<Box<Player>, String> {
     let folder = if path.is_dir() { Some(path) } else { path.parent() };
     let folder = folder.ok_or_else(|| "it has no folder".to_owned())?;
-    let roots = MediaRoots::new(&[folder.to_path_buf()]).map_err(|error| error.to_string())?;
+    let roots = roots.clone().with_folder(folder).map_err(|error| error.to_string())?;
     let sequence = Sequence::open(path, &roots).map_err(|error| error.to_string())?;
     let settings = PlayerSettings { made_on: MadeOn::Device, cache_bytes, ..PlayerSettings::default() };
     Ok(Box::new(Player::new(sequence, settings)))

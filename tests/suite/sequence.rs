@@ -269,3 +269,60 @@ fn a_real_castle_becomes_a_sequence() {
     let found = told(&["check", &text(out.path()), "--json"]);
     assert_eq!((found["cameras"].as_array().unwrap().len(), &found["n_faults"]), (10, &json!(0)));
 }
+
+#[test]
+fn a_scene_shows_a_recorded_sequence_to_who_looks_at_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let people = folder.path().join("people");
+    write_sequence(&World::plaza(), &small(&people), |_, _| ()).unwrap();
+    let roots = MediaRoots::new(&[folder.path().to_path_buf()]).unwrap();
+    let sequence = Sequence::open(&people, &roots).unwrap();
+    let first = sequence.mesh(0).unwrap().mesh.positions_m[0];
+    let scene = |repeats: bool| {
+        let document = json!({
+            "version": 1, "ground": [{"polygon": [[-40, -40], [40, -40], [40, 40], [-40, 40]]}],
+            "sequences": [{"id": "people", "file": "people", "repeats": repeats}],
+        });
+        std::fs::write(folder.path().join("place.json"), document.to_string()).unwrap();
+    };
+    let config = folder.path().join("daemon.toml");
+    std::fs::write(&config, "[[scene]]\nid = \"place\"\nfile = \"place.json\"\n").unwrap();
+    let drawn = |name: &str, more: &[&str]| -> Option<Vec<u8>> {
+        let out = folder.path().join(name);
+        let at = |over: DVec3| format!("{},{},{}", first.x + over.x, first.y + over.y, 1.0 + over.z);
+        let eye = format!("--eye={}", at(DVec3::new(0.9, -3.0, 0.7)));
+        let target = format!("--target={}", at(DVec3::ZERO));
+        let output = Command::new(env!("CARGO_BIN_EXE_videofields"))
+            .args(["view", "--config", config.to_str().unwrap(), "--scene", "place", &eye, &target])
+            .args(["--fov", "45", "--width", "160", "--height", "120", "--out", out.to_str().unwrap()])
+            .args(more)
+            .output()
+            .unwrap();
+        let told = String::from_utf8_lossy(&output.stderr).into_owned();
+        if !output.status.success() {
+            assert!(told.contains("no GPU") || told.contains("adapter"), "{told}");
+            return None;
+        }
+        Some(image::open(&out).unwrap().to_rgb8().into_raw())
+    };
+    scene(true);
+    // Without anything to draw with nothing is drawn, which other tests tell.
+    let Some(shown) = drawn("live.png", &["--fields", "montage"]) else { return };
+    scene(false);
+    let absent = drawn("late.png", &["--t", "900000000000"]).unwrap();
+    let recorded = drawn("then.png", &["--t", &sequence.frames()[0].at.as_nanos().to_string()]).unwrap();
+    let apart = |a: &[u8], b: &[u8]| a.iter().zip(b).filter(|(a, b)| a.abs_diff(**b) > 10).count();
+    assert!(apart(&shown, &absent) > 500 && apart(&recorded, &absent) > 500);
+    // What is wrong with one is told before a daemon meets it.
+    std::fs::write(people.join("sequence.json"), r#"{"version": 1, "meshes": {"pattern": "mesh/%05d.ply"}}"#)
+        .unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_videofields"))
+        .args(["check-config", config.to_str().unwrap()])
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success() && told.contains("sequence people: ") && told.contains("/rate_hz"),
+        "{told}"
+    );
+}

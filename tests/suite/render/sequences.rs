@@ -44,6 +44,10 @@ fn scene(folder: &Path, sequences: &str, boxes: &str) -> Arc<Scene> {
     Arc::new(load_file("place", &path, &[]).expect("a scene").scene)
 }
 
+fn opened(scene: &Scene) -> SceneSequences {
+    SceneSequences::open(scene, &MediaRoots::usable(&[]), 64 << 20)
+}
+
 fn at(scene: &Arc<Scene>, opened: &mut SceneSequences, instant: Timestamp) -> SceneState {
     let mut state = assemble(scene, instant, |_| None, None);
     state.sequences = opened.at(instant);
@@ -85,7 +89,7 @@ fn a_recorded_sequence_is_drawn_in_its_scene_as_the_processor_shades_it() {
     let folder = tempfile::tempdir().expect("a folder");
     recorded(&folder.path().join("people"));
     let scene = scene(folder.path(), r#"{"id": "people", "file": "people"}"#, "");
-    let mut opened = SceneSequences::open(&scene, 64 << 20);
+    let mut opened = opened(&scene);
     let roots = MediaRoots::new(&[folder.path().to_path_buf()]).expect("roots");
     let sequence = || Sequence::open(&folder.path().join("people"), &roots).expect("a sequence");
     let first = sequence().frames()[0].at;
@@ -140,7 +144,7 @@ fn sequences_are_shown_at_their_times_or_over_and_over_and_what_fails_is_told() 
            {"id": "broken", "file": "broken/sequence.json"}"#,
         "",
     );
-    let mut opened = SceneSequences::open(&scene, 64 << 20);
+    let mut opened = opened(&scene);
     let late = Timestamp::from_nanos(1_700_000_000_000_000_000);
     let state = at(&scene, &mut opened, late);
     assert!(state.sequences[0].moment.is_err() && state.sequences[1].moment.is_ok());
@@ -169,7 +173,7 @@ fn sequences_are_shown_at_their_times_or_over_and_over_and_what_fails_is_told() 
     let boxed =
         format!(r#"{{"id": "wall", "center_m": [{}, {}, 3], "size_m": [60, 0.2, 30]}}"#, wall.x, wall.y);
     let hidden = self::scene(folder.path(), r#"{"id": "again", "file": "people", "repeats": true}"#, &boxed);
-    let state = at(&hidden, &mut SceneSequences::open(&hidden, 64 << 20), late);
+    let state = at(&hidden, &mut self::opened(&hidden), late);
     let images = [state.clone(), SceneState { sequences: Vec::new(), ..state }].map(|state| {
         let plan = plan::make(&state, &looking, wishes(FieldsForm::Montage));
         brush.renderer.render(&state, &looking, &plan).expect("a picture").image
@@ -183,7 +187,7 @@ fn a_session_follows_a_sequence_whose_triangles_change() {
     let folder = tempfile::tempdir().expect("a folder");
     recorded(&folder.path().join("people"));
     let scene = scene(folder.path(), r#"{"id": "people", "file": "people"}"#, "");
-    let mut opened = SceneSequences::open(&scene, 64 << 20);
+    let mut opened = opened(&scene);
     let roots = MediaRoots::new(&[folder.path().to_path_buf()]).expect("roots");
     let sequence = Sequence::open(&folder.path().join("people"), &roots).expect("a sequence");
     let times: Vec<Timestamp> = sequence.frames().iter().map(|frame| frame.at).collect();
