@@ -62,4 +62,31 @@ plaza points "All of them, people as points." --entities points --occlusion on \
   --relight sky --sun-azimuth 225 --sun-elevation 50 --sun-strength 8 --relight-exposure 1 --stipple on
 plaza map "The map with occlusion and a sun." --projection map --target=0,0,0 --across 60 \
   --occlusion on --relight sky --sun-azimuth 225 --sun-elevation 50 --sun-strength 8 --relight-exposure 1
+
+# What dots make of seams: they are drawn where light changes, and so along every seam (Du et al. 2019, figure 13). Photographs are not
+# part of the project, and pictures of them are not either.
+printf '<h2>Dots on what several pictures colour, with seams and without</h2>\n' >>"$index"
+for fields in normals montage; do
+  plaza "stipple-fields-$fields" "The plaza in dots, colours as cameras have them; fields: $fields." \
+    --colors raw --fields "$fields" --stipple on
+done
+castle=../shared/data/sceaux_castle
+if [[ -f $castle/cameras.json ]]; then
+  "$videofields" sequence from-set --cameras "$castle/cameras.json" --images "$castle/images" \
+    --mesh "$castle/scene_mesh.ply" --name castle --out "$out/castle" >/dev/null
+  printf '{"version": 1, "sky": {"color_srgb": "#d8dde6"}, "sequences": [{"id": "castle", "file": "castle"}]}\n' >"$out/castle.json"
+  printf '[media]\nroots = ["%s"]\n[[scene]]\nid = "castle"\nfile = "castle.json"\n' "$(realpath "$castle")" >"$out/castle.toml"
+  for stipple in off on; do
+    for fields in normals montage; do
+      name=castle-$fields-stipple-$stipple
+      "$videofields" view --config "$out/castle.toml" --scene castle --eye=0.7,-8.7,-1.3 --target=0.1,0,-0.35 --fov 34 \
+        --fields "$fields" --stipple "$stipple" --width 1280 --height 720 --out "$out/$name.png"
+      printf '<figure><a href="%s"><img src="%s" alt=""></a><figcaption>A castle from ten photographs; fields: %s, dots: %s</figcaption></figure>\n' \
+        "$name.png" "$name.png" "$fields" "$stipple" >>"$index"
+    done
+  done
+else
+  echo "<p>Not at hand: $castle.</p>" >>"$index"
+  echo "no photographs of the castle at $castle: their pictures are left out"
+fi
 echo "$index"

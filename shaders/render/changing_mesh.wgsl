@@ -69,6 +69,7 @@ fn vs_main(@builtin(vertex_index) half_edge: u32) -> MeshVarying {
 @fragment
 fn fs_main(in: MeshVarying) -> @location(0) vec4<f32> {
     var sum = vec4<f32>(0.0);
+    let total = dot(in.lent_low, vec4<f32>(1.0)) + dot(in.lent_high, vec4<f32>(1.0));
     for (var slot = 0u; slot < N_LISTED; slot++) {
         let view_idx = view_of(in.slots, slot);
         if view_idx == NOBODY {
@@ -87,5 +88,7 @@ fn fs_main(in: MeshVarying) -> @location(0) vec4<f32> {
         sum += vec4<f32>(evened(camera_idx, color.rgb), 1.0) * (lent * smoothstep(0.25, 0.75, color.a));
     }
     let beside = select(UNSEEN, in.color.rgb / max(in.color.w, 1e-6), in.color.w > 0.0);
-    return vec4<f32>(select(beside, sum.rgb / max(sum.a, 1e-30), sum.a > LEAST_WEIGHT), 1.0);
+    // Towards vertices that nobody sees more and more of their own colour.
+    let seen = mix(beside, sum.rgb / max(sum.a, 1e-30), clamp(total, 0.0, 1.0));
+    return vec4<f32>(select(beside, seen, sum.a > LEAST_WEIGHT), 1.0);
 }

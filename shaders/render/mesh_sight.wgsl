@@ -79,7 +79,13 @@ fn sight_by_depth(view_idx: u32, seen: Projection, normal: vec3<f32>) -> u32 {
     let near = CAMERA_NEAR_M / seen.local.z;
     let slope = CAMERA_NEAR_M * in_camera.xy / (cameras[camera_idx].focal * size)
         / select(height, -1e-12, height > -1e-12);
-    if is_hidden(view_idx, at_px, vec2<f32>(0.0), near, slope, DEPTH_BIAS) {
+    // What is nearer and ends between the texels around a vertex hides nothing, as at the foot of a wall.
+    var is_open = false;
+    for (var i = 0u; i < 4u; i++) {
+        let over = vec2<f32>(vec2<u32>(i & 1u, i >> 1u)) - 0.5;
+        is_open = is_open || !is_hidden(view_idx, at_px, over, near, slope, DEPTH_BIAS);
+    }
+    if !is_open {
         return HIDDEN;
     }
     if mesh.visibility < BY_DILATED_DEPTHS {

@@ -296,6 +296,9 @@ fn shaded(in: Varying, material: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(select(fallback, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
 }
 
+// Of what cameras lend to a place of a triangle, from which share on it is seen there.
+const LEAST_LENT: f32 = 0.75;
+
 struct FieldsVarying {
     @builtin(position) @invariant position: vec4<f32>,
     @location(0) @interpolate(perspective, centroid) position_from_anchor: vec3<f32>,
@@ -332,10 +335,12 @@ fn vs_fields_textured(
         clip_place(in), in.position_from_anchor, in.material.xyz, texture, tint, lent_low, lent_high);
 }
 
-// The colour of a fragment by what its triangle's vertices are lent (fields.wgsl); `material` where nobody lends anything.
+// The colour of a fragment by what its triangle's vertices are lent (fields.wgsl); `material` where nobody lends anything, and more
+// and more of it towards vertices to which nobody does: somewhere before these what hides them begins in the cameras' pictures.
 fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: vec3<f32>) -> vec4<f32> {
     var sum = vec3<f32>(0.0);
     var sum_of_weights = 0.0;
+    let lent = dot(lent_low, vec4<f32>(1.0)) + dot(lent_high, vec4<f32>(1.0));
     for (var idx = 0u; idx < N_LISTED; idx++) {
         let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
         let weight = select(lent_low[idx & 3u], lent_high[idx & 3u], idx >= 4u);
@@ -357,7 +362,8 @@ fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: 
         sum += weight * evened(k, looked_up.rgb);
         sum_of_weights += weight;
     }
-    return vec4<f32>(select(material, sum / max(sum_of_weights, 1e-30), sum_of_weights > 0.0), 1.0);
+    let seen = mix(material, sum / max(sum_of_weights, 1e-30), smoothstep(LEAST_LENT, 1.0, lent));
+    return vec4<f32>(select(material, seen, sum_of_weights > 0.0), 1.0);
 }
 
 @fragment

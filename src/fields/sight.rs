@@ -70,6 +70,10 @@ const DEPTH_BIAS: f64 = 1e-3;
 /// How far around a vertex its texels are looked at, in texels: `[M19]` section 4.2.
 const DILATION_TEXELS: [f64; 3] = [1.5, 3.0, 4.0];
 
+/// From a place to the four texels whose middles lie around it.
+const AROUND: [DVec2; 4] =
+    [DVec2::new(-0.5, -0.5), DVec2::new(0.5, -0.5), DVec2::new(-0.5, 0.5), DVec2::new(0.5, 0.5)];
+
 /// How much nearer than a vertex' plane, relative, begins another surface: `camera_depth.wgsl`.
 const DISCONTINUITY: f64 = 0.02;
 
@@ -147,7 +151,8 @@ pub(super) fn sights(
         let is_hidden = |texel: DVec2, bias: f64| raster.depth_m(texel) < plane(texel) / (1.0 + bias);
         let at = texture * size;
         let is_near_other = || dilation.iter().any(|over| is_hidden(at + *over, DISCONTINUITY));
-        if is_hidden(at, DEPTH_BIAS) {
+        // At the foot of a wall, and wherever else what is nearer ends between the texels around a vertex, that hides nothing.
+        if AROUND.iter().all(|over| is_hidden(at + *over, DEPTH_BIAS)) {
             Sight::Hidden
         } else if visibility == Visibility::Dilated && is_near_other() {
             Sight::Near

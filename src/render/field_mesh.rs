@@ -6,7 +6,7 @@
 use super::mesh::{Mesh, MeshVertex};
 use super::passes::{FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, NO_FIELD_VIEW};
 use super::patches::{Batch, Batches, CameraList, Drawing, Shading, within};
-use crate::fields::{Field, FieldSettings, MAX_VIEWS, Tessellation, Topology, View};
+use crate::fields::{Field, FieldSettings, MAX_VIEWS, Sight, Tessellation, Topology, View};
 use crate::geometry::{Camera, SurfaceId};
 use crate::plan::{Filtering, Opened};
 use glam::DVec3;
@@ -139,9 +139,17 @@ impl FieldMesh {
     /// What the cameras of the next group have to do with one of its vertices.
     fn lent_to(&self, at: DVec3, vertex: u32, (field, views): (Option<&Field>, &[u8])) -> FieldVertex {
         let mut slots = FieldSlots::default();
+        // Beside what a camera shows its picture ends pixel by pixel: what it lends need not end before.
+        let is_beside = |field: &Field, view: usize| field.sight(vertex, view) == Sight::Beside;
+        let nobody_lends = |field: &Field| field.lends_by_normals(vertex).iter().all(|lent| *lent <= 0.0);
+        let ends_beside = field.is_some_and(nobody_lends);
         for (slot, view) in views.iter().enumerate() {
             let Some(field) = field else { break };
             let view = usize::from(*view);
+            if ends_beside && is_beside(field, view) {
+                (slots.normals[slot], slots.fallback[slot]) = (1.0, 1.0);
+                continue;
+            }
             slots.ramps[slot] = field.trust(vertex, view);
             slots.normals[slot] = field.lends_by_normals(vertex)[view];
             slots.pixels_m[slot] = field.pixel_m(vertex, view);

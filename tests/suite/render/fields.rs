@@ -215,3 +215,24 @@ fn open_buildings_and_hard_views_have_fields_too() {
         assert_eq!(found.data.len(), 96 * 64 * 3);
     }
 }
+
+#[test]
+fn what_hides_a_surface_does_not_show_on_it_before_the_next_vertex() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    // A red block before a wall, seen by one camera: beside the block's outline in its picture the wall is seen, behind it nobody sees it.
+    let stage = super::Stage::new()
+        .with_box(v(0.0, 6.0, 3.0), v(24.0, 0.4, 6.0), 0.0)
+        .with_box(v(0.0, 0.0, 1.5), v(3.0, 3.0, 3.0), 0.0)
+        .with_camera(v(-1.0, -14.0, 3.0), v(0.0, 6.0, 1.5), RED);
+    let state = stage.state();
+    let looking: Picture = view(v(8.0, 1.0, 4.0), v(0.0, 6.0, 2.0), 0.9, 240, 180).into();
+    let [off, montage] =
+        [FieldsForm::Off, FieldsForm::Montage].map(|form| drawn(&mut brush, &state, &looking, form));
+    keep("fields-beside-off", &off);
+    keep("fields-beside-montage", &montage);
+    // Where pictures by pixels show the wall's material, or what the camera sees of it, fields show one of both or what lies between.
+    let apart = |(a, b): (&[u8], &[u8])| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
+    let pairs = off.data.chunks_exact(3).zip(montage.data.chunks_exact(3));
+    let n_apart = pairs.filter(|pair| apart(*pair) > 60).count();
+    assert!(n_apart < 200, "{n_apart} pixels");
+}

@@ -48,6 +48,8 @@ function PictureMenu() {
           <input type="checkbox" checked={state.colors.value === "even"}
             onChange={(event) => state.choose("colors", event.currentTarget.checked ? "even" : "raw", "even")} /> {say("colors.label")}
         </label>
+        <Segments name="fields" label={say("fields.label")} values={state.FIELDS} chosen={state.fields.value}
+          text={(value) => say(`fields.${value}`)} onChoose={(value) => state.choose("fields", value, "off")} />
         <Segments name="occlusion" label={say("occlusion.label")} values={state.SWITCHES} chosen={state.occlusion.value}
           text={(value) => say(`effect.${value}`)} onChoose={(value) => state.choose("occlusion", value, "scene")} />
         <Segments name="relight" label={say("relight.label")} values={state.LIGHTS} chosen={state.relight.value}

@@ -15,7 +15,7 @@ type Listed = Awaited<ReturnType<typeof asked>>["views"][number];
 const AGAIN_MILLIS = 10_000;
 const NUMBERS = 9;
 /** What of a view, beside its place, is kept. */
-const CHOICES = { entities: "billboards", see_through: "on", colors: "even", quality: "balanced", occlusion: "scene", relight: "scene", stipple: "scene" } as const;
+const CHOICES = { entities: "billboards", see_through: "on", colors: "even", fields: "off", quality: "balanced", occlusion: "scene", relight: "scene", stipple: "scene" } as const;
 
 const views = signal<Listed[]>([]);
 const failure = signal<string | null>(null);

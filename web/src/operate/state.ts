@@ -18,6 +18,7 @@ export const QUALITIES = ["draft", "balanced", "exact"] as const;
 /** What is done to the picture once it is drawn: `scene` leaves it to the scene. */
 export const SWITCHES = ["scene", "on", "off"] as const;
 export const LIGHTS = ["scene", "off", "sky", "camera"] as const;
+export const FIELDS = ["off", "normals", "montage"] as const;
 export const DRAWINGS = ["auto", "server", "browser"] as const;
 export const KINDS = ["frame", "background", "mask"] as const;
 export type Kind = (typeof KINDS)[number];
@@ -58,10 +59,13 @@ export const colors = oneOf(["even", "raw"], "colors", "even");
 export const occlusion = oneOf(SWITCHES, "occlusion", "scene");
 export const relight = oneOf(LIGHTS, "relight", "scene");
 export const stipple = oneOf(SWITCHES, "stipple", "scene");
-/** Those that are not left to the scene, as requests have them. */
+/** How cameras' colours are mixed where they meet. */
+export const fields = oneOf(FIELDS, "fields", "off");
+/** Those that are not left to the scene, as requests have them; and fields, which only the daemon draws as well. */
 export const effects = computed((): Readonly<Record<string, string>> => {
   const chosen = { occlusion: occlusion.value, relight: relight.value, stipple: stipple.value };
-  return Object.fromEntries(Object.entries(chosen).filter(([, value]) => value !== "scene"));
+  const asked = Object.entries(chosen).filter(([, value]) => value !== "scene");
+  return Object.fromEntries(fields.value === "off" ? asked : [...asked, ["fields", fields.value]]);
 });
 export const kind = oneOf(KINDS, "kind", "frame");
 /** How pointer and keys move the viewer. */

@@ -20,6 +20,11 @@ export const operate = {
 
   "colors.label": "Even colours",
 
+  "fields.label": "Where cameras meet",
+  "fields.off": "Pixel by pixel",
+  "fields.normals": "By direction",
+  "fields.montage": "Smooth seams",
+
   "occlusion.label": "Shade where much stands around",
   "relight.label": "Light",
   "stipple.label": "Dots on paper",
