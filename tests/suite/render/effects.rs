@@ -1,5 +1,6 @@
 //! What is done to pictures once the scene is drawn: against the arithmetic of every pixel, and without a seam in every kind of picture.
 
+use super::hulls::{peopled, ring};
 use super::stage::Stage;
 use super::textures::{changed, gradient};
 use super::{Brush, GREEN, LIMITS, RED, keep, pixel, plaza, points_of, renderer, v, view};
@@ -12,8 +13,8 @@ use videofields::effects::{
 use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 use videofields::fuse::SceneState;
 use videofields::plan::{
-    self, Colors, Detail, EntityStyle, Part, Picture, PlannedEffects, PlannedLight, Sampling, Settings,
-    Wishes,
+    self, Colors, Detail, EntityStyle, FieldsForm, Part, Picture, PlannedEffects, PlannedLight, Sampling,
+    Settings, Wishes,
 };
 use videofields::render::{EffectFilter, Filtered};
 
@@ -499,4 +500,94 @@ fn the_plan_says_which_effects_run_and_why() {
     let other = Relight { camera_idx: Some(2), ..Relight::by(LightSource::Camera) };
     let ([_, relight, ..], _) = reasons(&state, EffectSettings { relight: Some(other), ..NONE });
     assert!(relight.0 && relight.1.contains("cam2"), "{relight:?}");
+}
+
+#[test]
+fn hulls_by_rays_and_as_meshes_are_lit_by_their_own_surfaces_and_shade_the_ground() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = peopled(&ring(6), &[DVec3::ZERO]);
+    // From the south: the west is left.
+    let picture: Picture = view(v(0.0, -4.5, 1.4), v(0.0, 0.0, 0.9), 0.5, 120, 150).into();
+    for fields in [FieldsForm::Off, FieldsForm::Montage] {
+        let mut with = |effects: EffectSettings, entities: EntityStyle| {
+            let settings = Settings { fields, entities, ..brush.wishes(entities).settings };
+            let wishes = Wishes { settings, see_through: false, colors: Colors::Raw, effects };
+            drawn(&mut brush, &state, &picture, wishes)
+        };
+        let plain = with(NONE, EntityStyle::Hulls);
+        let nobody = with(NONE, EntityStyle::None);
+        let is_body = |at: usize| {
+            let pair = plain.data[3 * at..3 * at + 3].iter().zip(&nobody.data[3 * at..3 * at + 3]);
+            pair.map(|(a, b)| a.abs_diff(*b)).max() > Some(30)
+        };
+        let body: Vec<usize> = (0..120 * 150).filter(|at| is_body(*at)).collect();
+        assert!(body.len() > 500, "{} pixels", body.len());
+        // How much brighter each side becomes, of the trunk's pixels.
+        let mut lit = |azimuth_deg: f32| {
+            let image = with_light(&mut brush, (&state, &picture), fields, sunny(azimuth_deg, 15.0));
+            keep(&format!("hulls-lit-{}-{azimuth_deg}", fields.as_str()), &image);
+            let middle = body.iter().map(|at| at % 120).sum::<usize>() / body.len();
+            let brighter = |is_left: bool| -> f64 {
+                let of = body.iter().filter(|at| (*at % 120 < middle) == is_left);
+                let code = |image: &RgbImage, at: usize| {
+                    image.data[3 * at..3 * at + 3].iter().map(|code| f64::from(*code)).sum::<f64>()
+                };
+                let (sum, n) =
+                    of.fold((0.0, 0), |(sum, n), at| (sum + code(&image, *at) - code(&plain, *at), n + 1));
+                sum / f64::from(n.max(1))
+            };
+            brighter(true) - brighter(false)
+        };
+        let [from_west, from_east] = [lit(270.0), lit(90.0)];
+        assert!(from_west > from_east + 10.0, "{fields:?}: {from_west} and {from_east} codes");
+        let mut with = |effects: EffectSettings| {
+            let settings = Settings { fields, ..brush.wishes(EntityStyle::Hulls).settings };
+            let wishes = Wishes { settings, see_through: false, colors: Colors::Raw, effects };
+            drawn(&mut brush, &state, &picture, wishes)
+        };
+        // The ground is darker where feet stand than before there was any obstruction.
+        let shaded = with(EffectSettings { occlusion: Some(OCCLUSION), ..NONE });
+        let darker = |at: usize| f64::from(plain.data[3 * at + 1]) - f64::from(shaded.data[3 * at + 1]);
+        let lowest = body.iter().copied().max().expect("somebody");
+        let beneath: f64 = (1..5).map(|row| darker(lowest + row * 120)).sum::<f64>() / 4.0;
+        let away: f64 = (1..5).map(|row| darker((lowest / 120 + row) * 120 + 4)).sum::<f64>() / 4.0;
+        assert!(beneath > away + 2.0, "{fields:?}: {beneath} beneath, {away} away");
+    }
+}
+
+fn with_light(
+    brush: &mut Brush,
+    (state, picture): (&SceneState, &Picture),
+    fields: FieldsForm,
+    relight: Relight,
+) -> RgbImage {
+    let settings = Settings { fields, ..brush.wishes(EntityStyle::Hulls).settings };
+    let effects = EffectSettings { relight: Some(relight), ..NONE };
+    let wishes = Wishes { settings, see_through: false, colors: Colors::Raw, effects };
+    drawn(brush, state, picture, wishes)
+}
+
+#[test]
+fn a_building_that_is_open_has_its_light_in_parts_as_in_the_whole() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let state = plaza(DVec3::ZERO).with_person(v(4.5, 7.0, 0.0)).state();
+    let whole = view(v(3.0, -14.0, 2.2), v(4.2, 6.0, 1.0), 0.6, 128, 96);
+    let cut = |columns: std::ops::Range<u32>| Part {
+        left_px: columns.start,
+        top_px: 0,
+        view: whole.cropped(columns, 0..96),
+    };
+    let parted = Picture { parts: vec![cut(0..50), cut(50..128)], ..whole.into() };
+    // Dots count from elsewhere in pictures of several parts.
+    for (name, effects) in each().into_iter().take(2) {
+        let mut with = |picture: &Picture| {
+            let wishes = Wishes { see_through: true, ..wishes(&brush, effects) };
+            let plan = plan::make(&state, picture, wishes);
+            assert!(!plan.opened.is_empty(), "somebody stands behind a building");
+            brush.renderer.render(&state, picture, &plan).expect("a picture").image
+        };
+        let (one, parts) = (with(&whole.into()), with(&parted));
+        let n = one.data.iter().zip(&parts.data).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+        assert!(n * 200 < one.data.len(), "{name}: {n} codes differ");
+    }
 }
