@@ -95,6 +95,18 @@ test("a view is kept under a name, gone to by its number, renamed and removed", 
   await expect(views.getByText("No view of this scene is kept yet.")).toBeVisible();
 });
 
+test("where cameras meet is chosen, asked for and kept in the address", async ({ page, url }) => {
+  await page.goto(`${url}/#/operate?eye=0,-14,6&target=0,0,0&fov=50`);
+  await fused(page);
+  await page.getByText("Picture", { exact: true }).click();
+  const asked = page.waitForResponse((response) => response.url().includes("fields=montage") && response.ok());
+  await page.getByText("Smooth seams", { exact: true }).click();
+  await expect(page).toHaveURL(/fields=montage/);
+  expect((await asked).headers()["videofields-settings"]).toContain("fields=montage");
+  await page.getByText("Pixel by pixel", { exact: true }).click();
+  await expect(page).not.toHaveURL(/fields=/);
+});
+
 test("walking goes over the ground, and what is shown is kept as a snapshot", async ({ page, url }) => {
   test.setTimeout(120_000);
   await page.goto(`${url}/#/operate?eye=0,-14,6&target=0,0,0&fov=50&side=keep`);
