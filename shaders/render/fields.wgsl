@@ -2,6 +2,7 @@
 //
 // src/fields/field.rs (Field::target) and history.rs (Weights::follow) are its counterparts and specification, of the at most eight
 // cameras that lend to a vertex' group of triangles.
+#import "common/lists.wgsl"
 
 // Most cameras of a field: fields::MAX_VIEWS.
 const MAX_VIEWS: u32 = 64u;
@@ -86,8 +87,7 @@ fn times(lent: Lent, factor: f32) -> Lent {
 
 @compute @workgroup_size(64)
 fn cs_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) n_groups: vec3<u32>) {
-    // More vertices than one row of groups may have lie in several.
-    let idx = id.x + id.y * n_groups.x * 64u;
+    let idx = index(id, n_groups);
     if idx >= frame.n_vertices {
         return;
     }

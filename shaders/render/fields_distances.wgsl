@@ -2,6 +2,7 @@
 // src/fields/bounded.rs is its counterpart and specification, with the names and steps of this file.
 //
 // A window carries the source that it sees, in the plane of the face that is looked into, and not distances to it.
+#import "common/lists.wgsl"
 
 struct MeshSize {
     n_vertices: u32,
@@ -31,11 +32,9 @@ struct Kept {
 @group(0) @binding(7) var<storage, read> distances_before: array<u32>;
 @group(0) @binding(8) var<storage, read_write> distances_after: array<atomic<u32>>;
 
-const GROUP: u32 = 64u;
 const FULL_TURN: u32 = 16777216u;
 // What rounding of angles may add to a full turn.
 const TURN_SLACK: u32 = 64u;
-const LEAST_AREA: f32 = 1e-7;
 const LEAST_WINDOW: f32 = 1e-2;
 // Bits of what is beyond all distances.
 const FAR: u32 = 0x7f800000u;
@@ -226,10 +225,6 @@ fn may_begin(vertex: u32) -> bool {
     return turns[vertex] > FULL_TURN + TURN_SLACK || distances_before[vertex] == 0u;
 }
 
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
-
 // What looks into a face through a side: what the face before that side hands on to it.
 @compute @workgroup_size(64)
 fn cs_gather(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) n_groups: vec3<u32>) {
@@ -281,8 +276,7 @@ fn cs_reach(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     let a = position(corners[3u * face]);
     let b = position(corners[3u * face + 1u]);
     let c = position(corners[3u * face + 2u]);
-    let longest = max(max(dot(b - a, b - a), dot(c - a, c - a)), dot(c - b, c - b));
-    if !(length(cross(b - a, c - a)) > LEAST_AREA * longest) {
+    if !has_area(a, b, c) {
         return;
     }
     let beside = apex(half_edge);

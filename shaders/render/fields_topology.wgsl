@@ -2,6 +2,7 @@
 //
 // A half-edge is a side of a face: three times the face and the corner across. Those of the same two vertices find each other in a
 // table, each of whose slots keeps the first that came; of more than two some stay alone.
+#import "common/lists.wgsl"
 
 struct MeshSize {
     n_vertices: u32,
@@ -24,14 +25,11 @@ struct MeshSize {
 // By vertex: what the angles of its faces add up to, in parts of a full turn.
 @group(0) @binding(5) var<storage, read_write> turns: array<atomic<u32>>;
 
-const GROUP: u32 = 64u;
 // Parts of a full turn.
 const FULL_TURN: f32 = 16777216.0;
 const TAU: f32 = 6.283185307179586;
 // More than any turn: of vertices at borders.
 const AT_BORDER: u32 = 0x40000000u;
-// Faces whose area is below this share of their longest side squared have none, in single precision.
-const LEAST_AREA: f32 = 1e-7;
 
 fn position(vertex: u32) -> vec3<f32> {
     return positions[vertex].xyz;
@@ -41,8 +39,7 @@ fn is_face(face: u32) -> bool {
     let a = position(corners[3u * face]);
     let b = position(corners[3u * face + 1u]);
     let c = position(corners[3u * face + 2u]);
-    let longest = max(max(dot(b - a, b - a), dot(c - a, c - a)), dot(c - b, c - b));
-    return length(cross(b - a, c - a)) > LEAST_AREA * longest;
+    return has_area(a, b, c);
 }
 
 // The ends of a half-edge, the lesser first.
@@ -59,10 +56,6 @@ fn slot_of(side: vec2<u32>) -> u32 {
     hash = (hash ^ (hash >> 15u)) * 0x2c1b3c6du;
     hash = (hash ^ (hash >> 12u)) * 0x297a2d39u;
     return (hash ^ (hash >> 15u)) & mesh.table_mask;
-}
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
 }
 
 // Every half-edge meets the one on the other side, and tells its corner's angle.

@@ -1,6 +1,7 @@
 // What cameras lent to a mesh before it changed, at the nearest of its vertices: what the weights of another mesh follow on from.
 // src/fields/history.rs is the specification, by nearest places of the surface.
 #import "common/changing_mesh.wgsl"
+#import "common/lists.wgsl"
 
 // Where vertices are by what they are of, metres: as of one who walks, if that is known.
 @group(1) @binding(1) var<storage, read> homes: array<vec4<f32>>;
@@ -13,14 +14,9 @@
 // By vertex and view.
 @group(1) @binding(6) var<storage, read_write> carried: array<f32>;
 
-const GROUP: u32 = 64u;
 // Vertices that are mixed; and those that are looked at in one cell, at most.
 const N_NEAREST: u32 = 4u;
 const MOST_LOOKED_AT: u32 = 128u;
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
 
 fn cell_of(home: vec3<f32>) -> vec3<i32> {
     return vec3<i32>(floor(home / mesh.cell_m));

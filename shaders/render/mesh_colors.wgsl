@@ -2,6 +2,7 @@
 // where none sees it. src/fields/field.rs and src/mesh/fill.rs are the specification.
 #import "common/camera.wgsl"
 #import "common/changing_mesh.wgsl"
+#import "common/lists.wgsl"
 
 // w: the part that the vertex is of, by number. From the mesh's origin, metres.
 @group(1) @binding(1) var<storage, read> positions: array<vec4<f32>>;
@@ -17,12 +18,7 @@
 @group(1) @binding(7) var frames: texture_2d_array<f32>;
 @group(1) @binding(8) var frame_sampler: sampler;
 
-const GROUP: u32 = 64u;
 const NEIGHBOURS: u32 = 16u;
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
 
 // A thread a vertex.
 @compute @workgroup_size(64)

@@ -2,6 +2,7 @@
 // src/fields/{sight,seams,marching}.rs are the specification.
 #import "common/camera.wgsl"
 #import "common/changing_mesh.wgsl"
+#import "common/lists.wgsl"
 
 // w: the part that the vertex is of, by number. From the mesh's origin, metres.
 @group(1) @binding(1) var<storage, read> positions: array<vec4<f32>>;
@@ -20,7 +21,6 @@
 @group(1) @binding(8) var depth_maps: texture_depth_2d_array;
 @group(1) @binding(9) var frames: texture_2d_array<f32>;
 
-const GROUP: u32 = 64u;
 // Sine of half a degree: what is seen at less is smeared beyond use.
 const LEAST_COSINE: f32 = 0.0087265;
 // How much nearer, relative, what hides must be; and how much nearer begins another surface.
@@ -33,12 +33,6 @@ const BORDER_PX: f32 = 1.5;
 // Alpha from which on a pixel is of the mesh.
 const LEAST_ALPHA: f32 = 0.5;
 const INFINITE: u32 = 0x7f800000u;
-// Faces whose area is below this share of their longest side squared have none, in single precision.
-const LEAST_AREA: f32 = 1e-7;
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
 
 fn is_foreground_at(camera_idx: u32, at_px: vec2<f32>) -> bool {
     let last = max(cameras[camera_idx].frame_size_px - 1.0, vec2<f32>(0.0));
@@ -144,11 +138,6 @@ fn cs_sight(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     atomicStore(&distances[view_idx * mesh.n_vertices + vertex], INFINITE);
 }
 
-fn is_face(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
-    let longest = max(max(dot(b - a, b - a), dot(c - a, c - a)), dot(c - b, c - b));
-    return length(cross(b - a, c - a)) > LEAST_AREA * longest;
-}
-
 // A thread a face and view: triangles of which one or two corners are seen are seams.
 @compute @workgroup_size(64)
 fn cs_seams(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) n_groups: vec3<u32>) {
@@ -164,7 +153,7 @@ fn cs_seams(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
         n_seen += select(0u, 1u, sights[of_face[corner] * mesh.n_views + view_idx] == SEEN);
     }
     let is_seam = n_seen == 1u || n_seen == 2u;
-    if !is_seam || !is_face(positions[of_face.x].xyz, positions[of_face.y].xyz, positions[of_face.z].xyz) {
+    if !is_seam || !has_area(positions[of_face.x].xyz, positions[of_face.y].xyz, positions[of_face.z].xyz) {
         return;
     }
     for (var corner = 0u; corner < 3u; corner++) {
@@ -213,7 +202,7 @@ fn cs_march(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroup
     let a = positions[of_face.x].xyz;
     let b = positions[of_face.y].xyz;
     let c = positions[of_face.z].xyz;
-    if !is_face(a, b, c) {
+    if !has_area(a, b, c) {
         return;
     }
     let found = vec3<f32>(

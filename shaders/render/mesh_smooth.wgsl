@@ -1,6 +1,7 @@
 // What weights of a changing mesh are made of, without steps from vertex to vertex.
 // src/fields/{field,smoothing}.rs are the specification.
 #import "common/changing_mesh.wgsl"
+#import "common/lists.wgsl"
 
 // From the mesh's origin, metres.
 @group(1) @binding(1) var<storage, read> positions: array<vec4<f32>>;
@@ -19,22 +20,14 @@
 @group(1) @binding(7) var<storage, read> before: array<vec4<f32>>;
 @group(1) @binding(8) var<storage, read_write> after: array<vec4<f32>>;
 
-const GROUP: u32 = 64u;
-// Words of a vertex's list: MOST_NEIGHBOURS of passes/mesh_smooth.rs and one.
+// Words of a vertex's list: NEIGHBOUR_WORDS of passes/changing_mesh.rs.
 const NEIGHBOURS: u32 = 16u;
-// Faces whose area is below this share of their longest side squared have none, in single precision.
-const LEAST_AREA: f32 = 1e-7;
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
 
 fn is_face(face: u32) -> bool {
     let a = positions[corners[3u * face]].xyz;
     let b = positions[corners[3u * face + 1u]].xyz;
     let c = positions[corners[3u * face + 2u]].xyz;
-    let longest = max(max(dot(b - a, b - a), dot(c - a, c - a)), dot(c - b, c - b));
-    return length(cross(b - a, c - a)) > LEAST_AREA * longest;
+    return has_area(a, b, c);
 }
 
 fn enter(vertex: u32, neighbour: u32) {

@@ -1,6 +1,7 @@
 // What every camera lends to the vertices of a changing mesh for one who looks, on the way there from what it lent before; and which
 // cameras a face is drawn with. src/fields/{field,history}.rs are the specification.
 #import "common/changing_mesh.wgsl"
+#import "common/lists.wgsl"
 
 // From the mesh's origin, metres.
 @group(1) @binding(1) var<storage, read> positions: array<vec4<f32>>;
@@ -16,15 +17,10 @@
 // Two words a face: a byte each of the views that lend most to it, NOBODY where there are fewer.
 @group(1) @binding(7) var<storage, read_write> slots: array<vec2<u32>>;
 
-const GROUP: u32 = 64u;
 const NOBODY: u32 = 0xffu;
 const N_SLOTS: u32 = 8u;
 // Cosine between the directions to the viewer and to the nearest camera below which fields give way to normals.
 const LEAST_ALIKE: f32 = 0.1;
-
-fn index(id: vec3<u32>, n_groups: vec3<u32>) -> u32 {
-    return id.x + id.y * n_groups.x * GROUP;
-}
 
 fn normalize_or_zero(offset: vec3<f32>) -> vec3<f32> {
     return offset / max(length(offset), 1e-12);

@@ -93,7 +93,7 @@ mod tests {
     use crate::engine::resolve::limits_of;
     use crate::engine::{At, Origin, ViewKind, ViewRequest};
     use crate::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-    use crate::plan::{Detail, Effort, EntityStyle, FieldsForm, Filtering, Plan, Sampling, Settings};
+    use crate::plan::{Effort, EntityStyle, Plan, Settings};
     use crate::scene::{self, Scene};
     use crate::timeline::{Observation, Timeline};
 
@@ -162,29 +162,7 @@ mod tests {
             blurs: None,
             settings: Settings::default(),
             expected: None,
-            plan: Arc::new(Plan {
-                surface_cameras: Vec::new(),
-                depth_map_cameras: Vec::new(),
-                entities: EntityStyle::None,
-                billboards: Vec::new(),
-                hulls: Vec::new(),
-                hull: crate::plan::HullForm::EXACT,
-                entity_cameras: Vec::new(),
-                opened: Vec::new(),
-                evens_colors: false,
-                fields: FieldsForm::Off,
-                hull_fields: FieldsForm::Off,
-                sequences: Vec::new(),
-                sequence_fields: FieldsForm::Off,
-                followed: None,
-                most_cameras_a_pixel: 8,
-                filtering: Filtering::Levels,
-                effects: Default::default(),
-                sky: false,
-                sampling: Sampling::ONCE,
-                resolution: Detail::Whole,
-                reasons: Vec::new(),
-            }),
+            plan: Arc::new(Plan::bare(&Settings::default())),
             timings: Vec::new(),
             origin: Origin::Drawn,
             identity: None,

@@ -353,9 +353,7 @@ mod tests {
     use crate::engine::At;
     use crate::engine::view::ViewKind;
     use crate::frame::RgbImage;
-    use crate::plan::{
-        Aim, Deadline, Detail, Effort, EntityStyle, FieldsForm, Filtering, Plan, Sampling, Settings,
-    };
+    use crate::plan::{Aim, Deadline, Effort, EntityStyle, Plan, Settings};
     use crate::scene::SceneView;
     use glam::DVec3;
 
@@ -444,29 +442,7 @@ mod tests {
             blurs: None,
             settings: Settings::default(),
             expected: None,
-            plan: Arc::new(Plan {
-                surface_cameras: Vec::new(),
-                depth_map_cameras: Vec::new(),
-                entities: EntityStyle::None,
-                billboards: Vec::new(),
-                hulls: Vec::new(),
-                hull: crate::plan::HullForm::EXACT,
-                entity_cameras: Vec::new(),
-                opened: Vec::new(),
-                evens_colors: false,
-                fields: FieldsForm::Off,
-                hull_fields: FieldsForm::Off,
-                sequences: Vec::new(),
-                sequence_fields: FieldsForm::Off,
-                followed: None,
-                most_cameras_a_pixel: 8,
-                filtering: Filtering::Levels,
-                effects: Default::default(),
-                sky: false,
-                sampling: Sampling::ONCE,
-                resolution: Detail::Whole,
-                reasons: Vec::new(),
-            }),
+            plan: Arc::new(Plan::bare(&Settings::default())),
             timings: vec![("render", Duration::from_millis(5))],
             origin: Origin::Drawn,
             identity: None,

@@ -18,6 +18,7 @@ shaders![
     "common/fullscreen.wgsl",
     "common/hull.wgsl",
     "common/hull_faces.wgsl",
+    "common/lists.wgsl",
     "common/srgb.wgsl",
     "common/view.wgsl",
     "render/average.wgsl",

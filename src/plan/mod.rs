@@ -203,6 +203,36 @@ pub struct Plan {
     pub reasons: Vec<Reason>,
 }
 
+impl Plan {
+    /// A picture of which nothing was planned yet: no camera, nobody, no effect.
+    #[must_use]
+    pub fn bare(settings: &Settings) -> Self {
+        Self {
+            surface_cameras: Vec::new(),
+            depth_map_cameras: Vec::new(),
+            entities: EntityStyle::None,
+            billboards: Vec::new(),
+            hulls: Vec::new(),
+            hull: settings.hull,
+            entity_cameras: Vec::new(),
+            opened: Vec::new(),
+            evens_colors: false,
+            fields: FieldsForm::Off,
+            hull_fields: FieldsForm::Off,
+            sequences: Vec::new(),
+            sequence_fields: FieldsForm::Off,
+            followed: None,
+            most_cameras_a_pixel: settings.most_cameras,
+            filtering: settings.filtering,
+            sky: false,
+            effects: PlannedEffects::default(),
+            sampling: settings.sampling,
+            resolution: settings.resolution,
+            reasons: Vec::new(),
+        }
+    }
+}
+
 /// Which of an entity's sources show it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlannedBillboard {
@@ -264,29 +294,8 @@ pub fn make_for(
         reasons.push(Reason { effect: "camera_depth", is_on: false, because });
         Vec::new()
     };
-    let mut plan = Plan {
-        surface_cameras,
-        depth_map_cameras,
-        entities: EntityStyle::None,
-        billboards: Vec::new(),
-        hulls: Vec::new(),
-        hull: settings.hull,
-        entity_cameras: Vec::new(),
-        opened: Vec::new(),
-        evens_colors: false,
-        fields: FieldsForm::Off,
-        hull_fields: FieldsForm::Off,
-        sequences: Vec::new(),
-        sequence_fields: FieldsForm::Off,
-        followed: None,
-        most_cameras_a_pixel: settings.most_cameras,
-        filtering: settings.filtering,
-        sampling: settings.sampling,
-        resolution: settings.resolution,
-        sky: state.scene.sky.plain_srgb().is_none(),
-        effects: PlannedEffects::default(),
-        reasons,
-    };
+    let sky = state.scene.sky.plain_srgb().is_none();
+    let mut plan = Plan { surface_cameras, depth_map_cameras, sky, reasons, ..Plan::bare(&settings) };
     entities::plan(state, picture, &settings, &mut plan);
     sequences::plan(state, picture, settings.fields, &mut plan);
     let history = session.as_deref_mut().map(|session| &mut session.fields);

@@ -25,8 +25,7 @@ use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, R
 use videofields::fuse::{Entity, SceneState, Velocity};
 use videofields::geometry::Surfaces;
 use videofields::plan::{
-    Basis, CostRow, CostTable, Detail, EntityStyle, FieldsForm, Filtering, Forecast, Machine, Plan, Reason,
-    Sampling, Settings, Spread,
+    Basis, CostRow, CostTable, EntityStyle, Forecast, Machine, Plan, Reason, Sampling, Settings, Spread,
 };
 use videofields::scene::{Scene, SceneView, Sky};
 use videofields::segment::PixelRect;
@@ -722,28 +721,11 @@ fn expected() -> Expected {
 fn answer(request: &ViewRequest) -> ViewAnswer {
     let (width, height) = (request.width_px.min(64), request.height_px.min(64));
     let reason = |effect, is_on| Reason { effect, is_on, because: "a test says so".into() };
+    let settings = Settings { most_cameras: 8, sampling: Sampling::ONCE, ..Settings::default() };
     let plan = Plan {
         surface_cameras: vec![0],
-        depth_map_cameras: vec![],
-        entities: EntityStyle::None,
-        billboards: vec![],
-        hulls: vec![],
-        sequences: vec![],
-        hull: videofields::plan::HullForm::EXACT,
-        entity_cameras: vec![],
-        opened: vec![],
-        evens_colors: false,
-        fields: FieldsForm::Off,
-        hull_fields: FieldsForm::Off,
-        sequence_fields: FieldsForm::Off,
-        followed: None,
-        most_cameras_a_pixel: 8,
-        filtering: Filtering::Levels,
-        effects: Default::default(),
-        sky: false,
-        sampling: Sampling::ONCE,
-        resolution: Detail::Whole,
         reasons: vec![reason("surface", true), reason("points", false), reason("billboard", true)],
+        ..Plan::bare(&settings)
     };
     ViewAnswer {
         image: Arc::new(RgbImage { width, height, data: vec![200; width as usize * height as usize * 3] }),
