@@ -316,6 +316,14 @@ fn scene() -> Value {
             ("color_srgb", named("Color"), ""),
         ],
     );
+    let sequence = taken(
+        &["id", "file"],
+        [
+            ("id", id(), ""),
+            ("file", path(), "Its manifest, or the folder that it lies in"),
+            ("repeats", boolean(), "Whether it is shown over and over, at any instant"),
+        ],
+    );
     let view = taken(
         &["eye_m", "target_m"],
         [
@@ -339,6 +347,7 @@ fn scene() -> Value {
             ("footprints", list(footprint), "Outlines of buildings, drawn upwards"),
             ("height_fields", list(field), "Uneven ground"),
             ("models", list(model), "Models in files"),
+            ("sequences", list(sequence), "Recorded mesh sequences that are shown in it"),
             ("effects", effects(), "What is done to pictures of it once they are drawn"),
             ("entities", entities, "What is taken for something that stands there"),
             ("cameras", list(named("SceneCamera")), "The cameras that look at it"),

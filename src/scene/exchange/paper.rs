@@ -77,6 +77,7 @@ pub(super) fn write(document: &Value) -> super::Written {
         ("view", "the view shown at first"),
         ("height_fields", "uneven ground"),
         ("models", "models in files"),
+        ("sequences", "recorded sequences"),
         ("effects", "effects"),
     ] {
         if document.get(key).is_some() {

@@ -14,6 +14,7 @@ use videofields::ingest::MediaRoots;
 use videofields::plan::{
     self, Colors, EntityStyle, FieldsForm, Picture, Plan, Sampling, Settings, View, ViewSession, Wishes,
 };
+use videofields::scene::exchange::{self, ExchangeFormat};
 use videofields::scene::{Scene, load_file};
 use videofields::sequence::{Mixing, Player, PlayerSettings, SceneSequences, Sequence};
 use videofields::simulate::{SequenceOptions, World, pinhole, write_sequence};
@@ -227,6 +228,8 @@ fn scenes_name_sequences_and_who_may_not_see_all_cameras_sees_none() {
     };
     let parsed = load(json!([{"id": "people", "file": "people"}])).expect("a scene");
     assert!(parsed.scene.document.contains("sequences") && parsed.scene.sequences.len() == 1);
+    let written = exchange::write(&parsed.scene, ExchangeFormat::Paper).expect("a document");
+    assert!(written.warnings.iter().any(|warning| warning.place == "/sequences"), "it is told what is lost");
     assert_eq!(parsed.scene.with_cameras(|_| true).sequences.len(), 1);
     let part = parsed.scene.with_cameras(|id| id.as_str() == "north");
     assert!(part.sequences.is_empty() && !part.document.contains("people"), "{}", part.document);
