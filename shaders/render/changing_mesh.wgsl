@@ -36,6 +36,8 @@ struct MeshVarying {
     @location(3) @interpolate(perspective, centroid) color: vec4<f32>,
     @location(4) @interpolate(flat) slots: vec2<u32>,
     @location(5) @interpolate(flat) part: u32,
+    // What all cameras lend together, whether they are mixed or not: 1, or 0 where nobody lends anything.
+    @location(6) @interpolate(perspective, centroid) total: f32,
 }
 
 fn view_of(of_face: vec2<u32>, slot: u32) -> u32 {
@@ -61,15 +63,18 @@ fn vs_main(@builtin(vertex_index) half_edge: u32) -> MeshVarying {
             high[slot - 4u] = lent;
         }
     }
+    var total = 0.0;
+    for (var view_idx = 0u; view_idx < mesh.n_views; view_idx++) {
+        total += weights[vertex * mesh.n_views + view_idx];
+    }
     let from_anchor = place.xyz + mesh.shift;
     let position = view.clip_from_anchor * vec4<f32>(from_anchor, 1.0);
-    return MeshVarying(position, from_anchor, low, high, colors[vertex], of_face, u32(place.w));
+    return MeshVarying(position, from_anchor, low, high, colors[vertex], of_face, u32(place.w), total);
 }
 
 @fragment
 fn fs_main(in: MeshVarying) -> @location(0) vec4<f32> {
     var sum = vec4<f32>(0.0);
-    let total = dot(in.lent_low, vec4<f32>(1.0)) + dot(in.lent_high, vec4<f32>(1.0));
     for (var slot = 0u; slot < N_LISTED; slot++) {
         let view_idx = view_of(in.slots, slot);
         if view_idx == NOBODY {
@@ -89,6 +94,6 @@ fn fs_main(in: MeshVarying) -> @location(0) vec4<f32> {
     }
     let beside = select(UNSEEN, in.color.rgb / max(in.color.w, 1e-6), in.color.w > 0.0);
     // Towards vertices that nobody sees more and more of their own colour.
-    let seen = mix(beside, sum.rgb / max(sum.a, 1e-30), clamp(total, 0.0, 1.0));
+    let seen = mix(beside, sum.rgb / max(sum.a, 1e-30), clamp(in.total, 0.0, 1.0));
     return vec4<f32>(select(beside, seen, sum.a > LEAST_WEIGHT), 1.0);
 }

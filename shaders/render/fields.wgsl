@@ -69,12 +69,12 @@ fn total(lent: Lent) -> f32 {
     return dot(lent.low, vec4<f32>(1.0)) + dot(lent.high, vec4<f32>(1.0));
 }
 
-// 1 of cameras that show something now, else 0.
-fn shown(views: vec4<u32>, first: u32) -> vec4<f32> {
+// 1 of so many first cameras that show something now, else 0.
+fn shown(views: vec4<u32>, first: u32, most: u32) -> vec4<f32> {
     var is_shown = vec4<f32>(0.0);
     for (var slot = 0u; slot < 4u; slot++) {
         let view = views[slot];
-        if view < MAX_VIEWS && first + slot < frame.most_cameras {
+        if view < MAX_VIEWS && first + slot < most {
             is_shown[slot] = frame.eyes[view].w;
         }
     }
@@ -93,10 +93,17 @@ fn cs_main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups
     }
     let vertex = vertices[idx];
     let group = groups[vertex.group];
-    let here = Lent(shown(group.low, 0u), shown(group.high, 4u));
+    let most = frame.most_cameras;
+    let here = Lent(shown(group.low, 0u, most), shown(group.high, 4u, most));
     var row = Lent(vertex.normals_low * here.low, vertex.normals_high * here.high);
     if frame.is_montage != 0u {
         row = Lent(vertex.fallback_low * here.low, vertex.fallback_high * here.high);
+    }
+    if !(total(row) > 0.0) {
+        // Who lends here is beyond those that are mixed: these go on as if they saw it. Where nobody lends, nobody does.
+        let all = Lent(shown(group.low, 0u, 8u), shown(group.high, 4u, 8u));
+        let lent = Lent(vertex.normals_low * all.low, vertex.normals_high * all.high);
+        row = times(here, select(0.0, 1.0, total(lent) > 0.0));
     }
     row = times(row, 1.0 / max(total(row), 1e-30));
     if frame.is_montage != 0u {

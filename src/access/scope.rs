@@ -22,6 +22,12 @@ impl Scope {
         Self(Some(cameras.into()))
     }
 
+    /// Whether an answer may come from any camera that there is.
+    #[must_use]
+    pub const fn is_all(&self) -> bool {
+        self.0.is_none()
+    }
+
     /// Whether an answer may come from that camera.
     #[must_use]
     pub fn allows(&self, camera: &CameraId) -> bool {

@@ -4,7 +4,7 @@ use super::EngineError;
 use super::associations::{Overlaps, Remembered};
 use super::forecaster::Forecaster;
 use super::handle::At;
-use super::picture::{Common, Observations, Subject, failure_of, none_fits};
+use super::picture::{Observations, Subject, failure_of, none_fits};
 use super::recordings::Recordings;
 use super::renderer::open_renderer;
 use super::resolve::limits_of;
@@ -72,10 +72,9 @@ pub fn view_once(
     let subject = Subject::of(request, scene, instant, &found, limits)?;
     // Of this machine nothing is known yet.
     let forecaster = Forecaster::default();
+    let sequences = Recordings::default().of(&subject, &|| roots.clone());
     let started = clock.monotonic();
-    let (overlaps, recordings) = (Overlaps::default(), Recordings::default());
-    let common = Common { overlaps: &overlaps, recordings: &recordings, roots: &|| roots.clone() };
-    let state = subject.state(&found, &mut Remembered::default(), &common);
+    let state = subject.state(&found, &mut Remembered::default(), (&Overlaps::default(), sequences));
     let fused = clock.monotonic();
     let deadline = subject.deadline.map(|(deadline, _)| deadline);
     let left = || deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));

@@ -4,20 +4,19 @@ use super::EngineError;
 use super::associations::{Overlaps, Remembered};
 use super::blurring::CameraBlur;
 use super::forecaster::{Decision, Forecaster, NoneFits};
-use super::recordings::Recordings;
 use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use crate::clock::{Clock, Timestamp};
 use crate::error::Fault;
 use crate::frame::{CameraId, Mask, YuvImage};
 use crate::fuse::{self, Exposure, HullMemory, SceneState};
 use crate::geometry::Surfaces;
-use crate::ingest::MediaRoots;
 use crate::plan::{
     self, ACROSS_M, Colors, Deadline, Named, Pending, Picture, Plan, Settings, StageTimes, Survey, View,
     ViewLimits, ViewSession, Wishes,
 };
 use crate::render::{RenderError, Renderer};
 use crate::scene::{Scene, SceneView};
+use crate::sequence::AtInstant;
 use crate::timeline::Observation;
 use glam::{DVec2, DVec3};
 use std::sync::{Arc, Weak};
@@ -70,14 +69,6 @@ impl PartialEq for Subject {
                 .zip(&other.seen)
                 .all(|(a, b)| a.0.ptr_eq(&b.0) && a.1.ptr_eq(&b.1) && a.2.ptr_eq(&b.2))
     }
-}
-
-/// What all who put a scene's state together share.
-pub(super) struct Common<'a> {
-    pub(super) overlaps: &'a Overlaps,
-    pub(super) recordings: &'a Recordings,
-    /// Beneath which folders files may be opened.
-    pub(super) roots: &'a dyn Fn() -> MediaRoots,
 }
 
 /// Stages of [`ViewAnswer::timings`] that run on the CPU or span all passes; the others are passes on the GPU.
@@ -159,7 +150,7 @@ impl Subject {
         &self,
         observations: &Observations,
         remembered: &mut Remembered,
-        common: &Common<'_>,
+        (overlaps, sequences): (&Overlaps, Vec<AtInstant>),
     ) -> SceneState {
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
@@ -167,12 +158,9 @@ impl Subject {
         let Remembered { association, exposure, .. } = remembered;
         let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
-            exposure.get_or_insert_with(|| Exposure::new(common.overlaps.of(&self.scene))).even(&mut state);
+            exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
         }
-        // Nobody blurs those whom a sequence shows: who may see people blurred alone does not see it.
-        if self.blurs.is_none() {
-            state.sequences = common.recordings.at(&self.scene, common.roots, self.instant);
-        }
+        state.sequences = sequences;
         // Last, so that who is who and where follows from what was seen.
         if let Some(blurs) = &self.blurs {
             for camera in &mut state.cameras {

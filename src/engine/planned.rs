@@ -83,7 +83,8 @@ impl Shared {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
         self.refresh_forecaster();
         // What is remembered from picture to picture is the render thread's; this is what it comes to.
-        let state = self.state_of(&subject, &observations, &mut Remembered::default());
+        let sequences = self.sequences_of(&subject);
+        let state = subject.state(&observations, &mut Remembered::default(), (&self.overlaps, sequences));
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let waits = self.queue.retry_after();
         let left = || {

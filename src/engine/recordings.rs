@@ -1,11 +1,8 @@
 //! The recorded sequences of the scenes that are looked at: opened once a scene, by whoever asks first.
 
-use super::associations::Remembered;
-use super::picture::{Common, Observations, Subject};
+use super::picture::Subject;
 use super::roster::Roster;
 use super::shared::Shared;
-use crate::clock::Timestamp;
-use crate::fuse::SceneState;
 use crate::ingest::MediaRoots;
 use crate::scene::Scene;
 use crate::sequence::{AtInstant, SceneSequences};
@@ -21,16 +18,10 @@ const MAX_BYTES: usize = 256 << 20;
 type Opened = Arc<Mutex<Option<SceneSequences>>>;
 
 impl Shared {
-    /// What stands where, by what was seen.
-    pub(super) fn state_of(
-        &self,
-        subject: &Subject,
-        observations: &Observations,
-        remembered: &mut Remembered,
-    ) -> SceneState {
+    /// What there is of the recorded sequences of a picture's scene. Reading them is none of what fusing takes.
+    pub(super) fn sequences_of(&self, subject: &Subject) -> Vec<AtInstant> {
         let roots = || self.roster.as_deref().map_or_else(|| MediaRoots::usable(&[]), Roster::roots);
-        let common = Common { overlaps: &self.overlaps, recordings: &self.recordings, roots: &roots };
-        subject.state(observations, remembered, &common)
+        self.recordings.of(subject, &roots)
     }
 }
 
@@ -39,14 +30,12 @@ impl Shared {
 pub(super) struct Recordings(Mutex<Vec<(Weak<Scene>, Opened)>>);
 
 impl Recordings {
-    /// What there is of a scene's sequences at an instant. Files are opened beneath their manifests' own folders and `roots`.
-    pub(super) fn at(
-        &self,
-        scene: &Arc<Scene>,
-        roots: &dyn Fn() -> MediaRoots,
-        instant: Timestamp,
-    ) -> Vec<AtInstant> {
-        if scene.sequences.is_empty() {
+    /// What there is of the sequences of a picture's scene at its instant. Files are opened beneath their manifests' own folders and
+    /// `roots`. Nobody blurs those whom a sequence shows: who may see people blurred alone does not see it.
+    pub(super) fn of(&self, subject: &Subject, roots: &dyn Fn() -> MediaRoots) -> Vec<AtInstant> {
+        let (scene, instant) = (&subject.scene, subject.instant);
+        if scene.sequences.is_empty() || subject.blurs.is_some() {
+            self.forget_gone();
             return Vec::new();
         }
         let opened = self.opened(scene);
@@ -55,9 +44,14 @@ impl Recordings {
         opened.get_or_insert_with(|| SceneSequences::open(scene, &roots(), MAX_BYTES)).at(instant)
     }
 
-    fn opened(&self, scene: &Arc<Scene>) -> Opened {
+    fn forget_gone(&self) {
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         known.retain(|(of, _)| of.strong_count() > 0);
+    }
+
+    fn opened(&self, scene: &Arc<Scene>) -> Opened {
+        self.forget_gone();
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let own = match known.iter().position(|(of, _)| std::ptr::eq(of.as_ptr(), Arc::as_ptr(scene))) {
             Some(place) => known.remove(place),
             None => (Arc::downgrade(scene), Opened::default()),

@@ -254,8 +254,9 @@ impl<'a> RenderThread<'a> {
         let (shared, clock) = (self.shared, &*self.shared.clock);
         let forecaster = &shared.forecaster;
         let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
+        let sequences = shared.sequences_of(subject);
         let started = clock.monotonic();
-        let state = shared.state_of(subject, &seen.0, remembered);
+        let state = subject.state(&seen.0, remembered, (&shared.overlaps, sequences));
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let left = || {

@@ -26,7 +26,9 @@ impl Scopes {
     /// What `scope` allows of a scene: itself where that is all of it.
     pub(super) fn part(&self, whole: &Arc<Scene>, scope: &Scope) -> Arc<Scene> {
         let is_left = |member: &&SceneCamera| scope.allows(&member.id);
-        if whole.cameras.iter().all(|member| scope.allows(&member.id)) {
+        // Where no camera says who may see whom a sequence shows, it is who may see everything.
+        let hides_sequences = whole.cameras.is_empty() && !whole.sequences.is_empty() && !scope.is_all();
+        if whole.cameras.iter().all(|member| scope.allows(&member.id)) && !hides_sequences {
             return Arc::clone(whole);
         }
         // A panic leaves the list whole: it is changed entry by entry.
@@ -36,11 +38,16 @@ impl Scopes {
             Arc::ptr_eq(&of.whole, whole)
                 && ids.eq(whole.cameras.iter().filter(is_left).map(|member| &member.id))
         };
+        let of = |whole: &Scene| {
+            if hides_sequences {
+                whole.without_sequences()
+            } else {
+                whole.with_cameras(|id| scope.allows(id))
+            }
+        };
         let own = match kept.iter().position(is_it) {
             Some(place) => kept.remove(place),
-            None => {
-                Kept { whole: Arc::clone(whole), part: Arc::new(whole.with_cameras(|id| scope.allows(id))) }
-            }
+            None => Kept { whole: Arc::clone(whole), part: Arc::new(of(whole)) },
         };
         let part = Arc::clone(&own.part);
         if kept.len() == MAX_KEPT {
@@ -93,6 +100,21 @@ mod tests {
             !Arc::ptr_eq(&part, &scopes.part(&scene(), &scope(&["a", "c"]))),
             "a changed scene is another"
         );
+    }
+
+    #[test]
+    fn whom_a_sequence_of_a_scene_without_cameras_shows_is_seen_by_who_may_see_everything() {
+        let mut whole = (*scene()).clone();
+        let path = std::path::PathBuf::from("people");
+        whole.sequences = vec![crate::scene::SceneSequence { id: "people".to_owned(), path, repeats: true }];
+        let scopes = Scopes::default();
+        let with_cameras = Arc::new(whole.clone());
+        assert_eq!(scopes.part(&with_cameras, &scope(&["a", "b", "c"])).sequences.len(), 1);
+        assert!(scopes.part(&with_cameras, &scope(&["a"])).sequences.is_empty());
+        whole.cameras.clear();
+        let alone = Arc::new(whole);
+        assert!(scopes.part(&alone, &scope(&["a", "b", "c"])).sequences.is_empty());
+        assert_eq!(scopes.part(&alone, &Scope::all()).sequences.len(), 1);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::{Gpu, GpuError, readback};
 use std::time::Duration;
 
 /// Most passes that one frame can time; further ones go untimed.
-const MAX_PASSES: u32 = 16;
+const MAX_PASSES: u32 = 64;
 
 /// Time that the device spent in one pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

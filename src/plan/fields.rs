@@ -1,6 +1,6 @@
 //! Whether what stands still is coloured by texture fields, and how far they have followed one who looks.
 
-use super::{Plan, Reason};
+use super::{EntityStyle, MAX_ENTITY_CAMERAS, Plan, Reason, hulls};
 use crate::clock::Timestamp;
 use crate::fields::MAX_VIEWS;
 use crate::fuse::SceneState;
@@ -46,6 +46,23 @@ pub struct Followed {
     pub number: u64,
     /// Scene time since they were last drawn, seconds, at least 0; none where they begin anew.
     pub passed_secs: Option<f64>,
+    /// The instant that they are drawn at, for what is not in every picture.
+    pub instant: Timestamp,
+}
+
+impl Followed {
+    /// Scene time since something of the session was last drawn, `at` some instant: as [`Self::passed_secs`] has it of all.
+    #[must_use]
+    pub fn passed_since(&self, at: Option<Timestamp>) -> Option<f64> {
+        self.passed_secs?;
+        passed(self.instant, at)
+    }
+}
+
+/// Scene time that passed, if fields go on over it.
+fn passed(instant: Timestamp, since: Option<Timestamp>) -> Option<f64> {
+    let passed = instant.secs_since(since?);
+    (-LONGEST_BACK_SECS..=LONGEST_STEP_SECS).contains(&passed).then_some(passed.max(0.0))
 }
 
 /// A session's fields go on over steps of scene time up to this, and stand still for pictures of up to so long before, seconds.
@@ -68,22 +85,19 @@ impl FieldsHistory {
     fn follow(&mut self, state: &SceneState) -> Followed {
         let number = *self.number.get_or_insert_with(|| N_SESSIONS.fetch_add(1, Ordering::Relaxed));
         let is_same = std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(&state.scene));
-        let passed_secs = self
-            .at
-            .map(|at| state.instant.secs_since(at))
-            .filter(|passed| is_same && (-LONGEST_BACK_SECS..=LONGEST_STEP_SECS).contains(passed));
+        let passed_secs = passed(state.instant, self.at.filter(|_| is_same));
         if passed_secs.is_none_or(|passed| passed > 0.0) {
             self.at = Some(state.instant);
             self.scene = Arc::downgrade(&state.scene);
         }
-        Followed { number, passed_secs: passed_secs.map(|passed| passed.max(0.0)) }
+        Followed { number, passed_secs, instant: state.instant }
     }
 }
 
 /// Decides whether fields run: where they are asked for, and some camera's picture is on a surface or somebody is drawn as a hull.
 pub(super) fn plan(
     state: &SceneState,
-    form: FieldsForm,
+    (form, style): (FieldsForm, EntityStyle),
     history: Option<&mut FieldsHistory>,
     plan: &mut Plan,
 ) {
@@ -97,6 +111,7 @@ pub(super) fn plan(
         plan.hulls.iter().flat_map(|idx| state.hulls[*idx].cameras.iter().copied()).collect();
     if is_asked_for && (1..=MAX_VIEWS).contains(&hull_cameras.len()) {
         plan.hull_fields = form;
+        mesh_hulls(state, style, plan);
     }
     let has_sequences = is_asked_for && !plan.sequences.is_empty();
     let is_on = plan.fields != FieldsForm::Off || plan.hull_fields != FieldsForm::Off || has_sequences;
@@ -134,4 +149,20 @@ pub(super) fn plan(
         plan.reasons.push(Reason { effect: "camera_depth", is_on: false, because });
     }
     plan.reasons.push(Reason { effect: "fields", is_on, because });
+}
+
+/// Which hulls are one mesh: all that may be, whatever of them is in view, so that all pictures of an instant share it and each hides the
+/// others from cameras; where they are too many, those in view.
+fn mesh_hulls(state: &SceneState, style: EntityStyle, plan: &mut Plan) {
+    plan.meshed_hulls = plan.hulls.clone();
+    plan.meshed_hulls.sort_unstable();
+    let all = hulls::that_may_be(state, (style, &plan.hull));
+    let cameras = || all.iter().flat_map(|idx| state.hulls[*idx].cameras.iter().copied());
+    let of_hulls: BTreeSet<usize> = cameras().collect();
+    let of_all: BTreeSet<usize> = cameras().chain(plan.entity_cameras.iter().copied()).collect();
+    let is_room = of_hulls.len() <= MAX_VIEWS && of_all.len() <= MAX_ENTITY_CAMERAS;
+    if is_room && all.len() <= hulls::MAX_HULLS && plan.hulls.iter().all(|idx| all.contains(idx)) {
+        plan.meshed_hulls = all;
+        plan.entity_cameras = of_all.into_iter().collect();
+    }
 }

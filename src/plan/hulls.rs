@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Most hulls of one picture, and most silhouettes of them all: what every device's arrays hold. Of more, those are drawn that cover
 /// most of it, the others as billboards.
-const MAX_HULLS: usize = 64;
+pub(super) const MAX_HULLS: usize = 64;
 const MAX_VIEWS: usize = 256;
 
 /// Frames that are further apart in time are no silhouettes of one shape, seconds: limbs swing, whatever is known of the way.
@@ -163,6 +163,18 @@ fn apart_rad(state: &SceneState, hull: &EntityHull) -> f64 {
 
 fn is_of_one_shape(hull: &EntityHull) -> bool {
     hull.skew_s <= MAX_SKEW_S && hull.apart_m <= MAX_APART_M
+}
+
+/// The hulls of `state` that may be drawn as such, wherever they are.
+pub(super) fn that_may_be(state: &SceneState, (style, form): (EntityStyle, &HullForm)) -> Vec<usize> {
+    let may_be = |idx: &usize| {
+        let hull = &state.hulls[*idx];
+        let is_apart = || apart_rad(state, hull) >= AUTO_APART_DEG.to_radians();
+        hull.cameras.len() >= form.least_cameras as usize
+            && is_of_one_shape(hull)
+            && (style != EntityStyle::Auto || is_apart())
+    };
+    (0..state.hulls.len()).filter(may_be).collect()
 }
 
 /// The hulls of `state` that `picture` shows, the largest first, and why the others of it are not drawn as such.

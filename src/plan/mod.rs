@@ -176,6 +176,9 @@ pub struct Plan {
     pub fields: FieldsForm,
     /// Whether hulls are drawn as meshes that are coloured so, and which.
     pub hull_fields: FieldsForm,
+    /// Hulls that are one mesh then (indices into `SceneState::hulls`), in order.
+    #[serde(skip)]
+    pub meshed_hulls: Vec<usize>,
     /// Recorded sequences that are drawn (indices into `SceneState::sequences`).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub sequences: Vec<usize>,
@@ -219,6 +222,7 @@ impl Plan {
             evens_colors: false,
             fields: FieldsForm::Off,
             hull_fields: FieldsForm::Off,
+            meshed_hulls: Vec::new(),
             sequences: Vec::new(),
             sequence_fields: FieldsForm::Off,
             followed: None,
@@ -299,7 +303,7 @@ pub fn make_for(
     entities::plan(state, picture, &settings, &mut plan);
     sequences::plan(state, picture, settings.fields, &mut plan);
     let history = session.as_deref_mut().map(|session| &mut session.fields);
-    fields::plan(state, settings.fields, history, &mut plan);
+    fields::plan(state, (settings.fields, settings.entities), history, &mut plan);
     exposure::plan(state, wishes.colors, &mut plan);
     if wishes.see_through {
         see_through::plan(state, picture, (settings.entities, session), &mut plan);

@@ -139,14 +139,20 @@ impl FieldMesh {
     /// What the cameras of the next group have to do with one of its vertices.
     fn lent_to(&self, at: DVec3, vertex: u32, (field, views): (Option<&Field>, &[u8])) -> FieldVertex {
         let mut slots = FieldSlots::default();
-        // Beside what a camera shows its picture ends pixel by pixel: what it lends need not end before.
-        let is_beside = |field: &Field, view: usize| field.sight(vertex, view) == Sight::Beside;
-        let nobody_lends = |field: &Field| field.lends_by_normals(vertex).iter().all(|lent| *lent <= 0.0);
-        let ends_beside = field.is_some_and(nobody_lends);
+        // Beside what a camera shows its picture ends pixel by pixel: what it lends need not end before, unless something hides the place
+        // from another. Whom the list has no room for others stand for.
+        let lends = |field: &Field, view: u8| field.lends_by_normals(vertex)[usize::from(view)] > 0.0;
+        let sees = |field: &Field, view: u8| field.sight(vertex, usize::from(view));
+        let goes_on = field.is_some_and(|field| {
+            let is_hidden = |view: &u8| matches!(sees(field, *view), Sight::Hidden | Sight::Near);
+            let is_lent = field.lends_by_normals(vertex).iter().any(|lent| *lent > 0.0);
+            let is_listed = views.iter().any(|view| lends(field, *view));
+            if is_lent { !is_listed } else { !views.iter().any(is_hidden) }
+        });
         for (slot, view) in views.iter().enumerate() {
             let Some(field) = field else { break };
             let view = usize::from(*view);
-            if ends_beside && is_beside(field, view) {
+            if goes_on {
                 (slots.normals[slot], slots.fallback[slot]) = (1.0, 1.0);
                 continue;
             }

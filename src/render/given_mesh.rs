@@ -32,21 +32,19 @@ pub(super) struct GivenMesh {
 
 impl GivenMesh {
     /// Takes the next mesh with its views, whose gains are taken as they are; of what was there `before`, textures and cameras are kept
-    /// where they are the same. Another `number` for each mesh.
+    /// where they are the same. Another `number` for each mesh; `home_in_world` of its first, if it is not that.
     ///
     /// # Errors
     /// Of a mesh without triangles, of no or too many views, and of more vertices or larger pictures than the device holds.
     pub(super) fn new(
         before: Option<Self>,
         gpu: &Gpu,
-        number: u64,
+        (number, home_in_world): (u64, Option<DVec3>),
         (mesh, views, settings): (&Mesh, &[View], &FieldSettings),
     ) -> Result<Self, GpuError> {
         // Places are carried from mesh to mesh as they are in the world, near where the first was.
-        let home_in_world = match &before {
-            Some(before) => before.mesh.home_in_world,
-            None => mesh.bounds().map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high)),
-        };
+        let middle = || mesh.bounds().map_or(DVec3::ZERO, |[low, high]| 0.5 * (low + high));
+        let home_in_world = home_in_world.unwrap_or_else(middle);
         let known = before.as_ref().map_or(&[][..], |before| &before.mesh.cameras);
         let camera = |view: &View| {
             let known = known.iter().find(|known| ***known == *view.camera());

@@ -46,7 +46,7 @@ impl HullMeshes {
     /// **Cost** of new hulls [`extract`] with as many places along their longest side as the plan has voxels, at most [`MOST_PLACES`],
     /// on all processors.
     pub(super) fn of(&mut self, state: &SceneState, plan: &Plan) -> Option<Arc<LentMesh>> {
-        let hulls: Vec<&Arc<EntityHull>> = plan.hulls.iter().map(|idx| &state.hulls[*idx]).collect();
+        let hulls: Vec<&Arc<EntityHull>> = plan.meshed_hulls.iter().map(|idx| &state.hulls[*idx]).collect();
         let n_voxels = plan.hull.n_voxels.min(MOST_PLACES);
         let is_same = |last: &&Last| {
             let pairs = || last.hulls.iter().zip(&hulls);

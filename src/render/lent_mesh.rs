@@ -1,6 +1,6 @@
 //! A mesh of one frame as the device is given it: what it consists of, the cameras that lend to it, and how far it may be wrong.
 
-use super::passes::{MeshSize, VALUE_BYTES};
+use super::passes::{MeshSize, NEIGHBOUR_WORDS, VALUE_BYTES};
 use crate::fields::{DEPTH_PX, Distances, FieldSettings, MAX_VIEWS, Preference, REACH_TRIANGLES, Visibility};
 use crate::frame::linear_from_srgb;
 use crate::geometry::Camera;
@@ -142,7 +142,7 @@ impl LentMesh {
     /// Of more vertices and cameras than they hold.
     pub(super) fn check(&self, gpu: &Gpu) -> Result<(), GpuError> {
         let [n_vertices, _, n_views] = self.n();
-        let needed = VALUE_BYTES * u64::from(n_vertices) * u64::from(n_views);
+        let needed = u64::from(n_vertices) * (VALUE_BYTES * u64::from(n_views)).max(4 * NEIGHBOUR_WORDS);
         let most = gpu.limits().max_storage_buffer_binding_size;
         if needed > most {
             let message = format!(

@@ -91,10 +91,16 @@ impl Mesh {
         });
     }
 
+    /// Of all surfaces, and of what is drawn beside them.
+    fn bounds_with(&self, beyond: Option<[DVec3; 2]>) -> Option<[DVec3; 2]> {
+        let both = |[low, high]: [DVec3; 2], [a, b]: [DVec3; 2]| [low.min(a), high.max(b)];
+        self.bounds.into_iter().chain(beyond).reduce(both)
+    }
+
     /// What points are relative to, seen from `eye`: the eye itself, unless it is so far away that single precision could
     /// not tell the scene's points apart; then the scene's nearest corner or side.
-    pub(super) fn anchor(&self, eye: DVec3) -> DVec3 {
-        let Some([low, high]) = self.bounds else { return eye };
+    pub(super) fn anchor(&self, eye: DVec3, beyond: Option<[DVec3; 2]>) -> DVec3 {
+        let Some([low, high]) = self.bounds_with(beyond) else { return eye };
         let nearest = eye.clamp(low, high);
         let is_far = eye.distance(nearest) > FAR_TIMES * low.distance(high);
         if is_far { nearest } else { eye }
@@ -102,8 +108,8 @@ impl Mesh {
 
     /// Between which distances before the plane through a view's eye the scene lies, metres, with room for what stands at
     /// its edge. None of it needs lie before the eye; the last is greater than 0 and than the first.
-    pub(super) fn depths_m(&self, pose: &Pose) -> [f64; 2] {
-        let Some(bounds) = self.bounds else { return [0.0, ROOM_M] };
+    pub(super) fn depths_m(&self, pose: &Pose, beyond: Option<[DVec3; 2]>) -> [f64; 2] {
+        let Some(bounds) = self.bounds_with(beyond) else { return [0.0, ROOM_M] };
         let corner =
             |idx: usize| DVec3::new(bounds[idx & 1].x, bounds[idx >> 1 & 1].y, bounds[idx >> 2 & 1].z);
         let depths = (0..8).map(|idx| pose.local_from_world_point(corner(idx)).z);

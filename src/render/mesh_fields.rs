@@ -10,6 +10,7 @@ use super::passes::{
     MeshSightPass, MeshSmoothPass, MeshWeightsPass, OnDevice, Reaching, Recording, ShownBy, WrittenMesh,
 };
 use super::renderer::made;
+use crate::clock::Timestamp;
 use crate::fields::{Distances, FOLLOW_SECS, MAX_VIEWS, ROUNDS};
 use crate::geometry::{Camera, Distortion};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
@@ -31,6 +32,8 @@ pub(super) struct MeshLook<'a> {
     pub followed: Option<Followed>,
     /// Whether weights go on: for the first piece of a picture.
     pub goes_on: bool,
+    /// What tells the cameras' gains from those of another picture.
+    pub gains: u64,
     /// What the frame's places are relative to.
     pub anchor_in_world: DVec3,
     /// By the mesh's cameras, their places among the frame's.
@@ -63,12 +66,14 @@ struct Session {
     /// What they see now is the `latest` of both.
     both: [WeightsOf; 2],
     latest: usize,
+    /// When it was last drawn.
+    at: Option<Timestamp>,
 }
 
 impl Session {
     fn new(number: Option<u64>) -> Self {
         let both = [WeightsOf::nothing(), WeightsOf::nothing()];
-        Self { number, cameras: Vec::new(), both, latest: 0 }
+        Self { number, cameras: Vec::new(), both, latest: 0, at: None }
     }
 
     fn n_bytes(&self) -> u64 {
@@ -114,6 +119,8 @@ pub(super) struct MeshFields {
     shown: Option<ChangingMeshPass>,
     /// The mesh whose values the buffers hold, and which of both values are smooth.
     made: Option<(u64, usize)>,
+    /// The mesh and the gains whose colours are there.
+    colored: Option<(u64, u64)>,
     /// The one used last first.
     sessions: Vec<Session>,
 }
@@ -149,6 +156,7 @@ impl Default for MeshFields {
             distances: None,
             shown: None,
             made: None,
+            colored: None,
             sessions: Vec::new(),
         }
     }
@@ -171,12 +179,16 @@ impl MeshFields {
         let n_entries = u64::from(n_vertices) * u64::from(n_views);
         mesh.check(gpu)?;
         let has_lenses = mesh.cameras.iter().any(|camera| *camera.distortion() != Distortion::None);
+        let variant = [("HAS_LENSES", f64::from(u8::from(has_lenses)))];
         let maps_px = maps_px(mesh);
         let place = self.session(look.followed.map(|followed| followed.number));
         let session = &mut self.sessions[place];
         let latest = session.latest;
         let is_same = session.both[latest].mesh == mesh.number;
-        let passed_secs = look.followed.and_then(|followed| followed.passed_secs);
+        let passed_secs = look.followed.and_then(|followed| followed.passed_since(session.at));
+        if look.goes_on && passed_secs.is_none_or(|passed| passed > 0.0) {
+            session.at = look.followed.map(|followed| followed.instant);
+        }
         let is_there = session.both[latest].n_vertices > 0;
         let follow = passed_secs.filter(|_| is_there).map_or(1.0, |secs| -(-secs / FOLLOW_SECS).exp_m1());
         let n_before = if is_same || follow >= 1.0 { 0 } else { session.both[latest].n_vertices };
@@ -200,8 +212,7 @@ impl MeshFields {
             Some((number, values)) if number == mesh.number => values,
             _ => {
                 // Until all of it is recorded there is none.
-                self.made = None;
-                let variant = [("HAS_LENSES", f64::from(u8::from(has_lenses)))];
+                (self.made, self.colored) = (None, None);
                 let seeing = made(&mut self.seeing[usize::from(has_lenses)], || {
                     Seeing::new(gpu, frame_layout, &variant)
                 })?;
@@ -222,12 +233,17 @@ impl MeshFields {
                 let rounds = mesh.settings.smoothing_rounds;
                 let distances = usize::from(has_windows);
                 let values = along.smooth.record(recording, (&on, &hangs_together), (distances, rounds));
-                let own = (!mesh.colors.is_empty()).then(|| self.colors.write(gpu, &mesh.colors));
-                seeing.colors.record(recording, frame, (&on, values), (frames, own));
                 self.made = Some((mesh.number, values));
                 values
             }
         };
+        if self.colored != Some((mesh.number, look.gains)) {
+            let seeing =
+                made(&mut self.seeing[usize::from(has_lenses)], || Seeing::new(gpu, frame_layout, &variant))?;
+            let own = (!mesh.colors.is_empty()).then(|| self.colors.write(gpu, &mesh.colors));
+            seeing.colors.record(recording, frame, (&on, values), (frames, own));
+            self.colored = Some((mesh.number, look.gains));
+        }
         let slots = along.slots.sized(gpu, 8 * u64::from(n_faces));
         let session = &mut self.sessions[place];
         if !look.goes_on && is_same {
@@ -281,7 +297,7 @@ impl MeshFields {
 
     /// Forgets what was made, after what was recorded may not have been run.
     pub(super) fn clear(&mut self) {
-        self.made = None;
+        (self.made, self.colored) = (None, None);
         self.sessions.clear();
     }
 

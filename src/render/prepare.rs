@@ -8,9 +8,7 @@ use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use crate::fuse::{PointRun, SceneState};
-use crate::plan::{
-    EntityStyle, FieldsForm, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection,
-};
+use crate::plan::{EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
@@ -25,11 +23,11 @@ pub(super) struct Stand {
 }
 
 impl Stand {
-    pub(super) fn of(view: &View, mesh: &Mesh) -> Self {
+    pub(super) fn of(view: &View, (mesh, beyond): (&Mesh, Option<[DVec3; 2]>)) -> Self {
         let eye_in_world = view.pose.position_in_world;
         let is_parallel = view.frustum.projection == Projection::Orthographic;
         let parallel_to = is_parallel.then(|| view.pose.forward_in_world());
-        Self { eye_in_world, anchor_in_world: mesh.anchor(eye_in_world), parallel_to }
+        Self { eye_in_world, anchor_in_world: mesh.anchor(eye_in_world, beyond), parallel_to }
     }
 }
 
@@ -46,7 +44,7 @@ impl Renderer {
         &mut self,
         state: &'s SceneState,
         picture: &Picture,
-        stand: &Stand,
+        (stand, is_meshed): (&Stand, bool),
         (plan, patches, fields): (&Plan, &Patches, Option<&FieldMesh>),
     ) -> Result<Uploads<'s>, RenderError> {
         let anchor = stand.anchor_in_world;
@@ -120,7 +118,7 @@ impl Renderer {
             None => patches.batch(&drawing, &mut self.batches),
         }
         self.frame.write_cameras(&self.gpu);
-        self.prepare_entities(state, picture, stand, (plan, &places));
+        self.prepare_entities(state, picture, (stand, is_meshed), (plan, &places));
         self.entity_places = places;
         Ok(uploads)
     }
@@ -129,7 +127,7 @@ impl Renderer {
         &mut self,
         state: &SceneState,
         picture: &Picture,
-        stand: &Stand,
+        (stand, is_meshed): (&Stand, bool),
         (plan, places): (&Plan, &[(usize, usize)]),
     ) {
         let anchor = stand.anchor_in_world;
@@ -169,7 +167,7 @@ impl Renderer {
                 let end = |idx: usize| ordered.partition_point(|(slot, ..)| *slot <= idx) as u32;
                 self.slot_ends.extend((0..plan.opened.len()).map(end));
                 self.billboards.extend(ordered.into_iter().map(|(.., instance)| instance));
-                if !plan.hulls.is_empty() && plan.hull_fields == FieldsForm::Off {
+                if !plan.hulls.is_empty() && !is_meshed {
                     self.hulls.assign(&self.gpu, (state, plan), anchor, shader_idx);
                 }
             }

@@ -25,11 +25,13 @@ use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
 use crate::fields::MAX_VIEWS;
 use crate::frame::{RgbImage, linear_from_srgb};
-use crate::fuse::SceneState;
+use crate::fuse::{CameraState, SceneState};
 use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
 use crate::plan::{self, Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
 use crate::scene::Sky;
+use glam::DVec3;
+use std::hash::{Hash as _, Hasher as _};
 use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -110,6 +112,8 @@ struct Shown<'a> {
     fields: Option<&'a ShownFields>,
     /// Hulls as a mesh, where fields colour them.
     hulls: Option<&'a LentMesh>,
+    /// What is drawn beside surfaces may lie within these bounds.
+    beyond: Option<[DVec3; 2]>,
     /// Who looks at all of the picture.
     viewer: Viewer,
     /// Whether it is the first of its picture: fields go on once a picture.
@@ -275,6 +279,9 @@ impl Renderer {
             FieldsForm::Off => None,
             _ => self.hull_meshes.of(state, plan),
         };
+        // What the device does not hold as a mesh is drawn as without fields.
+        let hulls = hulls.filter(|mesh| mesh.check(&self.gpu).is_ok());
+        let beyond = sequences_bounds(state, plan);
         let limits = self.gpu.limits();
         let max_side_px = limits.max_texture_dimension_2d;
         let max_bytes = limits.max_buffer_size.min(MAX_PIECE_BYTES);
@@ -290,11 +297,12 @@ impl Renderer {
             if !wanted() {
                 return Ok(None);
             }
-            let stand = Stand::of(view, &mesh);
+            let stand = Stand::of(view, (&mesh, beyond));
             let mut uploads = Uploads::default();
             if prepared.replace(stand) != Some(stand) {
                 let fine = fields.as_ref().map(|fields| &*fields.mesh);
-                uploads = self.prepare(state, picture, &stand, (plan, &patches, fine))?;
+                let is_meshed = hulls.is_some();
+                uploads = self.prepare(state, picture, (&stand, is_meshed), (plan, &patches, fine))?;
                 self.find_mesh_cameras(state, hulls.as_deref());
             }
             let margin_px = plan.effects.margin_px(view, step_px);
@@ -330,6 +338,7 @@ impl Renderer {
                     patches: &patches,
                     fields: fields.as_ref(),
                     hulls: hulls.as_deref(),
+                    beyond,
                     viewer: picture.viewer,
                     is_first: std::mem::take(&mut is_first),
                     stand,
@@ -472,7 +481,10 @@ impl Renderer {
             }
             None => None,
         };
-        let reach = Reach { anchor_in_world: stand.anchor_in_world, depths_m: mesh.depths_m(&view.pose) };
+        let reach = Reach {
+            anchor_in_world: stand.anchor_in_world,
+            depths_m: mesh.depths_m(&view.pose, piece.beyond),
+        };
         let frame_group = frame.bind(gpu, ViewData::new(view, &reach));
         let (times, step_px) = (plan.sampling.supersampling, plan.resolution.step_px());
         let targets = TargetKey {
@@ -485,11 +497,9 @@ impl Renderer {
         let targets = self.targets.get(gpu, targets);
         // Before the targets are drawn on: where the hulls' surfaces are.
         let looked_for = HullPiece { view, times, anchor: stand.anchor_in_world, reach: &reach };
-        let found = match plan.hull_fields {
-            FieldsForm::Off => {
-                hulls.find(&mut recording, (frame, &frame_group), (state, plan), &looked_for)?
-            }
-            _ => None,
+        let found = match piece.hulls {
+            None => hulls.find(&mut recording, (frame, &frame_group), (state, plan), &looked_for)?,
+            Some(_) => None,
         };
         let look = MeshLook {
             form: plan.hull_fields,
@@ -497,6 +507,7 @@ impl Renderer {
             followed: plan.followed,
             goes_on: *is_first,
             anchor_in_world: stand.anchor_in_world,
+            gains: gains_of(state, plan),
             camera_idx: mesh_cameras,
             most_cameras: plan.most_cameras_a_pixel,
         };
@@ -594,6 +605,23 @@ impl Renderer {
     }
 }
 
+/// Where the sequences of a plan are; none without any.
+fn sequences_bounds(state: &SceneState, plan: &Plan) -> Option<[DVec3; 2]> {
+    let of = |idx: &usize| state.sequences.get(*idx)?.moment.as_ref().ok()?.mesh.bounds();
+    let join = |[low, high]: [DVec3; 2], [a, b]: [DVec3; 2]| [low.min(a), high.max(b)];
+    plan.sequences.iter().filter_map(of).reduce(join)
+}
+
+/// What tells the gains of a picture's cameras from those of another.
+fn gains_of(state: &SceneState, plan: &Plan) -> u64 {
+    let mut hasher = std::hash::DefaultHasher::new();
+    if plan.evens_colors {
+        let bits = |camera: &CameraState| camera.gain.to_array().map(f32::to_bits);
+        state.cameras.iter().map(bits).for_each(|bits| bits.hash(&mut hasher));
+    }
+    hasher.finish()
+}
+
 /// What a picture is cleared to: what a sky of more colours covers afterwards.
 fn clear_color(sky: &Sky) -> wgpu::Color {
     let color = sky.plain_srgb().unwrap_or_default();
@@ -631,7 +659,7 @@ fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
         let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
         return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
     }
-    for idx in &plan.hulls {
+    for idx in plan.hulls.iter().chain(&plan.meshed_hulls) {
         let cameras = state.hulls.get(*idx).map(|hull| &hull.cameras);
         if cameras.is_none_or(|cameras| cameras.iter().any(|camera| *camera >= state.cameras.len())) {
             let message = format!("hulls names hull {idx} of {}", state.hulls.len());

@@ -8,6 +8,7 @@ use crate::fields::FieldSettings;
 use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError};
 use crate::plan::Plan;
+use crate::scene::Scene;
 use crate::sequence::Moment;
 use glam::DVec3;
 use std::sync::{Arc, Weak};
@@ -15,17 +16,25 @@ use std::sync::{Arc, Weak};
 /// Sequences that are kept: those of a scene, and of one that is looked at in turn.
 const MOST_KEPT: usize = 8;
 
+/// Pictures after which what none of them showed goes.
+const MAX_AGE: u64 = 32;
+
 /// What is kept of sequences; each part is made when a plan first calls for it.
 #[derive(Debug, Default)]
 pub(super) struct Sequences {
     /// The one used last first.
     kept: Vec<Kept>,
     n_given: u64,
+    n_pictures: u64,
 }
 
 #[derive(Debug)]
 struct Kept {
+    scene: Weak<Scene>,
     id: Arc<str>,
+    /// Where its first mesh was: what places are relative to, from mesh to mesh.
+    home_in_world: Option<DVec3>,
+    used: u64,
     moment: Weak<Moment>,
     /// None where the device refused it.
     given: Option<GivenMesh>,
@@ -45,6 +54,9 @@ impl Sequences {
         (state, plan): (&SceneState, &Plan),
         (frame, anchor_in_world): (&mut FrameData, DVec3),
     ) {
+        self.n_pictures += 1;
+        let n_pictures = self.n_pictures;
+        self.kept.retain(|kept| kept.scene.strong_count() > 0 && n_pictures - kept.used <= MAX_AGE);
         self.kept.iter_mut().for_each(|kept| kept.place = None);
         for (place, of) in plan.sequences.iter().enumerate() {
             let Some((id, moment)) =
@@ -52,8 +64,11 @@ impl Sequences {
             else {
                 continue;
             };
-            let known = self.kept.iter().position(|kept| kept.id == *id && kept.place.is_none());
-            let mut kept = known.map_or_else(|| Kept::new(id), |known| self.kept.remove(known));
+            let is_it =
+                |kept: &Kept| std::ptr::eq(kept.scene.as_ptr(), Arc::as_ptr(&state.scene)) && kept.id == *id;
+            let known = self.kept.iter().position(is_it);
+            let mut kept = known.map_or_else(|| Kept::new(&state.scene, id), |known| self.kept.remove(known));
+            kept.used = self.n_pictures;
             if !std::ptr::eq(kept.moment.as_ptr(), Arc::as_ptr(moment)) {
                 self.n_given += 1;
                 kept.take(gpu, self.n_given, moment);
@@ -81,7 +96,8 @@ impl Sequences {
         let mut recorded = Vec::new();
         for kept in self.planned() {
             let Some(given) = &kept.given else { continue };
-            let look = MeshLook { camera_idx: &kept.camera_idx, ..*look };
+            // Its gains are its own.
+            let look = MeshLook { camera_idx: &kept.camera_idx, gains: 0, ..*look };
             recorded.push(kept.fields.record(recording, frame, (&given.mesh, given.pictures()), &look)?);
         }
         Ok(recorded)
@@ -115,9 +131,12 @@ impl Sequences {
 }
 
 impl Kept {
-    fn new(id: &Arc<str>) -> Self {
+    fn new(scene: &Arc<Scene>, id: &Arc<str>) -> Self {
         Self {
+            scene: Arc::downgrade(scene),
             id: Arc::clone(id),
+            home_in_world: None,
+            used: 0,
             moment: Weak::new(),
             given: None,
             fields: MeshFields::default(),
@@ -129,8 +148,11 @@ impl Kept {
     fn take(&mut self, gpu: &Gpu, number: u64, moment: &Arc<Moment>) {
         let of = (&moment.mesh, moment.views.as_slice(), &FieldSettings::of_changing());
         self.moment = Arc::downgrade(moment);
-        match GivenMesh::new(self.given.take(), gpu, number, of) {
-            Ok(given) => self.given = Some(given),
+        match GivenMesh::new(self.given.take(), gpu, (number, self.home_in_world), of) {
+            Ok(given) => {
+                self.home_in_world = Some(given.mesh.home_in_world);
+                self.given = Some(given);
+            }
             Err(error) => {
                 tracing::error!(sequence = &*self.id, frame = moment.number, %error, "a sequence's frame is left out");
             }

@@ -8,6 +8,7 @@ use super::mesh_fields::{Lent, MeshFields, MeshLook};
 use super::passes::{DrawInto, Recording, VALUE_BYTES};
 use super::targets::{Place, TargetCache, TargetKey};
 use super::{RenderError, View};
+use crate::clock::Timestamp;
 use crate::fields::{self, FieldSettings};
 use crate::frame::RgbImage;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer, read};
@@ -44,6 +45,9 @@ pub struct SurfaceFields {
     fields: MeshFields,
     frame: FrameData,
     given: Option<GivenMesh>,
+    home_in_world: Option<DVec3>,
+    /// How far those who look have come, in a time of its own.
+    at: Timestamp,
     targets: TargetCache,
     readback: Readback,
     timer: Timer,
@@ -58,6 +62,8 @@ impl SurfaceFields {
             fields: MeshFields::default(),
             frame: FrameData::new(gpu),
             given: None,
+            home_in_world: None,
+            at: Timestamp::default(),
             targets: TargetCache::default(),
             readback: Readback::default(),
             timer: Timer::new(gpu),
@@ -80,13 +86,19 @@ impl SurfaceFields {
         settings: &FieldSettings,
     ) -> Result<(), GpuError> {
         self.n_given += 1;
-        let given = GivenMesh::new(self.given.take(), gpu, self.n_given, (mesh, views, settings))?;
+        let given = GivenMesh::new(
+            self.given.take(),
+            gpu,
+            (self.n_given, self.home_in_world),
+            (mesh, views, settings),
+        )?;
+        self.home_in_world = Some(given.mesh.home_in_world);
         self.given = Some(given);
         Ok(())
     }
 
     /// The mesh as `view` shows it, by weights on their way to what `form` wants; the second is what was found of its vertices, where that
-    /// is asked for.
+    /// is asked for. Of whose weights are followed the time that passed counts, and not which instant it is.
     ///
     /// # Errors
     /// Where nothing was given, what the device reports, and [`MeshFields::record`]'s.
@@ -98,7 +110,7 @@ impl SurfaceFields {
         reading: Reading,
     ) -> Result<(FieldsPicture, Option<FoundFields>), RenderError> {
         let nothing = || GpuError::Refused { message: "no mesh was given".to_owned() };
-        let Self { fields, frame, given, targets, readback, timer, .. } = self;
+        let Self { fields, frame, given, at, targets, readback, timer, .. } = self;
         let Some(given) = given.as_ref() else { return Err(nothing().into()) };
         let mesh = &given.mesh;
         timer.begin_frame();
@@ -119,11 +131,15 @@ impl SurfaceFields {
         let descriptor = wgpu::CommandEncoderDescriptor { label: Some("surface fields") };
         let mut encoder = gpu.device.create_command_encoder(&descriptor);
         let mut recording = Recording { gpu, encoder: &mut encoder, timer };
+        let passed_secs = followed.and_then(|followed| followed.passed_secs).unwrap_or_default();
+        *at = at.saturating_add_nanos((passed_secs * 1e9) as i64);
+        let followed = followed.map(|followed| Followed { instant: *at, ..followed });
         let look = MeshLook {
             form,
             viewer: Picture::from(*view).viewer,
             followed,
             goes_on: true,
+            gains: 0,
             anchor_in_world,
             camera_idx: &camera_idx,
             most_cameras: MOST_CAMERAS,

@@ -175,6 +175,17 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// The same without recorded sequences, in the document too.
+    #[must_use]
+    pub fn without_sequences(&self) -> Self {
+        let mut part = self.clone();
+        part.sequences.clear();
+        part.document = document_of(&self.document, &part);
+        part
+    }
+}
+
 /// A document with the cameras and sequences of a part of its scene alone.
 fn document_of(document: &str, part: &Scene) -> Arc<str> {
     let cameras = &part.cameras;

@@ -3,7 +3,7 @@
 use super::cache::{Cache, CacheCounts};
 use super::{Moment, Sequence, SequenceError};
 use crate::clock::Timestamp;
-use crate::fields::{Blend, FieldSettings, Shaded, Weights, shade};
+use crate::fields::{Blend, Distances, Field, FieldSettings, Shaded, Topology, Weights, shade};
 use crate::geometry::Camera;
 use crate::mesh::{NO_TRIANGLE, Raster};
 use crate::timeline::{Extent, Playhead};
@@ -58,8 +58,8 @@ pub enum MadeOn {
     /// Here.
     #[default]
     Processor,
-    /// On a device, by who draws: frames have none. Gains, by which cameras agree, are those of the first frame that was read, since one
-    /// recording is exposed alike.
+    /// On a device, by who draws: frames have none. Gains, by which cameras agree, are those of the first frame that was read in which a
+    /// camera shows anything, since one recording is exposed alike.
     Device,
 }
 
@@ -101,8 +101,8 @@ pub struct Player {
     cache: Cache,
     /// Why frames cannot be read, so that none is tried at every picture.
     broken: HashMap<usize, Arc<SequenceError>>,
-    /// What each camera's light is multiplied by, once that is known.
-    gains: Option<Vec<Vec3>>,
+    /// What each camera's light is multiplied by, once it showed something.
+    gains: Vec<Option<Vec3>>,
     history: Option<History>,
     /// Where a playhead stood when it was last asked, and the machine's time then.
     asked: Option<(Playhead, Timestamp, Duration)>,
@@ -138,7 +138,7 @@ impl Player {
             cache: Cache::new(settings.cache_bytes),
             settings,
             broken: HashMap::new(),
-            gains: None,
+            gains: Vec::new(),
             history: None,
             asked: None,
             n_seeks: 0,
@@ -209,7 +209,7 @@ impl Player {
             return Ok(moment);
         }
         let is_here = self.settings.made_on == MadeOn::Processor;
-        let settings = (is_here || self.gains.is_none()).then_some(&self.settings.fields);
+        let settings = is_here.then_some(&self.settings.fields);
         match Moment::read(&mut self.sequence, idx, settings) {
             Ok(mut moment) => {
                 if !is_here {
@@ -227,13 +227,29 @@ impl Player {
         }
     }
 
-    /// Leaves a frame's field to a device, and gives its views the gains that are known, or has them known.
+    /// Gives a frame's views the gains that are known; has those known of cameras that never showed anything before.
     fn even(&mut self, moment: &mut Moment) {
-        if moment.field.take().is_some() {
-            self.gains = Some(moment.views.iter().map(|view| view.gain).collect());
+        self.gains.resize(moment.views.len(), None);
+        let is_blind = |view: usize| moment.blind.iter().any(|(camera, _)| *camera == view);
+        let seeing: Vec<usize> = (0..moment.views.len()).filter(|view| !is_blind(*view)).collect();
+        if seeing.iter().any(|view| self.gains[*view].is_none()) {
+            // Gains follow from who sees which vertices, and nothing else of a field.
+            let settings = FieldSettings {
+                distances: Distances::Off,
+                smoothing_rounds: 0,
+                is_evened: true,
+                vote: None,
+                ..self.settings.fields
+            };
+            let topology = Topology::of(&moment.mesh.positions_m, &moment.mesh.triangles);
+            if Field::new(&moment.mesh, &topology, &mut moment.views, &settings).is_ok() {
+                for view in seeing {
+                    self.gains[view].get_or_insert(moment.views[view].gain);
+                }
+            }
         }
-        for (view, gain) in moment.views.iter_mut().zip(self.gains.iter().flatten()) {
-            view.gain = *gain;
+        for (view, gain) in moment.views.iter_mut().zip(&self.gains) {
+            view.gain = gain.unwrap_or(Vec3::ONE);
         }
     }
 

@@ -7,7 +7,7 @@ use std::io::Write as _;
 use std::str::FromStr as _;
 use std::time::Duration;
 use videofields::accuracy::machine;
-use videofields::clock::{Clock as _, SystemClock};
+use videofields::clock::{Clock as _, SystemClock, Timestamp};
 use videofields::config::RenderSettings;
 use videofields::fields::{Distances, Field, FieldSettings, Topology, View as Seen};
 use videofields::frame::RgbImage;
@@ -82,8 +82,12 @@ impl Meshes {
         let mut device = SurfaceFields::new(gpu);
         let first = ball(triangles, 0.0);
         let (n_vertices, n_triangles) = (first.positions_m.len(), first.triangles.len());
-        let by =
-            |passed_secs| (FieldsForm::Montage, Some(Followed { number: 0, passed_secs: Some(passed_secs) }));
+        let by = |passed_secs| {
+            (
+                FieldsForm::Montage,
+                Some(Followed { number: 0, passed_secs: Some(passed_secs), instant: Timestamp::default() }),
+            )
+        };
         // Programs are made by the first.
         device.give(gpu, &first, &views, &settings)?;
         device.picture(gpu, &self.looking(0.0)?, by(0.0), Reading::Picture)?;

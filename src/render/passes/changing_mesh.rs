@@ -94,7 +94,7 @@ pub(in crate::render) struct WrittenMesh {
 }
 
 /// Words of a vertex's list of neighbours: `NEIGHBOURS` of `mesh_smooth.wgsl`.
-const NEIGHBOUR_WORDS: u64 = 16;
+pub(in crate::render) const NEIGHBOUR_WORDS: u64 = 16;
 
 /// Bytes of what is kept by vertex and view: `values` of `mesh_smooth.wgsl`.
 pub(in crate::render) const VALUE_BYTES: u64 = 16;

@@ -36,8 +36,8 @@ pub(super) use average::AveragePass;
 pub(super) use billboard::{BillboardPass, Instance as BillboardInstance, Seen as SeenBillboard};
 pub(super) use camera_depth::{CameraDepthPass, DepthMaps, single_face_bounds};
 pub(super) use changing_mesh::{
-    ChangingMesh, ChangingMeshPass, MOST_SLOTS, MadeMesh, MeshBuffers, MeshCamera, ShownBy, VALUE_BYTES,
-    WrittenMesh,
+    ChangingMesh, ChangingMeshPass, MOST_SLOTS, MadeMesh, MeshBuffers, MeshCamera, NEIGHBOUR_WORDS, ShownBy,
+    VALUE_BYTES, WrittenMesh,
 };
 pub(super) use compute::DeviceBuffer;
 pub(super) use distance::{DISTANCE_FORMAT, DistancePass, Lens};

@@ -236,3 +236,31 @@ fn what_hides_a_surface_does_not_show_on_it_before_the_next_vertex() {
     let n_apart = pairs.filter(|pair| apart(*pair) > 60).count();
     assert!(n_apart < 200, "{n_apart} pixels");
 }
+
+#[test]
+fn surfaces_keep_their_colours_where_fewer_cameras_are_mixed() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    // Each corner of the plaza is seen by other cameras; with one at a pixel others' places are not left bare.
+    let state = plaza(DVec3::ZERO).state();
+    let looking: Picture = view(v(-3.0, -16.0, 6.0), v(0.0, 0.0, 0.5), 0.9, 192, 120).into();
+    let mut with = |most_cameras: usize, fields: FieldsForm| {
+        let mut wishes = wishes(&brush, fields);
+        wishes.settings.most_cameras = most_cameras;
+        let plan = plan::make(&state, &looking, wishes);
+        brush.renderer.render(&state, &looking, &plan).expect("a picture").image
+    };
+    let bare = {
+        let mut alone = plaza(DVec3::ZERO).state();
+        alone.cameras.clear();
+        drawn(&mut renderer("", 1).expect("an adapter"), &alone, &looking, FieldsForm::Off)
+    };
+    for fields in [FieldsForm::Normals, FieldsForm::Montage] {
+        let [all, one] = [with(8, fields), with(1, fields)];
+        let apart = |a: &[u8], b: &[u8]| a.iter().zip(b).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
+        let is_bare = |image: &RgbImage, at: usize| {
+            apart(&image.data[3 * at..3 * at + 3], &bare.data[3 * at..3 * at + 3]) <= 2
+        };
+        let n = (0..192 * 120).filter(|at| is_bare(&one, *at) && !is_bare(&all, *at)).count();
+        assert!(n < 60, "{fields:?}: {n} pixels are bare with one camera alone");
+    }
+}

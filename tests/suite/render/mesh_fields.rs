@@ -3,6 +3,7 @@
 use super::fields_distances::{grid, sphere};
 use super::{keep, renderer, v, view};
 use glam::{DQuat, DVec2, DVec3, Vec3};
+use videofields::clock::Timestamp;
 use videofields::fields::{
     Blend, Distances, Field, FieldSettings, MAX_VIEWS, Preference, Topology, View as FieldView, Weights,
     shade,
@@ -207,7 +208,7 @@ fn it_is_drawn_as_the_processor_shades_it() {
 }
 
 fn followed(passed_secs: Option<f64>) -> Option<Followed> {
-    Some(Followed { number: 7, passed_secs })
+    Some(Followed { number: 7, passed_secs, instant: Timestamp::default() })
 }
 
 fn found(device: &mut SurfaceFields, gpu: &Gpu, at: &View, passed: Option<f64>) -> FoundFields {
