@@ -342,7 +342,8 @@ fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: 
     var sum_of_weights = 0.0;
     let lent = dot(lent_low, vec4<f32>(1.0)) + dot(lent_high, vec4<f32>(1.0));
     for (var idx = 0u; idx < N_LISTED; idx++) {
-        let k = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
+        let listed = select(list.low[idx & 3u], list.high[idx & 3u], idx >= 4u);
+        let k = min(listed, MAX_CAMERAS - 1u);
         let weight = select(lent_low[idx & 3u], lent_high[idx & 3u], idx >= 4u);
         let projection = project(k, point);
         var level = 0.0;
@@ -350,7 +351,8 @@ fn mixed(point: vec3<f32>, lent_low: vec4<f32>, lent_high: vec4<f32>, material: 
             level = level_of_detail(k, dpdx(projection.texture), dpdy(projection.texture));
         }
         let inset = min(projection.texture, 1.0 - projection.texture);
-        if !(weight > LEAST_SHARE && projection.is_seen && min(inset.x, inset.y) >= 0.0) {
+        let is_drawn = listed < MAX_CAMERAS && weight > LEAST_SHARE;
+        if !(is_drawn && projection.is_seen && min(inset.x, inset.y) >= 0.0) {
             continue;
         }
         let place = projection.texture * cameras[k].background_scale;

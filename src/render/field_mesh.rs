@@ -47,6 +47,9 @@ struct Group {
     indices: Range<usize>,
 }
 
+/// In a list in place of a camera that the picture does not draw with.
+const NOT_DRAWN: u32 = u32::MAX;
+
 /// What tells groups apart: surface and picture by their places, cameras by their bits.
 type GroupKey = (usize, Option<usize>, u64);
 
@@ -184,7 +187,7 @@ impl FieldMesh {
         self.cameras.iter().map(|camera| camera.pose().position_in_world)
     }
 
-    /// What is drawn together in one picture. A camera that is not of the picture keeps its place in lists, and lends nothing.
+    /// What is drawn together in one picture. A camera that is not of the picture keeps its place in lists, and is not drawn with.
     pub(super) fn batch(&self, drawing: &Drawing<'_>, batches: &mut Batches) {
         batches.begin(drawing.opened.len());
         let in_frame: Vec<Option<u32>> = self
@@ -199,7 +202,7 @@ impl FieldMesh {
             let places = || listed.iter().map(|view| in_frame[usize::from(*view)]);
             let is_any = places().any(|place| place.is_some());
             let mut slots = [0; FIELD_SLOTS];
-            slots.iter_mut().zip(places()).for_each(|(slot, place)| *slot = place.unwrap_or(0));
+            slots.iter_mut().zip(places()).for_each(|(slot, place)| *slot = place.unwrap_or(NOT_DRAWN));
             let of = |is_so: &dyn Fn(&super::camera_data::Camera) -> bool| {
                 places().flatten().any(|place| is_so(&drawing.data[place as usize]))
             };

@@ -358,15 +358,16 @@ impl Renderer {
         Ok(Some(Rendered { image, timings }))
     }
 
-    /// The fine mesh of what stands still and who has a picture for it, where fields are planned.
+    /// The fine mesh of what stands still and who has a picture of it, where fields are planned.
     fn fields(&mut self, state: &SceneState, plan: &Plan) -> Option<ShownFields> {
         if plan.fields == FieldsForm::Off {
             return None;
         }
         let mesh = self.scenes.fields_of(state, self.depth_maps.side_px());
         let mut is_shown = [false; MAX_VIEWS];
-        for idx in &plan.surface_cameras {
-            if let Some(view) = mesh.place_of(&state.cameras[*idx].camera) {
+        // Whatever of them this picture shows: weights are those of all pictures of an instant.
+        for camera in &state.cameras {
+            if let Some(view) = mesh.place_of(&camera.camera) {
                 is_shown[view] = true;
             }
         }

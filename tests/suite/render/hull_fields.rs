@@ -178,8 +178,8 @@ fn a_session_follows_who_walks_from_mesh_to_mesh() {
     let stage = ring(8);
     let mut session = ViewSession::default();
     // Of the same session a tile that shows none of them, drawn first, takes none of the time from the others.
-    let away = Picture::from(super::view(v(3.0, -3.0, 1.7), v(30.0, -3.0, 1.7), 0.5, 32, 32));
     let mut look = |state: &SceneState, eye: DVec3| {
+        let away = Picture::from(super::view(eye, v(1.8 * eye.x, 1.8 * eye.y, 0.0), 0.5, 32, 32));
         let plan = plan::make_for(state, &away, wishes(FieldsForm::Montage), Some(&mut session));
         assert!(plan.hulls.is_empty());
         brush.renderer.render(state, &away, &plan).expect("a picture");
