@@ -68,6 +68,12 @@ impl GivenMesh {
         Ok(Self { mesh: lent, shown: views.iter().map(shown).collect(), pictures })
     }
 
+    /// Bytes that the pictures take on the device.
+    pub(super) fn n_bytes(&self) -> u64 {
+        let size = self.pictures.texture.size();
+        4 * u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers)
+    }
+
     /// The pictures, a layer a camera.
     pub(super) const fn pictures(&self) -> &wgpu::TextureView {
         &self.pictures.view

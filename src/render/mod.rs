@@ -23,6 +23,7 @@ mod passes;
 mod patches;
 mod pending;
 mod pieces;
+mod planned;
 mod prepare;
 mod ready;
 mod renderer;

@@ -1,6 +1,6 @@
 //! The renderer: what is kept between frames, and the order of one frame.
 
-use super::camera_data::{FrameData, MAX_CAMERAS, Reach, View as ViewData};
+use super::camera_data::{FrameData, Reach, View as ViewData};
 use super::effects::{self, Around, EffectPasses};
 use super::error::RenderError;
 use super::field_mesh::FieldMesh;
@@ -17,6 +17,7 @@ use super::passes::{
 use super::passes::{BillboardInstance, PointInstance};
 use super::patches::{Batches, Patches};
 use super::pieces::{self, Piece, Room};
+use super::planned::{check_plan, clear_color, gains_of, sequences_bounds};
 use super::prepare::{Stand, Uploads};
 use super::ready::ReadyScenes;
 use super::sequences::Sequences;
@@ -24,14 +25,13 @@ use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
 use crate::config::RenderSettings;
 use crate::fields::MAX_VIEWS;
-use crate::frame::{RgbImage, linear_from_srgb};
-use crate::fuse::{CameraState, SceneState};
+use crate::frame::RgbImage;
+use crate::fuse::SceneState;
 use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{self, Detail, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
+use crate::plan::{self, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
 use crate::scene::Sky;
 use glam::DVec3;
-use std::hash::{Hash as _, Hasher as _};
 use std::sync::Arc;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
@@ -604,79 +604,4 @@ impl Renderer {
         self.readback.copy_within(gpu, recording.encoder, &picture, around.margin_px);
         Ok(())
     }
-}
-
-/// Where the sequences of a plan are; none without any.
-fn sequences_bounds(state: &SceneState, plan: &Plan) -> Option<[DVec3; 2]> {
-    let of = |idx: &usize| state.sequences.get(*idx)?.moment.as_ref().ok()?.mesh.bounds();
-    let join = |[low, high]: [DVec3; 2], [a, b]: [DVec3; 2]| [low.min(a), high.max(b)];
-    plan.sequences.iter().filter_map(of).reduce(join)
-}
-
-/// What tells the gains of a picture's cameras from those of another.
-fn gains_of(state: &SceneState, plan: &Plan) -> u64 {
-    let mut hasher = std::hash::DefaultHasher::new();
-    if plan.evens_colors {
-        let bits = |camera: &CameraState| camera.gain.to_array().map(f32::to_bits);
-        state.cameras.iter().map(bits).for_each(|bits| bits.hash(&mut hasher));
-    }
-    hasher.finish()
-}
-
-/// What a picture is cleared to: what a sky of more colours covers afterwards.
-fn clear_color(sky: &Sky) -> wgpu::Color {
-    let color = sky.plain_srgb().unwrap_or_default();
-    let [r, g, b] = color.map(|code| f64::from(linear_from_srgb(f32::from(code) / 255.0)));
-    wgpu::Color { r, g, b, a: 1.0 }
-}
-
-/// Holds a plan to the state it is drawn with.
-fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderError> {
-    plan.sampling.check().map_err(RenderError::Sampling)?;
-    if plan.resolution != Detail::Whole && plan.sampling.supersampling > 1 {
-        let message = "a picture is supersampled or enlarged, not both".to_owned();
-        return Err(RenderError::Plan(message));
-    }
-    let lists = [
-        ("surface_cameras", &plan.surface_cameras),
-        ("depth_map_cameras", &plan.depth_map_cameras),
-        ("entity_cameras", &plan.entity_cameras),
-    ];
-    for (list, cameras) in lists {
-        if let Some(idx) = cameras.iter().find(|idx| **idx >= state.cameras.len()) {
-            let message = format!("{list} names camera {idx} of {}", state.cameras.len());
-            return Err(RenderError::Plan(message));
-        }
-    }
-    let is_another = |camera: &&usize| !plan.surface_cameras.contains(camera);
-    let of_sequence = |idx: &usize| {
-        let moment = state.sequences.get(*idx).and_then(|at| at.moment.as_ref().ok());
-        moment.map_or(0, |moment| moment.views.len())
-    };
-    let needed = plan.surface_cameras.len()
-        + plan.entity_cameras.iter().filter(is_another).count()
-        + plan.sequences.iter().map(of_sequence).sum::<usize>();
-    if needed > MAX_CAMERAS {
-        let (needed, limit) = (needed as u64, MAX_CAMERAS as u64);
-        return Err(RenderError::TooMany { what: "cameras in one picture", needed, limit });
-    }
-    for idx in plan.hulls.iter().chain(&plan.meshed_hulls) {
-        let cameras = state.hulls.get(*idx).map(|hull| &hull.cameras);
-        if cameras.is_none_or(|cameras| cameras.iter().any(|camera| *camera >= state.cameras.len())) {
-            let message = format!("hulls names hull {idx} of {}", state.hulls.len());
-            return Err(RenderError::Plan(message));
-        }
-    }
-    for planned in &plan.billboards {
-        let source_of =
-            |idx: usize| state.entities.get(planned.entity).and_then(|entity| entity.sources.get(idx));
-        let sources = std::iter::once(planned.source).chain(planned.beside.map(|beside| beside.source));
-        for idx in sources {
-            if source_of(idx).is_none_or(|source| source.camera_idx >= state.cameras.len()) {
-                let message = format!("billboards names source {idx} of entity {}", planned.entity);
-                return Err(RenderError::Plan(message));
-            }
-        }
-    }
-    Ok(())
 }

@@ -16,6 +16,9 @@ use std::sync::{Arc, Weak};
 /// Sequences that are kept: those of a scene, and of one that is looked at in turn.
 const MOST_KEPT: usize = 8;
 
+/// Most bytes of cameras' pictures of what is kept and not drawn.
+const MAX_BYTES: u64 = 256 << 20;
+
 /// Pictures after which what none of them showed goes.
 const MAX_AGE: u64 = 32;
 
@@ -81,6 +84,11 @@ impl Sequences {
             self.kept.insert(0, kept);
         }
         self.kept.truncate(MOST_KEPT);
+        let mut n_bytes = 0;
+        self.kept.retain(|kept| {
+            n_bytes += kept.given.as_ref().map_or(0, GivenMesh::n_bytes);
+            kept.place.is_some() || n_bytes <= MAX_BYTES
+        });
     }
 
     /// Records the fields of all that the plan has, the first planned first.

@@ -101,7 +101,7 @@ impl SurfaceFields {
     /// is asked for. Of whose weights are followed the time that passed counts, and not which instant it is.
     ///
     /// # Errors
-    /// Where nothing was given, what the device reports, and [`MeshFields::record`]'s.
+    /// Where nothing was given, what the device reports, and of a mesh that is larger than its buffers hold.
     pub fn picture(
         &mut self,
         gpu: &Gpu,
