@@ -1,5 +1,6 @@
 //! Recorded sequences in fused views: drawn as the processor shades them, at their times, and told where they are not.
 
+use super::hulls::n_apart;
 use super::{keep, renderer, v, view};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
@@ -7,7 +8,6 @@ use std::path::Path;
 use std::sync::Arc;
 use videofields::calibrate::CameraDocument;
 use videofields::clock::Timestamp;
-use videofields::frame::RgbImage;
 use videofields::fuse::{SceneState, assemble};
 use videofields::geometry::{Camera, Distortion};
 use videofields::ingest::MediaRoots;
@@ -77,11 +77,6 @@ fn somebody(state: &SceneState, sequence: usize) -> DVec3 {
 
 fn looking_at(place: DVec3) -> View {
     view(place + v(0.9, -3.0, 1.0), place, 0.8, 160, 120)
-}
-
-fn n_apart(a: &RgbImage, b: &RgbImage, codes: u8) -> usize {
-    let pixels = a.data.chunks_exact(3).zip(b.data.chunks_exact(3));
-    pixels.filter(|(a, b)| a.iter().zip(*b).any(|(a, b)| a.abs_diff(*b) > codes)).count()
 }
 
 #[test]
