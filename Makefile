@@ -45,13 +45,13 @@ demo: setup web
 test: setup web
 	cd web && npm run --silent check && npm run --silent test
 	$(CARGO) fmt --check
-	$(CARGO) clippy --locked --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked --no-deps --document-private-items --quiet
-	$(CARGO) test --locked
+	$(CARGO) clippy --workspace --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --locked --no-deps --document-private-items --quiet
+	$(CARGO) test --workspace --locked
 	cd web && npm run --silent e2e
 
 check: setup
-	$(CARGO) clippy --locked --all-targets
+	$(CARGO) clippy --workspace --locked --all-targets
 
 # CASES=..., ROLES="admin operator viewer stranger" and SEED=... as tests/contract/run.sh has them; it needs Python with venv,
 # and the network once.
@@ -61,19 +61,19 @@ contract: setup
 
 # PYTHON=... names an interpreter that can import cv2, INPUT=... a video: then the mixture is timed beside OpenCV's.
 bench: setup
-	$(CARGO) bench --locked
+	$(CARGO) bench --locked -p videofields-lab
 ifdef INPUT
-	$(CARGO) build --release --locked
-	target/release/videofields bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
+	$(CARGO) build --release --locked -p videofields-lab
+	target/release/videofields-lab bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
 endif
 
 # LOAD=... are further arguments, such as --seconds 30.
 load: setup
-	$(CARGO) build --release --locked
+	$(CARGO) build --release --locked -p videofields -p videofields-lab
 	deploy/load.sh $(LOAD)
 
 pictures: setup
-	$(CARGO) build --release --locked
+	$(CARGO) build --release --locked -p videofields -p videofields-lab
 	deploy/pictures.sh
 	deploy/pictures-fused.sh
 	deploy/pictures-hulls.sh
@@ -82,6 +82,6 @@ pictures: setup
 	deploy/pictures-effects.sh
 
 clips: setup
-	$(CARGO) build --release --locked
-	target/release/videofields simulate --world plaza --out config/demo --truth-every 0 \
+	$(CARGO) build --release --locked -p videofields-lab
+	target/release/videofields-lab simulate --world plaza --out config/demo --truth-every 0 \
 		--database ../../target/demo/videofields.sqlite

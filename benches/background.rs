@@ -4,11 +4,11 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use videofields::background::{Format, GaussianMixture};
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings};
-use videofields::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
-use videofields::segment::Segmenter;
+use videofields_vision::background::{Format, GaussianMixture};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings};
+use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+use videofields_vision::segment::Segmenter;
 
 const WIDTH: u32 = 768;
 const HEIGHT: u32 = 576;

@@ -8,8 +8,8 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::hint::black_box;
-use videofields::geometry::{Camera, GroundPolygon, OrientedBox, Ray, Surfaces};
-use videofields::simulate::{CastOptions, Layers, Shot, SolidHit, Solids, Terrain, World, pinhole};
+use videofields_simulate::{CastOptions, Layers, Shot, SolidHit, Solids, Terrain, World};
+use videofields_vision::geometry::{Camera, GroundPolygon, OrientedBox, Ray, Surfaces};
 
 const SIZE_PX: (u32, u32) = (640, 360);
 
@@ -56,8 +56,8 @@ fn count(rays: &[Ray], hit: impl Fn(&Ray) -> Option<SolidHit> + Sync) -> usize {
 fn benchmark(criterion: &mut Criterion) {
     let plaza = World::named("plaza").unwrap();
     let (id, camera) = plaza.cameras(SIZE_PX).unwrap().remove(0);
-    let over_town = pinhole(DVec3::new(-180.0, -260.0, 40.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
-    let over_hills = pinhole(DVec3::new(-200.0, -230.0, 30.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
+    let over_town = Camera::pinhole(DVec3::new(-180.0, -260.0, 40.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
+    let over_hills = Camera::pinhole(DVec3::new(-200.0, -230.0, 30.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
     for (name, solids, camera) in [
         ("plaza", plaza.solids(), &camera),
         ("2000 boxes", &town(), &over_town),

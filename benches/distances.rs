@@ -4,10 +4,10 @@
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use videofields::fields::{ROUNDS, Topology, bounded, exact};
-use videofields::gpu::Gpu;
-use videofields::mesh::Mesh;
-use videofields::render::SurfaceDistances;
+use videofields_render::SurfaceDistances;
+use videofields_render::gpu::Gpu;
+use videofields_vision::fields::{ROUNDS, Topology, bounded, exact};
+use videofields_vision::mesh::Mesh;
 
 /// Hills of `n` vertices each way, a metre apart.
 fn hills(n: u32) -> Mesh {

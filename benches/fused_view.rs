@@ -7,19 +7,19 @@
 
 use glam::{DMat2, DMat3, DQuat, DVec2, DVec3, Vec3};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::RenderSettings;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
-use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
-use videofields::gpu::Gpu;
-use videofields::plan::{
+use videofields_picture::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
+use videofields_picture::plan::{
     self, Colors, EntityStyle, Filtering, Picture, Plan, Sampling, Settings, View, ViewLimits, Wishes,
 };
-use videofields::render::Renderer;
-use videofields::scene::{Material, Scene, SceneCamera, Sky};
-use videofields::segment::{MOVING, PixelRect};
-use videofields::timeline::Observation;
+use videofields_picture::scene::{Material, Scene, SceneCamera, Sky};
+use videofields_render::Renderer;
+use videofields_render::gpu::Gpu;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::RenderSettings;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields_vision::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::{MOVING, PixelRect};
 
 const SIZE_PX: (u32, u32) = (1280, 720);
 /// Medians of fewer mean little.

@@ -4,18 +4,18 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use glam::{DVec2, DVec3, Vec3};
 use std::hint::black_box;
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::RenderSettings;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{CameraState, Exposure, Overlap, SceneState};
-use videofields::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
-use videofields::gpu::Gpu;
-use videofields::plan::{
+use videofields_picture::fuse::{CameraState, Exposure, Overlap, SceneState};
+use videofields_picture::plan::{
     self, Colors, EntityStyle, FieldsForm, Picture, Sampling, Settings, View, ViewLimits, Wishes,
 };
-use videofields::render::Renderer;
-use videofields::scene::{Material, Scene, SceneCamera, Sky};
-use videofields::timeline::Observation;
+use videofields_picture::scene::{Material, Scene, SceneCamera, Sky};
+use videofields_render::Renderer;
+use videofields_render::gpu::Gpu;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::RenderSettings;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields_vision::geometry::{Camera, Distortion, GroundPolygon, OrientedBox, Pose, Surfaces};
+use videofields_vision::observation::Observation;
 
 const WIDTH: u32 = 1280;
 const HEIGHT: u32 = 720;

@@ -8,10 +8,9 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
 use std::hint::black_box;
-use videofields::geometry::{
+use videofields_vision::geometry::{
     Camera, Cylinder, ExtrudedFootprint, GroundPolygon, OrientedBox, Ray, Shape, Surfaces, TriangleMesh,
 };
-use videofields::simulate::pinhole;
 
 const SIZE_PX: (u32, u32) = (160, 90);
 
@@ -61,7 +60,7 @@ fn model() -> Vec<Shape> {
 }
 
 fn benchmark(criterion: &mut Criterion) {
-    let camera = pinhole(DVec3::new(-150.0, -190.0, 40.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
+    let camera = Camera::pinhole(DVec3::new(-150.0, -190.0, 40.0), DVec3::ZERO, 0.8, SIZE_PX).unwrap();
     let all = rays(&camera);
     for (name, shapes) in [("3 shapes", town(3)), ("1000 shapes", town(1000)), ("125000 triangles", model())]
     {

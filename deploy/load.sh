@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # Serves the demo plaza with the release build, asks it from many connections at once, and prints what came back as a table
-# (docs/benchmarks/load.md holds one). Arguments go to `videofields bench load`: such as --seconds 30 --clients 1,16,64; without
+# (docs/benchmarks/load.md holds one). Arguments go to `videofields-lab bench load`: such as --seconds 30 --clients 1,16,64; without
 # any, it is also measured beside slow readers and idle connections, whose descriptors both ends need.
-# VIDEOFIELDS names another binary than the release build's, LISTEN another address.
+# VIDEOFIELDS and VIDEOFIELDS_LAB name other binaries than the release build's, LISTEN another address.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 listen=${LISTEN:-127.0.0.1:18080}
 export NODEVICE_SELECT=1 VIDEOFIELDS_ACCURACY__MEASURE_AT_START=false
 [[ $# -gt 0 ]] || set -- --slow-readers 200 --idle 10000
@@ -23,4 +24,4 @@ done
 curl -fsS -o /dev/null "http://$listen/readyz"
 echo "$("$videofields" --version), $(nproc) cores, $(curl -fsS "http://$listen/readyz" | sed -E 's/.*"renderer":"([^"]*)".*/\1/'), $(git rev-parse --short HEAD 2>/dev/null || echo "no commit"), load before: $(cut -d' ' -f1-3 /proc/loadavg)"
 echo
-"$videofields" bench load --url "http://$listen" --pid "$daemon" "$@"
+"$lab" bench load --url "http://$listen" --pid "$daemon" "$@"

@@ -5,6 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 castle=../shared/data/sceaux_castle
 out=target/pictures/fields
 export NODEVICE_SELECT=1
@@ -30,7 +31,7 @@ figure() { # FILE CAPTION
 
 # Cameras that are a pixel off and unevenly exposed, and a view where none stands.
 printf '<h2>Plaza, simulated: three cameras, a view between them</h2>\n' >>"$index"
-"$videofields" bench fields --world plaza --off-px 1 --width 960 --pictures "$out" >"$out/plaza.txt"
+"$lab" bench fields --world plaza --off-px 1 --width 960 --pictures "$out" >"$out/plaza.txt"
 for stage in best_camera __evened__the_baseline baseline__filtered baseline__floating __smoothing__all truth; do
   figure "plaza-still-0-$stage.png" "${stage//_/ }"
 done

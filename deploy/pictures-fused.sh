@@ -6,6 +6,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 out=target/pictures/fused
 export NODEVICE_SELECT=1
 rm -rf "$out"
@@ -84,7 +85,7 @@ for form in "dark 0.10" "bright 0.40"; do
   read -r name target <<<"$form"
   echo '{"version": 1, "base": "plaza", "name": "'"$name"'", "effects": {"cast_shadows": {"casters": "still"}, "exposure": {"target": '"$target"'}}}' \
     >"$worlds/$name.json"
-  "$videofields" simulate --world "$worlds/$name.json" --out "$worlds/$name" --truth-every 0 --samples 2 >/dev/null 2>&1
+  "$lab" simulate --world "$worlds/$name.json" --out "$worlds/$name" --truth-every 0 --samples 2 >/dev/null 2>&1
 done
 cp "$worlds/dark/clips/west.webm" "$worlds/bright/clips/west.webm"
 for colors in raw even; do
@@ -94,7 +95,7 @@ for colors in raw even; do
 done
 
 part "A hundred cameras of 320 x 180 over a campus"
-"$videofields" simulate --world campus100 --out "$worlds/campus" --size-px 320x180 --rate-hz 5 --seconds 6 \
+"$lab" simulate --world campus100 --out "$worlds/campus" --size-px 320x180 --rate-hz 5 --seconds 6 \
   --samples 1 --truth-every 0 >/dev/null 2>&1
 campus() { # NAME CAPTION [flags]
   local name=$1 caption=$2

@@ -5,6 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 out=target/pictures/hulls
 export NODEVICE_SELECT=1
 rm -rf "$out"
@@ -31,7 +32,7 @@ figure() { # FILE CAPTION
 # corners and at fragments.
 for cameras in 4 8; do
   printf '<h2>Simulated people, %s cameras around them</h2>\n' "$cameras" >>"$index"
-  "$videofields" bench hulls --cameras "$cameras" --width 1280 --moments 1 --pictures "$out" >"$out/hulls_$cameras.txt"
+  "$lab" bench hulls --cameras "$cameras" --width 1280 --moments 1 --pictures "$out" >"$out/hulls_$cameras.txt"
   for file in "$out/hulls_${cameras}"_*.png; do
     name=$(basename "$file" .png)
     figure "$name.png" "${name#hulls_"${cameras}"_}"

@@ -5,6 +5,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 out=target/pictures/sequences
 rm -rf "$out"
 mkdir -p "$out"
@@ -37,7 +38,7 @@ play() { # NAME CAPTION [flags of `sequence play`]
 }
 
 walk=$out/walk
-"$videofields" sequence simulate --world plaza --from 3 --seconds 1 --out "$walk"
+"$lab" sequence --world plaza --from 3 --seconds 1 --out "$walk"
 "$videofields" sequence check "$walk"
 camera=$(grep -o '"id": "[^"]*"' "$walk/sequence.json" | head -1 | cut -d'"' -f4)
 for fields in off normals montage; do

@@ -4,6 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 videofields=${VIDEOFIELDS:-target/release/videofields}
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
 out=target/pictures
 export NODEVICE_SELECT=1
 mkdir -p "$out"
@@ -37,7 +38,7 @@ for line in "${views[@]}"; do
   read -r name eye target fov <<<"$line"
   flags+=(--view "$name=$eye:$target:$fov:960x540")
 done
-"$videofields" simulate --world plaza --out "$plaza" --only-views --at-secs "$secs" "${flags[@]}" >/dev/null
+"$lab" simulate --world plaza --out "$plaza" --only-views --at-secs "$secs" "${flags[@]}" >/dev/null
 
 report=$out/plaza.txt
 printf '%-7s %-10s %-7s %8s %7s %8s\n' view entities part PSNR_dB SSIM pixels >"$report"

@@ -1,4 +1,4 @@
-// The one camera model on the GPU: src/geometry/camera.rs is its counterpart and specification.
+// The one camera model on the GPU: src/vision/geometry/camera.rs is its counterpart and specification.
 
 const MODEL_PINHOLE: u32 = 0u;
 const MODEL_BROWN_CONRADY: u32 = 1u;

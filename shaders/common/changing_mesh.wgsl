@@ -3,17 +3,17 @@
 //
 // By vertex and view are lists whose entry is the vertex times the number of views, and the view.
 
-// Most cameras of one mesh: MAX_VIEWS of src/fields/view.rs.
+// Most cameras of one mesh: MAX_VIEWS of src/vision/fields/view.rs.
 const MOST_VIEWS: u32 = 64u;
 
-// What a camera has to say of a vertex: Sight of src/fields/sight.rs.
+// What a camera has to say of a vertex: Sight of src/vision/fields/sight.rs.
 const SEEN: u32 = 0u;
 const OUTVOTED: u32 = 1u;
 const NEAR: u32 = 2u;
 const HIDDEN: u32 = 3u;
 const BESIDE: u32 = 4u;
 
-// How hidden vertices are found: Visibility of src/fields/sight.rs, but for rays.
+// How hidden vertices are found: Visibility of src/vision/fields/sight.rs, but for rays.
 const BY_FACING: u32 = 0u;
 const BY_DILATED_DEPTHS: u32 = 2u;
 

@@ -1,4 +1,4 @@
-// The one place on the GPU that knows YUV; src/frame/color.rs is its counterpart and specification.
+// The one place on the GPU that knows YUV; src/vision/frame/color.rs is its counterpart and specification.
 // [H.273] ITU-T H.273 (2021), Coding-independent code points, equations 20 to 32 and 38 to 40.
 
 // sRGB-coded R'G'B' (0 to 1) of samples in 0 to 1. `rgb_from_ypbpr` has rows R, G, B.

@@ -1,5 +1,5 @@
 // How far what a picture shows lies, pixel by pixel, and the places and normals that follow from it, in the view's axes: x right,
-// y down, z forward. src/effects/distances.rs is its counterpart and specification.
+// y down, z forward. src/vision/effects/distances.rs is its counterpart and specification.
 
 struct Lens {
     // Left and top edge of the picture: tangents off the axis, of parallel rays metres.

@@ -3,7 +3,7 @@
 #import "common/view.wgsl"
 #import "common/camera.wgsl"
 
-// Edges beneath a leaf of an outline's tree: LEAF_EDGES of src/hull/outline.rs.
+// Edges beneath a leaf of an outline's tree: LEAF_EDGES of src/vision/hull/outline.rs.
 const LEAF_EDGES: u32 = 8u;
 // Most times that a ray goes on to where some camera next lets it be inside.
 const MOST_ADVANCES: u32 = 96u;
@@ -19,7 +19,7 @@ const NO_VIEW: u32 = 0xffffffffu;
 const NO_EDGE: u32 = 0xffffffu;
 // Thickness that a texel can tell, metres along the ray: MOST_THICKNESS of src/render/found_hulls.rs.
 const MOST_THICKNESS: f32 = 16.0;
-// Pixels of distance from an outline that its texels tell: REACH_PX of src/hull/distances.rs.
+// Pixels of distance from an outline that its texels tell: REACH_PX of src/vision/hull/distances.rs.
 const REACH_PX: f32 = 8.0;
 
 // How a pixel is looked through: `corner` + x `across` + y `along` is the direction of its ray, of 1 along the axis, or where a

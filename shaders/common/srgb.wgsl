@@ -1,4 +1,4 @@
-// IEC 61966-2-1 on the GPU, where a picture's codes are reckoned with; src/frame/color.rs is its counterpart and specification.
+// IEC 61966-2-1 on the GPU, where a picture's codes are reckoned with; src/vision/frame/color.rs is its counterpart and specification.
 
 fn srgb_from_linear(light: vec3<f32>) -> vec3<f32> {
     let low = light * 12.92;

@@ -25,7 +25,7 @@ const NOBODY: u32 = 0xffu;
 override N_LISTED: u32 = 8u;
 // Below this a camera lends nothing.
 const LEAST_WEIGHT: f32 = 1e-6;
-// What nobody sees, and nothing beside it: UNSEEN of src/mesh/fill.rs.
+// What nobody sees, and nothing beside it: UNSEEN of src/vision/mesh/fill.rs.
 const UNSEEN: vec3<f32> = vec3<f32>(0.2, 0.2, 0.2);
 
 struct MeshVarying {

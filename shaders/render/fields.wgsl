@@ -1,6 +1,6 @@
 // How much each camera lends to every vertex of a scene's fine mesh, for one who looks from somewhere, following smoothly.
 //
-// src/fields/field.rs (Field::target) and history.rs (Weights::follow) are its counterparts and specification, of the at most eight
+// src/vision/fields/field.rs (Field::target) and history.rs (Weights::follow) are its counterparts and specification, of the at most eight
 // cameras that lend to a vertex' group of triangles.
 #import "common/lists.wgsl"
 

@@ -1,5 +1,5 @@
 // Distances along a mesh from the nearest of many vertices, in rounds that every half-edge does on its own, of two windows each:
-// src/fields/bounded.rs is its counterpart and specification, with the names and steps of this file.
+// src/vision/fields/bounded.rs is its counterpart and specification, with the names and steps of this file.
 //
 // A window carries the source that it sees, in the plane of the face that is looked into, and not distances to it.
 #import "common/lists.wgsl"

@@ -1,4 +1,4 @@
-// Which faces of a mesh meet at which sides, and at which vertices shortest ways may bend: src/fields/topology.rs is its counterpart.
+// Which faces of a mesh meet at which sides, and at which vertices shortest ways may bend: src/vision/fields/topology.rs is its counterpart.
 //
 // A half-edge is a side of a face: three times the face and the corner across. Those of the same two vertices find each other in a
 // table, each of whose slots keeps the first that came; of more than two some stay alone.

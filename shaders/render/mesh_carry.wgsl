@@ -1,5 +1,5 @@
 // What cameras lent to a mesh before it changed, at the nearest of its vertices: what the weights of another mesh follow on from.
-// src/fields/history.rs is the specification, by nearest places of the surface.
+// src/vision/fields/history.rs is the specification, by nearest places of the surface.
 #import "common/changing_mesh.wgsl"
 #import "common/lists.wgsl"
 

@@ -1,5 +1,5 @@
 // What the vertices of a changing mesh look like from everywhere: what is shown where no camera lends anything, filled from beside
-// where none sees it. src/fields/field.rs and src/mesh/fill.rs are the specification.
+// where none sees it. src/vision/fields/field.rs and src/vision/mesh/fill.rs are the specification.
 #import "common/camera.wgsl"
 #import "common/changing_mesh.wgsl"
 #import "common/lists.wgsl"

@@ -1,5 +1,5 @@
 // What every camera of a changing mesh sees of it first: a layer of reversed depths each, in the camera's own picture.
-// src/mesh/raster.rs is the specification. Sides are drawn straight between their ends, whatever the lens.
+// src/vision/mesh/raster.rs is the specification. Sides are drawn straight between their ends, whatever the lens.
 #import "common/camera.wgsl"
 #import "common/changing_mesh.wgsl"
 

@@ -1,5 +1,5 @@
 // Who sees the vertices of a changing mesh, where that ends, and how far along the surface other vertices are from there.
-// src/fields/{sight,seams,marching}.rs are the specification.
+// src/vision/fields/{sight,seams,marching}.rs are the specification.
 #import "common/camera.wgsl"
 #import "common/changing_mesh.wgsl"
 #import "common/lists.wgsl"

@@ -1,5 +1,5 @@
 // What weights of a changing mesh are made of, without steps from vertex to vertex.
-// src/fields/{field,smoothing}.rs are the specification.
+// src/vision/fields/{field,smoothing}.rs are the specification.
 #import "common/changing_mesh.wgsl"
 #import "common/lists.wgsl"
 

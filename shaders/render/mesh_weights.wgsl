@@ -1,5 +1,5 @@
 // What every camera lends to the vertices of a changing mesh for one who looks, on the way there from what it lent before; and which
-// cameras a face is drawn with. src/fields/{field,history}.rs are the specification.
+// cameras a face is drawn with. src/vision/fields/{field,history}.rs are the specification.
 #import "common/changing_mesh.wgsl"
 #import "common/lists.wgsl"
 

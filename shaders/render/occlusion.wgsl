@@ -1,5 +1,5 @@
 // Light that is taken away where much stands around: [M12] McGuire, Mara, Luebke 2012, Scalable ambient obscurance.
-// src/effects/occlusion.rs is its counterpart and specification.
+// src/vision/effects/occlusion.rs is its counterpart and specification.
 #import "common/distances.wgsl"
 #import "common/fullscreen.wgsl"
 

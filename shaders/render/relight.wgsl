@@ -1,4 +1,4 @@
-// Another light on what was drawn: [M19] Du et al. 2019, Montage4D, section 6.2. src/effects/relight.rs is its counterpart and
+// Another light on what was drawn: [M19] Du et al. 2019, Montage4D, section 6.2. src/vision/effects/relight.rs is its counterpart and
 // specification.
 #import "common/distances.wgsl"
 #import "common/fullscreen.wgsl"

@@ -1,4 +1,4 @@
-// Dots on paper: [M19] Du et al. 2019, Montage4D, section 6.1. src/effects/stipple.rs is its counterpart and specification.
+// Dots on paper: [M19] Du et al. 2019, Montage4D, section 6.1. src/vision/effects/stipple.rs is its counterpart and specification.
 #import "common/fullscreen.wgsl"
 #import "common/srgb.wgsl"
 

@@ -10,11 +10,11 @@ use super::query::Query;
 use super::schema;
 use super::system;
 use super::tune::refuse_foreign;
-use crate::access::Role;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use videofields_vision::access::Role;
 
 /// Routes about what accuracy costs.
 pub(super) fn routes() -> Routes {

@@ -10,16 +10,16 @@ use super::parameters::{IDS_PATTERN, NONE, Parameter};
 use super::query::Query;
 use super::schema;
 use super::tracks;
-use crate::access::Right;
-use crate::clock::Timestamp;
-use crate::error::{ErrorKind, Fault};
-use crate::frame::CameraId;
-use crate::store::ActivityRecord;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use videofields_recording::store::ActivityRecord;
+use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::CameraId;
 
 /// Most steps of one answer, of all its cameras together.
 const MAX_STEPS: i64 = 50_000;

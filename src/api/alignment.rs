@@ -10,13 +10,13 @@ use super::scenes;
 use super::scenes::problem_of;
 use super::schema;
 use super::segments::Segments;
-use crate::access::Right;
-use crate::engine::{CameraAlignment, PairAlignment};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use videofields_service::engine::{CameraAlignment, PairAlignment};
+use videofields_vision::access::Right;
 
 /// Routes about scenes' clocks.
 pub(super) fn routes() -> Routes {

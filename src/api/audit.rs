@@ -15,16 +15,16 @@ use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
 use super::users;
-use crate::access::Role;
-use crate::clock::Timestamp;
-use crate::engine::BlurAsked;
-use crate::error::ErrorKind;
-use crate::store::{AuditEntry, AuditRecord};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{Method, StatusCode, Uri};
 use axum::middleware::Next;
 use axum::response::Response;
 use serde_json::{Value, json};
+use videofields_recording::store::{AuditEntry, AuditRecord};
+use videofields_service::engine::BlurAsked;
+use videofields_vision::access::Role;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::ErrorKind;
 
 /// Routes at which somebody looks at what cameras saw.
 const LOOKS: [&str; 20] = [

@@ -10,15 +10,15 @@ use super::parameters::{NONE, Parameter, words};
 use super::query::Query;
 use super::tune::refuse_foreign;
 use super::{Api, cameras, schema};
-use crate::access::Role;
-use crate::calibrate::{self, CalibrateError, CameraDocument, Format, ImportOptions, Imported};
-use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
+use videofields_vision::access::Role;
+use videofields_vision::calibrate::{self, CalibrateError, CameraDocument, Format, ImportOptions, Imported};
+use videofields_vision::error::{ErrorKind, Fault};
 
 const FORMATS: [(&str, Format); 3] =
     [("json", Format::Json), ("opencv", Format::OpenCv), ("tsai", Format::PetsXml)];

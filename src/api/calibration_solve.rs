@@ -10,10 +10,6 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::tune::{read_members, refuse_foreign};
 use super::{Api, cameras, schema};
-use crate::access::Role;
-use crate::calibrate::{self, CalibrateError, CameraDocument, Pair, Solved, Unknowns};
-use crate::engine::EngineError;
-use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
@@ -22,6 +18,10 @@ use glam::{DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
+use videofields_service::engine::EngineError;
+use videofields_vision::access::Role;
+use videofields_vision::calibrate::{self, CalibrateError, CameraDocument, Pair, Solved, Unknowns};
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Cameras that are worked out at once; others wait.
 pub(super) const AT_ONCE: usize = 2;

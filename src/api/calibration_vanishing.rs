@@ -11,8 +11,6 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::tune::{read_members, refuse_foreign};
 use super::{cameras, schema};
-use crate::access::Role;
-use crate::calibrate::{self, KnownView, Pencil, Turned, WorldAxis};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
@@ -20,6 +18,8 @@ use axum::response::{IntoResponse, Response};
 use glam::{DQuat, DVec2};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
+use videofields_vision::access::Role;
+use videofields_vision::calibrate::{self, KnownView, Pencil, Turned, WorldAxis};
 
 /// The route about lines.
 pub(super) fn routes() -> Routes {

@@ -10,16 +10,16 @@ use super::query::Query;
 use super::segments::Segments;
 use super::tags::{Had, Key};
 use super::{Api, schema};
-use crate::access::Right;
-use crate::encode::{self, EncodeError, PictureFormat};
-use crate::engine::{At, CameraSummary, EngineError};
-use crate::frame::{Mask, RgbImage};
-use crate::timeline::Observation;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
+use videofields_service::engine::{At, CameraSummary, EngineError};
+use videofields_vision::access::Right;
+use videofields_vision::encode::{self, EncodeError, PictureFormat};
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::observation::Observation;
 
 /// Which picture of a camera.
 #[derive(Clone, Copy)]

@@ -2,9 +2,9 @@
 
 use super::error::Problem;
 use super::tags::uncompressed;
-use crate::catalog::Condition;
-use crate::error::{ErrorKind, Fault};
 use axum::http::{HeaderMap, header};
+use videofields_service::catalog::Condition;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// The entity tag of a version.
 pub(super) fn etag(version: i64) -> String {

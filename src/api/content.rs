@@ -2,10 +2,10 @@
 
 use super::Api;
 use super::error::Problem;
-use crate::error::ErrorKind;
 use axum::body::Bytes;
 use axum::extract::{FromRequest, Request};
 use axum::http::StatusCode;
+use videofields_vision::error::ErrorKind;
 
 /// Most bytes of a body where a route says nothing else.
 pub(super) const MAX_BODY_BYTES: usize = 1 << 20;

@@ -8,12 +8,12 @@ use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
-use crate::access::Role;
-use crate::error::{ErrorKind, Fault};
-use crate::store::DocumentKind;
 use axum::http::{Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
+use videofields_recording::store::DocumentKind;
+use videofields_vision::access::Role;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Greatest version that is asked for: what every JSON reader can hold.
 const MAX_NUMBER: i64 = (1 << 53) - 1;

@@ -2,12 +2,12 @@
 
 use super::parameters::{Parameter, words};
 use super::query::Query;
-use crate::effects::{
+use std::ops::RangeInclusive;
+use videofields_vision::effects::{
     Asked, EXPOSURE_STOPS, LightSource, OCCLUSION_RADIUS_M, OCCLUSION_STRENGTH, RELIGHT_STRENGTH,
     STIPPLE_BLUR_PX, STIPPLE_CONTRAST, STIPPLE_DOT_PX, STIPPLE_SHADE, SUN_AZIMUTH_DEG, SUN_ELEVATION_DEG,
     SUN_STRENGTH,
 };
-use std::ops::RangeInclusive;
 
 /// By which light, or by none.
 const LIGHTS: [(&str, Option<LightSource>); 4] = [

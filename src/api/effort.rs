@@ -2,13 +2,13 @@
 
 use super::parameters::{Parameter, words};
 use super::query::Query;
-use crate::fuse::LEAST_VIEWS;
-use crate::plan::{
+use std::ops::RangeInclusive;
+use std::time::Duration;
+use videofields_picture::fuse::LEAST_VIEWS;
+use videofields_picture::plan::{
     Aim, Deadline, Detail, Effort, EntityStyle, FieldsForm, Filtering, HullMethod, HullVisibility,
     MAX_BLENDED_CAMERAS, MAX_ENTITY_CAMERAS, MAX_SUPERSAMPLING, Named, Preset,
 };
-use std::ops::RangeInclusive;
-use std::time::Duration;
 
 /// The parameters that are read here.
 pub(super) const PARAMETERS: [Parameter; 15] = [

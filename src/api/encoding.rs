@@ -1,9 +1,9 @@
 //! How long pictures take to encode, by what the last ones took: a deadline leaves room for it.
 
-use crate::encode::PictureFormat;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
+use videofields_vision::encode::PictureFormat;
 
 /// Encodings that are remembered of each format.
 const N_RECENT: usize = 33;

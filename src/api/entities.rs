@@ -8,19 +8,19 @@ use super::parameters::Parameter;
 use super::query::Query;
 use super::segments::Segments;
 use super::{scenes, schema};
-use crate::access::Right;
-use crate::engine::{PresentEntity, present_in};
-use crate::error::ErrorKind;
-use crate::frame::RgbImage;
-use crate::fuse::{EntityHull, HullMaking, HullMemory, LEAST_VIEWS, SceneState};
-use crate::hull::{self, Bounds, Method};
-use crate::mesh::Mesh;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
+use videofields_picture::fuse::{EntityHull, HullMaking, HullMemory, LEAST_VIEWS, SceneState};
+use videofields_service::engine::{PresentEntity, present_in};
+use videofields_vision::access::Right;
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::RgbImage;
+use videofields_vision::hull::{self, Bounds, Method};
+use videofields_vision::mesh::Mesh;
 
 /// Meshes that are made at once; more wait.
 pub(super) const AT_ONCE: usize = 2;

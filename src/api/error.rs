@@ -5,16 +5,16 @@
 //! there the request's path is known. What a client may not read (the text of an internal fault) stays aside for
 //! the log.
 
-use crate::accounts::AccountError;
-use crate::catalog::CatalogError;
-use crate::encode::EncodeError;
-use crate::engine::EngineError;
-use crate::error::{ErrorKind, Fault, join_faults};
-use crate::store::StoreError;
 use axum::body::Body;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
+use videofields_recording::accounts::AccountError;
+use videofields_recording::store::StoreError;
+use videofields_service::catalog::CatalogError;
+use videofields_service::engine::EngineError;
+use videofields_vision::encode::EncodeError;
+use videofields_vision::error::{ErrorKind, Fault, join_faults};
 
 /// Why a request failed, on its way to become a problem document.
 #[derive(Clone, Debug)]

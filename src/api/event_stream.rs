@@ -10,9 +10,6 @@ use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
-use crate::access::Right;
-use crate::error::{ErrorKind, Fault};
-use crate::timeline::LoggedEvent;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -21,6 +18,9 @@ use futures_util::stream;
 use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::time::Duration;
+use videofields_recording::timeline::LoggedEvent;
+use videofields_vision::access::Right;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// The field in which a browser says which event it has had last.
 const LAST_EVENT_ID: &str = "last-event-id";

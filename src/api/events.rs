@@ -9,11 +9,11 @@ use super::pages;
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::schema;
-use crate::access::Right;
-use crate::timeline::LoggedEvent;
 use axum::http::Uri;
 use axum::response::Response;
 use serde_json::json;
+use videofields_recording::timeline::LoggedEvent;
+use videofields_vision::access::Right;
 
 /// Greatest number of an event: what a browser's numbers hold to the last digit.
 pub(super) const MAX_ID: u64 = (1 << 53) - 1;

@@ -15,15 +15,15 @@ use super::query::Query;
 use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
-use crate::access::{Right, Role};
-use crate::archive::ExportStatus;
-use crate::engine::{BlurAsked, EngineError};
 use axum::Json;
 use axum::extract::{RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
+use videofields_recording::archive::ExportStatus;
+use videofields_service::engine::{BlurAsked, EngineError};
+use videofields_vision::access::{Right, Role};
 
 const NO_STORE: [(header::HeaderName, &str); 1] = [(header::CACHE_CONTROL, "no-store")];
 

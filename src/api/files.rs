@@ -2,14 +2,14 @@
 
 use super::error::Problem;
 use super::operation::{Answer, Operation};
-use crate::error::ErrorKind;
-use crate::media::descriptor_path;
 use axum::body::Body;
 use axum::extract::Request;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use std::fs::File;
 use tower_http::services::ServeFile;
+use videofields_recording::media::descriptor_path;
+use videofields_vision::error::ErrorKind;
 
 /// The operation as one that hands out a file of one of these media types.
 pub(super) fn described(

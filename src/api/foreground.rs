@@ -14,7 +14,6 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::segments::Segments;
 use super::sockets::{accept, described, farewell};
-use crate::engine::{At, Handle};
 use axum::body::Bytes;
 use axum::extract::RawQuery;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
@@ -26,6 +25,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{OwnedSemaphorePermit, broadcast, watch};
+use videofields_service::engine::{At, Handle};
 
 /// Messages that a listener may be behind.
 const MAX_BEHIND: usize = 16;
@@ -74,7 +74,7 @@ pub(super) async fn stream(
 
 impl Feeds {
     /// What listeners of a camera share; begun with the first of them.
-    fn of(&self, door: &Handle, id: &str) -> Result<Arc<Feed>, crate::engine::EngineError> {
+    fn of(&self, door: &Handle, id: &str) -> Result<Arc<Feed>, videofields_service::engine::EngineError> {
         let mut feeds = self.lock();
         if let Some(feed) = feeds.get(id).and_then(Weak::upgrade) {
             return Ok(feed);

@@ -1,14 +1,16 @@
 //! What is written of a camera for who follows its foreground: when a background is sent again, and what moves in a frame.
 
-use crate::clock::Timestamp;
-use crate::encode::{EncodeError, ForegroundHeader, MovingRectangle, background_message, foreground_message};
-use crate::engine::Privacy;
-use crate::frame::YuvImage;
-use crate::segment::Blob;
-use crate::timeline::Observation;
-use crate::track::Track;
 use axum::body::Bytes;
 use std::sync::Arc;
+use videofields_service::engine::Privacy;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::{
+    EncodeError, ForegroundHeader, MovingRectangle, background_message, foreground_message,
+};
+use videofields_vision::frame::YuvImage;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::Blob;
+use videofields_vision::track::Track;
 
 /// Quality of every JPEG in it, as of all other pictures.
 const JPEG_QUALITY: u8 = 88;

@@ -10,14 +10,14 @@ use super::query::Query;
 use super::tags::Finish;
 use super::wall_tiles::{self, Streamed, Wishes};
 use super::{Api, kept, scenes, view, views};
-use crate::catalog::NamedView;
-use crate::encode::PictureFormat;
-use crate::error::ErrorKind;
-use crate::wall::Wall;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
+use videofields_service::catalog::NamedView;
+use videofields_service::wall::Wall;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::ErrorKind;
 
 /// Streams at once; more get 503.
 pub(super) const AT_ONCE: usize = 64;
@@ -158,7 +158,7 @@ impl Source {
 impl Pace {
     fn shown(&mut self, picture: Picture) -> Shown {
         self.n_shown += 1;
-        let is_live = picture.moment.at == crate::engine::At::Live;
+        let is_live = picture.moment.at == videofields_service::engine::At::Live;
         Shown { frame: self.n_shown, version: 0, rate_hz: self.rate_hz, is_live, is_pattern: false, picture }
     }
 }

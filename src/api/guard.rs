@@ -3,8 +3,6 @@
 
 use super::error::Problem;
 use super::{Api, Site};
-use crate::error::ErrorKind;
-use crate::telemetry;
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Method, header};
@@ -13,12 +11,14 @@ use axum::response::{IntoResponse, Response};
 use std::net::{Ipv4Addr, Ipv6Addr};
 use std::sync::Arc;
 use tracing::Instrument;
+use videofields_recording::telemetry;
+use videofields_vision::error::ErrorKind;
 
 /// Route label of requests that no route matches.
 const NO_ROUTE: &str = "(none)";
 
 /// Most bytes of any route's body.
-const MAX_ANY_BYTES: u64 = crate::scene::exchange::MAX_EXCHANGE_BYTES as u64;
+const MAX_ANY_BYTES: u64 = videofields_picture::scene::exchange::MAX_EXCHANGE_BYTES as u64;
 
 /// Sees every request first and every answer last.
 pub(super) async fn observe(

@@ -7,7 +7,6 @@
 
 use super::Api;
 use super::error::Problem;
-use crate::error::ErrorKind;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{Request, State};
 use axum::http::header;
@@ -23,6 +22,7 @@ use std::time::Duration;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::Notify;
 use tokio::time::Instant;
+use videofields_vision::error::ErrorKind;
 
 /// For how long a connection may wait before it can be asked to leave: a request that was sent with it is there by then.
 const IDLE_LEAST: Duration = Duration::from_millis(200);

@@ -8,8 +8,6 @@
 use super::Api;
 use super::error::Problem;
 use super::tune::refuse_foreign;
-use crate::access::Grants;
-use crate::error::{ErrorKind, Fault};
 use axum::body::{Body, Bytes, to_bytes};
 use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -17,6 +15,8 @@ use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use videofields_vision::access::Grants;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// The field that holds a key.
 const FIELD: &str = "idempotency-key";

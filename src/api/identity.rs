@@ -6,16 +6,16 @@
 use super::Api;
 use super::connection::Connection;
 use super::error::Problem;
-use crate::access::{Grants, Role};
-use crate::accounts::{Accounts, Caller};
-use crate::engine::Handle;
-use crate::error::ErrorKind;
 use axum::extract::{FromRequestParts, Request, State};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
+use videofields_recording::accounts::{Accounts, Caller};
+use videofields_service::engine::Handle;
+use videofields_vision::access::{Grants, Role};
+use videofields_vision::error::ErrorKind;
 
 /// The cookie of a page that logged in.
 pub(super) const COOKIE: &str = "videofields_session";

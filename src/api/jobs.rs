@@ -12,16 +12,16 @@ use super::parameters::{NONE, Parameter, words};
 use super::query::Query;
 use super::segments::Segments;
 use super::{pages, schema, system};
-use crate::access::Role;
-use crate::archive::{ExportState, ExportStatus};
-use crate::engine::{AccuracyState, EngineError, MapProgress, MapSummary};
-use crate::error::ErrorKind;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 use serde_json::json;
+use videofields_recording::archive::{ExportState, ExportStatus};
+use videofields_service::engine::{AccuracyState, EngineError, MapProgress, MapSummary};
+use videofields_vision::access::Role;
+use videofields_vision::error::ErrorKind;
 
 /// What kind of work it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -15,16 +15,16 @@ use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, scenes, schema};
-use crate::access::Role;
-use crate::catalog::{CatalogError, Condition};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::is_id;
-use crate::store::{DocumentKind, DocumentRecord};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Map, Value, json};
+use videofields_recording::store::{DocumentKind, DocumentRecord};
+use videofields_service::catalog::{CatalogError, Condition};
+use videofields_vision::access::Role;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::is_id;
 
 const CHANGE_PARAMETERS: &[Parameter] =
     &[Parameter::flag("validate_only", "Keeps nothing, needs no condition, and says what would be kept")];

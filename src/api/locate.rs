@@ -9,12 +9,12 @@ use super::query::Query;
 use super::schema;
 use super::segments::Segments;
 use super::{cameras, scenes};
-use crate::engine::{EngineError, LocateMethod};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec2;
+use videofields_service::engine::{EngineError, LocateMethod};
 
 const METHODS: [(&str, LocateMethod); 2] = [("ray", LocateMethod::Ray), ("map", LocateMethod::Map)];
 

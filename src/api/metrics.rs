@@ -7,9 +7,9 @@ use super::operation::{Answer, Operation};
 use super::parameters::NONE;
 use super::schema;
 use super::system;
-use crate::access::Right;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
+use videofields_vision::access::Right;
 
 /// Routes for who watches the daemon.
 pub(super) fn routes() -> Routes {

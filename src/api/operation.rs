@@ -1,9 +1,9 @@
 //! One method of one route, described: what it is for, what it takes, what it answers and how it may fail.
 
 use super::parameters::Parameter;
-use crate::access::{Right, Role};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
+use videofields_vision::access::{Right, Role};
 
 /// A description that grows as it is told what the method does. What all have in common (limits, who asks) needs not be
 /// said: see [`Operation::failures`].

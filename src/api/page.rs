@@ -49,7 +49,7 @@ pub(super) fn routes() -> Router<Api> {
 fn read() -> Vec<(&'static str, &'static [u8])> {
     static READ: OnceLock<Vec<(String, Vec<u8>)>> = OnceLock::new();
     let read = READ.get_or_init(|| {
-        let dist = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/web/dist"));
+        let dist = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../web/dist"));
         let folders = [(dist.to_owned(), "/"), (dist.join("assets"), LASTING)];
         folders.iter().flat_map(|(folder, prefix)| read_folder(folder, prefix)).collect()
     });

@@ -6,16 +6,16 @@ use super::error::Problem;
 use super::operation::Answer;
 use super::query::Moment;
 use super::tags::{EntityTag, Had, Key, not_modified};
-use crate::clock::Timestamp;
-use crate::encode::{self, EncodeError, PictureFormat};
-use crate::error::ErrorKind;
-use crate::frame::{RgbImage, YuvImage};
 use axum::body::Bytes;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::{self, EncodeError, PictureFormat};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{RgbImage, YuvImage};
 
 /// Quality of every JPEG, 1 to 100: above it files grow faster than pictures get better.
 const JPEG_QUALITY: u8 = 88;
@@ -199,7 +199,7 @@ fn field_value(text: &str) -> HeaderValue {
 
 /// A `Server-Timing` value: stages and their milliseconds; a trace of the request tells of them too.
 pub(super) fn server_timing(stages: &[(&str, Duration)]) -> String {
-    crate::telemetry::tell_stages(stages);
+    videofields_recording::telemetry::tell_stages(stages);
     let stage = |(name, duration): &(&str, Duration)| {
         let token = name.replace(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '-', "_");
         format!("{token};dur={:.3}", duration.as_secs_f64() * 1e3)

@@ -9,17 +9,17 @@ use super::schema;
 use super::segments::Segments;
 use super::view::{self, Shown, shown_view};
 use super::{effects, effort, scenes};
-use crate::access::Right;
-use crate::encode::PictureFormat;
-use crate::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
-use crate::frame::CameraId;
-use crate::plan::Preset;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use glam::DVec3;
 use serde_json::{Map, Value, json};
+use videofields_picture::plan::Preset;
+use videofields_service::engine::{Expected, OpenedBuilding, PlannedEntity, PlannedView};
+use videofields_vision::access::Right;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::frame::CameraId;
 
 /// Routes about what would be drawn.
 pub(super) fn routes() -> Routes {
@@ -50,7 +50,7 @@ pub(super) async fn show(
 }
 
 fn document(planned: &PlannedView) -> Value {
-    let source = |source: &crate::engine::SourceTime| json!({ "camera": source.camera.as_str(), "time": source.timestamp.to_string() });
+    let source = |source: &videofields_service::engine::SourceTime| json!({ "camera": source.camera.as_str(), "time": source.timestamp.to_string() });
     let style = view::STYLES.iter().find(|(_, style)| *style == planned.style).map(|(word, _)| *word);
     let forecast = |of: fn(&Expected) -> f64| planned.expected.as_ref().map(|expected| rounded(of(expected)));
     let gain = |(camera, gain): &(CameraId, [f32; 3])| json!({ "camera": camera.as_str(), "gain": gain });

@@ -11,11 +11,6 @@ use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, schema};
-use crate::access::Role;
-use crate::catalog::{CatalogError, Condition, PlayheadAsked};
-use crate::engine::{ENDED, EngineError, Handle, PlayheadState};
-use crate::error::Fault;
-use crate::frame::is_id;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -25,6 +20,11 @@ use serde_json::json;
 use std::convert::Infallible;
 use std::time::Duration;
 use tokio::sync::watch;
+use videofields_service::catalog::{CatalogError, Condition, PlayheadAsked};
+use videofields_service::engine::{ENDED, EngineError, Handle, PlayheadState};
+use videofields_vision::access::Role;
+use videofields_vision::error::Fault;
+use videofields_vision::frame::is_id;
 
 /// Longest time between two states that are streamed while nothing changes: clocks run apart otherwise.
 const BEAT: Duration = Duration::from_secs(1);

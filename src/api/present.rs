@@ -11,9 +11,6 @@ use super::query::Query;
 use super::scenes::problem_of;
 use super::segments::Segments;
 use super::{events, scenes, schema};
-use crate::access::Right;
-use crate::engine::{EngineError, Present, PresentEntity};
-use crate::error::ErrorKind;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::sse::{Event, KeepAlive, Sse};
@@ -26,6 +23,9 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::{Interval, MissedTickBehavior};
+use videofields_service::engine::{EngineError, Present, PresentEntity};
+use videofields_vision::access::Right;
+use videofields_vision::error::ErrorKind;
 
 /// Events a second.
 const RATE_HZ: RangeInclusive<f64> = 0.1..=10.0;

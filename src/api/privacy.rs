@@ -15,17 +15,17 @@ use super::query::Query;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, cameras, schema};
-use crate::access::{Right, Role};
-use crate::catalog::{Condition, KeptPrivacy};
-use crate::engine::LiftedZone;
-use crate::error::{ErrorKind, Gatherer};
-use crate::frame::{Zone, check_zones};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use videofields_service::catalog::{Condition, KeptPrivacy};
+use videofields_service::engine::LiftedZone;
+use videofields_vision::access::{Right, Role};
+use videofields_vision::error::{ErrorKind, Gatherer};
+use videofields_vision::frame::{Zone, check_zones};
 
 const PATH: &str = "/api/v1/cameras/{id}/privacy";
 

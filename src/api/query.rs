@@ -5,15 +5,15 @@
 
 use super::error::Problem;
 use super::parameters::Named;
-use crate::clock::{ParseTimestampError, Timestamp};
-use crate::engine::{At, EngineError};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::is_id;
 use glam::DVec3;
 use percent_encoding::percent_decode_str;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
+use videofields_service::engine::{At, EngineError};
+use videofields_vision::clock::{ParseTimestampError, Timestamp};
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::is_id;
 
 /// Furthest coordinate of a viewer, metres: room for any projected map, and squares stay far from infinity.
 pub(super) const MAX_COORDINATE_M: f64 = 1e8;
@@ -236,7 +236,7 @@ pub(super) fn listed(name: &str, there_are: &[&str]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::api::parameters::Parameter;
+    use crate::parameters::Parameter;
 
     fn no_playhead(id: &str) -> Result<Timestamp, EngineError> {
         Err(EngineError::NoPlayhead { id: id.to_owned() })

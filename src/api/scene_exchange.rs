@@ -12,17 +12,17 @@ use super::scenes::{self, check, find};
 use super::schema;
 use super::segments::Segments;
 use super::tags::EntityTag;
-use crate::access::Role;
-use crate::catalog::CatalogError;
-use crate::error::{ErrorKind, Fault};
-use crate::scene::Scene;
-use crate::scene::exchange::{self, ExchangeFormat, MAX_EXCHANGE_BYTES, Taken, Written};
-use crate::store::DocumentKind;
 use axum::extract::{FromRequest, RawQuery, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
+use videofields_picture::scene::Scene;
+use videofields_picture::scene::exchange::{self, ExchangeFormat, MAX_EXCHANGE_BYTES, Taken, Written};
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::CatalogError;
+use videofields_vision::access::Role;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Files that are taken in at once; more get 503.
 pub(super) const AT_ONCE: usize = 2;

@@ -14,19 +14,19 @@ use super::segments::Segments;
 use super::tags::EntityTag;
 use super::tune::{read_body, refuse_foreign};
 use super::{Api, schema};
-use crate::access::Role;
-use crate::catalog::{CatalogError, Condition};
-use crate::engine::EngineError;
-use crate::error::{ErrorKind, Fault};
-use crate::frame::is_id;
-use crate::scene::{MAX_DOCUMENT_BYTES, Scene};
-use crate::store::DocumentKind;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
+use videofields_picture::scene::{MAX_DOCUMENT_BYTES, Scene};
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::{CatalogError, Condition};
+use videofields_service::engine::EngineError;
+use videofields_vision::access::Role;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::is_id;
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 

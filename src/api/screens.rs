@@ -16,10 +16,6 @@ use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
 use super::wall_tiles::PATTERNS;
 use super::{schema, walls};
-use crate::access::Role;
-use crate::clock::Timestamp;
-use crate::error::{ErrorKind, Fault, Gatherer};
-use crate::wall::{Pattern, Wall};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
@@ -30,6 +26,10 @@ use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+use videofields_service::wall::{Pattern, Wall};
+use videofields_vision::access::Role;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::{ErrorKind, Fault, Gatherer};
 
 /// How long a pattern stays where nothing is said, and at most.
 const PATTERN_SECS: RangeInclusive<u64> = 1..=3600;

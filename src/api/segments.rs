@@ -1,10 +1,10 @@
 //! Path parameters whose refusal is a problem document like any other.
 
 use super::error::Problem;
-use crate::error::ErrorKind;
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
 use serde::de::DeserializeOwned;
+use videofields_vision::error::ErrorKind;
 
 /// The named segments of a request's path, unescaped.
 pub(super) struct Segments<T>(pub(super) T);

@@ -11,8 +11,6 @@ use super::query::Query;
 use super::schema;
 use super::tune::{read_members, refuse_foreign};
 use super::users;
-use crate::accounts::{Caller, SESSION_TIME};
-use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -20,6 +18,8 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::time::Duration;
+use videofields_recording::accounts::{Caller, SESSION_TIME};
+use videofields_vision::error::{ErrorKind, Fault};
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 

@@ -9,15 +9,15 @@ use super::query::Query;
 use super::snapshots::{summary, within};
 use super::tune::{read_members, refuse_foreign};
 use super::{Api, cameras, idempotency, scenes, view};
-use crate::encode::PictureFormat;
-use crate::engine::{BlurAsked, EngineError};
-use crate::error::{ErrorKind, Fault};
-use crate::evidence::{EvidenceError, Maker, Subject, Wanted};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
+use videofields_service::engine::{BlurAsked, EngineError};
+use videofields_service::evidence::{EvidenceError, Maker, Subject, Wanted};
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// What is to be kept.
 #[derive(Deserialize)]

@@ -15,11 +15,6 @@ use super::query::Query;
 use super::schema;
 use super::segments::Segments;
 use super::tune::{read_members, refuse_foreign};
-use crate::access::{Right, Role};
-use crate::clock::Timestamp;
-use crate::error::{ErrorKind, Fault};
-use crate::evidence::{Annotated, EvidenceError, Reader, Snapshots};
-use crate::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{RawQuery, Request};
@@ -28,6 +23,11 @@ use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::fs::File;
+use videofields_recording::store::{SnapshotAnnotation, SnapshotRecord, SnapshotSearch};
+use videofields_service::evidence::{Annotated, EvidenceError, Reader, Snapshots};
+use videofields_vision::access::{Right, Role};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::{ErrorKind, Fault};
 
 const NO_STORE: (header::HeaderName, &str) = (header::CACHE_CONTROL, "no-store");
 

@@ -15,11 +15,6 @@ use super::screens::{Health, Place};
 use super::segments::Segments;
 use super::wall_tiles::Wishes;
 use super::{Api, Site, effects, effort, scenes, view, views, walls};
-use crate::access::Right;
-use crate::clock::Timestamp;
-use crate::encode::PictureFormat;
-use crate::error::ErrorKind;
-use crate::wall::FrameHeader;
 use axum::extract::RawQuery;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, WebSocketUpgrade, close_code};
@@ -30,6 +25,11 @@ use serde::Deserialize;
 use std::collections::VecDeque;
 use std::time::Duration;
 use tokio::sync::OwnedSemaphorePermit;
+use videofields_service::wall::FrameHeader;
+use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::ErrorKind;
 
 /// Frames that may be on their way to a client at once.
 const CREDITS: std::ops::RangeInclusive<u64> = 1..=4;

@@ -7,8 +7,6 @@ use super::operation::{Answer, Operation};
 use super::parameters::{NONE, Parameter};
 use super::query::Query;
 use super::{cameras, schema};
-use crate::access::Role;
-use crate::engine::{FoundFile, FoundSources, StopFlag};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
@@ -16,6 +14,8 @@ use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use videofields_service::engine::{FoundFile, FoundSources, StopFlag};
+use videofields_vision::access::Role;
 
 /// Longest time for looking around: what was found by then is told.
 const TIME: Duration = Duration::from_secs(5);

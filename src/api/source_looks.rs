@@ -13,11 +13,6 @@ use super::picture::write_yuv;
 use super::query::Query;
 use super::tune::{read_members, refuse_foreign};
 use super::{Api, cameras, schema};
-use crate::access::Role;
-use crate::config::{MadeCamera, Place, SourceSettings};
-use crate::encode::PictureFormat;
-use crate::engine::{Look, StopFlag};
-use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, header};
@@ -28,6 +23,11 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
 use std::time::Duration;
+use videofields_service::engine::{Look, StopFlag};
+use videofields_vision::access::Role;
+use videofields_vision::config::{MadeCamera, Place, SourceSettings};
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Sources that are looked at at once; more get 503.
 pub(super) const AT_ONCE: usize = 2;

@@ -13,8 +13,6 @@ use super::segments::Segments;
 use super::Api;
 use super::wall_tiles::Wishes;
 use super::{effects, effort, scenes, view, views, walls};
-use crate::access::Right;
-use crate::encode::PictureFormat;
 use axum::body::{Body, Bytes};
 use axum::extract::RawQuery;
 use axum::http::{HeaderValue, header};
@@ -22,6 +20,8 @@ use axum::response::{IntoResponse, Response};
 use futures_util::stream::{self, StreamExt};
 use std::convert::Infallible;
 use tokio::sync::OwnedSemaphorePermit;
+use videofields_vision::access::Right;
+use videofields_vision::encode::PictureFormat;
 
 const BOUNDARY: &str = "videofields-picture";
 const CONTENT_TYPE: HeaderValue =

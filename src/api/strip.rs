@@ -13,12 +13,6 @@ use super::parameters::Parameter;
 use super::picture::{Encoded, FIXED_TIME_CACHING, server_timing, write_rgb};
 use super::query::Query;
 use super::segments::Segments;
-use crate::access::Right;
-use crate::clock::{Clock, Timestamp};
-use crate::encode::PictureFormat;
-use crate::engine::{EngineError, Handle, Preview};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::{RgbImage, YuvImage};
 use axum::extract::RawQuery;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
@@ -27,6 +21,12 @@ use image::{ImageBuffer, Rgb};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
+use videofields_service::engine::{EngineError, Handle, Preview};
+use videofields_vision::access::Right;
+use videofields_vision::clock::{Clock, Timestamp};
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::{RgbImage, YuvImage};
 
 /// Tiles of a strip, unless others are asked for.
 const N_TILES: u32 = 12;
@@ -215,7 +215,7 @@ fn joined(tiles: &[Tile], height_px: u32) -> RgbImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{ColorMatrix, ColorRange};
+    use videofields_vision::frame::{ColorMatrix, ColorRange};
 
     fn picture(luma: u8, size_px: (u32, u32)) -> Tile {
         let image =

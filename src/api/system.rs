@@ -11,18 +11,18 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::serve::{HEAD_BYTES, HEAD_FIELDS, HEAD_TIME, MAX_CONNECTIONS};
 use super::{Api, ConnectionTimes, frames, guests, kept, schema};
-use crate::access::Role;
-use crate::catalog::NamedView;
-use crate::error::ErrorKind;
-use crate::scene::MAX_DOCUMENT_BYTES;
-use crate::store::SCHEMA_VERSION;
-use crate::wall::Wall;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::sync::Arc;
+use videofields_picture::scene::MAX_DOCUMENT_BYTES;
+use videofields_recording::store::SCHEMA_VERSION;
+use videofields_service::catalog::NamedView;
+use videofields_service::wall::Wall;
+use videofields_vision::access::Role;
+use videofields_vision::error::ErrorKind;
 
 /// What routes about the daemon itself are about.
 pub(super) const TAG: Tag = ("System", "The daemon itself");
@@ -103,6 +103,6 @@ async fn database(api: &Api) -> Result<Value, Problem> {
 }
 
 fn accounts(api: &Api) -> Value {
-    let of = |accounts: &Arc<crate::accounts::Accounts>| json!({ "users": accounts.users().len(), "tokens": accounts.tokens(None).len() });
+    let of = |accounts: &Arc<videofields_recording::accounts::Accounts>| json!({ "users": accounts.users().len(), "tokens": accounts.tokens(None).len() });
     api.accounts.as_ref().map_or(Value::Null, of)
 }

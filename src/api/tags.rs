@@ -6,11 +6,6 @@
 //! permitted camera saw then. A request that names the tag of what it means is answered 304 before anything is drawn; where
 //! that is not remembered the picture is drawn, and still not sent where its bytes are those that the caller has.
 
-use crate::clock::Timestamp;
-use crate::encode::PictureFormat;
-use crate::engine::ViewIdentity;
-use crate::frame::{Mask, RgbImage, YuvImage};
-use crate::wall::{Tile, blend};
 use axum::body::Body;
 use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -21,6 +16,11 @@ use base64::engine::general_purpose::URL_SAFE_NO_PAD;
 use sha2::{Digest, Sha256};
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+use videofields_service::engine::ViewIdentity;
+use videofields_service::wall::{Tile, blend};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::frame::{Mask, RgbImage, YuvImage};
 
 /// Pictures whose tags are remembered; what was shown longest ago goes first.
 const MAX_KNOWN: usize = 1024;
@@ -205,7 +205,7 @@ pub(super) async fn spare(request: Request, next: Next) -> Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{ColorMatrix, ColorRange};
+    use videofields_vision::frame::{ColorMatrix, ColorRange};
 
     fn had(fields: &[&'static str]) -> Had {
         let fields = fields.iter().map(|text| (header::IF_NONE_MATCH, HeaderValue::from_static(text)));

@@ -10,15 +10,15 @@ use super::scenes;
 use super::scenes::problem_of;
 use super::schema;
 use super::segments::Segments;
-use crate::access::Right;
-use crate::clock::Timestamp;
-use crate::engine::CameraTimeline;
-use crate::error::{ErrorKind, Fault};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use videofields_service::engine::CameraTimeline;
+use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Most stretches of activity of a camera in one answer.
 const MAX_STRETCHES: i64 = 5000;

@@ -11,16 +11,16 @@ use super::schema;
 use super::segments::Segments;
 use super::tune::{read_members, refuse_foreign};
 use super::users;
-use crate::access::Role;
-use crate::accounts::AccountError;
-use crate::clock::Timestamp;
-use crate::error::{ErrorKind, Fault, Gatherer};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::Deserialize;
 use serde_json::json;
+use videofields_recording::accounts::AccountError;
+use videofields_vision::access::Role;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::{ErrorKind, Fault, Gatherer};
 
 /// Most characters of what a token is for.
 const MAX_NOTE_CHARS: usize = 200;

@@ -11,15 +11,15 @@ use super::scenes;
 use super::scenes::problem_of;
 use super::schema;
 use super::segments::Segments;
-use crate::access::Right;
-use crate::engine::{FoundPoint, FoundTrack, TrackQuery};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::CameraId;
-use crate::geometry::GroundPolygon;
 use axum::http::Uri;
 use axum::response::Response;
 use glam::DVec2;
 use serde_json::{Value, json};
+use videofields_service::engine::{FoundPoint, FoundTrack, TrackQuery};
+use videofields_vision::access::Right;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::CameraId;
+use videofields_vision::geometry::GroundPolygon;
 
 /// Most corners of a region.
 const MAX_CORNERS: usize = 64;

@@ -11,16 +11,16 @@ use super::parameters::NONE;
 use super::query::Query;
 use super::segments::Segments;
 use super::{Api, cameras, schema};
-use crate::access::{Right, Role};
-use crate::catalog::{CameraAsked, CatalogError};
-use crate::error::{ErrorKind, Fault, Gatherer};
-use crate::scene::json_tree;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
+use videofields_picture::scene::json_tree;
+use videofields_service::catalog::{CameraAsked, CatalogError};
+use videofields_vision::access::{Right, Role};
+use videofields_vision::error::{ErrorKind, Fault, Gatherer};
 
 /// Where a browser says what kind of page a request comes from.
 const FETCH_SITE: &str = "sec-fetch-site";

@@ -11,16 +11,16 @@ use super::query::Query;
 use super::schema;
 use super::segments::Segments;
 use super::tune::{read_body, refuse_foreign};
-use crate::access::Role;
-use crate::accounts::{AccountError, UserChange, UserSummary};
-use crate::catalog::Condition;
-use crate::error::Fault;
-use crate::frame::is_id;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::json;
+use videofields_recording::accounts::{AccountError, UserChange, UserSummary};
+use videofields_service::catalog::Condition;
+use videofields_vision::access::Role;
+use videofields_vision::error::Fault;
+use videofields_vision::frame::is_id;
 
 /// What these routes, and those of tokens and sessions, are about.
 pub(super) const TAG: Tag = ("Users", "Who may ask for what, and what they did");

@@ -10,20 +10,22 @@ use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::tags::{Finish, Had, Key};
 use super::{Api, effects, effort, scenes};
-use crate::access::{Right, Scope};
-use crate::clock::Timestamp;
-use crate::encode::PictureFormat;
-use crate::engine::{EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::{CameraId, is_id};
-use crate::plan::{Aim, Colors, EntityStyle, Preset};
-use crate::scene::SceneView;
 use axum::extract::RawQuery;
 use axum::http::HeaderMap;
 use axum::response::{IntoResponse, Response};
 use glam::DVec3;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
+use videofields_picture::plan::{Aim, Colors, EntityStyle, Preset};
+use videofields_picture::scene::SceneView;
+use videofields_service::engine::{
+    EYE_DISTANCE_M, EngineError, Expected, Origin, ViewAnswer, ViewKind, ViewRequest,
+};
+use videofields_vision::access::{Right, Scope};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::{CameraId, is_id};
 
 /// Columns and rows of a picture where the request names none.
 const DEFAULT_SIZE_PX: [u32; 2] = [1280, 720];
@@ -402,7 +404,8 @@ const fn origin(answer: &ViewAnswer) -> &'static str {
 }
 
 fn sources(answer: &ViewAnswer) -> String {
-    let source = |source: &crate::engine::SourceTime| format!("{}={}", source.camera, source.timestamp);
+    let source =
+        |source: &videofields_service::engine::SourceTime| format!("{}={}", source.camera, source.timestamp);
     answer.sources.iter().map(source).collect::<Vec<_>>().join(",")
 }
 

@@ -11,15 +11,15 @@ use super::query::{Moment, Query};
 use super::segments::Segments;
 use super::tags::Finish;
 use super::{Api, documents, effects, effort, schema, view};
-use crate::access::Right;
-use crate::catalog::NamedView;
-use crate::encode::PictureFormat;
-use crate::engine::ViewRequest;
-use crate::error::{ErrorKind, Fault};
-use crate::store::DocumentKind;
 use axum::extract::RawQuery;
 use percent_encoding::percent_decode_str;
 use serde_json::{Value, json};
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::NamedView;
+use videofields_service::engine::ViewRequest;
+use videofields_vision::access::Right;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Most characters of a group or tag that is asked for.
 const MAX_WORD_CHARS: usize = 100;

@@ -4,10 +4,10 @@
 //! begins a newer frame while somebody still draws the one before. Whoever comes meanwhile joins that one. A client that does
 //! not take its pictures draws nothing, and holds up nobody.
 
-use crate::frame::CameraId;
-use crate::wall::WallFrame;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::Notify;
+use videofields_service::wall::WallFrame;
+use videofields_vision::frame::CameraId;
 
 /// A wall in one of its versions, and the cameras that its frames hang on.
 pub(super) type Key = (String, i64, Vec<CameraId>);
@@ -80,8 +80,8 @@ impl Drop for Turn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::clock::Timestamp;
-    use crate::timeline::Horizon;
+    use videofields_recording::timeline::Horizon;
+    use videofields_vision::clock::Timestamp;
 
     fn frame(id: u64) -> WallFrame {
         WallFrame { id, instant: Timestamp::from_nanos(id as i64), horizon: Horizon::default() }

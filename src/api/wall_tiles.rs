@@ -17,12 +17,6 @@ use super::view::{self, drawn};
 use super::wall_rounds::Turn;
 use super::walls::Kept;
 use super::{Api, kept, playheads, scenes, schema, screens, walls};
-use crate::access::Right;
-use crate::encode::PictureFormat;
-use crate::engine::{At, SceneMoment, ViewKind, ViewRequest};
-use crate::error::{ErrorKind, Fault};
-use crate::frame::CameraId;
-use crate::wall::{Pattern, Tile, Wall, WallFrame, pattern};
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::{HeaderMap, HeaderValue, header};
@@ -32,6 +26,12 @@ use glam::DVec3;
 use serde_json::{Value, json};
 use std::convert::Infallible;
 use std::time::Duration;
+use videofields_service::engine::{At, SceneMoment, ViewKind, ViewRequest};
+use videofields_service::wall::{Pattern, Tile, Wall, WallFrame, pattern};
+use videofields_vision::access::Right;
+use videofields_vision::encode::PictureFormat;
+use videofields_vision::error::{ErrorKind, Fault};
+use videofields_vision::frame::CameraId;
 
 /// Longest that a frame is waited for, or two frames of a slow wall.
 const MAX_AHEAD: Duration = Duration::from_secs(1);
@@ -334,7 +334,7 @@ async fn patterned(
     api: &Api,
     kept: &Kept,
     (tile, which): (Tile, Pattern),
-    (format, moment, instant): (PictureFormat, Moment, crate::clock::Timestamp),
+    (format, moment, instant): (PictureFormat, Moment, videofields_vision::clock::Timestamp),
 ) -> Result<Picture, Problem> {
     let wall = kept.content.clone();
     let write = move || super::picture::write_rgb(format, &pattern(&wall, &tile, which));

@@ -5,11 +5,11 @@ use super::openapi::{Routes, Tag};
 use super::parameters::Parameter;
 use super::picture::files;
 use super::{documents, kept, schema, view};
-use crate::engine::ViewKind;
-use crate::error::{ErrorKind, Fault};
-use crate::store::DocumentKind;
-use crate::wall::Wall;
 use serde_json::{Value, json};
+use videofields_recording::store::DocumentKind;
+use videofields_service::engine::ViewKind;
+use videofields_service::wall::Wall;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Parameters of views that a wall decides itself.
 const OWN: [&str; 7] = ["projection", "eye", "target", "window", "width", "height", "t"];
@@ -75,7 +75,7 @@ impl kept::Kind for Wall {
             return Err(at(format!("{name}: is what the wall's other members say")));
         }
         let read = view::read_view_request(&self.scene, &self.parameters);
-        let request = read.map_err(|faults| at(crate::error::join_faults(&faults)))?;
+        let request = read.map_err(|faults| at(videofields_vision::error::join_faults(&faults)))?;
         // A field of view or the like would mean nothing.
         if request.kind == ViewKind::default() && request.fov_y_rad.is_none() {
             return Ok(());

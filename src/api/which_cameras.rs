@@ -8,14 +8,14 @@ use super::parameters::Parameter;
 use super::query::Query;
 use super::segments::Segments;
 use super::{scenes, schema};
-use crate::engine::{At, CameraSight, Handle, Sight, which_cameras};
-use crate::frame::{CameraId, polygon_holds};
-use crate::timeline::EventKind;
 use axum::Json;
 use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
+use videofields_recording::timeline::EventKind;
+use videofields_service::engine::{At, CameraSight, Handle, Sight, which_cameras};
+use videofields_vision::frame::{CameraId, polygon_holds};
 
 /// Events of a camera that are looked through for whether it has moved.
 const MAX_EVENTS: usize = 512;

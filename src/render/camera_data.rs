@@ -1,10 +1,10 @@
 //! What every pass knows of the view and the cameras: bind group 0.
 
-use crate::geometry::{self, Distortion, NEAR_M};
 use crate::gpu::{Gpu, GrowingBuffer, mirror};
-use crate::plan::{self, Frustum, Projection};
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use std::sync::Arc;
+use videofields_picture::plan::{self, Frustum, Projection};
+use videofields_vision::geometry::{self, Distortion, NEAR_M};
 
 /// Distance from the eye below which nothing is drawn, metres.
 const VIEW_NEAR_M: f64 = 0.05;

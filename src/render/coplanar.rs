@@ -6,10 +6,10 @@
 //! where it is drawn does not change, so that nothing gapes.
 
 use super::mesh::MeshVertex;
-use crate::geometry::SurfaceId;
 use glam::DVec3;
 use std::collections::HashMap;
 use std::ops::Range;
+use videofields_vision::geometry::SurfaceId;
 
 /// By how much the depth of a face is nearer than that of the one before it in its plane, of itself: more than rounding of
 /// interpolated depths, and 3 mm at 100 m.
@@ -104,11 +104,11 @@ fn around(place: Place) -> impl Iterator<Item = Cell> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{GroundPolygon, OrientedBox, Shape, Surfaces};
-    use crate::render::mesh::Mesh;
-    use crate::scene::{Scene, no_imports, parse};
+    use crate::mesh::Mesh;
     use glam::DVec2;
     use std::sync::Arc;
+    use videofields_picture::scene::{Scene, no_imports, parse};
+    use videofields_vision::geometry::{GroundPolygon, OrientedBox, Shape, Surfaces};
 
     fn ground(middle: DVec2, half_m: f64, height_m: f64) -> Shape {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];

@@ -7,11 +7,11 @@ use super::passes::{
 use super::renderer::made;
 use super::targets::{COLOR_FORMAT, Targets};
 use super::{RenderError, View};
-use crate::effects::{self, Distances};
-use crate::frame::RgbImage;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, Readback, TextureDescriptor, Timer};
-use crate::plan::{PlannedEffects, Projection};
 use glam::{DMat3, Vec3};
+use videofields_picture::plan::{PlannedEffects, Projection};
+use videofields_vision::effects::{self, Distances};
+use videofields_vision::frame::RgbImage;
 
 /// Bytes a drawn pixel that effects take beside the targets: distances, another light, what is open, occlusion, dots.
 pub(super) const PIXEL_BYTES: u64 = 4 + 4 + 1 + 4 + 4;

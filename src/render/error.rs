@@ -1,7 +1,7 @@
 //! What rendering can fail with.
 
-use crate::error::{ErrorKind, Fault};
 use crate::gpu::GpuError;
+use videofields_vision::error::{ErrorKind, Fault};
 
 /// Why there is no picture.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -6,13 +6,13 @@
 use super::mesh::{Mesh, MeshVertex};
 use super::passes::{FIELD_SLOTS, FieldGroup, FieldSlots, FieldVertex, NO_FIELD_VIEW};
 use super::patches::{Batch, Batches, CameraList, Drawing, Shading, within};
-use crate::fields::{Field, FieldSettings, MAX_VIEWS, Sight, Tessellation, Topology, View};
-use crate::geometry::{Camera, SurfaceId};
-use crate::plan::{Filtering, Opened};
 use glam::DVec3;
 use std::collections::{BTreeMap, HashMap};
 use std::ops::Range;
 use std::sync::Arc;
+use videofields_picture::plan::{Filtering, Opened};
+use videofields_vision::fields::{Field, FieldSettings, MAX_VIEWS, Sight, Tessellation, Topology, View};
+use videofields_vision::geometry::{Camera, SurfaceId};
 
 /// The fine mesh of one scene for a set of cameras.
 #[derive(Debug)]
@@ -120,7 +120,7 @@ impl FieldMesh {
     fn append(
         &mut self,
         mesh: &Mesh,
-        (fine, origins): (&crate::mesh::Mesh, &[u32]),
+        (fine, origins): (&videofields_vision::mesh::Mesh, &[u32]),
         (field, views): (Option<&Field>, &[u8]),
         triangles: &[usize],
     ) {

@@ -3,13 +3,13 @@
 use super::camera_data::FrameData;
 use super::image_array::IMAGE_FORMAT;
 use super::lent_mesh::{LentMesh, MeshPart};
-use crate::fields::{FieldSettings, MAX_VIEWS, View};
-use crate::frame::RgbImage;
-use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError, TextureDescriptor};
-use crate::mesh::Mesh;
 use glam::DVec3;
 use std::sync::Arc;
+use videofields_vision::fields::{FieldSettings, MAX_VIEWS, View};
+use videofields_vision::frame::RgbImage;
+use videofields_vision::geometry::Camera;
+use videofields_vision::mesh::Mesh;
 
 /// Pictures of cameras, a layer each.
 #[derive(Debug)]

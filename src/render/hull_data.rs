@@ -1,13 +1,13 @@
 //! What the device knows of entities' hulls: bind group 2 of the passes that find and show them.
 
 use super::passes::{FILTERED, texture_entry};
-use crate::frame::Mask;
-use crate::fuse::{EntityHull, SceneState};
-use crate::geometry::{Distortion, NEAR_M};
 use crate::gpu::{Gpu, GrowingBuffer, TextureDescriptor, mirror};
-use crate::hull::{LEAF_EDGES, View as Silhouette};
-use crate::plan::{HullMethod, HullVisibility, Plan, Projection, View};
 use glam::{DVec2, DVec3};
+use videofields_picture::fuse::{EntityHull, SceneState};
+use videofields_picture::plan::{HullMethod, HullVisibility, Plan, Projection, View};
+use videofields_vision::frame::Mask;
+use videofields_vision::geometry::{Distortion, NEAR_M};
+use videofields_vision::hull::{LEAF_EDGES, View as Silhouette};
 
 /// Sides of a layer of masks, texels: what is larger is told by one pixel in several.
 const LAYER_SIDES: [u32; 5] = [64, 128, 256, 512, 1024];

@@ -1,13 +1,13 @@
 //! Entities' hulls as one mesh a frame, for texture fields: found on the processor, kept while the hulls are the same.
 
 use super::lent_mesh::{LentMesh, MeshPart};
-use crate::fields::FieldSettings;
-use crate::fuse::{EntityHull, SceneState};
-use crate::hull::{Bounds, Method, RESOLUTION, extract};
-use crate::mesh::Mesh;
-use crate::plan::Plan;
 use rayon::prelude::*;
 use std::sync::{Arc, Weak};
+use videofields_picture::fuse::{EntityHull, SceneState};
+use videofields_picture::plan::Plan;
+use videofields_vision::fields::FieldSettings;
+use videofields_vision::hull::{Bounds, Method, RESOLUTION, extract};
+use videofields_vision::mesh::Mesh;
 
 /// Places along the longest side of a hull's mesh, at most: 3 cm of a person. Its surface lies between them to the texel.
 const MOST_PLACES: u32 = 64;

@@ -8,10 +8,10 @@ use super::passes::{
     HullVoxelsPass, MOST_VALID_PX, Recording,
 };
 use super::renderer::made;
-use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError};
-use crate::plan::{HullMethod, HullVisibility, Plan, View};
 use glam::DVec3;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{HullMethod, HullVisibility, Plan, View};
 
 /// What is kept of hulls between frames; each part is made when a plan first calls for it.
 #[derive(Debug, Default)]

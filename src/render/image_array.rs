@@ -4,9 +4,9 @@
 //! sizes share it, each in the upper left of its layer.
 
 use super::RenderError;
-use crate::frame::{Mask, YuvImage};
 use crate::gpu::{Gpu, TextureDescriptor};
 use std::sync::{Arc, Weak};
+use videofields_vision::frame::{Mask, YuvImage};
 
 /// Sides are rounded up to this, so that the size of every level is exactly half its finer one's.
 const SIDE_MULTIPLE: u32 = 16;

@@ -1,13 +1,15 @@
 //! A mesh of one frame as the device is given it: what it consists of, the cameras that lend to it, and how far it may be wrong.
 
 use super::passes::{MeshSize, NEIGHBOUR_WORDS, VALUE_BYTES};
-use crate::fields::{DEPTH_PX, Distances, FieldSettings, MAX_VIEWS, Preference, REACH_TRIANGLES, Visibility};
-use crate::frame::linear_from_srgb;
-use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError};
-use crate::mesh::Mesh;
 use glam::DVec3;
 use std::sync::Arc;
+use videofields_vision::fields::{
+    DEPTH_PX, Distances, FieldSettings, MAX_VIEWS, Preference, REACH_TRIANGLES, Visibility,
+};
+use videofields_vision::frame::linear_from_srgb;
+use videofields_vision::geometry::Camera;
+use videofields_vision::mesh::Mesh;
 
 /// One thing of which there is a mesh.
 pub(super) struct MeshPart<'a> {
@@ -174,7 +176,7 @@ impl LentMesh {
 }
 
 /// How wrong depths are taken to be where nobody says better: sixteen of the finest pixels, in the median of some vertices that face a
-/// camera, as [`crate::fields::Field::depth_m`] has it of those that are seen; no less than half a side.
+/// camera, as [`videofields_vision::fields::Field::depth_m`] has it of those that are seen; no less than half a side.
 fn depth_m(
     parts: &[MeshPart<'_>],
     cameras: &[Arc<Camera>],

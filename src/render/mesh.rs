@@ -1,12 +1,12 @@
 //! A scene's surfaces as triangles in the world, f64, counter-clockwise seen from outside or above.
 
-use crate::frame::linear_from_srgb;
-use crate::geometry::{Pose, Shape, SurfaceId, Triangle};
-use crate::scene::{Material, Scene, Texture};
 use glam::{DVec3, Vec3, Vec4};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
+use videofields_picture::scene::{Material, Scene, Texture};
+use videofields_vision::frame::linear_from_srgb;
+use videofields_vision::geometry::{Pose, Shape, SurfaceId, Triangle};
 
 /// One corner of a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -154,8 +154,8 @@ fn light(normal: Vec3) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{GroundPolygon, OrientedBox};
     use glam::DVec2;
+    use videofields_vision::geometry::{GroundPolygon, OrientedBox};
 
     fn normal_of(triangle: &[MeshVertex]) -> DVec3 {
         let [a, b, c] = [0, 1, 2].map(|idx| triangle[idx].position_in_world);

@@ -10,13 +10,13 @@ use super::passes::{
     MeshSightPass, MeshSmoothPass, MeshWeightsPass, OnDevice, Reaching, Recording, ShownBy, WrittenMesh,
 };
 use super::renderer::made;
-use crate::clock::Timestamp;
-use crate::fields::{Distances, FOLLOW_SECS, MAX_VIEWS, ROUNDS};
-use crate::geometry::{Camera, Distortion};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::{FieldsForm, Followed, Viewer};
 use glam::DVec3;
 use std::sync::Arc;
+use videofields_picture::plan::{FieldsForm, Followed, Viewer};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::fields::{Distances, FOLLOW_SECS, MAX_VIEWS, ROUNDS};
+use videofields_vision::geometry::{Camera, Distortion};
 
 /// Most bytes of weights of all sessions together.
 const MAX_KEPT_BYTES: u64 = 64 << 20;

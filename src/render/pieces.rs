@@ -1,7 +1,7 @@
 //! What of a part is drawn at once: bands of rows, and of columns too where a row is longer than the device takes.
 
-use crate::plan::View;
 use std::ops::Range;
+use videofields_picture::plan::View;
 
 /// One piece, in the part's pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,9 +52,9 @@ pub(super) fn of(view: &View, room: Room) -> impl Iterator<Item = Piece> {
 mod tests {
     use super::super::targets::TargetKey;
     use super::*;
-    use crate::geometry::Pose;
-    use crate::plan::{Frustum, Sampling};
     use glam::DVec3;
+    use videofields_picture::plan::{Frustum, Sampling};
+    use videofields_vision::geometry::Pose;
 
     fn room(sampling: Sampling, max_side_px: u32, max_bytes: u64, margin_px: u32) -> Room {
         let pixel_bytes = TargetKey::pixel_bytes(sampling.samples);

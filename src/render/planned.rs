@@ -2,12 +2,12 @@
 
 use super::RenderError;
 use super::camera_data::MAX_CAMERAS;
-use crate::frame::linear_from_srgb;
-use crate::fuse::{CameraState, SceneState};
-use crate::plan::{Detail, Plan};
-use crate::scene::Sky;
 use glam::DVec3;
 use std::hash::{Hash as _, Hasher as _};
+use videofields_picture::fuse::{CameraState, SceneState};
+use videofields_picture::plan::{Detail, Plan};
+use videofields_picture::scene::Sky;
+use videofields_vision::frame::linear_from_srgb;
 
 /// Where the sequences of a plan are; none without any.
 pub(super) fn sequences_bounds(state: &SceneState, plan: &Plan) -> Option<[DVec3; 2]> {

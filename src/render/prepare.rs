@@ -7,10 +7,12 @@ use super::passes::{BillboardInstance, PointInstance, SeenBillboard as Seen};
 use super::patches::{Drawing, MOST_LISTED, Patches};
 use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
-use crate::fuse::{PointRun, SceneState};
-use crate::plan::{EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
+use videofields_picture::fuse::{PointRun, SceneState};
+use videofields_picture::plan::{
+    EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection,
+};
 
 /// From where a part is seen, as far as what is made ready for it depends on that.
 #[derive(Clone, Copy, Debug, PartialEq)]

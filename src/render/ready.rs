@@ -5,11 +5,11 @@ use super::field_mesh::FieldMesh;
 use super::mesh::Mesh;
 use super::patches::Patches;
 use super::renderer::Renderer;
-use crate::fuse::SceneState;
-use crate::geometry::Camera;
-use crate::plan::{FieldsForm, Plan};
-use crate::scene::Scene;
 use std::sync::Arc;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{FieldsForm, Plan};
+use videofields_picture::scene::Scene;
+use videofields_vision::geometry::Camera;
 
 /// Scenes that are kept ready: walls show some in turns, and cutting one anew takes as long as some pictures of it.
 pub const MAX_READY_SCENES: usize = 4;

@@ -23,16 +23,16 @@ use super::ready::ReadyScenes;
 use super::sequences::Sequences;
 use super::targets::{Place, TargetCache, TargetKey};
 use super::texture_store::{TextureStore, TextureUse};
-use crate::config::RenderSettings;
-use crate::fields::MAX_VIEWS;
-use crate::frame::RgbImage;
-use crate::fuse::SceneState;
-use crate::geometry::Camera;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer};
-use crate::plan::{self, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
-use crate::scene::Sky;
 use glam::DVec3;
 use std::sync::Arc;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{self, FieldsForm, Part, Picture, Plan, View, ViewLimits, Viewer};
+use videofields_picture::scene::Sky;
+use videofields_vision::config::RenderSettings;
+use videofields_vision::fields::MAX_VIEWS;
+use videofields_vision::frame::RgbImage;
+use videofields_vision::geometry::Camera;
 
 /// Levels of detail of backgrounds: ground far away is smaller than its texels, and would shimmer.
 const BACKGROUND_LEVELS: u32 = 5;

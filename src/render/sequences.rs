@@ -4,14 +4,14 @@ use super::camera_data::FrameData;
 use super::given_mesh::GivenMesh;
 use super::mesh_fields::{Lent, MeshFields, MeshLook};
 use super::passes::{DrawInto, Recording};
-use crate::fields::FieldSettings;
-use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError};
-use crate::plan::Plan;
-use crate::scene::Scene;
-use crate::sequence::Moment;
 use glam::DVec3;
 use std::sync::{Arc, Weak};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::Plan;
+use videofields_picture::scene::Scene;
+use videofields_vision::fields::FieldSettings;
+use videofields_vision::fields::Moment;
 
 /// Sequences that are kept: those of a scene, and of one that is looked at in turn.
 const MOST_KEPT: usize = 8;

@@ -2,8 +2,8 @@
 
 use super::passes::{FieldsDistancesPass, FieldsTopologyPass, MeshSize, OnDevice, Recording};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, PassTime, Timer, read};
-use crate::mesh::Mesh;
 use glam::DVec3;
+use videofields_vision::mesh::Mesh;
 
 /// Distances of a mesh's vertices, and what they took.
 #[derive(Clone, Debug)]

@@ -8,13 +8,13 @@ use super::mesh_fields::{Lent, MeshFields, MeshLook};
 use super::passes::{DrawInto, Recording, VALUE_BYTES};
 use super::targets::{Place, TargetCache, TargetKey};
 use super::{RenderError, View};
-use crate::clock::Timestamp;
-use crate::fields::{self, FieldSettings};
-use crate::frame::RgbImage;
 use crate::gpu::{Gpu, GpuError, PassTime, Readback, Timer, read};
-use crate::mesh::Mesh;
-use crate::plan::{FieldsForm, Followed, Picture};
 use glam::DVec3;
+use videofields_picture::plan::{FieldsForm, Followed, Picture};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::fields::{self, FieldSettings};
+use videofields_vision::frame::RgbImage;
+use videofields_vision::mesh::Mesh;
 
 /// Cameras that are mixed at a place.
 const MOST_CAMERAS: usize = 8;

@@ -2,9 +2,9 @@
 
 use super::passes::{FILTERED, SAMPLER_ENTRY, texture_entry};
 use crate::gpu::{Gpu, TextureDescriptor};
-use crate::scene::{Texture, TextureLevel, Wrap};
 use std::collections::HashMap;
 use std::sync::{Arc, Weak};
+use videofields_picture::scene::{Texture, TextureLevel, Wrap};
 
 /// Most bytes that are kept, unless one picture needs more: scenes that are looked at in turns stay.
 const MAX_KEPT_BYTES: u64 = 512 << 20;

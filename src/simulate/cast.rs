@@ -11,11 +11,11 @@ use super::effects::{Draw, Tally};
 use super::moment::{Moment, Moments, Shot, Shutter, may_meet};
 use super::shade::{Sample, Scene, What};
 use super::world::{World, srgb_code};
-use crate::frame::{Mask, RgbImage};
-use crate::geometry::{Camera, Ray};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::geometry::{Camera, Ray};
 
 /// A picture and everything that is known about it.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,12 +5,12 @@
 use super::SimulateError;
 use super::solids::{SolidHit, SolidId};
 use super::world::{World, WorldView};
-use crate::calibrate::CameraDocument;
-use crate::geometry::{Face, SurfaceId};
-use crate::scene::ViewDocument;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::path::Path;
+use videofields_picture::scene::ViewDocument;
+use videofields_vision::calibrate::CameraDocument;
+use videofields_vision::geometry::{Face, SurfaceId};
 
 /// What finds the figures: they cast no shadows, so none are looked for; the clips hold little noise, so little blur
 /// suffices; trousers are much like the paving, so gaps are closed; at 640 x 360 pixels the farthest figure still has
@@ -118,7 +118,7 @@ impl World {
     /// When the database's name cannot be written.
     pub fn config_toml(&self, database: &Path) -> Result<String, SimulateError> {
         let mut text = format!(
-            "# The simulated {name}: what `videofields simulate --world {id}` writes.\n{notes}\n\
+            "# The simulated {name}: what `videofields-lab simulate --world {id}` writes.\n{notes}\n\
              [server]\nlisten = \"127.0.0.1:8080\"\n\n\
              [storage]\ndatabase = {database}\n",
             name = self.id,

@@ -10,9 +10,9 @@ use super::station::{Station, Wanted};
 use super::video::{Codec, VideoWriter};
 use super::world::World;
 use super::write::send;
-use crate::clock::Clock;
-use crate::geometry::{Camera, Distortion};
 use serde::Serialize;
+use videofields_vision::clock::Clock;
+use videofields_vision::geometry::{Camera, Distortion};
 
 /// How it is measured.
 #[derive(Clone, Debug, PartialEq)]
@@ -297,7 +297,7 @@ impl Meter<'_> {
 mod tests {
     use super::super::effects::{CastShadows, Noise};
     use super::*;
-    use crate::clock::SystemClock;
+    use videofields_vision::clock::SystemClock;
 
     #[test]
     fn the_plaza_says_what_it_names_and_why() {

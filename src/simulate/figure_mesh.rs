@@ -4,9 +4,9 @@ use super::SimulateError;
 use super::figure::Body;
 use super::shape::Part;
 use super::world::{World, srgb_code};
-use crate::hull::{Crossings, Occupancy, surface};
-use crate::mesh::{Mesh, MeshError};
 use glam::{DVec3, UVec3};
+use videofields_vision::hull::{Crossings, Occupancy, surface};
+use videofields_vision::mesh::{Mesh, MeshError};
 
 /// Least and greatest step of the grid, metres.
 pub(super) const STEPS_M: [f64; 2] = [0.005, 0.5];

@@ -11,9 +11,9 @@ mod tests {
     use super::super::light::{Lamp, Light};
     use super::super::shape::{Part, Shape};
     use super::super::solids::{SolidId, Solids};
-    use super::super::{CastOptions, Layers, Shot, Terrain, Truth, World, pinhole};
-    use crate::geometry::{Camera, GroundPolygon, SurfaceId, Surfaces};
+    use super::super::{CastOptions, Layers, Shot, Terrain, Truth, World};
     use glam::{DVec2, DVec3};
+    use videofields_vision::geometry::{Camera, GroundPolygon, SurfaceId, Surfaces};
 
     fn options(samples_per_side: u32) -> CastOptions<'static> {
         CastOptions { layers: Layers::ALL, ..CastOptions::new(samples_per_side) }
@@ -45,7 +45,7 @@ mod tests {
     /// 200 x 100 pixels, 100 pixels of focal length.
     fn looking(eye: [f64; 3], target: [f64; 3]) -> Camera {
         let fov_y = 2.0 * 0.5_f64.atan();
-        pinhole(DVec3::from_array(eye), DVec3::from_array(target), fov_y, (200, 100)).unwrap()
+        Camera::pinhole(DVec3::from_array(eye), DVec3::from_array(target), fov_y, (200, 100)).unwrap()
     }
 
     fn luminance(truth: &Truth, x: usize, y: usize) -> f64 {

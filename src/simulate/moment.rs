@@ -11,10 +11,10 @@ use super::figure::Body;
 use super::shape::Entry;
 use super::solids::{Crowns, line};
 use super::world::World;
-use crate::geometry::{Bounds, BoundsTree, Quality};
-use crate::geometry::{Camera, Ray};
 use glam::DVec3;
 use rayon::prelude::*;
+use videofields_vision::geometry::{Bounds, BoundsTree, Quality};
+use videofields_vision::geometry::{Camera, Ray};
 
 /// Into how many instants a picture that takes time is cut. Odd, so that the middle one is the capture instant. A
 /// picture that takes 1/30 s has instants half a millisecond apart, in which a car at 50 km/h drives 7 mm.

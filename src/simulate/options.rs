@@ -2,13 +2,13 @@
 //!
 //! Owns the options and what they mean for a world's cameras; writing is `write`'s.
 
+use super::SimulateError;
 use super::cast::check_samples;
 use super::world::World;
-use super::{SimulateError, pinhole};
-use crate::frame::is_id;
-use crate::geometry::Camera;
 use glam::DVec3;
 use std::path::PathBuf;
+use videofields_vision::frame::is_id;
+use videofields_vision::geometry::Camera;
 
 /// What is to be simulated, and where it is written.
 #[derive(Clone, Debug, PartialEq)]
@@ -210,7 +210,7 @@ fn views(world: &World, options: &SimulateOptions) -> Result<Vec<(String, Camera
             let allowed = "1 to 64 of a-z, 0-9, - and _, and no other view's or camera's";
             return Err(SimulateError::View { field: "name of a view", allowed });
         }
-        let camera = pinhole(view.eye_in_world, view.target_in_world, view.fov_y_rad, view.size_px)?;
+        let camera = Camera::pinhole(view.eye_in_world, view.target_in_world, view.fov_y_rad, view.size_px)?;
         views.push((view.name.clone(), camera));
     }
     Ok(views)

@@ -7,10 +7,10 @@ use super::SimulateError;
 use super::cast::{Plate, Truth, center_ray};
 use super::solids::{SolidHit, SolidId};
 use super::world::World;
-use crate::frame::Mask;
-use crate::geometry::Camera;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
+use videofields_vision::frame::Mask;
+use videofields_vision::geometry::Camera;
 
 /// Pixels beside a figure's that may hold a part of it: its edge runs through them, or a filter reaches over it.
 const FIGURE_MARGIN_PX: u32 = 2;

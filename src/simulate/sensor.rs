@@ -5,10 +5,10 @@
 
 use super::effects::{Draw, Effects, Entries, ExposureState};
 use super::world::srgb_code;
-use crate::frame::RgbImage;
-use crate::geometry::Camera;
 use glam::DVec3;
 use rayon::prelude::*;
+use videofields_vision::frame::RgbImage;
+use videofields_vision::geometry::Camera;
 
 /// What falls on the sensor during one frame.
 pub(super) struct Exposed<'a> {
@@ -83,11 +83,11 @@ fn codes(linear: &[[f32; 3]], (width, height): (u32, u32)) -> RgbImage {
 #[cfg(test)]
 mod tests {
     use super::super::effects::{EffectKind, Noise};
-    use super::super::pinhole;
     use super::*;
 
     fn camera() -> Camera {
-        pinhole(DVec3::new(0.0, 0.0, 4.0), DVec3::new(9.0, 0.0, 2.0), 0.7, (64, 36)).expect("a camera")
+        Camera::pinhole(DVec3::new(0.0, 0.0, 4.0), DVec3::new(9.0, 0.0, 2.0), 0.7, (64, 36))
+            .expect("a camera")
     }
 
     fn exposed(depth_m: &[f32], frame: u64) -> Exposed<'_> {

@@ -10,8 +10,8 @@ use super::material::noise::noise;
 use super::moment::Moment;
 use super::solids::{Crowns, SolidHit, SolidId};
 use super::world::{World, srgb_code};
-use crate::geometry::{Face, Ray, Shape, SurfaceId};
 use glam::{DMat2, DVec2, DVec3};
+use videofields_vision::geometry::{Face, Ray, Shape, SurfaceId};
 
 /// The nearest thing on a ray's way.
 #[derive(Clone, Copy, Debug)]

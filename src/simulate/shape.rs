@@ -2,8 +2,8 @@
 //!
 //! Owns ellipsoids, capsules and blocks; knows nothing of what they are parts of.
 
-use crate::geometry::Ray;
 use glam::{DMat3, DVec3};
+use videofields_vision::geometry::Ray;
 
 /// One solid.
 #[derive(Clone, Copy, Debug)]

@@ -5,8 +5,8 @@
 
 use super::Terrain;
 use super::shape::Part;
-use crate::geometry::{Bounds, BoundsTree, Face, Quality, Ray, SurfaceId, Surfaces};
 use glam::DVec3;
+use videofields_vision::geometry::{Bounds, BoundsTree, Face, Quality, Ray, SurfaceId, Surfaces};
 
 /// What stands somewhere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -254,10 +254,10 @@ mod tests {
     use super::super::material::noise::hash01;
     use super::super::shape::Shape;
     use super::*;
-    use crate::geometry::{GroundPolygon, OrientedBox};
     use glam::DVec2;
     use proptest::prelude::*;
     use std::sync::LazyLock;
+    use videofields_vision::geometry::{GroundPolygon, OrientedBox};
 
     /// A town of everything that can stand, around `at`.
     fn town(at: DVec3, n_boxes: i64) -> Solids {

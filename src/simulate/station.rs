@@ -9,8 +9,8 @@ use super::effects::Draw;
 use super::moment::Shot;
 use super::sensor::{Exposed, Sensor};
 use super::world::World;
-use crate::frame::RgbImage;
-use crate::geometry::Camera;
+use videofields_vision::frame::RgbImage;
+use videofields_vision::geometry::Camera;
 
 /// A camera of a world, or a view where none stands.
 pub struct Station<'a> {

@@ -6,7 +6,6 @@
 
 use super::SimulateError;
 use super::effects::{Effects, Entries};
-use crate::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
@@ -14,6 +13,7 @@ use gstreamer_video as gst_video;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
+use videofields_vision::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
 
 /// How the encoder spends its bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,11 +11,11 @@ use super::light::Light;
 use super::material::Material;
 use super::solids::Solids;
 use super::world_file::ground_height;
-use crate::frame::srgb_from_linear;
-use crate::geometry::{Camera, Distortion, Pose, Surfaces};
-use crate::scene::OriginDocument;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
+use videofields_picture::scene::OriginDocument;
+use videofields_vision::frame::srgb_from_linear;
+use videofields_vision::geometry::{Camera, Distortion, Pose, Surfaces};
 
 /// Length of a clip of a world that does not repeat, seconds.
 const CLIP_SECS: f64 = 20.0;
@@ -288,26 +288,4 @@ impl WorldCamera {
         };
         Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, self.distortion, self.pose)?)
     }
-}
-
-/// A pinhole camera at `eye` that looks at `target`, for views where no camera of the world stands.
-///
-/// `fov_y_rad` is the vertical field of view, 0.01 to 3.0; `size_px` are columns and rows.
-///
-/// # Errors
-/// When a number is out of its range or not finite, or eye and target coincide.
-pub fn pinhole(
-    eye: DVec3,
-    target: DVec3,
-    fov_y_rad: f64,
-    size_px: (u32, u32),
-) -> Result<Camera, SimulateError> {
-    if !(0.01..=3.0).contains(&fov_y_rad) {
-        return Err(SimulateError::View { field: "field of view", allowed: "0.01 to 3.0 rad" });
-    }
-    let pose = Pose::looking_at(eye, target)
-        .ok_or(SimulateError::View { field: "eye", allowed: "finite and somewhere else than the target" })?;
-    let size = DVec2::new(f64::from(size_px.0), f64::from(size_px.1));
-    let focal_px = size.y * 0.5 / (fov_y_rad * 0.5).tan();
-    Ok(Camera::new(size_px, DVec2::splat(focal_px), size * 0.5, Distortion::None, pose)?)
 }

@@ -30,12 +30,12 @@ use super::truth::{
 };
 use super::video::{Codec, VideoWriter};
 use super::world::World;
-use crate::calibrate::CameraDocument;
-use crate::frame::{Mask, RgbImage};
-use crate::geometry::Camera;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
+use videofields_vision::calibrate::CameraDocument;
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::geometry::Camera;
 
 /// Simulates the world of this name, or in the file at this path, into the folder that the options name, as [`write()`]
 /// does.

@@ -2,14 +2,14 @@
 
 use glam::DVec2;
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings};
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage};
-use videofields::ingest::Pipeline;
-use videofields::mapping;
-use videofields::scene;
-use videofields::simulate::{Station, Wanted, World};
-use videofields::timeline::{Sighting, align};
+use videofields_picture::scene;
+use videofields_recording::ingest::Pipeline;
+use videofields_recording::timeline::{Sighting, align};
+use videofields_simulate::{Station, Wanted, World};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings};
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage};
+use videofields_vision::mapping;
 
 const SECS: f64 = 120.0;
 const RATE_HZ: f64 = 5.0;

@@ -36,10 +36,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 use tower::ServiceExt;
-use videofields::api::{Limits, Site, Trust, router_within};
-use videofields::clock::{Clock, Timestamp};
-use videofields::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
-use videofields::plan::{Colors, Effort, EntityStyle};
+use videofields_api::{Limits, Site, Trust, router_within};
+use videofields_picture::plan::{Colors, Effort, EntityStyle};
+use videofields_service::engine::{At, EngineError, Handle, LateStage, LocateMethod, Origin, ViewKind};
+use videofields_vision::clock::{Clock, Timestamp};
 
 /// A clock whose monotonic time moves on by a millisecond at every look, so that durations are known.
 #[derive(Default)]

@@ -2,8 +2,6 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use crate::support::small_disk::SmallDisk;
-use crate::support::{say_skipped, wait_for};
 use gstreamer as gst;
 use gstreamer::prelude::*;
 use sqlx::{Connection, SqliteConnection};
@@ -14,14 +12,16 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
-use videofields::archive::{Archive, RecordingState, check, repair};
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::ArchiveSettings;
-use videofields::frame::CameraId;
-use videofields::media::{Decoder, EncodedFrame, EncodedQueue, Input, TICK_NANOS};
-use videofields::store::{AuditEntry, SegmentRecord, Store};
-use videofields::telemetry::Metrics;
-use videofields::timeline::Replay;
+use videofields_recording::archive::{Archive, RecordingState, check, repair};
+use videofields_recording::media::{Decoder, EncodedFrame, EncodedQueue, Input, TICK_NANOS};
+use videofields_recording::store::{AuditEntry, SegmentRecord, Store};
+use videofields_recording::telemetry::Metrics;
+use videofields_recording::timeline::Replay;
+use videofields_testing::small_disk::SmallDisk;
+use videofields_testing::{say_skipped, wait_for};
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::ArchiveSettings;
+use videofields_vision::frame::CameraId;
 
 const SECOND: i64 = 1_000_000_000;
 
@@ -326,7 +326,7 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
     let north = camera(CAMERAS[0]);
     let mut recorder = archive.recorder(&north);
     let (clock, start, mut turn) = (SystemClock::new(), now(), 0);
-    let mut push = |recorder: &mut videofields::archive::Recorder| {
+    let mut push = |recorder: &mut videofields_recording::archive::Recorder| {
         for frame in &frames {
             recorder.push(frame, instant(start, turn, frame, &frames[0]));
         }

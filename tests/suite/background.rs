@@ -1,10 +1,10 @@
 //! The background room seen from outside: a restart in the middle of real footage.
 
-use crate::support::real_data;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings, SourceSettings, TrackSettings};
-use videofields::frame::{CameraId, Frame};
-use videofields::ingest::{self, MediaRoots, Pipeline};
+use videofields_recording::ingest::{self, MediaRoots, Pipeline};
+use videofields_testing::real_data;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings, SourceSettings, TrackSettings};
+use videofields_vision::frame::{CameraId, Frame};
 
 #[test]
 fn restart_in_the_middle_of_a_clip_changes_no_mask() {

@@ -19,8 +19,8 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::frame::CameraId;
-use videofields::store::Store;
+use videofields_recording::store::Store;
+use videofields_vision::frame::CameraId;
 
 const CAMERAS: [&str; 3] = ["west", "east", "north"];
 

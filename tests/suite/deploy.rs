@@ -5,8 +5,8 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::Path;
-use videofields::config::{self, Config};
-use videofields::telemetry::{DropReason, RecordingDrop, SnapshotFailure, ViewRefusal};
+use videofields_recording::telemetry::{DropReason, RecordingDrop, SnapshotFailure, ViewRefusal};
+use videofields_vision::config::{self, Config};
 
 const UNIT: &str = "deploy/systemd/videofields.service";
 const CONFIG: &str = "/etc/videofields/videofields.toml";

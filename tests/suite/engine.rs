@@ -29,27 +29,27 @@ mod views;
 mod walk;
 mod walls;
 
-use crate::support::wait_for;
 use glam::{DVec2, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{
-    CameraSettings, ClockSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
-};
-use videofields::engine::{
+use videofields_picture::plan::{Colors, Effort, EntityStyle, Named};
+use videofields_picture::scene::{self, Scene};
+use videofields_recording::store::Store;
+use videofields_recording::telemetry::Metrics;
+use videofields_service::engine::{
     At, CameraSummary, Door, Engine, EngineError, Handle, LocateMethod, ViewAnswer, ViewKind, ViewRequest,
 };
-use videofields::error::ErrorKind;
-use videofields::frame::{CameraId, RgbImage};
-use videofields::plan::{Colors, Effort, EntityStyle, Named};
-use videofields::scene::{self, Scene};
-use videofields::segment::MOVING;
-use videofields::store::Store;
-use videofields::telemetry::Metrics;
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::{
+    CameraSettings, ClockSettings, Config, End, SegmentSettings, Settings, SourceSettings, TrackSettings,
+};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, RgbImage};
+use videofields_vision::segment::MOVING;
 
 const SIZE: (u32, u32) = (64, 48);
 const RATE_HZ: f64 = 50.0;
@@ -77,7 +77,7 @@ pub(crate) fn live_house(folder: &Path) -> house::House {
 
 /// Whether pictures can be drawn here.
 fn has_adapter() -> bool {
-    crate::support::adapter("").is_some()
+    videofields_testing::adapter("").is_some()
 }
 
 /// Picture `number` of a noisy floor over which a bright box walks to the right.
@@ -200,7 +200,7 @@ fn request(scene: &str, at: At) -> ViewRequest {
         effects: Default::default(),
         horizon: None,
         blur_people: None,
-        scope: videofields::access::Scope::all(),
+        scope: videofields_vision::access::Scope::all(),
     }
 }
 

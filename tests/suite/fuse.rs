@@ -6,16 +6,16 @@ mod truth;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{PointRun, SceneState, assemble};
-use videofields::geometry::{
+use videofields_picture::fuse::{PointRun, SceneState, assemble};
+use videofields_picture::scene::{Material, Scene, SceneCamera, Sky};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields_vision::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose, Ray,
     Shape, Surfaces, TriangleMesh,
 };
-use videofields::scene::{Material, Scene, SceneCamera, Sky};
-use videofields::segment::{Blob, PixelRect};
-use videofields::timeline::Observation;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::{Blob, PixelRect};
 
 pub(crate) const SIZE: (u32, u32) = (640, 480);
 

@@ -3,7 +3,6 @@
 #![expect(clippy::print_stdout, reason = "measured figures are shown with --nocapture")]
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use crate::support::real_data;
 use glam::{DMat3, DVec2, DVec3};
 use image::{GrayImage, Luma};
 use ply_rs_bw::parser::Parser;
@@ -14,6 +13,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Output};
 use tempfile::TempDir;
+use videofields_testing::real_data;
 
 const SIDE: u32 = 200;
 const FOCAL_PX: f64 = 260.0;

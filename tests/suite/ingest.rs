@@ -4,17 +4,17 @@
 
 mod mutations;
 
-use crate::support::real_data;
 use gstreamer::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use videofields::clock::{Clock, SimulatedClock, SystemClock, Timestamp};
-use videofields::config::{End, SourceSettings, Timing};
-use videofields::error::ErrorKind;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame};
-use videofields::ingest::{
+use videofields_recording::ingest::{
     self, CameraState, CameraWorker, FrameConsumer, IngestError, MediaRoots, Source, SourceFrame,
 };
+use videofields_testing::real_data;
+use videofields_vision::clock::{Clock, SimulatedClock, SystemClock, Timestamp};
+use videofields_vision::config::{End, SourceSettings, Timing};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame};
 
 fn settings(path: &Path) -> SourceSettings {
     SourceSettings::of_path(path)

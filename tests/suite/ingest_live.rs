@@ -4,20 +4,22 @@
 
 mod http;
 
-use crate::support::rtsp::{RtspServer, ball, jpeg_ball};
-use crate::support::wait_for;
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{CameraUrl, SourceSettings, Transport};
-use videofields::error::ErrorKind;
-use videofields::frame::{CameraId, Frame};
-use videofields::ingest::{self, CameraState, CameraStatus, CameraWorker, FrameConsumer, MediaRoots, Polled};
-use videofields::media::{Decoder, EncodedQueue, Input};
-use videofields::telemetry::DropReason;
+use videofields_recording::ingest::{
+    self, CameraState, CameraStatus, CameraWorker, FrameConsumer, MediaRoots, Polled,
+};
+use videofields_recording::media::{Decoder, EncodedQueue, Input};
+use videofields_recording::telemetry::DropReason;
+use videofields_testing::rtsp::{RtspServer, ball, jpeg_ball};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::{CameraUrl, SourceSettings, Transport};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, Frame};
 
 fn settings(url: &str) -> SourceSettings {
     SourceSettings { url: Some(CameraUrl::new(url)), ..SourceSettings::default() }

@@ -47,10 +47,10 @@ mod weights;
 use crate::render::stage::{SKY, Stage};
 use crate::render::twin;
 use crate::render::{BLUE, Brush, GREEN, RED, check_twin, draw, keep, pixel, plaza, renderer, v, view};
-use videofields::frame::RgbImage;
-use videofields::fuse::SceneState;
-use videofields::plan::EntityStyle;
-use videofields::render::View;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::EntityStyle;
+use videofields_render::View;
+use videofields_vision::frame::RgbImage;
 
 /// Draws a picture, then another over the same memory, then the first again: both are the same, so that every pixel was
 /// written; and none is black, as NaN is in bytes.
@@ -58,7 +58,7 @@ fn sound(brush: &mut Brush, state: &SceneState, view: &View, style: EntityStyle)
     let first = draw(brush, state, view, style).0.image;
     let nothing = SceneState { entities: Vec::new(), points: Vec::new(), ..state.clone() };
     let up = View {
-        pose: videofields::geometry::Pose { world_from_local: glam::DQuat::IDENTITY, ..view.pose },
+        pose: videofields_vision::geometry::Pose { world_from_local: glam::DQuat::IDENTITY, ..view.pose },
         ..*view
     };
     draw(brush, &nothing, &up, EntityStyle::None);

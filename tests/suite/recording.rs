@@ -5,23 +5,23 @@
 mod exports;
 mod privacy;
 
-use crate::support::rtsp::{RtspServer, ball};
-use crate::support::video::{Numbered, number_of};
-use crate::support::wait_for;
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 use tokio::runtime::Runtime;
-use videofields::archive::{Archive, RecordingState};
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config;
-use videofields::engine::{At, Engine, EngineError, Handle};
-use videofields::frame::CameraId;
-use videofields::scene::{self, Scene};
-use videofields::simulate::World;
-use videofields::store::Store;
-use videofields::telemetry::{Metrics, RecordingDrop};
-use videofields::timeline::Observation;
+use videofields_picture::scene::{self, Scene};
+use videofields_recording::archive::{Archive, RecordingState};
+use videofields_recording::store::Store;
+use videofields_recording::telemetry::{Metrics, RecordingDrop};
+use videofields_service::engine::{At, Engine, EngineError, Handle};
+use videofields_simulate::World;
+use videofields_testing::rtsp::{RtspServer, ball};
+use videofields_testing::video::{Numbered, number_of};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config;
+use videofields_vision::frame::CameraId;
+use videofields_vision::observation::Observation;
 
 const RATE_HZ: u32 = 20;
 const FRAME_NANOS: i64 = 1_000_000_000 / RATE_HZ as i64;

@@ -37,20 +37,24 @@ mod twin_paint;
 #[path = "render/views.rs"]
 mod views;
 
-use crate::support::golden::{self, MOVED, TWIN};
 use glam::{DVec2, DVec3};
 use stage::{SKY, Stage};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
 use std::path::PathBuf;
 use std::sync::Arc;
-use videofields::config::RenderSettings;
-use videofields::error::ErrorKind;
-use videofields::frame::{Mask, RgbImage};
-use videofields::fuse::{PointRun, SceneState};
-use videofields::geometry::{Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh};
-use videofields::gpu::{Gpu, GpuError};
-use videofields::plan::{self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Settings, Wishes};
-use videofields::render::{RenderError, Rendered, Renderer, View, ViewLimits};
+use videofields_picture::fuse::{PointRun, SceneState};
+use videofields_picture::plan::{
+    self, Colors, EntityStyle, Frustum, Picture, Plan, Sampling, Settings, Wishes,
+};
+use videofields_render::gpu::{Gpu, GpuError};
+use videofields_render::{RenderError, Rendered, Renderer, View, ViewLimits};
+use videofields_testing::golden::{self, MOVED, TWIN};
+use videofields_vision::config::RenderSettings;
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::geometry::{
+    Cylinder, Distortion, ExtrudedFootprint, HeightField, Shape, TriangleMesh,
+};
 
 const LIMITS: ViewLimits = ViewLimits { max_side_px: 16_384, max_pixels: 33_177_600 };
 /// Lavapipe's name: what goldens are drawn by.
@@ -85,7 +89,7 @@ impl Brush {
 
 /// A renderer, or `None` (and a line on standard error) where there is no such adapter; with CI=true there must be.
 pub(crate) fn renderer(adapter: &str, samples: u32) -> Option<Brush> {
-    let gpu = crate::support::adapter(adapter)?;
+    let gpu = videofields_testing::adapter(adapter)?;
     let renderer = Renderer::new(gpu, &RenderSettings::default()).expect("a renderer");
     Some(Brush { renderer, samples })
 }
@@ -481,7 +485,7 @@ fn a_scene_without_cameras_shows_its_materials() {
     check_twin("no_camera", &stage, &view, 0.8);
 
     let mut empty = Arc::unwrap_or_clone(Arc::clone(&state.scene));
-    empty.surfaces = videofields::geometry::Surfaces::default();
+    empty.surfaces = videofields_vision::geometry::Surfaces::default();
     let state = SceneState { scene: Arc::new(empty), ..state };
     let (rendered, plan) = draw(&mut renderer, &state, &view, EntityStyle::Points);
     assert!(plan.reasons.iter().all(|reason| !reason.is_on), "{:?}", plan.reasons);
@@ -544,7 +548,10 @@ fn what_cannot_be_drawn_is_refused_and_the_renderer_goes_on() {
         View { height_px: limits.max_side_px + 1, ..good },
         View { width_px: limits.max_side_px, height_px: limits.max_side_px, ..good },
         View { frustum: Frustum { x: [f64::NAN, 1.0], ..good.frustum }, ..good },
-        View { pose: videofields::geometry::Pose { position_in_world: DVec3::NAN, ..good.pose }, ..good },
+        View {
+            pose: videofields_vision::geometry::Pose { position_in_world: DVec3::NAN, ..good.pose },
+            ..good
+        },
     ] {
         let error = renderer.render(&state, &wrong, &plan).expect_err("no view");
         assert_eq!(error.kind(), ErrorKind::Invalid, "{error}");

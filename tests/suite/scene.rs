@@ -7,15 +7,15 @@ mod models;
 #[path = "scene/pictures.rs"]
 mod pictures;
 
-use crate::support::real_data;
 use glam::DVec3;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::path::Path;
-use videofields::calibrate::Format;
-use videofields::error::ErrorKind;
-use videofields::geometry::Camera;
-use videofields::scene::{self, ImportReference, ParsedScene, SceneError, no_imports};
+use videofields_picture::scene::{self, ImportReference, ParsedScene, SceneError, no_imports};
+use videofields_testing::real_data;
+use videofields_vision::calibrate::Format;
+use videofields_vision::error::ErrorKind;
+use videofields_vision::geometry::Camera;
 
 fn calibration() -> Value {
     json!({
@@ -436,7 +436,7 @@ fn a_real_calibration_is_imported() {
 }
 
 proptest! {
-    #![proptest_config(crate::support::seeded(1000))]
+    #![proptest_config(videofields_testing::seeded(1000))]
 
     /// Whatever is done to a document's text, the answer is a scene whose numbers are finite, or faults.
     #[test]

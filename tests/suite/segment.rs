@@ -2,14 +2,14 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use crate::support::real_data;
 use std::collections::BTreeMap;
 use std::path::Path;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, Learning, SegmentSettings, SourceSettings, Timing};
-use videofields::frame::{CameraId, Frame};
-use videofields::ingest::{self, MediaRoots, Pipeline, Source};
-use videofields::segment::{MOVING, PixelRect};
+use videofields_recording::ingest::{self, MediaRoots, Pipeline, Source};
+use videofields_testing::real_data;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, Learning, SegmentSettings, SourceSettings, Timing};
+use videofields_vision::frame::{CameraId, Frame};
+use videofields_vision::segment::{MOVING, PixelRect};
 
 fn open(path: &Path) -> Box<dyn Source> {
     let settings =

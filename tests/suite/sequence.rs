@@ -2,18 +2,20 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
-use crate::support::real_data;
-use crate::support::video::{Numbered, number_of};
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, Output};
-use videofields::calibrate::CameraDocument;
-use videofields::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
-use videofields::ingest::MediaRoots;
-use videofields::mesh::Mesh;
-use videofields::sequence::Sequence;
-use videofields::simulate::{SequenceOptions, World, pinhole, write_sequence};
+use videofields_lab::world_sequence::{SequenceOptions, write_sequence};
+use videofields_recording::ingest::MediaRoots;
+use videofields_service::sequence::Sequence;
+use videofields_simulate::World;
+use videofields_testing::real_data;
+use videofields_testing::video::{Numbered, number_of};
+use videofields_vision::calibrate::CameraDocument;
+use videofields_vision::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
+use videofields_vision::geometry::Camera;
+use videofields_vision::mesh::Mesh;
 
 fn run(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_videofields")).arg("sequence").args(arguments).output().unwrap()
@@ -47,7 +49,7 @@ fn pictures_of_videos_are_found_by_time_forwards_backwards_and_far_away() {
     };
     film.write(&folder.path().join("film.webm"));
     std::fs::write(folder.path().join("a.ply"), triangle()).unwrap();
-    let camera = pinhole(DVec3::ONE, DVec3::ZERO, 0.8, (192, 96)).unwrap();
+    let camera = Camera::pinhole(DVec3::ONE, DVec3::ZERO, 0.8, (192, 96)).unwrap();
     let calibration = serde_json::to_value(CameraDocument::from_camera(&camera)).unwrap();
     // Meshes at 10 a second from 0 to 9 s; the film begins 0.5 s after the first one and has 8 s.
     let open = |pictures: Value| {

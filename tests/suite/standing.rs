@@ -3,12 +3,13 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings, TrackSettings};
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage, YuvLayout};
-use videofields::ingest::Pipeline;
-use videofields::segment::MOVING;
-use videofields::timeline::{Event, EventKind, Observation};
+use videofields_recording::ingest::Pipeline;
+use videofields_recording::timeline::{Event, EventKind};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings, TrackSettings};
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage, YuvLayout};
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::MOVING;
 
 const WIDTH: u32 = 192;
 const HEIGHT: u32 = 128;

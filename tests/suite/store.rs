@@ -3,18 +3,18 @@
 mod copies;
 mod history;
 
-use crate::support::small_disk::SmallDisk;
 use sha2::Digest;
 use sqlx::{Connection, SqliteConnection};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use videofields::clock::Timestamp;
-use videofields::error::ErrorKind;
-use videofields::frame::{CameraId, ColorMatrix};
-use videofields::store::{
+use videofields_recording::store::{
     BackgroundRecord, MAX_BLOB_BYTES, SCHEMA_VERSION, Store, StoreError, TextureMapRecord, digest_hex,
 };
+use videofields_testing::small_disk::SmallDisk;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, ColorMatrix};
 
 fn folder() -> TempDir {
     tempfile::tempdir().expect("a folder")
@@ -104,7 +104,7 @@ async fn scenes_are_listed_changed_and_removed() {
     store.put_scene("plaza", "{}", at(1)).await.expect("written");
     store.put_scene("alley", "[]", at(2)).await.expect("written");
     store.put_scene("plaza", "{}", at(3)).await.expect("written");
-    let times = |entries: &[videofields::store::SceneEntry]| -> Vec<(String, i64)> {
+    let times = |entries: &[videofields_recording::store::SceneEntry]| -> Vec<(String, i64)> {
         entries.iter().map(|entry| (entry.id.clone(), entry.updated_at.as_nanos())).collect()
     };
     let listed = store.scenes().await.expect("read");
@@ -385,7 +385,7 @@ async fn a_full_disk_is_told_and_what_is_written_once_there_is_room_is_kept() {
     let folder = folder();
     let place = folder.path().join("disk");
     let Some(_disk) = SmallDisk::mount(&place, 4) else {
-        crate::support::say_skipped("this process may not mount a small disk");
+        videofields_testing::say_skipped("this process may not mount a small disk");
         return;
     };
     let store = open(&place.join("v.sqlite")).await;

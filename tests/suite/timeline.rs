@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use videofields::clock::Timestamp;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::timeline::{Observation, Timeline, TimelineError};
+use videofields_recording::timeline::{Timeline, TimelineError};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields_vision::observation::Observation;
 
 fn observation(camera: &CameraId, number: u64, background: &Arc<YuvImage>) -> Observation {
     let code = [(number % 251) as u8, 128, 128];

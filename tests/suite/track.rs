@@ -1,10 +1,10 @@
 //! The track room seen from outside: real footage through source and pipeline, against truth.
 
 use crate::segment::{frames, n_met, truth_boxes};
-use crate::support::real_data;
 use std::collections::BTreeSet;
-use videofields::config::{BackgroundSettings, SegmentSettings};
-use videofields::ingest::Pipeline;
+use videofields_recording::ingest::Pipeline;
+use videofields_testing::real_data;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings};
 
 /// Blobs alone meet 0.856 of these boxes, and 0.925 of them meet one.
 #[test]

@@ -4,12 +4,12 @@
 //! `target/golden/`. Goldens are drawn by lavapipe, so that every machine can check them.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use videofields::frame::RgbImage;
+use std::path::Path;
+use videofields_vision::frame::RgbImage;
 
 /// How far two pictures may lie apart.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Tolerance {
+pub struct Tolerance {
     /// Mean absolute difference, 8-bit levels.
     pub mean_levels: f64,
     /// A pixel whose worst channel differs by more than this is off.
@@ -19,25 +19,28 @@ pub(crate) struct Tolerance {
 }
 
 /// A picture of the same rasteriser: versions of its compiler round differently.
-pub(crate) const GOLDEN: Tolerance = Tolerance { mean_levels: 0.3, off_levels: 6, off_share: 0.002 };
+pub const GOLDEN: Tolerance = Tolerance { mean_levels: 0.3, off_levels: 6, off_share: 0.002 };
 
 /// A shader in 32 bits and 8-bit textures against its f64 twin.
-pub(crate) const TWIN: Tolerance = Tolerance { mean_levels: 0.7, off_levels: 4, off_share: 0.01 };
+pub const TWIN: Tolerance = Tolerance { mean_levels: 0.7, off_levels: 4, off_share: 0.01 };
 
 /// The same scene at map coordinates and at the origin.
-pub(crate) const MOVED: Tolerance = Tolerance { mean_levels: 0.05, off_levels: 3, off_share: 0.002 };
+pub const MOVED: Tolerance = Tolerance { mean_levels: 0.05, off_levels: 3, off_share: 0.002 };
 
 /// A camera's own picture drawn from its own place: edges of boxes and of people are drawn between pixels.
-pub(crate) const OWN_PLACE: Tolerance = Tolerance { mean_levels: 1.0, off_levels: 16, off_share: 0.02 };
+pub const OWN_PLACE: Tolerance = Tolerance { mean_levels: 1.0, off_levels: 16, off_share: 0.02 };
 
 /// Points and billboards of the same person, within the outline.
-pub(crate) const SAME_PERSON: Tolerance = Tolerance { mean_levels: 12.0, off_levels: 60, off_share: 0.1 };
+pub const SAME_PERSON: Tolerance = Tolerance { mean_levels: 12.0, off_levels: 60, off_share: 0.1 };
 
 /// Most bytes of a golden file.
 const MAX_GOLDEN_BYTES: usize = 64 * 1024;
 
 /// Says how two pictures differ beyond `tolerance`, leaving out pixels that `counts` denies.
-pub(crate) fn compare(
+///
+/// # Errors
+/// When they differ, in words.
+pub fn compare(
     actual: &RgbImage,
     expected: &RgbImage,
     tolerance: Tolerance,
@@ -81,9 +84,8 @@ pub(crate) fn compare(
 ///
 /// # Panics
 /// When it differs, is missing, or is larger than 64 KiB.
-pub(crate) fn check(name: &str, actual: &RgbImage) {
-    let path =
-        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name).with_extension("png");
+pub fn check(name: &str, actual: &RgbImage) {
+    let path = crate::root().join("tests/golden").join(name).with_extension("png");
     if std::env::var("UPDATE_GOLDEN").is_ok_and(|wanted| wanted == name || wanted == "all") {
         write_png(&path, actual);
         let len = fs::metadata(&path).expect("it was written").len();
@@ -99,7 +101,7 @@ pub(crate) fn check(name: &str, actual: &RgbImage) {
     let golden = image::load_from_memory(&bytes).expect("a golden is a picture").to_rgb8();
     let expected = RgbImage { width: golden.width(), height: golden.height(), data: golden.into_raw() };
     if let Err(difference) = compare(actual, &expected, GOLDEN, |_| true) {
-        let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/golden");
+        let folder = crate::root().join("target/golden");
         write_png(&folder.join(name).with_extension("actual.png"), actual);
         if actual.data.len() == expected.data.len() {
             let far = |(a, e): (&u8, &u8)| a.abs_diff(*e).saturating_mul(8);
@@ -114,8 +116,8 @@ pub(crate) fn check(name: &str, actual: &RgbImage) {
 ///
 /// # Panics
 /// When it differs or is missing.
-pub(crate) fn check_text(file: &str, actual: &str) {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(file);
+pub fn check_text(file: &str, actual: &str) {
+    let path = crate::root().join("tests/golden").join(file);
     let name = file.split('.').next().unwrap_or(file);
     if std::env::var("UPDATE_GOLDEN").is_ok_and(|wanted| wanted == name || wanted == "all") {
         fs::write(&path, actual).expect("a golden is written");
@@ -149,7 +151,7 @@ fn first_difference(actual: &str, expected: &str) -> Option<String> {
 ///
 /// # Panics
 /// When it cannot be written.
-pub(crate) fn write_png(path: &Path, picture: &RgbImage) {
+pub fn write_png(path: &Path, picture: &RgbImage) {
     fs::create_dir_all(path.parent().expect("a path of a file has a parent")).expect("a folder");
     image::save_buffer(path, &picture.data, picture.width, picture.height, image::ColorType::Rgb8)
         .expect("a picture is written");

@@ -15,7 +15,7 @@ use std::thread::JoinHandle;
 const PATH: &str = "/cam";
 
 /// A ball of H.264 in this size, 25 pictures a second; its capsfilter is called `size`.
-pub(crate) fn ball(width: u32, height: u32) -> String {
+pub fn ball(width: u32, height: u32) -> String {
     format!(
         "( videotestsrc is-live=true pattern=ball ! capsfilter name=size caps=video/x-raw,format=I420,width={width},height={height},framerate=25/1 ! \
          x264enc tune=zerolatency speed-preset=ultrafast key-int-max=10 threads=1 ! rtph264pay name=pay0 pt=96 config-interval=-1 )"
@@ -23,7 +23,7 @@ pub(crate) fn ball(width: u32, height: u32) -> String {
 }
 
 /// The same as motion JPEG.
-pub(crate) fn jpeg_ball(width: u32, height: u32) -> String {
+pub fn jpeg_ball(width: u32, height: u32) -> String {
     format!(
         "( videotestsrc is-live=true pattern=ball ! video/x-raw,format=I420,width={width},height={height},framerate=25/1 ! \
          jpegenc ! rtpjpegpay name=pay0 pt=26 )"
@@ -31,7 +31,7 @@ pub(crate) fn jpeg_ball(width: u32, height: u32) -> String {
 }
 
 /// A running server. It ends, with all its connections, when it is dropped.
-pub(crate) struct RtspServer {
+pub struct RtspServer {
     port: u16,
     main_loop: glib::MainLoop,
     thread: Option<JoinHandle<()>>,
@@ -40,7 +40,7 @@ pub(crate) struct RtspServer {
 
 impl RtspServer {
     /// Serves what `launch` describes on loopback, at `port` (0: any), to everybody or to one user with a password.
-    pub(crate) fn start(port: u16, launch: &str, login: Option<(&str, &str)>) -> Self {
+    pub fn start(port: u16, launch: &str, login: Option<(&str, &str)>) -> Self {
         gst::init().unwrap();
         let context = glib::MainContext::new();
         let main_loop = glib::MainLoop::new(Some(&context), false);
@@ -89,17 +89,17 @@ impl RtspServer {
     }
 
     /// The stream's URL.
-    pub(crate) fn url(&self) -> String {
+    pub fn url(&self) -> String {
         format!("rtsp://127.0.0.1:{}{PATH}", self.port)
     }
 
     /// Where it listens.
-    pub(crate) const fn port(&self) -> u16 {
+    pub const fn port(&self) -> u16 {
         self.port
     }
 
     /// Sends pictures of another size from now on, to those who are connected too.
-    pub(crate) fn resize(&self, width: i32, height: i32) {
+    pub fn resize(&self, width: i32, height: i32) {
         let element = self.media.lock().unwrap().clone().unwrap();
         let filter = element.downcast::<gst::Bin>().unwrap().by_name("size").unwrap();
         let caps = gst::Caps::builder("video/x-raw").field("format", "I420").field("width", width);
@@ -110,7 +110,7 @@ impl RtspServer {
 
 impl RtspServer {
     /// Loses every `n`th packet from now on.
-    pub(crate) fn lose_every(&self, n: u64) {
+    pub fn lose_every(&self, n: u64) {
         let element = self.media.lock().unwrap().clone().unwrap();
         let payloader = element.downcast::<gst::Bin>().unwrap().by_name("pay0").unwrap();
         let n_sent = AtomicU64::new(0);

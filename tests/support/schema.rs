@@ -2,13 +2,13 @@
 
 use regex::Regex;
 use serde_json::{Map, Value};
-use videofields::clock::Timestamp;
+use videofields_vision::clock::Timestamp;
 
 /// What only describes.
 const NOTES: [&str; 6] = ["default", "description", "examples", "format", "title", "writeOnly"];
 
 /// What is wrong with `value`, one line a fault; `#/...` references lead into `document`.
-pub(crate) fn faults(document: &Value, schema: &Value, value: &Value) -> Vec<String> {
+pub fn faults(document: &Value, schema: &Value, value: &Value) -> Vec<String> {
     let mut checker = Checker { document, faults: Vec::new() };
     checker.check(schema, value, "");
     checker.faults

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// A small disk of its own, for as long as it lives.
-pub(crate) struct SmallDisk(PathBuf);
+pub struct SmallDisk(PathBuf);
 
 impl SmallDisk {
     /// A disk of `mib` at `place`, which must not exist yet; none where this process may not mount one.
-    pub(crate) fn mount(place: &Path, mib: u32) -> Option<Self> {
+    pub fn mount(place: &Path, mib: u32) -> Option<Self> {
         std::fs::create_dir(place).expect("a folder to mount on");
         let size = format!("size={mib}m");
         let done =

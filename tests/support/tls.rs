@@ -13,31 +13,35 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 /// The files of a certificate and its key.
-pub(crate) struct Files {
+pub struct Files {
     folder: TempDir,
 }
 
 impl Files {
-    pub(crate) fn new() -> (Self, CertificateDer<'static>) {
+    /// Writes a new certificate for localhost, and returns it beside the files.
+    pub fn new() -> (Self, CertificateDer<'static>) {
         let files = Self { folder: TempDir::new().unwrap() };
         let made = files.renew();
         (files, made.cert.der().clone())
     }
 
-    pub(crate) fn folder(&self) -> &Path {
+    /// Returns the folder.
+    pub fn folder(&self) -> &Path {
         self.folder.path()
     }
 
-    pub(crate) fn certificate(&self) -> PathBuf {
+    /// Returns the path of the certificate.
+    pub fn certificate(&self) -> PathBuf {
         self.folder.path().join("site.pem")
     }
 
-    pub(crate) fn private_key(&self) -> PathBuf {
+    /// Returns the path of the private key.
+    pub fn private_key(&self) -> PathBuf {
         self.folder.path().join("site.key")
     }
 
     /// Another certificate with another key in their place.
-    pub(crate) fn renew(&self) -> CertifiedKey<KeyPair> {
+    pub fn renew(&self) -> CertifiedKey<KeyPair> {
         let made = generate_simple_self_signed(["localhost".to_owned()]).unwrap();
         std::fs::write(self.certificate(), made.cert.pem()).unwrap();
         std::fs::write(self.private_key(), made.signing_key.serialize_pem()).unwrap();
@@ -45,18 +49,18 @@ impl Files {
     }
 }
 
-pub(crate) fn connect(address: SocketAddr) -> TcpStream {
+/// Connects, or fails as a test.
+pub fn connect(address: SocketAddr) -> TcpStream {
     let stream = TcpStream::connect(address).unwrap();
     stream.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     stream
 }
 
 /// What is answered over an encrypted connection to who trusts `trusted` alone.
-pub(crate) fn get(
-    address: SocketAddr,
-    trusted: CertificateDer<'static>,
-    target: &str,
-) -> std::io::Result<String> {
+///
+/// # Errors
+/// When there is no connection, or its certificate is not trusted.
+pub fn get(address: SocketAddr, trusted: CertificateDer<'static>, target: &str) -> std::io::Result<String> {
     let mut roots = RootCertStore::empty();
     roots.add(trusted).unwrap();
     let provider = Arc::new(rustls::crypto::ring::default_provider());

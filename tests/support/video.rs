@@ -7,14 +7,14 @@ use gstreamer::prelude::*;
 use gstreamer_app as gst_app;
 use gstreamer_video as gst_video;
 use std::path::Path;
-use videofields::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage, YuvLayout};
+use videofields_vision::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage, YuvLayout};
 
 /// All frames of a video as a decoder gives them, with their times, seconds.
 ///
 /// # Panics
 /// When it cannot be decoded.
 #[must_use]
-pub(crate) fn decode_timed(path: &Path) -> Vec<(RgbImage, f64)> {
+pub fn decode_timed(path: &Path) -> Vec<(RgbImage, f64)> {
     gst::init().unwrap();
     let description =
         "filesrc name=file ! decodebin ! appsink name=out sync=false caps=video/x-raw,format=I420";
@@ -49,15 +49,15 @@ pub(crate) fn decode_timed(path: &Path) -> Vec<(RgbImage, f64)> {
 }
 
 /// A film of which each frame shows its own number.
-pub(crate) struct Numbered<'a> {
+pub struct Numbered<'a> {
     /// How many frames there are.
-    pub(crate) n_frames: u64,
+    pub n_frames: u64,
     /// Frames a second.
-    pub(crate) rate_hz: u32,
+    pub rate_hz: u32,
     /// Element and properties that encode it.
-    pub(crate) encoder: &'a str,
+    pub encoder: &'a str,
     /// Element that puts it into a container.
-    pub(crate) muxer: &'a str,
+    pub muxer: &'a str,
 }
 
 /// Columns of one bit of the number, and rows of the picture.
@@ -70,7 +70,7 @@ impl Numbered<'_> {
     ///
     /// # Panics
     /// When it cannot be written.
-    pub(crate) fn write(&self, path: &Path) {
+    pub fn write(&self, path: &Path) {
         gst::init().unwrap();
         let (width, height) = (BITS * BIT_PX, ROWS);
         let description = format!(
@@ -110,7 +110,7 @@ impl Numbered<'_> {
 /// # Panics
 /// When the picture is not of such a film's size.
 #[must_use]
-pub(crate) fn number_of(image: &YuvImage) -> u64 {
+pub fn number_of(image: &YuvImage) -> u64 {
     assert_eq!((image.width(), image.height()), (BITS * BIT_PX, ROWS));
     let luma = image.plane(0).row(ROWS / 2);
     let middle = |bit: u32| luma[(bit * BIT_PX + BIT_PX / 2) as usize];

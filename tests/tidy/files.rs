@@ -82,7 +82,8 @@ fn no_text_names_a_place_on_somebody_s_machine() {
 
 #[test]
 fn migrations_are_named_numbered_and_listed() {
-    let list = std::fs::read_to_string(root().join("src/store/migrate.rs")).expect("the list of migrations");
+    let list = std::fs::read_to_string(root().join("src/recording/store/migrate.rs"))
+        .expect("the list of migrations");
     let tables = ["create", "alter", "drop", "rename", "fill"];
     let paths = paths("migrations");
     assert!(!paths.is_empty());
@@ -100,7 +101,7 @@ fn migrations_are_named_numbered_and_listed() {
                 !is_named,
                 "the name must be NNNN_verb_table.sql, with a verb of create, alter, drop, rename, fill",
             ),
-            (!list.contains(&format!("{path}\"")), "src/store/migrate.rs does not list it"),
+            (!list.contains(&format!("{path}\"")), "src/recording/store/migrate.rs does not list it"),
         ];
         let path = path.clone();
         faults.into_iter().filter(|(is_fault, _)| *is_fault).map(move |(_, fault)| format!("{path}: {fault}"))

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use videofields::gpu::{SHADERS, compose};
+use videofields_render::gpu::{SHADERS, compose};
 use wgpu::naga;
 
 fn parse(path: &str) -> naga::Module {
@@ -14,7 +14,7 @@ fn parse(path: &str) -> naga::Module {
 
 #[test]
 fn every_shader_is_valid() {
-    for (path, _) in SHADERS {
+    for path in SHADERS {
         let module = parse(path);
         let mut validator = naga::valid::Validator::new(
             naga::valid::ValidationFlags::all(),
@@ -38,7 +38,7 @@ fn every_shader_file_is_embedded_and_has_its_owner() {
             on_disk.insert(format!("{folder}/{name}"));
         }
     }
-    let embedded: BTreeSet<String> = SHADERS.iter().map(|(path, _)| (*path).to_owned()).collect();
+    let embedded: BTreeSet<String> = SHADERS.iter().map(|path| (*path).to_owned()).collect();
     assert_eq!(on_disk, embedded);
     for path in embedded.iter().filter_map(|path| path.strip_prefix("render/")) {
         let owner = root.join("src/render/passes").join(path).with_extension("rs");
@@ -48,7 +48,7 @@ fn every_shader_file_is_embedded_and_has_its_owner() {
 
 #[test]
 fn mirror_structs_match_their_shaders() {
-    let mirrors = videofields::render::mirrors();
+    let mirrors = videofields_render::mirrors();
     assert!(!mirrors.is_empty());
     for mirror in mirrors {
         let module = parse(mirror.shader);

@@ -8,8 +8,11 @@ pub(crate) struct Text {
     pub(crate) text: String,
 }
 
-/// Folders that are not ours to judge: built, fetched, or beside the project.
-const FOREIGN: [&str; 5] = ["target", ".git", "shared", "node_modules", "dist"];
+/// Folders that are not ours to judge: built or fetched, wherever they lie.
+const FOREIGN: [&str; 3] = [".git", "node_modules", "dist"];
+
+/// The same beneath the root alone: built, or beside the project.
+const FOREIGN_AT_ROOT: [&str; 2] = ["target", "shared"];
 
 /// The repository's root.
 pub(crate) fn root() -> PathBuf {
@@ -35,7 +38,8 @@ fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
     }
     for entry in std::fs::read_dir(folder).expect("a folder") {
         let entry = entry.expect("an entry");
-        let is_foreign = FOREIGN.iter().any(|name| entry.file_name() == *name);
+        let is_named = |names: &[&str]| names.iter().any(|name| entry.file_name() == *name);
+        let is_foreign = is_named(&FOREIGN) || (folder == root() && is_named(&FOREIGN_AT_ROOT));
         let kind = entry.file_type().expect("a kind");
         if kind.is_dir() && !is_foreign {
             walk(&entry.path(), found);

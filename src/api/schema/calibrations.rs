@@ -4,14 +4,14 @@ use super::{
     Named, boolean, exactly, id, list, named, nullable, number, number_within, object, taken, text,
     whole_within, word,
 };
-use crate::calibrate::{MAX_LINES, MAX_PAIRS};
 use serde_json::{Value, json};
+use videofields_vision::calibrate::{MAX_LINES, MAX_PAIRS};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 1] = [("CameraCalibration", one)];
+pub(crate) const NAMED: [Named; 1] = [("CameraCalibration", one)];
 
 /// Every calibration, in short.
-pub(in crate::api) fn all() -> Value {
+pub(crate) fn all() -> Value {
     let summary = object([
         ("camera", id(), ""),
         ("scene", id(), "In which scene it is"),
@@ -28,7 +28,7 @@ fn size() -> Value {
 }
 
 /// Another program's calibration as ours.
-pub(in crate::api) fn imported() -> Value {
+pub(crate) fn imported() -> Value {
     let residual = "Where its lens model was fitted by ours: by how many pixels that misses at most";
     object([
         ("calibration", named("Calibration"), "As a scene's document has it"),
@@ -41,7 +41,7 @@ fn point() -> Value {
 }
 
 /// Pairs of picture points and places, and what is to be found of the camera.
-pub(in crate::api) fn pairs() -> Value {
+pub(crate) fn pairs() -> Value {
     let place = exactly(3, number_within(-1e8, 1e8));
     let pair = taken(
         &["picture_px", "place_m"],
@@ -77,7 +77,7 @@ fn center() -> Value {
 }
 
 /// Pencils of lines, and what is known of the camera.
-pub(in crate::api) fn pencils() -> Value {
+pub(crate) fn pencils() -> Value {
     let lines = json!({"type": "array", "items": exactly(2, point()), "minItems": 2, "maxItems": MAX_LINES});
     let pencil = taken(
         &["axis", "lines"],
@@ -101,7 +101,7 @@ pub(in crate::api) fn pencils() -> Value {
 }
 
 /// How a camera is turned by such lines.
-pub(in crate::api) fn turned() -> Value {
+pub(crate) fn turned() -> Value {
     let miss = object([
         ("axis", word(&["x", "y", "z"]), "Which pencil"),
         ("line_idx", whole_within(0, MAX_LINES as i64 - 1), "Which of its lines"),
@@ -116,7 +116,7 @@ pub(in crate::api) fn turned() -> Value {
 }
 
 /// The camera that fits such pairs.
-pub(in crate::api) fn solved() -> Value {
+pub(crate) fn solved() -> Value {
     let miss = object([
         ("offset_px", exactly(2, number()), "Where the place is shown, less where it was said to be"),
         ("distance_m", number(), "Of the place from the line of sight through the picture point"),

@@ -7,7 +7,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 7] = [
+pub(crate) const NAMED: [Named; 7] = [
     ("Camera", camera),
     ("CameraDocument", document),
     ("SegmentSettings", segment),
@@ -18,7 +18,7 @@ pub(in crate::api) const NAMED: [Named; 7] = [
 ];
 
 /// Every camera.
-pub(in crate::api) fn all() -> Value {
+pub(crate) fn all() -> Value {
     object([("cameras", list(named("Camera")), "In the configuration's order")])
 }
 
@@ -82,12 +82,12 @@ fn privacy_zone() -> Value {
 }
 
 /// What a camera's zones are to be.
-pub(in crate::api) fn privacy_asked() -> Value {
+pub(crate) fn privacy_asked() -> Value {
     taken(&["zones"], [("zones", some_zones(), "All of them")])
 }
 
 /// What is to be changed of them.
-pub(in crate::api) fn privacy_patch() -> Value {
+pub(crate) fn privacy_patch() -> Value {
     taken(&[], [("zones", some_zones(), "All of them; as they were if absent")])
 }
 
@@ -111,7 +111,7 @@ fn privacy_zones() -> Value {
 }
 
 /// Where a place in a picture lies.
-pub(in crate::api) fn located() -> Value {
+pub(crate) fn located() -> Value {
     let kinds = ["ground", "box", "cylinder", "footprint", "height_field", "model"];
     object([
         ("point_m", exactly(3, number()), "The world point, metres"),
@@ -196,7 +196,7 @@ fn clock() -> Value {
 }
 
 /// Where frames come from.
-pub(in crate::api) fn place() -> Value {
+pub(crate) fn place() -> Value {
     let mut source = anything();
     source["description"] = json!("The keys of `[camera.source]` in a configuration that belong to its kind");
     source

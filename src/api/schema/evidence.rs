@@ -7,7 +7,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 1] = [("Snapshot", snapshot)];
+pub(crate) const NAMED: [Named; 1] = [("Snapshot", snapshot)];
 
 fn note() -> Value {
     json!({"type": "string", "maxLength": 2000})
@@ -38,7 +38,7 @@ fn snapshot() -> Value {
 }
 
 /// Several of them.
-pub(in crate::api) fn all() -> Value {
+pub(crate) fn all() -> Value {
     object([
         ("snapshots", list(named("Snapshot")), "The one made last first"),
         ("is_complete", boolean(), "Whether there are no more"),
@@ -47,7 +47,7 @@ pub(in crate::api) fn all() -> Value {
 }
 
 /// One with everything.
-pub(in crate::api) fn one() -> Value {
+pub(crate) fn one() -> Value {
     let annotation = object([
         ("version", count(), ""),
         ("at", time(), ""),
@@ -64,7 +64,7 @@ pub(in crate::api) fn one() -> Value {
 }
 
 /// What one is made of.
-pub(in crate::api) fn asked() -> Value {
+pub(crate) fn asked() -> Value {
     taken(
         &[],
         [
@@ -85,7 +85,7 @@ pub(in crate::api) fn asked() -> Value {
 }
 
 /// What may be said of one.
-pub(in crate::api) fn said() -> Value {
+pub(crate) fn said() -> Value {
     taken(
         &[],
         [("note", nullable(note()), ""), ("tags", nullable(tags()), ""), ("hold", nullable(boolean()), "")],
@@ -93,7 +93,7 @@ pub(in crate::api) fn said() -> Value {
 }
 
 /// What a look at one found.
-pub(in crate::api) fn verification() -> Value {
+pub(crate) fn verification() -> Value {
     let file = object([
         ("file", text(), ""),
         ("sha256", text(), "As the record has it"),
@@ -108,7 +108,7 @@ pub(in crate::api) fn verification() -> Value {
 }
 
 /// What cameras make of a place.
-pub(in crate::api) fn sights() -> Value {
+pub(crate) fn sights() -> Value {
     let mut sight = object([
         ("camera", id(), ""),
         ("state", nullable(text()), "The camera's; `moved` where its calibration is suspect"),

@@ -4,7 +4,7 @@ use super::{boolean, count, exactly, id, list, named, nullable, number, number_w
 use serde_json::Value;
 
 /// What there is of a scene's time.
-pub(in crate::api) fn timeline() -> Value {
+pub(crate) fn timeline() -> Value {
     let activity = object([
         ("at", time(), "Where the stretch begins"),
         ("moving_share", number_within(0.0, 1.0), "Share of the picture that moved, mean over the frames"),
@@ -26,7 +26,7 @@ pub(in crate::api) fn timeline() -> Value {
 }
 
 /// How much moved, step by step.
-pub(in crate::api) fn activity() -> Value {
+pub(crate) fn activity() -> Value {
     let share = nullable(number_within(0.0, 1.0));
     let camera = object([
         ("camera", id(), ""),
@@ -46,7 +46,7 @@ pub(in crate::api) fn activity() -> Value {
 }
 
 /// What moved.
-pub(in crate::api) fn tracks() -> Value {
+pub(crate) fn tracks() -> Value {
     let point = object([
         ("at", time(), "Within 0.05 s"),
         ("u", number(), "Texture coordinate"),
@@ -77,7 +77,7 @@ pub(in crate::api) fn tracks() -> Value {
 }
 
 /// How far clocks are apart.
-pub(in crate::api) fn alignment() -> Value {
+pub(crate) fn alignment() -> Value {
     let camera = object([
         ("camera", id(), ""),
         ("confidence", nullable(number_within(0.0, 1.0)), "1 of the reference; null where nothing is known"),

@@ -7,7 +7,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 9] = [
+pub(crate) const NAMED: [Named; 9] = [
     ("Scene", scene),
     ("SceneCamera", camera),
     ("Calibration", calibration),
@@ -20,14 +20,14 @@ pub(in crate::api) const NAMED: [Named; 9] = [
 ];
 
 /// Every scene.
-pub(in crate::api) fn all() -> Value {
+pub(crate) fn all() -> Value {
     let scene =
         object([("id", id(), ""), ("name", text(), "For people"), ("cameras", list(id()), "Its cameras")]);
     object([("scenes", list(scene), "The default one first")])
 }
 
 /// Who stands before a scene's cameras.
-pub(in crate::api) fn entities() -> Value {
+pub(crate) fn entities() -> Value {
     let entity = object([
         ("id", count(), ""),
         ("position_m", exactly(3, number()), "Where it touches the ground"),
@@ -43,7 +43,7 @@ pub(in crate::api) fn entities() -> Value {
 }
 
 /// A file that scenes may name.
-pub(in crate::api) fn asset() -> Value {
+pub(crate) fn asset() -> Value {
     object([
         ("file", text(), "Its name; a scene names it as `assets/` and this"),
         ("content_type", text(), "What it is"),
@@ -54,12 +54,12 @@ pub(in crate::api) fn asset() -> Value {
 }
 
 /// All of them.
-pub(in crate::api) fn assets() -> Value {
+pub(crate) fn assets() -> Value {
     object([("assets", list(asset()), "By their names")])
 }
 
 /// Members of a document that are to be others.
-pub(in crate::api) fn patch() -> Value {
+pub(crate) fn patch() -> Value {
     let mut patch = anything();
     patch["description"] = json!("Members of a scene's document that are to be others; null takes one away");
     patch

@@ -7,7 +7,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// A source, and when in a file it is looked at.
-pub(in crate::api) fn look_asked() -> Value {
+pub(crate) fn look_asked() -> Value {
     taken(
         &["source"],
         [
@@ -18,7 +18,7 @@ pub(in crate::api) fn look_asked() -> Value {
 }
 
 /// What a source shows.
-pub(in crate::api) fn look() -> Value {
+pub(crate) fn look() -> Value {
     object([
         ("size_px", exactly(2, whole_within(1, 8192)), "Columns and rows of its pictures"),
         ("rate_hz", nullable(number()), "Frames a second, where that is known"),
@@ -30,7 +30,7 @@ pub(in crate::api) fn look() -> Value {
 }
 
 /// What could feed a camera.
-pub(in crate::api) fn files() -> Value {
+pub(crate) fn files() -> Value {
     let mut file = object([
         (
             "path",

@@ -7,7 +7,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 7] = [
+pub(crate) const NAMED: [Named; 7] = [
     ("Readiness", readiness),
     ("Accuracy", accuracy),
     ("Playhead", playhead),
@@ -18,7 +18,7 @@ pub(in crate::api) const NAMED: [Named; 7] = [
 ];
 
 /// The daemon itself.
-pub(in crate::api) fn system() -> Value {
+pub(crate) fn system() -> Value {
     let platform = object([
         ("os", text(), ""),
         ("architecture", text(), ""),
@@ -76,7 +76,7 @@ fn limits() -> Value {
 }
 
 /// That the process answers.
-pub(in crate::api) fn health() -> Value {
+pub(crate) fn health() -> Value {
     object([("status", word(&["ok"]), ""), ("version", text(), "The program's version")])
 }
 
@@ -142,7 +142,7 @@ fn playhead() -> Value {
 }
 
 /// Every playhead.
-pub(in crate::api) fn playheads() -> Value {
+pub(crate) fn playheads() -> Value {
     object([("playheads", list(named("Playhead")), "")])
 }
 
@@ -170,7 +170,7 @@ fn playhead_change() -> Value {
 }
 
 /// What happens before cameras.
-pub(in crate::api) const EVENT_KINDS: [&str; 7] =
+pub(crate) const EVENT_KINDS: [&str; 7] =
     ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
 
 fn event() -> Value {
@@ -187,7 +187,7 @@ fn event() -> Value {
 }
 
 /// Events.
-pub(in crate::api) fn events() -> Value {
+pub(crate) fn events() -> Value {
     object([("events", list(named("Event")), "The oldest first"), super::next()])
 }
 
@@ -215,7 +215,7 @@ fn export() -> Value {
 }
 
 /// Every job.
-pub(in crate::api) fn jobs() -> Value {
+pub(crate) fn jobs() -> Value {
     object([("jobs", list(named("Job")), "In the order of their ids"), super::next()])
 }
 
@@ -234,12 +234,12 @@ fn job() -> Value {
 }
 
 /// Every export.
-pub(in crate::api) fn exports() -> Value {
+pub(crate) fn exports() -> Value {
     object([("exports", list(named("Export")), ""), super::next()])
 }
 
 /// Who is made unrecognisable.
-pub(in crate::api) fn blur_asked() -> Value {
+pub(crate) fn blur_asked() -> Value {
     let who = taken(
         &["camera", "track", "at"],
         [
@@ -253,7 +253,7 @@ pub(in crate::api) fn blur_asked() -> Value {
 }
 
 /// What an export is asked for with.
-pub(in crate::api) fn export_asked() -> Value {
+pub(crate) fn export_asked() -> Value {
     taken(
         &["from", "to"],
         [

@@ -6,8 +6,7 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 4] =
-    [("User", user), ("Token", token), ("Rights", rights), ("Role", role)];
+pub(crate) const NAMED: [Named; 4] = [("User", user), ("Token", token), ("Rights", rights), ("Role", role)];
 
 fn role() -> Value {
     word(&["viewer", "operator", "admin"])
@@ -30,7 +29,7 @@ fn user() -> Value {
 }
 
 /// A user as a request brings it.
-pub(in crate::api) fn user_asked() -> Value {
+pub(crate) fn user_asked() -> Value {
     let password = json!({"type": "string", "minLength": 12, "maxLength": 256, "writeOnly": true});
     taken(
         &["role"],
@@ -47,7 +46,7 @@ pub(in crate::api) fn user_asked() -> Value {
 }
 
 /// Every user.
-pub(in crate::api) fn users() -> Value {
+pub(crate) fn users() -> Value {
     object([("users", list(named("User")), "")])
 }
 
@@ -62,12 +61,12 @@ fn token() -> Value {
 }
 
 /// Tokens.
-pub(in crate::api) fn tokens() -> Value {
+pub(crate) fn tokens() -> Value {
     object([("tokens", list(named("Token")), "")])
 }
 
 /// A token as it is asked for.
-pub(in crate::api) fn token_asked() -> Value {
+pub(crate) fn token_asked() -> Value {
     let note = json!({"type": "string", "maxLength": 200});
     taken(
         &[],
@@ -84,13 +83,13 @@ pub(in crate::api) fn token_asked() -> Value {
 }
 
 /// A token that was made just now.
-pub(in crate::api) fn token_made() -> Value {
+pub(crate) fn token_made() -> Value {
     let secret = object([("token", text(), "Its secret, told this once")]);
     json!({"allOf": [named("Token"), secret]})
 }
 
 /// Who asks.
-pub(in crate::api) fn caller() -> Value {
+pub(crate) fn caller() -> Value {
     object([
         ("user", nullable(id()), "Its name; null of who did not log in, and where there are no users"),
         ("role", nullable(named("Role")), "What it may do beside seeing"),
@@ -99,14 +98,14 @@ pub(in crate::api) fn caller() -> Value {
 }
 
 /// What logs in.
-pub(in crate::api) fn credentials() -> Value {
+pub(crate) fn credentials() -> Value {
     let user =
         taken(&["user", "password"], [("user", text(), "Its name"), ("password", text(), "Its password")]);
     json!({"oneOf": [user, taken(&["token"], [("token", text(), "Of a screen: what it is told by")])]})
 }
 
 /// What was done.
-pub(in crate::api) fn audit() -> Value {
+pub(crate) fn audit() -> Value {
     let entry = object([
         ("number", count(), "Its place in the log"),
         ("at", time(), "When"),

@@ -7,11 +7,11 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(in crate::api) const NAMED: [Named; 4] =
+pub(crate) const NAMED: [Named; 4] =
     [("NamedView", named_view), ("Wall", wall), ("WallPattern", pattern), ("ScreenHealth", screen_health)];
 
 /// Every wall.
-pub(in crate::api) fn all() -> Value {
+pub(crate) fn all() -> Value {
     let wall = object([
         ("id", id(), ""),
         ("name", text(), "For people"),
@@ -23,7 +23,7 @@ pub(in crate::api) fn all() -> Value {
 }
 
 /// Every named view.
-pub(in crate::api) fn views() -> Value {
+pub(crate) fn views() -> Value {
     let view = object([
         ("id", id(), ""),
         ("name", text(), "For people"),
@@ -127,7 +127,7 @@ fn surface() -> Value {
 }
 
 /// The tiles of a wall.
-pub(in crate::api) fn tiles() -> Value {
+pub(crate) fn tiles() -> Value {
     let tile = object([
         ("id", id(), ""),
         ("size_px", exactly(2, count()), "Columns and rows"),
@@ -152,7 +152,7 @@ fn pattern() -> Value {
 }
 
 /// A request for that.
-pub(in crate::api) fn pattern_asked() -> Value {
+pub(crate) fn pattern_asked() -> Value {
     taken(
         &["shows"],
         [
@@ -178,7 +178,7 @@ fn screen_health() -> Value {
 }
 
 /// Who shows a wall's tiles.
-pub(in crate::api) fn screens() -> Value {
+pub(crate) fn screens() -> Value {
     let screen = object([
         ("tile", id(), ""),
         ("since", time(), "When its conversation began"),

@@ -7,7 +7,7 @@ const LABEL: &str = "average";
 
 /// Averages pictures.
 #[derive(Debug)]
-pub(in crate::render) struct AveragePass {
+pub(crate) struct AveragePass {
     layout: wgpu::BindGroupLayout,
     /// By how many pixels each way make one.
     pipelines: Vec<(u32, wgpu::RenderPipeline)>,
@@ -16,7 +16,7 @@ pub(in crate::render) struct AveragePass {
 }
 
 impl AveragePass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[texture_entry(0, wgpu::TextureViewDimension::D2, UNFILTERED)],
@@ -25,7 +25,7 @@ impl AveragePass {
     }
 
     /// Records that `times` pixels of `finer` each way make one, and hands out the picture.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         finer: &wgpu::Texture,
@@ -55,7 +55,7 @@ impl AveragePass {
     }
 
     /// Lets go of a picture of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.averaged.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
     }
 

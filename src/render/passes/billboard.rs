@@ -4,17 +4,17 @@ use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, Translucent,
     draw_pipeline,
 };
-use crate::fuse::{Billboard, CameraState, Entity};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::Viewer;
-use crate::render::image_array::ImageArray;
+use crate::image_array::ImageArray;
 use glam::{DQuat, DVec2, DVec3};
 use std::ops::Range;
+use videofields_picture::fuse::{Billboard, CameraState, Entity};
+use videofields_picture::plan::Viewer;
 
 /// One rectangle. The shader documents the fields.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub(in crate::render) struct Instance {
+pub(crate) struct Instance {
     foot_from_anchor: [f32; 3],
     camera_idx: u32,
     right: [f32; 3],
@@ -45,7 +45,7 @@ const UPRIGHT_RAD: f64 = std::f64::consts::FRAC_PI_4;
 
 /// A source of an entity, and where shaders find what its camera shows.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Seen<'a> {
+pub(crate) struct Seen<'a> {
     billboard: &'a Billboard,
     /// Where it stands in the world: its entity's place, of whom this camera's view of the foot is but one.
     place_in_world: DVec3,
@@ -55,7 +55,7 @@ pub(in crate::render) struct Seen<'a> {
 
 impl<'a> Seen<'a> {
     /// `camera_idx` is the shader's.
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         (entity, source): (&Entity, &'a Billboard),
         camera: &'a CameraState,
         camera_idx: usize,
@@ -63,7 +63,7 @@ impl<'a> Seen<'a> {
         Self { billboard: source, place_in_world: entity.place_of(source), camera, camera_idx }
     }
 
-    pub(in crate::render) const fn place_in_world(&self) -> DVec3 {
+    pub(crate) const fn place_in_world(&self) -> DVec3 {
         self.place_in_world
     }
 
@@ -93,7 +93,7 @@ impl<'a> Seen<'a> {
 impl Instance {
     /// The rectangle as its first source has it, where the entity stands and turned towards the viewer; with a second `beside` it and its weight, which
     /// is looked up at the same metres from its own foot.
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         first: &Seen<'_>,
         beside: Option<&(Seen<'_>, f32)>,
         anchor_in_world: DVec3,
@@ -165,7 +165,7 @@ fn turned_towards(right_in_world: DVec3, to_viewer: DVec3, away: DVec2) -> [DVec
 
 /// Draws entities.
 #[derive(Debug)]
-pub(in crate::render) struct BillboardPass {
+pub(crate) struct BillboardPass {
     frames: LiveFrames,
     /// Without a second source, and with; each without gains, and with.
     pipelines: [[BySamples; 2]; 2],
@@ -177,7 +177,7 @@ pub(in crate::render) struct BillboardPass {
 const LABEL: &str = "billboard";
 
 impl BillboardPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
         let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
         Self { frames, pipelines: Default::default(), cutouts: Default::default(), instances }
@@ -185,7 +185,7 @@ impl BillboardPass {
 
     /// Records the rectangles, given from back to front, and among them the surfaces that are translucent: the first of
     /// these after as many rectangles as the first of `ends` says, and so on.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

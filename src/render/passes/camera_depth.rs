@@ -4,15 +4,15 @@
 //! picture, so they are kept until the scene or the camera changes.
 
 use super::{Recording, picture_pass, texture_entry};
-use crate::geometry;
+use crate::RenderError;
+use crate::camera_data::Camera;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor, mirror};
-use crate::render::RenderError;
-use crate::render::camera_data::Camera;
-use crate::render::mesh::MeshVertex;
-use crate::render::targets::DEPTH_FORMAT;
-use crate::scene::Scene;
+use crate::mesh::MeshVertex;
+use crate::targets::DEPTH_FORMAT;
 use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 use std::sync::Arc;
+use videofields_picture::scene::Scene;
+use videofields_vision::geometry;
 
 /// Nearest that anything hides, metres from the camera: `DEPTH_NEAR_M` of surface.wgsl.
 const NEAR_M: f64 = 0.05;
@@ -42,7 +42,7 @@ const FACE_FROM_CAMERA: [[DVec3; 3]; 6] = [
 
 /// Which maps exist, and where.
 #[derive(Debug)]
-pub(in crate::render) struct DepthMaps {
+pub(crate) struct DepthMaps {
     /// Texels of a map each way.
     side_px: u32,
     maps: Vec<DepthMap>,
@@ -70,12 +70,12 @@ struct Textures {
 
 impl DepthMaps {
     /// No maps yet; each will have `side_px` texels each way.
-    pub(in crate::render) const fn new(side_px: u32) -> Self {
+    pub(crate) const fn new(side_px: u32) -> Self {
         Self { side_px, maps: Vec::new(), textures: None, frame: 0 }
     }
 
     /// Texels of a map each way.
-    pub(in crate::render) const fn side_px(&self) -> u32 {
+    pub(crate) const fn side_px(&self) -> u32 {
         self.side_px
     }
 
@@ -83,7 +83,7 @@ impl DepthMaps {
     ///
     /// # Errors
     /// When the device has too few layers.
-    pub(in crate::render) fn assign(
+    pub(crate) fn assign(
         &mut self,
         gpu: &Gpu,
         scene: &Arc<Scene>,
@@ -109,23 +109,23 @@ impl DepthMaps {
     }
 
     /// All maps, for the surfaces' bind group; none where none was ever needed.
-    pub(in crate::render) fn view(&self) -> Option<&wgpu::TextureView> {
+    pub(crate) fn view(&self) -> Option<&wgpu::TextureView> {
         self.textures.as_ref().map(|textures| &textures.maps)
     }
 
     /// Forgets all maps.
-    pub(in crate::render) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.maps.clear();
         self.textures = None;
     }
 
     /// Whether a camera's map is there.
-    pub(in crate::render) fn has(&self, scene: &Arc<Scene>, camera: &Arc<geometry::Camera>) -> bool {
+    pub(crate) fn has(&self, scene: &Arc<Scene>, camera: &Arc<geometry::Camera>) -> bool {
         self.position(scene, camera).is_some_and(|idx| self.maps[idx].is_drawn)
     }
 
     /// Whether a map waits to be drawn.
-    pub(in crate::render) fn has_jobs(&self) -> bool {
+    pub(crate) fn has_jobs(&self) -> bool {
         self.maps.iter().any(|map| !map.is_drawn)
     }
 
@@ -236,7 +236,7 @@ impl Textures {
 }
 
 /// Middle and half extent (tangents) of what the camera sees, where one pinhole face covers it.
-pub(in crate::render) fn single_face_bounds(camera: &geometry::Camera) -> Option<[f64; 4]> {
+pub(crate) fn single_face_bounds(camera: &geometry::Camera) -> Option<[f64; 4]> {
     const STEPS: u32 = 24;
     let camera_from_world = camera.pose().world_from_local.inverse();
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
@@ -261,7 +261,7 @@ pub(in crate::render) fn single_face_bounds(camera: &geometry::Camera) -> Option
 
 /// Draws depth maps.
 #[derive(Debug)]
-pub(in crate::render) struct CameraDepthPass {
+pub(crate) struct CameraDepthPass {
     faces_layout: wgpu::BindGroupLayout,
     depth_layout: wgpu::BindGroupLayout,
     draw: wgpu::RenderPipeline,
@@ -273,7 +273,7 @@ pub(in crate::render) struct CameraDepthPass {
 const LABEL: &str = "camera_depth";
 
 impl CameraDepthPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let device = &gpu.device;
         let faces_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("camera_depth faces"),
@@ -360,7 +360,7 @@ impl CameraDepthPass {
     }
 
     /// Records the maps that wait to be drawn. `mesh` is the scene's.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         maps: &mut DepthMaps,

@@ -3,19 +3,19 @@
 use super::compute::{Access, DeviceBuffer, bind, layout_for};
 use super::fields_topology::OnDevice;
 use super::{DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline};
-use crate::fields::MAX_VIEWS;
 use crate::gpu::{Gpu, GpuError, mirror};
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use videofields_vision::fields::MAX_VIEWS;
 
 const LABEL: &str = "changing_mesh";
 
 /// Cameras that are mixed at a place, at most.
-pub(in crate::render) const MOST_SLOTS: u32 = 8;
+pub(crate) const MOST_SLOTS: u32 = 8;
 
 mirror! { "common/changing_mesh.wgsl",
 /// One of its cameras. The shader documents the fields.
-pub(in crate::render) struct MeshCamera {
+pub(crate) struct MeshCamera {
     pub eye: [f32; 3],
     pub camera_idx: u32,
     pub map_px: [f32; 2],
@@ -25,7 +25,7 @@ pub(in crate::render) struct MeshCamera {
 
 mirror! { "common/changing_mesh.wgsl",
 /// The mesh, its cameras and who looks. The shader documents the fields.
-pub(in crate::render) struct ChangingMesh {
+pub(crate) struct ChangingMesh {
     pub shift: [f32; 3],
     pub n_vertices: u32,
     pub n_faces: u32,
@@ -51,7 +51,7 @@ pub(in crate::render) struct ChangingMesh {
 
 /// What the device holds of the mesh that was made last, but for what belongs to who looks.
 #[derive(Clone)]
-pub(in crate::render) struct MadeMesh {
+pub(crate) struct MadeMesh {
     /// Vertices, faces, views.
     pub n: [u32; 3],
     pub uniform: wgpu::Buffer,
@@ -76,7 +76,7 @@ impl MadeMesh {
 
 /// Buffers that the device alone writes, kept from mesh to mesh.
 #[derive(Debug)]
-pub(in crate::render) struct MeshBuffers {
+pub(crate) struct MeshBuffers {
     sights: DeviceBuffer,
     values: [DeviceBuffer; 2],
     distances: [DeviceBuffer; 2],
@@ -85,7 +85,7 @@ pub(in crate::render) struct MeshBuffers {
 }
 
 /// What is written of a mesh before anything is made of it.
-pub(in crate::render) struct WrittenMesh {
+pub(crate) struct WrittenMesh {
     pub uniform: wgpu::Buffer,
     pub on_device: OnDevice,
     pub normals: wgpu::Buffer,
@@ -94,13 +94,13 @@ pub(in crate::render) struct WrittenMesh {
 }
 
 /// Words of a vertex's list of neighbours: `NEIGHBOURS` of `mesh_smooth.wgsl`.
-pub(in crate::render) const NEIGHBOUR_WORDS: u64 = 16;
+pub(crate) const NEIGHBOUR_WORDS: u64 = 16;
 
 /// Bytes of what is kept by vertex and view: `values` of `mesh_smooth.wgsl`.
-pub(in crate::render) const VALUE_BYTES: u64 = 16;
+pub(crate) const VALUE_BYTES: u64 = 16;
 
 impl MeshBuffers {
-    pub(in crate::render) const fn new() -> Self {
+    pub(crate) const fn new() -> Self {
         let buffer = DeviceBuffer::new;
         Self {
             sights: buffer("mesh sights"),
@@ -112,7 +112,7 @@ impl MeshBuffers {
     }
 
     /// With room for a mesh of so many vertices, faces and views.
-    pub(in crate::render) fn sized(&mut self, gpu: &Gpu, n: [u32; 3], written: WrittenMesh) -> MadeMesh {
+    pub(crate) fn sized(&mut self, gpu: &Gpu, n: [u32; 3], written: WrittenMesh) -> MadeMesh {
         let n_vertices = u64::from(n[0]);
         let n_entries = n_vertices * u64::from(n[2]);
         let both = |pair: &mut [DeviceBuffer; 2], n_bytes| {
@@ -137,14 +137,14 @@ impl MeshBuffers {
 }
 
 /// What a face is drawn with.
-pub(in crate::render) struct ShownBy<'a> {
+pub(crate) struct ShownBy<'a> {
     pub weights: &'a wgpu::Buffer,
     pub slots: &'a wgpu::Buffer,
 }
 
 /// Shows changing meshes.
 #[derive(Debug)]
-pub(in crate::render) struct ChangingMeshPass {
+pub(crate) struct ChangingMeshPass {
     frames: LiveFrames,
     layout: wgpu::BindGroupLayout,
     /// By gains and lenses, cameras at a place, samples.
@@ -152,14 +152,14 @@ pub(in crate::render) struct ChangingMeshPass {
 }
 
 impl ChangingMeshPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let stages = wgpu::ShaderStages::VERTEX_FRAGMENT;
         let layout = layout_for(gpu, LABEL, (stages, &[Access::Read; 6]));
         Self { frames: LiveFrames::new(gpu, LABEL), layout, pipelines: BTreeMap::new() }
     }
 
     /// Records that the mesh is drawn; `has_lenses` tells whether any of its cameras has a lens that bends.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

@@ -134,7 +134,7 @@ pub(super) fn dispatch(pass: &mut wgpu::ComputePass<'_>, threads: u32) {
 
 /// A buffer that the device alone writes, of at least as many bytes as were ever asked for.
 #[derive(Debug)]
-pub(in crate::render) struct DeviceBuffer {
+pub(crate) struct DeviceBuffer {
     label: &'static str,
     usage: wgpu::BufferUsages,
     buffer: Option<wgpu::Buffer>,
@@ -142,7 +142,7 @@ pub(in crate::render) struct DeviceBuffer {
 
 impl DeviceBuffer {
     /// None yet, for a storage buffer that may be copied and cleared.
-    pub(in crate::render) const fn new(label: &'static str) -> Self {
+    pub(crate) const fn new(label: &'static str) -> Self {
         let usage = wgpu::BufferUsages::STORAGE
             .union(wgpu::BufferUsages::COPY_DST)
             .union(wgpu::BufferUsages::COPY_SRC);
@@ -150,14 +150,14 @@ impl DeviceBuffer {
     }
 
     /// The buffer with room for so many bytes; what was in a smaller one is lost.
-    pub(in crate::render) fn sized(&mut self, gpu: &Gpu, n_bytes: u64) -> wgpu::Buffer {
+    pub(crate) fn sized(&mut self, gpu: &Gpu, n_bytes: u64) -> wgpu::Buffer {
         let n_bytes = n_bytes.max(16).next_multiple_of(16);
         self.buffer.take_if(|buffer| buffer.size() < n_bytes);
         self.buffer.get_or_insert_with(|| gpu.buffer(self.label, n_bytes, self.usage)).clone()
     }
 
     /// Bytes that it takes.
-    pub(in crate::render) fn n_bytes(&self) -> u64 {
+    pub(crate) fn n_bytes(&self) -> u64 {
         self.buffer.as_ref().map_or(0, wgpu::Buffer::size)
     }
 }

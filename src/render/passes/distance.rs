@@ -3,11 +3,11 @@
 use super::resample::{Kept, Screen, uniform_entry, view};
 use super::{Recording, picture_pass};
 use crate::gpu::{Gpu, GpuError, mirror};
-use crate::render::targets::Targets;
+use crate::targets::Targets;
 
 mirror! { "common/distances.wgsl",
 /// How pixels' places follow from depths. The shader documents the fields.
-pub(in crate::render) struct Lens {
+pub(crate) struct Lens {
     pub first: [f32; 2],
     pub pitch: [f32; 2],
     pub start_m: f32,
@@ -19,7 +19,7 @@ pub(in crate::render) struct Lens {
 }}
 
 /// Format of distances.
-pub(in crate::render) const DISTANCE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
+pub(crate) const DISTANCE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R32Float;
 
 const LABEL: &str = "distance";
 
@@ -32,7 +32,7 @@ struct Variant {
 
 /// Turns depths into distances.
 #[derive(Debug, Default)]
-pub(in crate::render) struct DistancePass {
+pub(crate) struct DistancePass {
     /// Of one sample a pixel, and of several.
     variants: [Option<Variant>; 2],
     kept: Kept,
@@ -65,7 +65,7 @@ impl Variant {
 
 impl DistancePass {
     /// Records the distances of what was drawn on `targets`, which keep their depths, and hands them out.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         targets: &Targets,
@@ -102,7 +102,7 @@ impl DistancePass {
     }
 
     /// Lets go of a picture of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.kept.trim(max_bytes);
     }
 }

@@ -7,11 +7,11 @@ const LABEL: &str = "enlarge";
 
 /// Pixels of the coarse picture beside what is shown of it, on every side: what lies at the edge lies between pixels too, so
 /// that no seam shows where two pieces meet.
-pub(in crate::render) const MARGIN_PX: u32 = 1;
+pub(crate) const MARGIN_PX: u32 = 1;
 
 /// Enlarges pictures.
 #[derive(Debug)]
-pub(in crate::render) struct EnlargePass {
+pub(crate) struct EnlargePass {
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     /// By how many pixels each way one becomes.
@@ -21,7 +21,7 @@ pub(in crate::render) struct EnlargePass {
 }
 
 impl EnlargePass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[texture_entry(0, wgpu::TextureViewDimension::D2, FILTERED), SAMPLER_ENTRY],
@@ -31,7 +31,7 @@ impl EnlargePass {
 
     /// Records that one pixel of `coarse` becomes `times` each way, and hands out the picture of `size_px`. The coarse one
     /// has [`MARGIN_PX`] on every side.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         coarse: &wgpu::Texture,
@@ -65,7 +65,7 @@ impl EnlargePass {
     }
 
     /// Lets go of a picture of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.enlarged.take_if(|kept| u64::from(kept.width()) * u64::from(kept.height()) * 4 > max_bytes);
     }
 

@@ -5,19 +5,19 @@
 
 use super::Recording;
 use super::compute::{Access, bind, dispatch, layout, pipelines};
-use crate::fields::{FOLLOW_SECS, MAX_VIEWS};
+use crate::field_mesh::FieldMesh;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::plan::{FieldsForm, Followed, Viewer};
-use crate::render::field_mesh::FieldMesh;
 use glam::Vec3;
+use videofields_picture::plan::{FieldsForm, Followed, Viewer};
+use videofields_vision::fields::{FOLLOW_SECS, MAX_VIEWS};
 
 const LABEL: &str = "fields";
 
 /// Most cameras that lend to one vertex: what a list of the surfaces' holds.
-pub(in crate::render) const FIELD_SLOTS: usize = crate::plan::MAX_BLENDED_CAMERAS;
+pub(crate) const FIELD_SLOTS: usize = videofields_picture::plan::MAX_BLENDED_CAMERAS;
 
 /// In place of a camera where a group has fewer.
-pub(in crate::render) const NO_FIELD_VIEW: u32 = u32::MAX;
+pub(crate) const NO_FIELD_VIEW: u32 = u32::MAX;
 
 /// Bytes that one vertex' weights take.
 const LENT_BYTES: u64 = (FIELD_SLOTS * size_of::<f32>()) as u64;
@@ -43,7 +43,7 @@ pub(super) struct FieldFrame {
 
 mirror! { "render/fields.wgsl",
 /// A vertex with what each camera of its group has to do with it. The shader documents the fields.
-pub(in crate::render) struct FieldVertex {
+pub(crate) struct FieldVertex {
     position: [f32; 3],
     group: u32,
     ramps_low: [f32; 4],
@@ -58,7 +58,7 @@ pub(in crate::render) struct FieldVertex {
 
 /// What each camera of a group has to do with a vertex.
 #[derive(Clone, Copy, Debug, Default)]
-pub(in crate::render) struct FieldSlots {
+pub(crate) struct FieldSlots {
     /// How far from its seams, 0 to 1; 0 of who does not see it.
     pub ramps: [f32; FIELD_SLOTS],
     /// What it lends by normals alone.
@@ -71,7 +71,7 @@ pub(in crate::render) struct FieldSlots {
 
 mirror! { "render/fields.wgsl",
 /// The cameras of a group, the best first.
-pub(in crate::render) struct FieldGroup {
+pub(crate) struct FieldGroup {
     low: [u32; 4],
     high: [u32; 4],
 }}
@@ -83,14 +83,14 @@ fn halves<T: Copy>(of: [T; FIELD_SLOTS]) -> [[T; 4]; 2] {
 
 impl FieldGroup {
     /// Of cameras by their places among the field's.
-    pub(in crate::render) fn of(views: [u32; FIELD_SLOTS]) -> Self {
+    pub(crate) fn of(views: [u32; FIELD_SLOTS]) -> Self {
         let [low, high] = halves(views);
         Self { low, high }
     }
 }
 
 impl FieldVertex {
-    pub(in crate::render) fn new(position: Vec3, group: u32, slots: &FieldSlots) -> Self {
+    pub(crate) fn new(position: Vec3, group: u32, slots: &FieldSlots) -> Self {
         let finite = |pixel_m: f32| if pixel_m.is_finite() { pixel_m } else { f32::MAX.sqrt() };
         let [ramps_low, ramps_high] = halves(slots.ramps);
         let [normals_low, normals_high] = halves(slots.normals);
@@ -114,7 +114,7 @@ impl FieldVertex {
 
 /// Whose fields are wanted, of how many cameras, seen from where.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct FieldsWanted<'a> {
+pub(crate) struct FieldsWanted<'a> {
     pub form: FieldsForm,
     pub viewer: Viewer,
     /// By the field's views: whether each has a picture now.
@@ -135,7 +135,7 @@ struct Kept {
 
 /// Finds the weights of fields.
 #[derive(Debug)]
-pub(in crate::render) struct FieldsPass {
+pub(crate) struct FieldsPass {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
     frame: GrowingBuffer,
@@ -148,7 +148,7 @@ pub(in crate::render) struct FieldsPass {
 }
 
 impl FieldsPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let layout = layout(gpu, LABEL, &[Access::Read, Access::Read, Access::Write]);
         let [pipeline] = pipelines(gpu, LABEL, &layout, ["cs_main"])?;
         Ok(Self {
@@ -163,7 +163,7 @@ impl FieldsPass {
     }
 
     /// Records that weights go on to what is wanted, unless they did for this picture; answers them, eight a vertex, to be drawn with.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         mesh: &FieldMesh,

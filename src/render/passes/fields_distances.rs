@@ -1,7 +1,7 @@
 //! Distances along meshes from the nearest of many vertices, on the device: rounds of two windows a half-edge.
 //!
 //! For meshes that change from picture to picture: nothing of them is made ready here but positions and triangles.
-//! [`crate::fields::bounded`] is the specification, [`crate::fields::exact`] the truth.
+//! [`videofields_vision::fields::bounded`] is the specification, [`videofields_vision::fields::exact`] the truth.
 
 use super::Recording;
 use super::compute::{Access, DeviceBuffer, bind, dispatch, layout, pipelines};
@@ -15,7 +15,7 @@ const KEPT_BYTES: u64 = 48;
 
 /// Finds distances along meshes; buffers are kept from mesh to mesh.
 #[derive(Debug)]
-pub(in crate::render) struct FieldsDistancesPass {
+pub(crate) struct FieldsDistancesPass {
     layout: wgpu::BindGroupLayout,
     gather: wgpu::ComputePipeline,
     reach: wgpu::ComputePipeline,
@@ -24,7 +24,7 @@ pub(in crate::render) struct FieldsDistancesPass {
 }
 
 impl FieldsDistancesPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let reads = [Access::Read; 5];
         let all = [&reads[..], &[Access::Write, Access::Read, Access::Write]].concat();
         let layout = layout(gpu, LABEL, &all);
@@ -40,7 +40,7 @@ impl FieldsDistancesPass {
 
     /// Records so many rounds for every list of `begins`, which holds 0 for sources and infinity for other vertices, list after list; what
     /// is found is written into `found` in the same order.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         (mesh, hangs_together): (&OnDevice, &HangsTogether),

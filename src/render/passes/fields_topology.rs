@@ -1,6 +1,6 @@
 //! Which faces of a mesh meet at which sides, found on the device: what passes that go along surfaces start from.
 //!
-//! [`crate::fields::Topology`] is its counterpart.
+//! [`videofields_vision::fields::Topology`] is its counterpart.
 
 use super::Recording;
 use super::compute::{Access, DeviceBuffer, bind, dispatch, layout, pipelines};
@@ -13,7 +13,7 @@ const SAME: f64 = 1e-2;
 
 mirror! { "render/fields_topology.wgsl",
 /// How large a mesh is. The shader documents the fields.
-pub(in crate::render) struct MeshSize {
+pub(crate) struct MeshSize {
     n_vertices: u32,
     n_faces: u32,
     table_mask: u32,
@@ -22,7 +22,7 @@ pub(in crate::render) struct MeshSize {
 
 impl MeshSize {
     /// Of so many vertices and faces, whose sides are so long in the mean.
-    pub(in crate::render) fn new(n_vertices: usize, n_faces: usize, side_m: f64) -> Self {
+    pub(crate) fn new(n_vertices: usize, n_faces: usize, side_m: f64) -> Self {
         Self {
             n_vertices: n_vertices as u32,
             n_faces: n_faces as u32,
@@ -44,7 +44,7 @@ impl MeshSize {
 
 /// A mesh on the device: its size as it is bound and as it is known, places and corners.
 #[derive(Clone)]
-pub(in crate::render) struct OnDevice {
+pub(crate) struct OnDevice {
     pub size: wgpu::Buffer,
     pub of: MeshSize,
     pub positions: wgpu::Buffer,
@@ -52,14 +52,14 @@ pub(in crate::render) struct OnDevice {
 }
 
 /// How a mesh hangs together: by half-edge the opposite one, by vertex how far around its faces go.
-pub(in crate::render) struct HangsTogether {
+pub(crate) struct HangsTogether {
     pub opposite: wgpu::Buffer,
     pub turns: wgpu::Buffer,
 }
 
 /// Finds which half-edges meet, and how far around each vertex its faces go.
 #[derive(Debug)]
-pub(in crate::render) struct FieldsTopologyPass {
+pub(crate) struct FieldsTopologyPass {
     layout: wgpu::BindGroupLayout,
     meet: wgpu::ComputePipeline,
     border: wgpu::ComputePipeline,
@@ -69,7 +69,7 @@ pub(in crate::render) struct FieldsTopologyPass {
 }
 
 impl FieldsTopologyPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         use Access::{Read, Write};
         let layout = layout(gpu, LABEL, &[Read, Read, Write, Write, Write]);
         let [meet, border] = pipelines(gpu, LABEL, &layout, ["cs_meet", "cs_border"])?;
@@ -85,11 +85,7 @@ impl FieldsTopologyPass {
     }
 
     /// Records both steps; what was found of another mesh is no more.
-    pub(in crate::render) fn record(
-        &mut self,
-        recording: &mut Recording<'_>,
-        mesh: &OnDevice,
-    ) -> HangsTogether {
+    pub(crate) fn record(&mut self, recording: &mut Recording<'_>, mesh: &OnDevice) -> HangsTogether {
         let gpu = recording.gpu;
         let words = |n: u32| 4 * u64::from(n);
         let table = self.table.sized(gpu, words(mesh.of.table_mask + 1));

@@ -3,17 +3,17 @@
 use super::hull_trim::depth_texture;
 use super::{DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline, texture_entry};
 use crate::gpu::{Gpu, GpuError};
-use crate::plan::{HullTexture, HullVisibility, HullWeights};
-use crate::render::hull_data::HullData;
-use crate::render::image_array::ImageArray;
+use crate::hull_data::HullData;
+use crate::image_array::ImageArray;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use videofields_picture::plan::{HullTexture, HullVisibility, HullWeights};
 
 const LABEL: &str = "hull";
 
 /// Draws hulls whose surfaces are found.
 #[derive(Debug)]
-pub(in crate::render) struct HullPass {
+pub(crate) struct HullPass {
     frames: LiveFrames,
     surface_layout: wgpu::BindGroupLayout,
     /// In place of depth maps that nobody asks.
@@ -23,7 +23,7 @@ pub(in crate::render) struct HullPass {
 }
 
 /// What a hull's surface is shown by.
-pub(in crate::render) struct HullSeen<'a> {
+pub(crate) struct HullSeen<'a> {
     pub surface: &'a wgpu::TextureView,
     /// What every camera sees of the hulls, where that is asked.
     pub depths: Option<&'a wgpu::TextureView>,
@@ -32,7 +32,7 @@ pub(in crate::render) struct HullSeen<'a> {
 }
 
 impl HullPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let flat = |binding, kind| texture_entry(binding, wgpu::TextureViewDimension::D2, kind);
         let surface_layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
@@ -43,7 +43,7 @@ impl HullPass {
     }
 
     /// Records hulls where their surface was found.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

@@ -3,19 +3,19 @@
 use super::Recording;
 use super::hull_trim::{depth_texture, faces_layout, strips_pipeline};
 use crate::gpu::{Gpu, GpuError};
-use crate::render::hull_data::{HullData, HullFaces, TileDraw};
+use crate::hull_data::{HullData, HullFaces, TileDraw};
 
 const LABEL: &str = "hull_depths";
 
 /// Draws depth maps of hulls, those of all cameras beside each other.
 #[derive(Debug)]
-pub(in crate::render) struct HullDepthsPass {
+pub(crate) struct HullDepthsPass {
     pipeline: wgpu::RenderPipeline,
     maps: Option<wgpu::Texture>,
 }
 
 impl HullDepthsPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
@@ -25,12 +25,12 @@ impl HullDepthsPass {
     }
 
     /// What the maps are drawn on.
-    pub(in crate::render) const fn maps(&mut self) -> &mut Option<wgpu::Texture> {
+    pub(crate) const fn maps(&mut self) -> &mut Option<wgpu::Texture> {
         &mut self.maps
     }
 
     /// Records that the maps of all views of `hulls` are drawn; answers them, none where none are wanted.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

@@ -7,8 +7,8 @@ use super::hull_rays::{HullSurface, SURFACE_FORMAT};
 use super::hull_trim::{depth_texture, faces_layout};
 use super::{Recording, texture_entry};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor};
-use crate::render::hull_data::{HullData, HullFaces};
-use crate::render::targets::DEPTH_FORMAT;
+use crate::hull_data::{HullData, HullFaces};
+use crate::targets::DEPTH_FORMAT;
 
 const LABEL: &str = "hull_peel";
 
@@ -24,11 +24,11 @@ const MOST_LAYERS: u32 = 256;
 const STRIDE: u64 = 256;
 
 /// Most pixels a side of a texel of the valid region.
-pub(in crate::render) const MOST_VALID_PX: u32 = 8;
+pub(crate) const MOST_VALID_PX: u32 = 8;
 
 /// Peels cones.
 #[derive(Debug)]
-pub(in crate::render) struct HullPeelPass {
+pub(crate) struct HullPeelPass {
     depths_layout: wgpu::BindGroupLayout,
     layer_layout: wgpu::BindGroupLayout,
     draws_layout: wgpu::BindGroupLayout,
@@ -90,7 +90,7 @@ struct On<'a> {
 }
 
 impl HullPeelPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
@@ -221,7 +221,7 @@ impl HullPeelPass {
     }
 
     /// Records that `surface` gets the first layer of every hull's faces that is its own; with a `valid` region, where that has any.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,
@@ -346,7 +346,7 @@ impl HullPeelPass {
     }
 
     /// Lets go of what is drawn on where that is more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         let n_bytes = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height) * 30;
         self.targets.take_if(|kept| n_bytes(kept.size) > max_bytes);
     }

@@ -2,30 +2,26 @@
 
 use super::Recording;
 use crate::gpu::{Gpu, GpuError, TextureDescriptor};
-use crate::render::hull_data::HullData;
+use crate::hull_data::HullData;
 
 const LABEL: &str = "hull_rays";
 
 /// Of what a found surface is told, a texel a pixel: see `HullSurface` of common/hull.wgsl.
-pub(in crate::render) const SURFACE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+pub(crate) const SURFACE_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 
 /// Pixels a side of what one group of threads takes.
 const GROUP_PX: u32 = 8;
 
 /// The surface nearest to the eye at every pixel, of the last size.
 #[derive(Debug)]
-pub(in crate::render) struct HullSurface {
+pub(crate) struct HullSurface {
     pub texture: wgpu::Texture,
     pub view: wgpu::TextureView,
 }
 
 impl HullSurface {
     /// Hands out one of `size`, that of `kept` if it is.
-    pub(in crate::render) fn sized<'k>(
-        kept: &'k mut Option<Self>,
-        gpu: &Gpu,
-        [width, height]: [u32; 2],
-    ) -> &'k Self {
+    pub(crate) fn sized<'k>(kept: &'k mut Option<Self>, gpu: &Gpu, [width, height]: [u32; 2]) -> &'k Self {
         kept.take_if(|kept| (kept.texture.width(), kept.texture.height()) != (width, height));
         kept.get_or_insert_with(|| {
             let texture = gpu.texture(&TextureDescriptor {
@@ -46,25 +42,25 @@ impl HullSurface {
     }
 
     /// Bytes that it takes.
-    pub(in crate::render) fn n_bytes(&self) -> u64 {
+    pub(crate) fn n_bytes(&self) -> u64 {
         u64::from(self.texture.width()) * u64::from(self.texture.height()) * 16
     }
 
     /// Columns and rows.
-    pub(in crate::render) fn size_px(&self) -> [u32; 2] {
+    pub(crate) fn size_px(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.height()]
     }
 }
 
 /// Finds surfaces ray by ray.
 #[derive(Debug)]
-pub(in crate::render) struct HullRaysPass {
+pub(crate) struct HullRaysPass {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::ComputePipeline,
 }
 
 impl HullRaysPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
@@ -108,7 +104,7 @@ impl HullRaysPass {
     }
 
     /// Records that `surface` gets what every pixel's ray meets first.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

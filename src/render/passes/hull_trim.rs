@@ -3,8 +3,8 @@
 use super::hull_rays::{HullSurface, SURFACE_FORMAT};
 use super::{Attributes, Recording};
 use crate::gpu::{Gpu, GpuError, TextureDescriptor};
-use crate::render::hull_data::HullData;
-use crate::render::targets::DEPTH_FORMAT;
+use crate::hull_data::HullData;
+use crate::targets::DEPTH_FORMAT;
 
 const LABEL: &str = "hull_trim";
 
@@ -22,13 +22,13 @@ pub(super) const fn faces_layout() -> wgpu::VertexBufferLayout<'static> {
 
 /// Draws trimmed cones.
 #[derive(Debug)]
-pub(in crate::render) struct HullTrimPass {
+pub(crate) struct HullTrimPass {
     pipeline: wgpu::RenderPipeline,
     depth: Option<wgpu::Texture>,
 }
 
 impl HullTrimPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
@@ -38,12 +38,12 @@ impl HullTrimPass {
     }
 
     /// What it tests depths with.
-    pub(in crate::render) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
+    pub(crate) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
         &mut self.depth
     }
 
     /// Records that `surface` gets the nearest face of any trimmed cone.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

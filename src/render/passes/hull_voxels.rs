@@ -3,11 +3,11 @@
 use super::hull_rays::{HullSurface, SURFACE_FORMAT};
 use super::hull_trim::{Drawn, strips_pipeline, surface_pass};
 use super::{Attributes, Recording};
-use crate::fuse::SceneState;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::Plan;
-use crate::render::hull_data::HullData;
+use crate::hull_data::HullData;
 use glam::{DVec3, Vec2, Vec3};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::Plan;
 
 const LABEL: &str = "hull_voxels";
 
@@ -23,7 +23,7 @@ const ATTRIBUTES: Attributes<2> = wgpu::vertex_attr_array![0 => Float32x4, 1 => 
 
 /// Draws voxels.
 #[derive(Debug)]
-pub(in crate::render) struct HullVoxelsPass {
+pub(crate) struct HullVoxelsPass {
     pipeline: wgpu::RenderPipeline,
     instances: GrowingBuffer,
     scratch: Vec<Instance>,
@@ -31,7 +31,7 @@ pub(in crate::render) struct HullVoxelsPass {
 }
 
 impl HullVoxelsPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         hulls: &HullData,
@@ -47,12 +47,12 @@ impl HullVoxelsPass {
     }
 
     /// What it tests depths with.
-    pub(in crate::render) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
+    pub(crate) const fn depth(&mut self) -> &mut Option<wgpu::Texture> {
         &mut self.depth
     }
 
     /// Records that `surface` gets the nearest voxels of the plan's hulls.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         (frame, group): (&wgpu::BindGroup, &wgpu::BindGroup),

@@ -1,6 +1,6 @@
 //! What cameras lent to a mesh before it changed, at the vertices of the mesh that it became.
 //!
-//! [`crate::fields::Weights::carried`] is the specification; here the nearest vertices stand for the nearest place of the surface.
+//! [`videofields_vision::fields::Weights::carried`] is the specification; here the nearest vertices stand for the nearest place of the surface.
 
 use super::Recording;
 use super::changing_mesh::MadeMesh;
@@ -10,7 +10,7 @@ use crate::gpu::{Gpu, GpuError};
 const LABEL: &str = "mesh_carry";
 
 /// The mesh before.
-pub(in crate::render) struct Before<'a> {
+pub(crate) struct Before<'a> {
     pub n_vertices: u32,
     pub homes: &'a wgpu::Buffer,
     pub weights: &'a wgpu::Buffer,
@@ -18,7 +18,7 @@ pub(in crate::render) struct Before<'a> {
 
 /// Carries weights from mesh to mesh.
 #[derive(Debug)]
-pub(in crate::render) struct MeshCarryPass {
+pub(crate) struct MeshCarryPass {
     layout: wgpu::BindGroupLayout,
     enter: wgpu::ComputePipeline,
     carry: wgpu::ComputePipeline,
@@ -27,7 +27,7 @@ pub(in crate::render) struct MeshCarryPass {
 }
 
 impl MeshCarryPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         use Access::{Read, Write};
         let layout = layout(gpu, LABEL, &[Read, Read, Read, Write, Write, Write]);
         let groups = [None, Some(&layout)];
@@ -37,13 +37,13 @@ impl MeshCarryPass {
     }
 
     /// Slots of the table of cells, of a mesh before with so many vertices.
-    pub(in crate::render) const fn table_slots(n_vertices: u32) -> u32 {
+    pub(crate) const fn table_slots(n_vertices: u32) -> u32 {
         let wanted = if n_vertices < 64 { 64 } else { n_vertices };
         wanted.next_power_of_two()
     }
 
     /// Records that what `before` was lent is carried into `carried`.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         (mesh, before): (&MadeMesh, &Before<'_>),

@@ -1,6 +1,6 @@
 //! What the vertices of a changing mesh look like from everywhere, filled from beside where no camera sees them.
 //!
-//! [`crate::fields::Field::colors`] is the specification.
+//! [`videofields_vision::fields::Field::colors`] is the specification.
 
 use super::changing_mesh::MadeMesh;
 use super::compute::{Access, bind_beside, dispatch, layout, pipelines_of};
@@ -14,7 +14,7 @@ const FILL_ROUNDS: usize = 16;
 
 /// Finds colours of vertices.
 #[derive(Debug)]
-pub(in crate::render) struct MeshColorsPass {
+pub(crate) struct MeshColorsPass {
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     colors: wgpu::ComputePipeline,
@@ -22,7 +22,7 @@ pub(in crate::render) struct MeshColorsPass {
 }
 
 impl MeshColorsPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         variant: &[(&str, f64)],
@@ -36,7 +36,7 @@ impl MeshColorsPass {
 
     /// Records the first of the mesh's colours, by its weights by normals in the values that are smooth (the first or second); where nobody
     /// sees a vertex it has the mesh's own, if `own` are any.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

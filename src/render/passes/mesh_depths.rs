@@ -1,12 +1,12 @@
 //! What every camera of a changing mesh sees of it first, as depth maps.
 //!
-//! [`crate::mesh::Raster`] is the specification.
+//! [`videofields_vision::mesh::Raster`] is the specification.
 
 use super::Recording;
 use super::changing_mesh::MadeMesh;
 use super::compute::{Access, bind, layout_for};
 use crate::gpu::{Gpu, GpuError, TextureDescriptor};
-use crate::render::targets::DEPTH_FORMAT;
+use crate::targets::DEPTH_FORMAT;
 
 const LABEL: &str = "mesh_depths";
 
@@ -50,14 +50,14 @@ impl Maps {
 
 /// Draws depth maps of a mesh.
 #[derive(Debug)]
-pub(in crate::render) struct MeshDepthsPass {
+pub(crate) struct MeshDepthsPass {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
     maps: Option<Maps>,
 }
 
 impl MeshDepthsPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         variant: &[(&str, f64)],
@@ -104,7 +104,7 @@ impl MeshDepthsPass {
     }
 
     /// Records that the maps of all cameras are drawn, of so many columns and rows each; answers them, a layer a camera.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

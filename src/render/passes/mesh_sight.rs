@@ -1,6 +1,6 @@
 //! Who sees the vertices of a changing mesh, and how far along the surface it is from where that ends.
 //!
-//! [`crate::fields::Sight`] and [`crate::fields::marching`] are the specification.
+//! [`videofields_vision::fields::Sight`] and [`videofields_vision::fields::marching`] are the specification.
 
 use super::Recording;
 use super::changing_mesh::MadeMesh;
@@ -15,7 +15,7 @@ const MARCH_ROUNDS: u32 = 12;
 
 /// How far distances are found from seams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::render) enum Reaching {
+pub(crate) enum Reaching {
     /// Seams alone are told; whoever goes on from there begins at them.
     Seams,
     /// By one front.
@@ -24,7 +24,7 @@ pub(in crate::render) enum Reaching {
 
 /// Finds who sees which vertices.
 #[derive(Debug)]
-pub(in crate::render) struct MeshSightPass {
+pub(crate) struct MeshSightPass {
     layout: wgpu::BindGroupLayout,
     sight: wgpu::ComputePipeline,
     seams: wgpu::ComputePipeline,
@@ -32,7 +32,7 @@ pub(in crate::render) struct MeshSightPass {
 }
 
 impl MeshSightPass {
-    pub(in crate::render) fn new(
+    pub(crate) fn new(
         gpu: &Gpu,
         frame_layout: &wgpu::BindGroupLayout,
         variant: &[(&str, f64)],
@@ -46,7 +46,7 @@ impl MeshSightPass {
     }
 
     /// Records what is told of the mesh into its sights, first values and first distances.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &self,
         recording: &mut Recording<'_>,
         frame: &wgpu::BindGroup,

@@ -1,6 +1,6 @@
 //! What weights of a changing mesh are made of, without steps from vertex to vertex.
 //!
-//! [`crate::fields::FieldSettings::smoothing_rounds`] says what it is for; src/fields/{field,smoothing}.rs are the specification.
+//! [`videofields_vision::fields::FieldSettings::smoothing_rounds`] says what it is for; src/vision/fields/{field,smoothing}.rs are the specification.
 
 use super::Recording;
 use super::changing_mesh::MadeMesh;
@@ -12,7 +12,7 @@ const LABEL: &str = "mesh_smooth";
 
 /// Makes values smooth.
 #[derive(Debug)]
-pub(in crate::render) struct MeshSmoothPass {
+pub(crate) struct MeshSmoothPass {
     layout: wgpu::BindGroupLayout,
     neighbours: wgpu::ComputePipeline,
     order: wgpu::ComputePipeline,
@@ -21,7 +21,7 @@ pub(in crate::render) struct MeshSmoothPass {
 }
 
 impl MeshSmoothPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         use Access::{Read, Write};
         let layout = layout(gpu, LABEL, &[Read, Read, Read, Write, Read, Read, Read, Write]);
         let groups = [None, Some(&layout)];
@@ -32,7 +32,7 @@ impl MeshSmoothPass {
 
     /// Records so many rounds, after what is lent follows from sights and the `distances` that are told (the first or second); answers
     /// which of the mesh's values are smooth then.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &self,
         recording: &mut Recording<'_>,
         (mesh, hangs_together): (&MadeMesh, &HangsTogether),

@@ -1,6 +1,6 @@
 //! What every camera lends to the vertices of a changing mesh for one who looks.
 //!
-//! [`crate::fields::Field::target`] and [`crate::fields::Weights::follow`] are the specification.
+//! [`videofields_vision::fields::Field::target`] and [`videofields_vision::fields::Weights::follow`] are the specification.
 
 use super::Recording;
 use super::changing_mesh::MadeMesh;
@@ -12,14 +12,14 @@ const LABEL: &str = "mesh_weights";
 
 /// Finds weights, and the cameras that faces are drawn with.
 #[derive(Debug)]
-pub(in crate::render) struct MeshWeightsPass {
+pub(crate) struct MeshWeightsPass {
     layout: wgpu::BindGroupLayout,
     weights: wgpu::ComputePipeline,
     slots: wgpu::ComputePipeline,
 }
 
 impl MeshWeightsPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         use Access::{Read, Write};
         let layout = layout(gpu, LABEL, &[Read, Read, Read, Read, Read, Write, Write]);
         let groups = [None, Some(&layout)];
@@ -28,7 +28,7 @@ impl MeshWeightsPass {
     }
 
     /// Records that `weights` are `before` on their way to what they should be, by the values that are smooth (the first or second).
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &self,
         recording: &mut Recording<'_>,
         (mesh, values): (&MadeMesh, usize),

@@ -3,10 +3,10 @@
 use super::relight::Drawn;
 use super::resample::{self, Kept, Screen, uniform_entry, view};
 use super::{Recording, UNFILTERED, picture_pass, texture_entry};
-use crate::effects;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::render::targets::COLOR_FORMAT;
+use crate::targets::COLOR_FORMAT;
 use glam::Vec2;
+use videofields_vision::effects;
 
 mirror! { "render/occlusion.wgsl",
 /// How surroundings are looked at. The shader documents the fields.
@@ -42,7 +42,7 @@ const OPEN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R8Unorm;
 
 /// Darkens what is enclosed.
 #[derive(Debug)]
-pub(in crate::render) struct OcclusionPass {
+pub(crate) struct OcclusionPass {
     open_layout: wgpu::BindGroupLayout,
     layout: wgpu::BindGroupLayout,
     /// What is open, and the picture.
@@ -53,7 +53,7 @@ pub(in crate::render) struct OcclusionPass {
 }
 
 impl OcclusionPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let flat = |binding| texture_entry(binding, wgpu::TextureViewDimension::D2, UNFILTERED);
         let layout_of = |entries: &[wgpu::BindGroupLayoutEntry]| {
             gpu.device
@@ -75,7 +75,7 @@ impl OcclusionPass {
 
     /// Records that what was drawn is darker where much stands around, looking at `most` so far (a tangent, of parallel rays
     /// metres), and hands out the picture.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         drawn: &Drawn<'_>,
@@ -111,7 +111,7 @@ impl OcclusionPass {
     }
 
     /// Lets go of pictures of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.open.trim(max_bytes);
         self.kept.trim(max_bytes);
     }

@@ -3,15 +3,15 @@
 use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, draw_pipeline,
 };
-use crate::fuse::PointRun;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::render::image_array::ImageArray;
+use crate::image_array::ImageArray;
 use glam::DVec3;
+use videofields_picture::fuse::PointRun;
 
 /// One run.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub(in crate::render) struct Instance {
+pub(crate) struct Instance {
     /// Of both ends: where it stands, and the side of its square in metres.
     ends: [[f32; 4]; 2],
     /// Texture coordinates of the first and of the last texel's middle.
@@ -24,7 +24,7 @@ const ATTRIBUTES: Attributes<4> =
     wgpu::vertex_attr_array![0 => Float32x4, 1 => Float32x4, 2 => Float32x4, 3 => Uint32x2];
 
 impl Instance {
-    pub(in crate::render) fn new(run: &PointRun, camera_idx: usize, anchor_in_world: DVec3) -> Self {
+    pub(crate) fn new(run: &PointRun, camera_idx: usize, anchor_in_world: DVec3) -> Self {
         let end = |idx: usize| {
             let from_anchor = run.ends_in_world[idx] - anchor_in_world;
             from_anchor.as_vec3().extend(run.sizes_m[idx]).to_array()
@@ -41,7 +41,7 @@ impl Instance {
 
 /// Draws entities.
 #[derive(Debug)]
-pub(in crate::render) struct PointsPass {
+pub(crate) struct PointsPass {
     frames: LiveFrames,
     /// Without gains, and with.
     pipelines: [BySamples; 2],
@@ -51,14 +51,14 @@ pub(in crate::render) struct PointsPass {
 const LABEL: &str = "points";
 
 impl PointsPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
         let instances = GrowingBuffer::new("points instances", wgpu::BufferUsages::VERTEX);
         Self { frames, pipelines: Default::default(), instances }
     }
 
     /// Records the runs, in any order.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

@@ -3,9 +3,9 @@
 use super::resample::{self, Kept, uniform_entry, view};
 use super::{Recording, UNFILTERED, picture_pass, texture_entry};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::plan::PlannedLight;
-use crate::render::targets::COLOR_FORMAT;
+use crate::targets::COLOR_FORMAT;
 use glam::Vec3;
+use videofields_picture::plan::PlannedLight;
 
 mirror! { "render/relight.wgsl",
 /// The light, and how the view lies in it. The shader documents the fields.
@@ -23,7 +23,7 @@ const LABEL: &str = "relight";
 
 /// What was drawn, with its distances, as effects look at it.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Drawn<'a> {
+pub(crate) struct Drawn<'a> {
     pub colors: &'a wgpu::Texture,
     pub distances: &'a wgpu::Texture,
     pub lens: &'a wgpu::Buffer,
@@ -31,7 +31,7 @@ pub(in crate::render) struct Drawn<'a> {
 
 /// Lights pictures.
 #[derive(Debug)]
-pub(in crate::render) struct RelightPass {
+pub(crate) struct RelightPass {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
     data: GrowingBuffer,
@@ -39,7 +39,7 @@ pub(in crate::render) struct RelightPass {
 }
 
 impl RelightPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let flat = |binding| texture_entry(binding, wgpu::TextureViewDimension::D2, UNFILTERED);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
@@ -52,7 +52,7 @@ impl RelightPass {
 
     /// Records that what was drawn is seen in that light, `axes` the view's right, down and forward in the world, and hands out
     /// the picture.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         drawn: &Drawn<'_>,
@@ -93,7 +93,7 @@ impl RelightPass {
     }
 
     /// Lets go of a picture of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.kept.trim(max_bytes);
     }
 }

@@ -1,7 +1,7 @@
 //! What passes share that draw one finished picture from another.
 
 use crate::gpu::{Gpu, GpuError, TextureDescriptor};
-use crate::render::targets::COLOR_FORMAT;
+use crate::targets::COLOR_FORMAT;
 
 /// A pipeline over the whole picture, by the shader of the label's stem.
 pub(super) struct Screen<'a> {

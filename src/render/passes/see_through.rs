@@ -3,7 +3,7 @@
 use super::{DrawInto, Recording, Translucent};
 
 /// Records them, the farthest first. Needs no pipeline of its own.
-pub(in crate::render) fn record(recording: &mut Recording<'_>, into: &DrawInto<'_>, opened: &Translucent) {
+pub(crate) fn record(recording: &mut Recording<'_>, into: &DrawInto<'_>, opened: &Translucent) {
     let mut pass = recording.draw("see_through", into);
     (0..opened.len()).for_each(|idx| opened.draw(&mut pass, idx));
 }

@@ -1,10 +1,10 @@
 //! A sky that is more than one colour, behind everything that was drawn.
 
 use super::{BySamples, DrawInto, DrawPipeline, Mixing, Recording, draw_pipeline};
-use crate::frame::linear_from_srgb;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::plan::View;
-use crate::scene;
+use videofields_picture::plan::View;
+use videofields_picture::scene;
+use videofields_vision::frame::linear_from_srgb;
 
 mirror! { "render/sky.wgsl",
 /// The sky as a view shows it. The shader documents the fields.
@@ -37,7 +37,7 @@ impl Sky {
 
 /// Draws the sky.
 #[derive(Debug)]
-pub(in crate::render) struct SkyPass {
+pub(crate) struct SkyPass {
     layout: wgpu::BindGroupLayout,
     gradient: BySamples,
     picture: BySamples,
@@ -47,7 +47,7 @@ pub(in crate::render) struct SkyPass {
 const LABEL: &str = "sky";
 
 impl SkyPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[wgpu::BindGroupLayoutEntry {
@@ -70,7 +70,7 @@ impl SkyPass {
     }
 
     /// Records the sky of `view`, with its picture and that one's layout if it is one.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

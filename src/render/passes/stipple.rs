@@ -2,9 +2,9 @@
 
 use super::resample::{self, Kept, uniform_entry, view};
 use super::{Recording, UNFILTERED, picture_pass, texture_entry};
-use crate::effects;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::render::targets::COLOR_FORMAT;
+use crate::targets::COLOR_FORMAT;
+use videofields_vision::effects;
 
 mirror! { "render/stipple.wgsl",
 /// How dots are set. The shader documents the fields.
@@ -21,7 +21,7 @@ const LABEL: &str = "stipple";
 
 /// Dots pictures.
 #[derive(Debug)]
-pub(in crate::render) struct StipplePass {
+pub(crate) struct StipplePass {
     layout: wgpu::BindGroupLayout,
     pipeline: wgpu::RenderPipeline,
     data: GrowingBuffer,
@@ -29,7 +29,7 @@ pub(in crate::render) struct StipplePass {
 }
 
 impl StipplePass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
             entries: &[texture_entry(0, wgpu::TextureViewDimension::D2, UNFILTERED), uniform_entry(1)],
@@ -40,7 +40,7 @@ impl StipplePass {
     }
 
     /// Records `picture` as dots, its upper left pixel called `anchor`, and hands that out.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         picture: &wgpu::Texture,
@@ -78,7 +78,7 @@ impl StipplePass {
     }
 
     /// Lets go of a picture of more than `max_bytes`.
-    pub(in crate::render) fn trim(&mut self, max_bytes: u64) {
+    pub(crate) fn trim(&mut self, max_bytes: u64) {
         self.kept.trim(max_bytes);
     }
 }

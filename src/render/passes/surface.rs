@@ -6,12 +6,12 @@ use super::{
     UNFILTERED, draw_pipeline, linear_sampler, texture_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
-use crate::plan::{Filtering, Opened};
-use crate::render::image_array::ImageArray;
-use crate::render::mesh::MeshVertex;
-use crate::render::patches::{Batch, Batches, CameraList, Shading};
+use crate::image_array::ImageArray;
+use crate::mesh::MeshVertex;
+use crate::patches::{Batch, Batches, CameraList, Shading};
 use glam::DVec3;
 use std::num::NonZeroU64;
+use videofields_picture::plan::{Filtering, Opened};
 
 /// One corner of a triangle, relative to the anchor.
 #[repr(C)]
@@ -41,7 +41,7 @@ fn constants(shading: Shading) -> [(&'static str, f64); 6] {
 const LIST_STRIDE: u32 = 256;
 type PaddedList = [CameraList; LIST_STRIDE as usize / size_of::<CameraList>()];
 
-/// What a corner of a triangle with a picture has beside: [`crate::render::mesh::MeshVertex`].
+/// What a corner of a triangle with a picture has beside: [`crate::mesh::MeshVertex`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct TextureVertex {
@@ -130,19 +130,19 @@ impl Ready {
 
 /// Surfaces that are drawn translucent, ready to be drawn within a pass.
 #[derive(Debug)]
-pub(in crate::render) struct Translucent {
+pub(crate) struct Translucent {
     ready: Ready,
     /// What is drawn of each, and its opacity.
     surfaces: Vec<(Vec<Item>, f32)>,
 }
 
 impl Translucent {
-    pub(in crate::render) const fn len(&self) -> usize {
+    pub(crate) const fn len(&self) -> usize {
         self.surfaces.len()
     }
 
     /// Draws one of them over what was drawn before; what else is drawn in the pass must set its own pipeline again.
-    pub(in crate::render) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, idx: usize) {
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, idx: usize) {
         let (items, opacity) = &self.surfaces[idx];
         let opacity = f64::from(*opacity);
         pass.set_blend_constant(wgpu::Color { r: opacity, g: opacity, b: opacity, a: opacity });
@@ -152,7 +152,7 @@ impl Translucent {
 
 /// What is shown, from where.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct StaticScene<'a> {
+pub(crate) struct StaticScene<'a> {
     /// What is drawn: its number among all that is, its vertices, and whether some may lie before others.
     pub number: u64,
     pub vertices: &'a [MeshVertex],
@@ -170,7 +170,7 @@ pub(in crate::render) struct StaticScene<'a> {
 
 /// Draws the static scene.
 #[derive(Debug)]
-pub(in crate::render) struct SurfacePass {
+pub(crate) struct SurfacePass {
     layout: wgpu::BindGroupLayout,
     pipelines: Vec<(Shading, Cover, BySamples)>,
     background_sampler: wgpu::Sampler,
@@ -190,7 +190,7 @@ pub(in crate::render) struct SurfacePass {
 const LABEL: &str = "surface";
 
 impl SurfacePass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Self {
+    pub(crate) fn new(gpu: &Gpu) -> Self {
         let depth_sampler_entry = wgpu::BindGroupLayoutEntry {
             binding: 3,
             visibility: wgpu::ShaderStages::FRAGMENT,
@@ -318,7 +318,7 @@ impl SurfacePass {
     }
 
     /// Records the sky (the colour to clear with) and the scene's patches; returns what of them is drawn later.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,

@@ -1,9 +1,9 @@
 //! Pictures that are new since the last frame: from the decoder's planes to sRGB layers and their smaller levels.
 
 use super::{Recording, UNFILTERED, picture_pass, texture_entry};
-use crate::frame::{Mask, Plane};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
-use crate::render::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
+use crate::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
+use videofields_vision::frame::{Mask, Plane};
 
 mirror! { "render/yuv.wgsl",
 /// How one picture is converted. The shader documents the fields.
@@ -55,7 +55,7 @@ enum Source {
 
 /// Converts pictures.
 #[derive(Debug)]
-pub(in crate::render) struct YuvPass {
+pub(crate) struct YuvPass {
     planes_layout: wgpu::BindGroupLayout,
     level_layout: wgpu::BindGroupLayout,
     convert: wgpu::RenderPipeline,
@@ -67,7 +67,7 @@ pub(in crate::render) struct YuvPass {
 const LABEL: &str = "yuv";
 
 impl YuvPass {
-    pub(in crate::render) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Self, GpuError> {
         let device = &gpu.device;
         let array = |binding| texture_entry(binding, wgpu::TextureViewDimension::D2Array, UNFILTERED);
         let planes_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -132,7 +132,7 @@ impl YuvPass {
     }
 
     /// Uploads the pictures' planes and records their conversion into their arrays' layers.
-    pub(in crate::render) fn record(
+    pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         batches: [(&mut ImageArray, &[Job<'_>]); 2],

@@ -4,7 +4,7 @@
 //! A corner that one neighbour lacks would be rounded apart from the edge that runs past it (devices place corners on
 //! 1/256 of a pixel), and the sky would shine through.
 
-use crate::render::mesh::MeshVertex;
+use crate::mesh::MeshVertex;
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 
@@ -322,7 +322,7 @@ fn fan(triangle: &[MeshVertex; 3], outline: &[DVec3], add: &mut dyn FnMut([MeshV
 }
 
 /// The corner of a part of a triangle: what is linear over it follows from the areas against its corners.
-pub(in crate::render) fn within(triangle: &[MeshVertex; 3], position_in_world: DVec3) -> MeshVertex {
+pub(crate) fn within(triangle: &[MeshVertex; 3], position_in_world: DVec3) -> MeshVertex {
     let normal = triangle[0].normal.as_dvec3();
     let [a, b, c] = triangle.map(|corner| corner.position_in_world);
     let area = |a: DVec3, b: DVec3, c: DVec3| (b - a).cross(c - a).dot(normal);

@@ -1,29 +1,29 @@
 //! Which cameras are blended on each patch in one picture, and what of it is drawn together.
 
 use super::{Patch, Patches, Sight};
-use crate::geometry;
+use crate::camera_data::Camera;
 use crate::gpu::mirror;
-use crate::plan::{Filtering, Opened};
-use crate::render::camera_data::Camera;
-use crate::render::prepare::Stand;
+use crate::prepare::Stand;
 use std::ops::Range;
 use std::sync::Arc;
+use videofields_picture::plan::{Filtering, Opened};
+use videofields_vision::geometry;
 
 /// Most cameras that are blended in one pixel: what a list holds.
-pub(in crate::render) const MOST_LISTED: usize = crate::plan::MAX_BLENDED_CAMERAS;
+pub(crate) const MOST_LISTED: usize = videofields_picture::plan::MAX_BLENDED_CAMERAS;
 /// What is left out may have this share of a colour together, where others are sure to have the rest.
 const LEAST_SHARE: f64 = 1e-3;
 
 mirror! { "render/surface.wgsl",
 /// The cameras of a batch, by their places among the frame's.
-pub(in crate::render) struct CameraList {
+pub(crate) struct CameraList {
     low: [u32; 4],
     high: [u32; 4],
 }}
 
 /// Which variant of the shader a batch needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(in crate::render) struct Shading {
+pub(crate) struct Shading {
     pub n_cameras: usize,
     pub has_lenses: bool,
     pub has_depth_maps: bool,
@@ -38,7 +38,7 @@ pub(in crate::render) struct Shading {
 
 /// Patches that are drawn together: by one variant, with one list of cameras.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(in crate::render) struct Batch {
+pub(crate) struct Batch {
     pub shading: Shading,
     /// The place of the picture on it among the mesh's.
     pub texture: Option<usize>,
@@ -50,7 +50,7 @@ pub(in crate::render) struct Batch {
 
 /// All that is drawn of the surfaces in one picture. Kept from picture to picture, so that its memory is.
 #[derive(Debug, Default)]
-pub(in crate::render) struct Batches {
+pub(crate) struct Batches {
     pub indices: Vec<u32>,
     pub lists: Vec<CameraList>,
     pub opaque: Vec<Batch>,
@@ -62,7 +62,7 @@ pub(in crate::render) struct Batches {
 
 impl Batches {
     /// Begins a picture without any, in which so many surfaces are open.
-    pub(in crate::render) fn begin(&mut self, n_opened: usize) {
+    pub(crate) fn begin(&mut self, n_opened: usize) {
         self.indices.clear();
         self.lists.clear();
         self.opaque.clear();
@@ -73,7 +73,7 @@ impl Batches {
 
 impl CameraList {
     /// Of cameras by their places among the frame's.
-    pub(in crate::render) fn of(places: [u32; MOST_LISTED]) -> Self {
+    pub(crate) fn of(places: [u32; MOST_LISTED]) -> Self {
         let [low, high] = [[0, 1, 2, 3], [4, 5, 6, 7]].map(|four| four.map(|place: usize| places[place]));
         Self { low, high }
     }
@@ -104,7 +104,7 @@ struct Ranked {
 
 /// What patches are drawn with.
 #[derive(Clone, Copy)]
-pub(in crate::render) struct Drawing<'a> {
+pub(crate) struct Drawing<'a> {
     pub stand: &'a Stand,
     /// The cameras whose backgrounds are projected, with what shaders know of them, in the order of the frame's.
     pub cameras: &'a [Arc<geometry::Camera>],
@@ -120,7 +120,7 @@ impl Patches {
     /// 255 anywhere, of more than `most_cameras` those with the greatest weights in its middle.
     ///
     /// **Cost** some microseconds a patch.
-    pub(in crate::render) fn batch(&self, drawing: &Drawing<'_>, batches: &mut Batches) {
+    pub(crate) fn batch(&self, drawing: &Drawing<'_>, batches: &mut Batches) {
         batches.begin(drawing.opened.len());
         let Batches { indices, lists, opaque, opened, scratch, ranked } = batches;
         let mut in_frame: Vec<Vec<u8>> = vec![Vec::new(); self.cameras.len()];

@@ -3,7 +3,7 @@
 
 use super::cut::{Cell, Plane};
 use super::{Draft, Form, Sight, SightAndShadows};
-use crate::render::patches::sight::Seen;
+use crate::patches::sight::Seen;
 
 /// Takes back, the latest first, the splits that told nothing.
 pub(super) fn joined(drafts: Vec<Draft>, splits: Vec<(usize, usize, Draft)>) -> Vec<Draft> {

@@ -12,13 +12,13 @@ mod sight;
 mod tests;
 
 use super::mesh::{Mesh, MeshVertex, PartAndPicture};
-use crate::geometry::{Camera, Shape, SurfaceId};
 use cut::{Cell, Cutter, Plane};
 use glam::DVec3;
 use sight::{Blocker, Extent, Eyesight, Seen};
 use std::collections::BinaryHeap;
 use std::ops::Range;
 use std::sync::Arc;
+use videofields_vision::geometry::{Camera, Shape, SurfaceId};
 
 pub(super) use cut::within;
 pub(super) use lists::{Batch, Batches, CameraList, Drawing, MOST_LISTED, Shading};
@@ -187,7 +187,7 @@ impl Maker<'_> {
     fn first_drafts(&mut self) -> Vec<Draft> {
         let mesh = self.mesh;
         let surfaces = &mesh.scene.surfaces;
-        let mut heights = surfaces.ground().map(crate::geometry::GroundPolygon::height_m);
+        let mut heights = surfaces.ground().map(videofields_vision::geometry::GroundPolygon::height_m);
         let first_height = heights.next();
         let is_stepped = heights.any(|height| Some(height) != first_height);
         let mut drafts = Vec::new();

@@ -3,10 +3,10 @@
 //! In the plane at distance 1 before the camera everything level is a convex polygon. What does not overlap there
 //! cannot hide, and what one convex solid hides at its corners it hides as a whole. Both are proofs, not samples.
 
-use crate::geometry::{Camera, Distortion, NEAR_M, Ray, Shape, Surfaces};
-use crate::render::passes::single_face_bounds;
+use crate::passes::single_face_bounds;
 use glam::{DMat3, DVec2, DVec3};
 use std::sync::Arc;
+use videofields_vision::geometry::{Camera, Distortion, NEAR_M, Ray, Shape, Surfaces};
 
 /// Share of a picture from its border within which it fades: `FEATHER` of surface.wgsl.
 const FEATHER: f64 = 0.06;

@@ -1,10 +1,12 @@
 //! Patches held to rays, to their areas and to one another.
 
 use super::*;
-use crate::geometry::{Distortion, ExtrudedFootprint, GroundPolygon, OrientedBox, Pose, Surfaces};
-use crate::scene::{Material, Scene};
 use glam::DVec2;
 use std::collections::BTreeMap;
+use videofields_picture::scene::{Material, Scene};
+use videofields_vision::geometry::{
+    Distortion, ExtrudedFootprint, GroundPolygon, OrientedBox, Pose, Surfaces,
+};
 
 const SIDE_PX: u32 = 1024;
 
@@ -15,7 +17,7 @@ fn scene(shapes: Vec<Shape>) -> Arc<Scene> {
         name: "Patches".to_owned(),
         materials,
         surfaces: Surfaces::new(shapes),
-        sky: crate::scene::Sky::Plain { color_srgb: [0; 3] },
+        sky: videofields_picture::scene::Sky::Plain { color_srgb: [0; 3] },
         effects: Default::default(),
         sequences: Vec::new(),
         min_entity_size_m: 0.0,
@@ -205,18 +207,18 @@ fn cameras_calibrated_alike_are_known_once_and_listed_each() {
     let mesh = Mesh::new(&scene(yard(DVec3::ZERO)), 1);
     let patches = Patches::new(&mesh, vec![Arc::clone(&one), Arc::clone(&twin)], SIDE_PX, 1);
     assert_eq!(patches.cameras.len(), 1);
-    let stand = crate::render::prepare::Stand {
+    let stand = crate::prepare::Stand {
         eye_in_world: DVec3::new(0.0, -12.0, 6.0),
         anchor_in_world: DVec3::ZERO,
         parallel_to: None,
     };
-    let data: [crate::render::camera_data::Camera; 2] = bytemuck::Zeroable::zeroed();
+    let data: [crate::camera_data::Camera; 2] = bytemuck::Zeroable::zeroed();
     let drawing = Drawing {
         stand: &stand,
         cameras: &[one, twin],
         data: &data,
         opened: &[],
-        filtering: crate::plan::Filtering::Levels,
+        filtering: videofields_picture::plan::Filtering::Levels,
         most_cameras: MOST_LISTED,
     };
     let mut batches = Batches::default();

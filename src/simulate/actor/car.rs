@@ -15,7 +15,7 @@ const N_SPOKES: u32 = 3;
 /// What a car is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(in crate::simulate) enum CarStyle {
+pub(crate) enum CarStyle {
     /// A saloon of 4.4 m.
     #[default]
     Car,
@@ -25,10 +25,10 @@ pub(in crate::simulate) enum CarStyle {
 
 /// A car that drives. The colour is linear light, 0 to 1.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Car {
-    pub(in crate::simulate) motion: Motion,
-    pub(in crate::simulate) style: CarStyle,
-    pub(in crate::simulate) paint: DVec3,
+pub(crate) struct Car {
+    pub(crate) motion: Motion,
+    pub(crate) style: CarStyle,
+    pub(crate) paint: DVec3,
 }
 
 /// Where a car stands and how its wheels are turned.
@@ -89,7 +89,7 @@ impl CarStyle {
     }
 
     /// The parts of one that is parked.
-    pub(in crate::simulate) fn parked(
+    pub(crate) fn parked(
         self,
         at: DVec2,
         heading_rad: f64,

@@ -24,11 +24,11 @@ const N_SPOKES: u32 = 3;
 
 /// A cyclist. Colours are linear light, 0 to 1.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Cyclist {
-    pub(in crate::simulate) motion: Motion,
-    pub(in crate::simulate) height_m: f64,
-    pub(in crate::simulate) clothes: Clothes,
-    pub(in crate::simulate) frame: DVec3,
+pub(crate) struct Cyclist {
+    pub(crate) motion: Motion,
+    pub(crate) height_m: f64,
+    pub(crate) clothes: Clothes,
+    pub(crate) frame: DVec3,
 }
 
 impl Cyclist {

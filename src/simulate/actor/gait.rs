@@ -9,7 +9,7 @@ use super::motion::Motion;
 
 /// Strides of a round.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Gait {
+pub(crate) struct Gait {
     /// Strides of the whole round.
     n_cycles: f64,
     length_m: f64,
@@ -37,7 +37,7 @@ const REST_SECS: f64 = 0.5;
 
 impl Gait {
     /// The steps of `motion` (without ramps) with strides of about `stride_m`, or this many in a round without stops.
-    pub(in crate::simulate) fn new(motion: &Motion, stride_m: f64, n_strides: Option<u32>) -> Self {
+    pub(crate) fn new(motion: &Motion, stride_m: f64, n_strides: Option<u32>) -> Self {
         let (length_m, round_secs) = (motion.length_m(), motion.round_secs());
         let n_between = |distance: f64| (distance / stride_m).round().max(1.0);
         if motion.legs().len() == 1 {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// What comes after the end of a round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::simulate) enum Ending {
+pub(crate) enum Ending {
     /// Another round.
     Repeat,
     /// It stays where it is; before its start it stands at the beginning.
@@ -19,15 +19,15 @@ pub(in crate::simulate) enum Ending {
 
 /// A halt on the way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::simulate) struct Stop {
+pub(crate) struct Stop {
     /// How far along the path, metres.
-    pub(in crate::simulate) at_m: f64,
-    pub(in crate::simulate) secs: f64,
+    pub(crate) at_m: f64,
+    pub(crate) secs: f64,
 }
 
 /// How fast a round goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::simulate) enum Pace {
+pub(crate) enum Pace {
     /// Speed between stops, metres a second.
     Speed(f64),
     /// Duration of the whole round, seconds.
@@ -36,7 +36,7 @@ pub(in crate::simulate) enum Pace {
 
 /// Movement along a path.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Motion {
+pub(crate) struct Motion {
     path: Arc<Path>,
     /// How far to the left of the path, and ahead of where it would be, metres.
     left_m: f64,
@@ -53,16 +53,16 @@ pub(in crate::simulate) struct Motion {
 
 /// An instant as a world counts it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::simulate) struct WorldTime {
+pub(crate) struct WorldTime {
     /// Seconds; within the world's period, where it has one.
-    pub(in crate::simulate) secs: f64,
+    pub(crate) secs: f64,
     /// Share of the world's period that has passed, 0 to 1, where it has one.
-    pub(in crate::simulate) phase: Option<f64>,
+    pub(crate) phase: Option<f64>,
 }
 
 impl WorldTime {
     /// `secs` in a world that repeats after `period_secs`, if it does.
-    pub(in crate::simulate) fn new(secs: f64, period_secs: Option<f64>) -> Self {
+    pub(crate) fn new(secs: f64, period_secs: Option<f64>) -> Self {
         period_secs.map_or(Self { secs, phase: None }, |period_secs| {
             let phase = (secs / period_secs).rem_euclid(1.0);
             Self { secs: phase * period_secs, phase: Some(phase) }
@@ -94,7 +94,7 @@ impl Leg {
 
 /// Why numbers are no movement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::simulate) enum MotionFault {
+pub(crate) enum MotionFault {
     /// The stops take longer than the round.
     NoTime,
     /// No speed completes the round in its time with this acceleration.
@@ -104,7 +104,7 @@ pub(in crate::simulate) enum MotionFault {
 impl Motion {
     /// Movement along `path` at `pace` with `stops` (in their order along the path) between which speed changes by
     /// `acceleration` (metres a second squared; infinite: at once).
-    pub(in crate::simulate) fn new(
+    pub(crate) fn new(
         path: Arc<Path>,
         pace: Pace,
         stops: &[Stop],
@@ -138,29 +138,29 @@ impl Motion {
     }
 
     /// The same movement, begun at another time and with this share of the round behind it.
-    pub(in crate::simulate) const fn started(mut self, start_secs: f64, start_share: f64) -> Self {
+    pub(crate) const fn started(mut self, start_secs: f64, start_share: f64) -> Self {
         (self.start_secs, self.start_share) = (start_secs, start_share);
         self
     }
 
     /// The same movement beside the path, metres.
-    pub(in crate::simulate) const fn beside(mut self, ahead_m: f64, left_m: f64) -> Self {
+    pub(crate) const fn beside(mut self, ahead_m: f64, left_m: f64) -> Self {
         (self.ahead_m, self.left_m) = (ahead_m, left_m);
         self
     }
 
     /// The same movement, known to go `laps` rounds in the world's period, so that no bit is lost by counting them in
     /// seconds.
-    pub(in crate::simulate) const fn lapping(mut self, laps: f64) -> Self {
+    pub(crate) const fn lapping(mut self, laps: f64) -> Self {
         self.laps = Some(laps);
         self
     }
 
-    pub(in crate::simulate) const fn round_secs(&self) -> f64 {
+    pub(crate) const fn round_secs(&self) -> f64 {
         self.round_secs
     }
 
-    pub(in crate::simulate) fn length_m(&self) -> f64 {
+    pub(crate) fn length_m(&self) -> f64 {
         self.path.length_m()
     }
 

@@ -12,7 +12,7 @@ const STEPS_PER_CORNER: usize = 256;
 
 /// A Catmull-Rom curve through given corners.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Path {
+pub(crate) struct Path {
     corners: Vec<DVec2>,
     course: Course,
     /// Arc length from the first corner to each step, metres; one more entry than there are steps.
@@ -30,22 +30,22 @@ enum Course {
 
 /// Where something is on a path.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct PathPoint {
+pub(crate) struct PathPoint {
     /// Place on the ground, metres.
-    pub(in crate::simulate) position: DVec2,
+    pub(crate) position: DVec2,
     /// Unit vector of the direction of travel.
-    pub(in crate::simulate) heading: DVec2,
+    pub(crate) heading: DVec2,
 }
 
 impl Path {
     /// The curve through `corners` and back to the first, which needs three; `None` with fewer, or where it has no
     /// length worth the name (less than 1 mm).
-    pub(in crate::simulate) fn closed(corners: Vec<DVec2>) -> Option<Self> {
+    pub(crate) fn closed(corners: Vec<DVec2>) -> Option<Self> {
         (corners.len() >= 3).then(|| Self::measured(corners, Course::Closed)).flatten()
     }
 
     /// The curve from the first corner to the last, which needs two; `None` as for [`Self::closed`].
-    pub(in crate::simulate) fn open(corners: Vec<DVec2>) -> Option<Self> {
+    pub(crate) fn open(corners: Vec<DVec2>) -> Option<Self> {
         (corners.len() >= 2).then(|| Self::measured(corners, Course::Open)).flatten()
     }
 
@@ -71,13 +71,13 @@ impl Path {
     }
 
     /// Length of the whole curve, metres.
-    pub(in crate::simulate) fn length_m(&self) -> f64 {
+    pub(crate) fn length_m(&self) -> f64 {
         self.length_to_step_m[self.length_to_step_m.len() - 1]
     }
 
     /// The point `travelled_m` along the curve; beyond its ends a closed one repeats and an open one goes on
     /// straight.
-    pub(in crate::simulate) fn at(&self, travelled_m: f64) -> PathPoint {
+    pub(crate) fn at(&self, travelled_m: f64) -> PathPoint {
         let length = self.length_m();
         let within =
             if self.is_closed() { travelled_m.rem_euclid(length) } else { travelled_m.clamp(0.0, length) };

@@ -28,7 +28,7 @@ const STEP_REACH_M: f64 = 0.35;
 
 /// A walker: who walks where, in what clothes. Colours are linear light, 0 to 1.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Walker {
+pub(crate) struct Walker {
     motion: Motion,
     gait: Gait,
     height_m: f64,
@@ -37,14 +37,14 @@ pub(in crate::simulate) struct Walker {
 
 /// What a person wears, linear light.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Clothes {
-    pub(in crate::simulate) jacket: DVec3,
-    pub(in crate::simulate) trousers: DVec3,
-    pub(in crate::simulate) shoes: DVec3,
-    pub(in crate::simulate) skin: DVec3,
-    pub(in crate::simulate) hair: DVec3,
+pub(crate) struct Clothes {
+    pub(crate) jacket: DVec3,
+    pub(crate) trousers: DVec3,
+    pub(crate) shoes: DVec3,
+    pub(crate) skin: DVec3,
+    pub(crate) hair: DVec3,
     /// Colour of a backpack, if one is carried.
-    pub(in crate::simulate) backpack: Option<DVec3>,
+    pub(crate) backpack: Option<DVec3>,
 }
 
 /// A walker's situation at an instant.
@@ -59,12 +59,7 @@ struct Pose {
 
 impl Walker {
     /// A walker that makes strides of its own length, or this many in a round without stops.
-    pub(in crate::simulate) fn new(
-        motion: Motion,
-        height_m: f64,
-        clothes: Clothes,
-        n_strides: Option<u32>,
-    ) -> Self {
+    pub(crate) fn new(motion: Motion, height_m: f64, clothes: Clothes, n_strides: Option<u32>) -> Self {
         let gait = Gait::new(&motion, STRIDE_M * height_m / MODEL_HEIGHT_M, n_strides);
         Self { motion, gait, height_m, clothes }
     }

@@ -5,10 +5,10 @@
 
 use super::ranges::Ranges;
 use super::{Draw, EffectKind, Tally};
-use crate::geometry::Pose;
 use glam::{DQuat, DVec3, EulerRot};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use videofields_vision::geometry::Pose;
 
 /// Settings of the shake.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

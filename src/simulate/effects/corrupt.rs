@@ -5,8 +5,8 @@
 
 use super::ranges::Ranges;
 use super::{Draw, EffectKind, Tally};
-use crate::frame::RgbImage;
 use serde::{Deserialize, Serialize};
+use videofields_vision::frame::RgbImage;
 
 /// What is damaged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -61,10 +61,10 @@ pub use rolling_shutter::RollingShutter;
 pub use snow::Snow;
 pub use wet_ground::{WetGround, Wetness};
 
-use crate::error::Fault;
 use glam::DVec3;
 use ranges::Ranges;
 use serde::{Deserialize, Serialize};
+use videofields_vision::error::Fault;
 
 /// The effects that a world names, with their settings; an absent one does not run.
 ///

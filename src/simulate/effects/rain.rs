@@ -10,10 +10,10 @@
 use super::ranges::Ranges;
 use super::streak::{Streak, draw, veil};
 use super::{Draw, EffectKind, Tally};
-use crate::geometry::Camera;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use videofields_vision::geometry::Camera;
 
 /// Smallest and largest drops that are drawn, millimetres across.
 const LEAST_MM: f64 = 1.0;
@@ -134,10 +134,10 @@ fn speed_m_per_sec(diameter_mm: f64) -> f64 {
 mod tests {
     use super::super::Entries;
     use super::*;
-    use crate::simulate::pinhole;
 
     fn camera() -> Camera {
-        pinhole(DVec3::new(0.0, 0.0, 5.0), DVec3::new(10.0, 0.0, 3.0), 0.7, (160, 90)).expect("a camera")
+        Camera::pinhole(DVec3::new(0.0, 0.0, 5.0), DVec3::new(10.0, 0.0, 3.0), 0.7, (160, 90))
+            .expect("a camera")
     }
 
     fn rained(rain: Rain, frame: u64, depth: f32) -> Vec<[f32; 3]> {

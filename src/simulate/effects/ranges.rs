@@ -1,7 +1,7 @@
 //! Holds settings to their ranges; what is outside becomes a fault with its place.
 
-use crate::error::{Fault, pointer_to};
 use std::ops::RangeInclusive;
+use videofields_vision::error::{Fault, pointer_to};
 
 /// Checks the values of one effect.
 pub(super) struct Ranges<'a> {

@@ -7,11 +7,11 @@
 use super::ranges::Ranges;
 use super::streak::{Streak, draw, veil};
 use super::{Draw, EffectKind, Tally};
-use crate::geometry::Camera;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use videofields_vision::geometry::Camera;
 
 /// Nearest flakes, metres: a roof keeps nearer ones off the lens.
 const NEAR_M: f64 = 0.35;
@@ -126,10 +126,10 @@ impl Snow {
 mod tests {
     use super::super::Entries;
     use super::*;
-    use crate::simulate::pinhole;
 
     fn camera() -> Camera {
-        pinhole(DVec3::new(0.0, 0.0, 5.0), DVec3::new(10.0, 0.0, 3.0), 0.7, (160, 90)).expect("a camera")
+        Camera::pinhole(DVec3::new(0.0, 0.0, 5.0), DVec3::new(10.0, 0.0, 3.0), 0.7, (160, 90))
+            .expect("a camera")
     }
 
     #[test]

@@ -7,25 +7,25 @@ use std::f64::consts::TAU;
 
 /// A house front: plinth, storeys with windows, doors, a cornice.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Facade {
-    pub(in crate::simulate) wall: DVec3,
-    pub(in crate::simulate) trim: DVec3,
-    pub(in crate::simulate) glass: DVec3,
-    pub(in crate::simulate) door: DVec3,
-    pub(in crate::simulate) roof: DVec3,
-    pub(in crate::simulate) storey_m: f64,
+pub(crate) struct Facade {
+    pub(crate) wall: DVec3,
+    pub(crate) trim: DVec3,
+    pub(crate) glass: DVec3,
+    pub(crate) door: DVec3,
+    pub(crate) roof: DVec3,
+    pub(crate) storey_m: f64,
     /// Width of a bay: the room that one window takes.
-    pub(in crate::simulate) bay_m: f64,
+    pub(crate) bay_m: f64,
     /// Half width and half height of a window.
-    pub(in crate::simulate) window_half_m: DVec2,
+    pub(crate) window_half_m: DVec2,
     /// Height of a window's middle above its storey's floor.
-    pub(in crate::simulate) window_middle_m: f64,
+    pub(crate) window_middle_m: f64,
     /// Walls (as in [`WallPoint::wall`]) that have a door in the middle.
-    pub(in crate::simulate) door_walls: Vec<usize>,
+    pub(crate) door_walls: Vec<usize>,
     /// Height and the two colours of a striped awning over the windows, if there is one.
-    pub(in crate::simulate) awning: Option<(f64, DVec3, DVec3)>,
+    pub(crate) awning: Option<(f64, DVec3, DVec3)>,
     /// Added to the seeds of all noise; at most [`super::MAX_SEED`].
-    pub(in crate::simulate) seed: u32,
+    pub(crate) seed: u32,
 }
 
 /// Distance to a rectangle's edge, negative inside; beyond a corner the larger of the two.

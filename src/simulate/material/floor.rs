@@ -6,11 +6,11 @@ use glam::{DVec2, DVec3};
 
 /// One colour, a little uneven.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Plain {
-    pub(in crate::simulate) color: DVec3,
+pub(crate) struct Plain {
+    pub(crate) color: DVec3,
     /// Share by which it differs from place to place, 0 to 0.5.
-    pub(in crate::simulate) variation: f64,
-    pub(in crate::simulate) seed: u32,
+    pub(crate) variation: f64,
+    pub(crate) seed: u32,
 }
 
 impl Plain {
@@ -23,13 +23,13 @@ impl Plain {
 
 /// Square tiles in two colours.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Tiles {
-    pub(in crate::simulate) first: DVec3,
-    pub(in crate::simulate) second: DVec3,
-    pub(in crate::simulate) joint: DVec3,
-    pub(in crate::simulate) tile_m: f64,
-    pub(in crate::simulate) joint_m: f64,
-    pub(in crate::simulate) seed: u32,
+pub(crate) struct Tiles {
+    pub(crate) first: DVec3,
+    pub(crate) second: DVec3,
+    pub(crate) joint: DVec3,
+    pub(crate) tile_m: f64,
+    pub(crate) joint_m: f64,
+    pub(crate) seed: u32,
 }
 
 impl Tiles {
@@ -53,11 +53,11 @@ impl Tiles {
 
 /// Concrete in panels, stained where water ran.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Concrete {
-    pub(in crate::simulate) color: DVec3,
+pub(crate) struct Concrete {
+    pub(crate) color: DVec3,
     /// Width and height of a panel, metres.
-    pub(in crate::simulate) panel: DVec2,
-    pub(in crate::simulate) seed: u32,
+    pub(crate) panel: DVec2,
+    pub(crate) seed: u32,
 }
 
 impl Concrete {

@@ -17,9 +17,9 @@ pub(super) use paving::{Bands, Bed, Meadow, Paving, Ring};
 pub(super) use picture::PaintedPicture;
 pub(super) use road::{Asphalt, Marking};
 
-use crate::frame::linear_from_srgb;
 use glam::{DVec2, DVec3};
 use noise::noise;
+use videofields_vision::frame::linear_from_srgb;
 
 /// Width over which painted edges ramp, metres.
 const EDGE_M: f64 = 0.03;
@@ -33,14 +33,14 @@ pub(super) fn linear(srgb: [u8; 3]) -> DVec3 {
 
 /// A place on the wall or roof of a box.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct WallPoint {
+pub(crate) struct WallPoint {
     /// Which wall, counted from the one that faces the box's own -y, anticlockwise as seen from above; `None` is
     /// the roof.
-    pub(in crate::simulate) wall: Option<usize>,
+    pub(crate) wall: Option<usize>,
     /// Metres from the wall's left end (as seen from outside) and from its foot; on the roof, from its middle.
-    pub(in crate::simulate) at: DVec2,
+    pub(crate) at: DVec2,
     /// Width and height of the wall, metres.
-    pub(in crate::simulate) size: DVec2,
+    pub(crate) size: DVec2,
 }
 
 impl WallPoint {

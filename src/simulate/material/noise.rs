@@ -9,7 +9,7 @@
 use glam::DVec2;
 
 /// A number in [0, 1) for a lattice place; the same on every machine.
-pub(in crate::simulate) fn hash01(x: i64, y: i64, seed: u32) -> f64 {
+pub(crate) fn hash01(x: i64, y: i64, seed: u32) -> f64 {
     // The finaliser of SplitMix64 (Steele, Lea, Flood 2014) over a mix of the inputs.
     let mut bits = (x as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)
         ^ (y as u64).wrapping_mul(0xc2b2_ae3d_27d4_eb4f).rotate_left(31)
@@ -21,7 +21,7 @@ pub(in crate::simulate) fn hash01(x: i64, y: i64, seed: u32) -> f64 {
 }
 
 /// Noise of mean about 0 within [-1, 1] whose features are `wavelength_m` wide, for a sample `footprint_m` wide.
-pub(in crate::simulate) fn noise(at: DVec2, wavelength_m: f64, footprint_m: f64, seed: u32) -> f64 {
+pub(crate) fn noise(at: DVec2, wavelength_m: f64, footprint_m: f64, seed: u32) -> f64 {
     let visible = 1.0 - smooth_step(0.35, 0.9, footprint_m / wavelength_m);
     if visible <= 0.0 {
         return 0.0;
@@ -37,14 +37,14 @@ pub(in crate::simulate) fn noise(at: DVec2, wavelength_m: f64, footprint_m: f64,
 }
 
 /// 0 below `from`, 1 above `to`, smooth in between.
-pub(in crate::simulate) fn smooth_step(from: f64, to: f64, value: f64) -> f64 {
+pub(crate) fn smooth_step(from: f64, to: f64, value: f64) -> f64 {
     let t = ((value - from) / (to - from)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 /// How much of a sample `footprint_m` wide lies where `signed_distance_m` is below 0: 1 inside, 0 outside, and a
 /// ramp of at least `softness_m` across the edge.
-pub(in crate::simulate) fn coverage(signed_distance_m: f64, footprint_m: f64, softness_m: f64) -> f64 {
+pub(crate) fn coverage(signed_distance_m: f64, footprint_m: f64, softness_m: f64) -> f64 {
     let ramp = footprint_m.max(softness_m);
     (0.5 - signed_distance_m / ramp).clamp(0.0, 1.0)
 }

@@ -7,11 +7,11 @@ use std::f64::consts::TAU;
 
 /// Grass, mown in stripes.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Meadow {
-    pub(in crate::simulate) grass: DVec3,
-    pub(in crate::simulate) stripe_m: f64,
+pub(crate) struct Meadow {
+    pub(crate) grass: DVec3,
+    pub(crate) stripe_m: f64,
     /// Added to the seeds of all noise; at most [`super::MAX_SEED`].
-    pub(in crate::simulate) seed: u32,
+    pub(crate) seed: u32,
 }
 
 impl Meadow {
@@ -29,39 +29,39 @@ impl Meadow {
 
 /// Slabs with joints; dark bands, a compass rose of setts, and lawn beds with kerbs where there are any.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Paving {
-    pub(in crate::simulate) slab: DVec3,
-    pub(in crate::simulate) kerb: DVec3,
-    pub(in crate::simulate) lawn: Meadow,
-    pub(in crate::simulate) slab_m: f64,
-    pub(in crate::simulate) bands: Option<Bands>,
-    pub(in crate::simulate) ring: Option<Ring>,
-    pub(in crate::simulate) beds: Vec<Bed>,
+pub(crate) struct Paving {
+    pub(crate) slab: DVec3,
+    pub(crate) kerb: DVec3,
+    pub(crate) lawn: Meadow,
+    pub(crate) slab_m: f64,
+    pub(crate) bands: Option<Bands>,
+    pub(crate) ring: Option<Ring>,
+    pub(crate) beds: Vec<Bed>,
     /// Added to the seeds of all noise; at most [`super::MAX_SEED`].
-    pub(in crate::simulate) seed: u32,
+    pub(crate) seed: u32,
 }
 
 /// Bands of another stone that run both ways.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Bands {
-    pub(in crate::simulate) color: DVec3,
-    pub(in crate::simulate) spacing_m: f64,
+pub(crate) struct Bands {
+    pub(crate) color: DVec3,
+    pub(crate) spacing_m: f64,
 }
 
 /// A compass rose, 13 m wide.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Ring {
-    pub(in crate::simulate) center: DVec2,
-    pub(in crate::simulate) light: DVec3,
-    pub(in crate::simulate) dark: DVec3,
+pub(crate) struct Ring {
+    pub(crate) center: DVec2,
+    pub(crate) light: DVec3,
+    pub(crate) dark: DVec3,
 }
 
 /// A lawn bed: a rectangle with round corners.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) struct Bed {
-    pub(in crate::simulate) center: DVec2,
-    pub(in crate::simulate) half_size: DVec2,
-    pub(in crate::simulate) corner_m: f64,
+pub(crate) struct Bed {
+    pub(crate) center: DVec2,
+    pub(crate) half_size: DVec2,
+    pub(crate) corner_m: f64,
 }
 
 impl Bed {

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 /// A repeated picture.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct PaintedPicture {
+pub(crate) struct PaintedPicture {
     /// Width of one copy on the surface, metres; its height follows from the picture's.
     width_m: f64,
     /// From the picture itself to one pixel.
@@ -25,7 +25,7 @@ struct Level {
 impl PaintedPicture {
     /// The picture of `width` columns whose 8-bit sRGB pixels are these, row by row from the top; `None` if they
     /// make no whole rows or there are none.
-    pub(in crate::simulate) fn new(width: usize, srgb: &[u8], width_m: f64) -> Option<Self> {
+    pub(crate) fn new(width: usize, srgb: &[u8], width_m: f64) -> Option<Self> {
         let n_pixels = srgb.len() / 3;
         if width == 0 || n_pixels == 0 || !n_pixels.is_multiple_of(width) || !srgb.len().is_multiple_of(3) {
             return None;

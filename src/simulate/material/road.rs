@@ -6,16 +6,16 @@ use glam::{DVec2, DVec3};
 
 /// Asphalt.
 #[derive(Clone, Debug)]
-pub(in crate::simulate) struct Asphalt {
-    pub(in crate::simulate) color: DVec3,
+pub(crate) struct Asphalt {
+    pub(crate) color: DVec3,
     /// Painted in this order.
-    pub(in crate::simulate) markings: Vec<Marking>,
-    pub(in crate::simulate) seed: u32,
+    pub(crate) markings: Vec<Marking>,
+    pub(crate) seed: u32,
 }
 
 /// Something painted on a road; places are the world's.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::simulate) enum Marking {
+pub(crate) enum Marking {
     /// A line, in one piece or in dashes.
     Line {
         from: DVec2,

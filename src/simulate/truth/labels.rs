@@ -3,7 +3,7 @@
 //! Instance, shadow and coverage go in; a mask of labels comes out, as changedetection.net has them (Wang et al. 2014,
 //! `CDnet` 2014: an expanded change detection benchmark dataset).
 
-use crate::frame::Mask;
+use videofields_vision::frame::Mask;
 
 /// The still world.
 pub const STATIC: u8 = 0;

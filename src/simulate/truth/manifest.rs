@@ -3,48 +3,45 @@
 //! Owns the words of the manifest; a tool needs no other document to read what was written.
 
 use super::write_file;
-use crate::simulate::SimulateError;
-use crate::simulate::effects::{ClockError, Effects};
+use crate::SimulateError;
+use crate::effects::{ClockError, Effects};
 use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
 /// What was written.
 #[derive(Serialize)]
-pub(in crate::simulate) struct Manifest<'a> {
-    pub(in crate::simulate) world: &'a str,
+pub(crate) struct Manifest<'a> {
+    pub(crate) world: &'a str,
     /// Of `positions.jsonl`: the fastest camera's.
-    pub(in crate::simulate) rate_hz: f64,
-    pub(in crate::simulate) n_frames: u64,
-    pub(in crate::simulate) samples_per_side: u32,
-    pub(in crate::simulate) cameras: Vec<ManifestCamera>,
-    pub(in crate::simulate) views: Vec<ManifestCamera>,
-    pub(in crate::simulate) effects: &'a Effects,
+    pub(crate) rate_hz: f64,
+    pub(crate) n_frames: u64,
+    pub(crate) samples_per_side: u32,
+    pub(crate) cameras: Vec<ManifestCamera>,
+    pub(crate) views: Vec<ManifestCamera>,
+    pub(crate) effects: &'a Effects,
 }
 
 /// A camera or view of the manifest.
 #[derive(Serialize)]
-pub(in crate::simulate) struct ManifestCamera {
-    pub(in crate::simulate) id: String,
-    pub(in crate::simulate) size_px: (u32, u32),
-    pub(in crate::simulate) rate_hz: f64,
-    pub(in crate::simulate) n_frames: u64,
+pub(crate) struct ManifestCamera {
+    pub(crate) id: String,
+    pub(crate) size_px: (u32, u32),
+    pub(crate) rate_hz: f64,
+    pub(crate) n_frames: u64,
     /// Numbers of the frames whose pictures were written.
-    pub(in crate::simulate) frames: Vec<u64>,
-    pub(in crate::simulate) calibration: String,
+    pub(crate) frames: Vec<u64>,
+    pub(crate) calibration: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(in crate::simulate) clip: Option<String>,
+    pub(crate) clip: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(in crate::simulate) clock: Option<ClockError>,
+    pub(crate) clock: Option<ClockError>,
     /// The folder of pictures without the sensor's effects.
-    pub(in crate::simulate) clean: &'static str,
+    pub(crate) clean: &'static str,
 }
 
 /// Writes `truth.json` into `folder`.
-pub(in crate::simulate) fn write_manifest(
-    folder: &Path,
-    manifest: &Manifest<'_>,
-) -> Result<(), SimulateError> {
+pub(crate) fn write_manifest(folder: &Path, manifest: &Manifest<'_>) -> Result<(), SimulateError> {
     let mut document = json!({"version": 1});
     let parts = [serde_json::to_value(manifest)?, formats()];
     for part in parts {

@@ -13,12 +13,12 @@ pub(super) use positions::{visible, write_positions};
 
 use super::SimulateError;
 use super::cast::{Truth, center_ray};
-use crate::frame::{Mask, RgbImage};
-use crate::geometry::Camera;
 use rayon::prelude::*;
 use serde::Serialize;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::geometry::Camera;
 
 /// Who a folder of truth is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -161,11 +161,19 @@ impl JsonLines {
     }
 }
 
-pub(super) fn save_rgb(path: &Path, rgb: &RgbImage) -> Result<(), SimulateError> {
+/// Writes a picture as PNG.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn save_rgb(path: &Path, rgb: &RgbImage) -> Result<(), SimulateError> {
     save(path, &rgb.data, (rgb.width, rgb.height), image::ExtendedColorType::Rgb8)
 }
 
-pub(super) fn save_mask(path: &Path, mask: &Mask) -> Result<(), SimulateError> {
+/// Writes a mask as PNG.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn save_mask(path: &Path, mask: &Mask) -> Result<(), SimulateError> {
     save(path, &mask.data, (mask.width, mask.height), image::ExtendedColorType::L8)
 }
 
@@ -189,11 +197,19 @@ fn save(
         .map_err(|source| SimulateError::Picture { path: path.to_owned(), source })
 }
 
-pub(super) fn make_folder(path: &Path) -> Result<(), SimulateError> {
+/// Makes a folder and those above it; one that is there is left as it is.
+///
+/// # Errors
+/// When it cannot be made.
+pub fn make_folder(path: &Path) -> Result<(), SimulateError> {
     std::fs::create_dir_all(path).map_err(|source| SimulateError::File { path: path.to_owned(), source })
 }
 
-pub(super) fn write_file(path: &Path, text: &str) -> Result<(), SimulateError> {
+/// Writes a text.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_file(path: &Path, text: &str) -> Result<(), SimulateError> {
     std::fs::write(path, text).map_err(|source| SimulateError::File { path: path.to_owned(), source })
 }
 

@@ -4,15 +4,15 @@
 //! cameras' pictures; `visible.jsonl` of a camera with what its instance masks show of them.
 
 use super::JsonLines;
-use crate::frame::Mask;
-use crate::geometry::Camera;
-use crate::simulate::SimulateError;
-use crate::simulate::options::Device;
-use crate::simulate::world::World;
+use crate::SimulateError;
+use crate::options::Device;
+use crate::world::World;
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use videofields_vision::frame::Mask;
+use videofields_vision::geometry::Camera;
 
 /// A line of `positions.jsonl`.
 #[derive(Serialize)]
@@ -37,7 +37,7 @@ struct FigureDocument<'a> {
 }
 
 /// Writes where every figure is in each of `n_frames` frames, whose times `time_of` tells.
-pub(in crate::simulate) fn write_positions(
+pub(crate) fn write_positions(
     path: PathBuf,
     world: &World,
     cameras: &[Device],
@@ -86,7 +86,7 @@ fn rectangle_px(camera: &Camera, low: DVec3, high: DVec3) -> Option<[f64; 4]> {
 
 /// A line of a camera's `visible.jsonl`.
 #[derive(Debug, PartialEq, Serialize)]
-pub(in crate::simulate) struct VisibleDocument {
+pub(crate) struct VisibleDocument {
     frame: u64,
     time_secs: f64,
     figures: Vec<VisibleFigure>,
@@ -101,7 +101,7 @@ struct VisibleFigure {
 }
 
 /// What a frame's instance mask shows of the figures.
-pub(in crate::simulate) fn visible(frame: u64, time_secs: f64, instance: &Mask) -> VisibleDocument {
+pub(crate) fn visible(frame: u64, time_secs: f64, instance: &Mask) -> VisibleDocument {
     let mut found: BTreeMap<u8, ([u32; 4], u64)> = BTreeMap::new();
     for y in 0..instance.height {
         for (x, value) in (0..).zip(instance.row(y)).filter(|(_, value)| **value > 0) {
@@ -119,11 +119,10 @@ pub(in crate::simulate) fn visible(frame: u64, time_secs: f64, instance: &Mask) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::pinhole;
 
     #[test]
     fn rectangles_are_around_boxes_and_within_pictures() {
-        let camera = pinhole(DVec3::new(0.0, -10.0, 1.0), DVec3::new(0.0, 0.0, 1.0), 0.6, (200, 100))
+        let camera = Camera::pinhole(DVec3::new(0.0, -10.0, 1.0), DVec3::new(0.0, 0.0, 1.0), 0.6, (200, 100))
             .expect("a camera");
         let cube = |center: DVec3| rectangle_px(&camera, center - 0.5, center + 0.5);
         let [left, top, right, bottom] = cube(DVec3::Z).expect("in front");

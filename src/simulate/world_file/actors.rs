@@ -5,12 +5,12 @@ use super::super::material::linear;
 use super::super::material::noise::hash01;
 use super::paths::{Legs, PathDocument, motion};
 use super::reader::{Placed, Reader};
-use crate::error::pointer_to;
-use crate::frame::is_id;
-use crate::scene::Color;
 use glam::DVec3;
 use serde::Deserialize;
 use std::collections::HashSet;
+use videofields_picture::scene::Color;
+use videofields_vision::error::pointer_to;
+use videofields_vision::frame::is_id;
 
 /// Instances are 8 bits, of which 0 is what stands still and 255 is kept free.
 const MAX_ACTORS: usize = 254;

@@ -2,13 +2,13 @@
 
 use super::super::world::{Focal, WorldCamera, WorldView};
 use super::reader::{Placed, Reader, three};
-use crate::calibrate::DistortionDocument;
-use crate::error::pointer_to;
-use crate::geometry::{Distortion, Pose};
 use glam::{DQuat, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashSet;
+use videofields_vision::calibrate::DistortionDocument;
+use videofields_vision::error::pointer_to;
+use videofields_vision::geometry::{Distortion, Pose};
 
 const MAX_CAMERAS: usize = 1000;
 const MAX_VIEWS: usize = 100;

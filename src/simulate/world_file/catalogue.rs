@@ -4,10 +4,10 @@ use super::super::SimulateError;
 use super::super::world::World;
 use super::files::{Beneath, NoFiles};
 use super::parse;
-use crate::error::Fault;
-use crate::scene::MAX_DOCUMENT_BYTES;
 use std::io::Read;
 use std::path::Path;
+use videofields_picture::scene::MAX_DOCUMENT_BYTES;
+use videofields_vision::error::Fault;
 
 macro_rules! worlds {
     ($($id:literal),* $(,)?) => {
@@ -121,10 +121,10 @@ impl World {
             faulty(path, vec![Fault::new("", format!("the document must be UTF-8, but byte {byte} is not"))])
         })?;
         let id = path.file_stem().map(|stem| stem.to_string_lossy().to_lowercase()).unwrap_or_default();
-        if !crate::frame::is_id(&id) {
+        if !videofields_vision::frame::is_id(&id) {
             let message = format!(
                 "the file's name gives the world's id, but {id:?} is none: {}",
-                crate::frame::IdError
+                videofields_vision::frame::IdError
             );
             return Err(faulty(path, vec![Fault::new("", message)]));
         }
@@ -143,7 +143,7 @@ impl World {
 
 fn unknown(id: &str) -> SimulateError {
     let ids: Vec<_> = ids().collect();
-    SimulateError::UnknownWorld { message: crate::error::unknown("world", id, &ids) }
+    SimulateError::UnknownWorld { message: videofields_vision::error::unknown("world", id, &ids) }
 }
 
 fn faulty(path: &Path, faults: Vec<Fault>) -> SimulateError {

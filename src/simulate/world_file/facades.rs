@@ -3,9 +3,9 @@
 use super::super::material::{Facade, Material, linear};
 use super::materials::seed;
 use super::reader::{Placed, Reader, two};
-use crate::error::pointer_to;
-use crate::scene::Color;
 use serde::Deserialize;
+use videofields_picture::scene::Color;
+use videofields_vision::error::pointer_to;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, default)]

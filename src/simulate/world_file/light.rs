@@ -4,11 +4,11 @@ use super::super::light::{Lamp, Light, Spot};
 use super::super::material::linear;
 use super::super::sun::sun_position;
 use super::reader::{Placed, Reader, three};
-use crate::error::pointer_to;
-use crate::scene::{Color, OriginDocument};
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
+use videofields_picture::scene::{Color, OriginDocument};
+use videofields_vision::error::pointer_to;
 
 const MAX_LAMPS: usize = 64;
 /// The most that a light may be: a white surface is as bright as a picture can show at 1.

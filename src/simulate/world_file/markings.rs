@@ -3,11 +3,11 @@
 use super::super::material::{Asphalt, Marking, Material, linear};
 use super::materials::seed;
 use super::reader::{Placed, Reader, two};
-use crate::error::pointer_to;
-use crate::scene::Color;
 use glam::DVec2;
 use serde::Deserialize;
 use serde_json::Value;
+use videofields_picture::scene::Color;
+use videofields_vision::error::pointer_to;
 
 const MAX_MARKINGS: usize = 256;
 const MARKINGS: [&str; 3] = ["line", "zebra", "bays"];

@@ -7,13 +7,13 @@ use super::facades::facade;
 use super::files::Files;
 use super::markings::asphalt;
 use super::reader::{Placed, Reader, two};
-use crate::error::pointer_to;
-use crate::scene::Color;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
 use std::collections::HashMap;
 use std::sync::Arc;
+use videofields_picture::scene::Color;
+use videofields_vision::error::pointer_to;
 
 const MAX_MATERIALS: usize = 256;
 const MAX_BEDS: usize = 64;
@@ -33,7 +33,10 @@ impl Materials {
         if found.is_none() {
             let mut known: Vec<&str> = self.by_name.keys().map(String::as_str).collect();
             known.sort_unstable();
-            reader.fault(pointer_to(place, "material"), crate::error::unknown("material", name, &known));
+            reader.fault(
+                pointer_to(place, "material"),
+                videofields_vision::error::unknown("material", name, &known),
+            );
         }
         found
     }

@@ -21,14 +21,14 @@ pub(super) use still::ground_height;
 use super::effects::Effects;
 use super::solids::Solids;
 use super::world::World;
-use crate::error::{Fault, Gatherer, pointer_to};
-use crate::geometry::Surfaces;
-use crate::scene::{OriginDocument, SceneError, json_tree};
 use files::Files;
 use reader::{Placed, Reader};
 use serde_json::{Map, Value};
 use std::collections::HashSet;
 use std::sync::Arc;
+use videofields_picture::scene::{OriginDocument, SceneError, json_tree};
+use videofields_vision::error::{Fault, Gatherer, pointer_to};
+use videofields_vision::geometry::Surfaces;
 
 /// The only version there is.
 const VERSION: u64 = 1;
@@ -124,7 +124,7 @@ fn with_base(tree: Value, reader: &mut Reader<'_>) -> Option<Value> {
     let Some(text) = base.as_str().and_then(catalogue::text_of) else {
         let ids: Vec<_> = catalogue::ids().collect();
         let message = match base.as_str() {
-            Some(id) => crate::error::unknown("world", id, &ids),
+            Some(id) => videofields_vision::error::unknown("world", id, &ids),
             None => "expected the name of a world of the catalogue".to_owned(),
         };
         reader.fault(place, message);

@@ -2,9 +2,9 @@
 
 use super::super::actor::{Ending, Motion, MotionFault, Pace, Path, Stop};
 use super::reader::{Reader, two};
-use crate::error::pointer_to;
 use serde::Deserialize;
 use std::sync::Arc;
+use videofields_vision::error::pointer_to;
 
 const MAX_CORNERS: usize = 512;
 const MAX_STOPS: usize = 64;

@@ -1,13 +1,13 @@
 //! What every part of a world document is read with: ranges, points, ids, kinds, each fault at its place.
 
-use crate::error::{Gatherer, pointer_to, unknown};
-use crate::frame::{IdError, is_id};
-use crate::geometry::SurfaceError;
 use glam::{DVec2, DVec3};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashSet;
 use std::ops::RangeInclusive;
+use videofields_vision::error::{Gatherer, pointer_to, unknown};
+use videofields_vision::frame::{IdError, is_id};
+use videofields_vision::geometry::SurfaceError;
 
 /// Farthest from the origin that anything may be, metres.
 const FARTHEST_M: f64 = 1e8;

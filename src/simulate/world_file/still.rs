@@ -5,12 +5,12 @@ use super::super::material::Material;
 use super::super::shape::Part;
 use super::materials::Materials;
 use super::reader::{Placed, Reader, three, two};
-use crate::error::pointer_to;
-use crate::geometry::{GroundPolygon, OrientedBox};
 use glam::DVec2;
 use serde::Deserialize;
 use std::collections::HashSet;
 use std::sync::Arc;
+use videofields_vision::error::pointer_to;
+use videofields_vision::geometry::{GroundPolygon, OrientedBox};
 
 const MAX_POLYGONS: usize = 256;
 const MAX_CORNERS: usize = 16_384;
@@ -42,7 +42,7 @@ impl Still {
 }
 
 /// Height of the topmost ground at a place, metres; 0 beside all ground.
-pub(in crate::simulate) fn ground_height<'a>(
+pub(crate) fn ground_height<'a>(
     ground: impl Iterator<Item = &'a GroundPolygon>,
     terrain: Option<&Terrain>,
     at: DVec2,

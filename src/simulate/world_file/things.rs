@@ -6,10 +6,10 @@ use super::super::material::noise::hash01;
 use super::super::shape::{Part, Shape};
 use super::reader::{Placed, Reader, three, two};
 use super::still::Still;
-use crate::scene::Color;
 use glam::{DVec2, DVec3};
 use serde::Deserialize;
 use std::f64::consts::TAU;
+use videofields_picture::scene::Color;
 
 const MAX_THINGS: usize = 4096;
 

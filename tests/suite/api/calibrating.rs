@@ -7,8 +7,8 @@ use axum::body::Body;
 use axum::http::Request;
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
-use videofields::calibrate::CameraDocument;
-use videofields::geometry::{Camera, Distortion, Pose};
+use videofields_vision::calibrate::CameraDocument;
+use videofields_vision::geometry::{Camera, Distortion, Pose};
 
 const SOLVE: &str = "/api/v1/calibrations/solve";
 const VANISHING: &str = "/api/v1/calibrations/vanishing";

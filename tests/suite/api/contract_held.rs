@@ -2,10 +2,10 @@
 
 use super::contract::{document, operations};
 use super::users::{House, Shows};
-use crate::support::schema;
 use axum::body::{Body, HttpBody, to_bytes};
 use axum::http::{HeaderMap, Request};
 use serde_json::{Value, json};
+use videofields_testing::schema;
 
 /// What the stand-in has nothing of: 503 is answered instead.
 const NOT_THERE: [&str; 1] = ["/api/v1/snapshots"];

@@ -2,9 +2,9 @@
 
 use super::Bench;
 use super::contract::{CONTRACT, document, operations, references};
-use crate::support::{golden, schema};
 use serde_json::Value;
 use std::collections::BTreeSet;
+use videofields_testing::{golden, schema};
 
 /// What every operation may answer, whatever it is for.
 const ALWAYS: [&str; 7] = ["400", "401", "414", "421", "431", "500", "503"];

@@ -7,13 +7,17 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
-use videofields::access::Grants;
-use videofields::archive::{ExportFile, ExportState, ExportStatus};
-use videofields::clock::Timestamp;
-use videofields::config::{
-    CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment,
+use videofields_picture::fuse::{Entity, SceneState, Velocity};
+use videofields_picture::plan::{
+    Basis, CostRow, CostTable, EntityStyle, Forecast, Machine, Plan, Reason, Sampling, Settings, Spread,
 };
-use videofields::engine::{
+use videofields_picture::scene::{Scene, SceneView, Sky};
+use videofields_recording::archive::{ExportFile, ExportState, ExportStatus};
+use videofields_recording::store::ActivityRecord;
+use videofields_recording::timeline::{
+    Alignment, Event, EventKind, EventLog, Horizon, LoggedEvent, PlayheadMode,
+};
+use videofields_service::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CameraAlignment, CameraBlur, CameraSummary, CameraTimeline,
     DeviceSummary, Door, EngineError, Expected, FoundPoint, FoundSources, FoundTrack, FoundTracks,
     LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
@@ -21,18 +25,15 @@ use videofields::engine::{
     Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
     StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
-use videofields::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Entity, SceneState, Velocity};
-use videofields::geometry::Surfaces;
-use videofields::plan::{
-    Basis, CostRow, CostTable, EntityStyle, Forecast, Machine, Plan, Reason, Sampling, Settings, Spread,
+use videofields_vision::access::Grants;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{
+    CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment,
 };
-use videofields::scene::{Scene, SceneView, Sky};
-use videofields::segment::PixelRect;
-use videofields::store::ActivityRecord;
-use videofields::timeline::{
-    Alignment, Event, EventKind, EventLog, Horizon, LoggedEvent, Observation, PlayheadMode,
-};
+use videofields_vision::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields_vision::geometry::Surfaces;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::PixelRect;
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);

@@ -4,7 +4,7 @@ use super::{Answer, Bench};
 use axum::body::Body;
 use axum::http::Request;
 use serde_json::json;
-use videofields::archive::ExportFile;
+use videofields_recording::archive::ExportFile;
 
 const EXPORTS: &str = "/api/v1/exports";
 const ONE: &str = "/api/v1/exports/20260301t120000z";

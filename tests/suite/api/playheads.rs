@@ -61,7 +61,7 @@ async fn pictures_are_asked_for_where_a_playhead_stands() {
     let view = bench.get("/api/v1/scenes/plaza/view.png?width=8&height=4&t=playhead:wall").await;
     assert_eq!(view.status, StatusCode::OK);
     let asked = bench.door.0.lock().unwrap().view.clone().unwrap();
-    assert_eq!(asked.at, videofields::engine::At::Time("1970-01-01T00:00:05Z".parse().unwrap()));
+    assert_eq!(asked.at, videofields_service::engine::At::Time("1970-01-01T00:00:05Z".parse().unwrap()));
     let path = "/api/v1/cameras/north/frame.jpg";
     let problem = bench.get(&format!("{path}?t=playhead:other")).await.problem(400, path);
     assert_eq!(problem["errors"], json!([{"parameter": "t", "detail": "there is no playhead \"other\""}]));
@@ -97,7 +97,7 @@ async fn a_playheads_followers_are_told_of_every_change_until_it_is_gone() {
         bench.router.clone().oneshot(Request::get(&events).body(Body::empty()).unwrap()).await.unwrap();
     let mut stream = response.into_body().into_data_stream();
     next_event(&mut stream).await.unwrap();
-    bench.door.0.lock().unwrap().changes.send_replace(videofields::engine::ENDED);
+    bench.door.0.lock().unwrap().changes.send_replace(videofields_service::engine::ENDED);
     assert_eq!(next_event(&mut stream).await, None, "no stream holds up the daemon's end");
     bench.get("/api/v1/playheads/none/events").await.problem(404, "/api/v1/playheads/none/events");
 }

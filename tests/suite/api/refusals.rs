@@ -7,10 +7,10 @@ use axum::http::Request;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use std::time::Duration;
-use videofields::api::Limits;
-use videofields::clock::Timestamp;
-use videofields::engine::EngineError;
-use videofields::error::Fault;
+use videofields_api::Limits;
+use videofields_service::engine::EngineError;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::Fault;
 
 const VIEW: &str = "/api/v1/scenes/plaza/view.jpg";
 const FRAME: &str = "/api/v1/cameras/north/frame.jpg";
@@ -357,7 +357,7 @@ fn no_request_whatever_panics_or_is_the_daemons_fault() {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let bench = Bench::new();
     let mut runner = proptest::test_runner::TestRunner::new_with_rng(
-        crate::support::seeded(3000),
+        videofields_testing::seeded(3000),
         proptest::test_runner::TestRng::deterministic_rng(proptest::test_runner::RngAlgorithm::ChaCha),
     );
     let seen: [std::cell::Cell<u32>; 600] = std::array::from_fn(|_| std::cell::Cell::new(0));

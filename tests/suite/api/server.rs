@@ -9,9 +9,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
-use videofields::api::{ConnectionTimes, Limits, Site, router_within, serve_within};
-use videofields::clock::SystemClock;
-use videofields::engine::Handle;
+use videofields_api::{ConnectionTimes, Limits, Site, router_within, serve_within};
+use videofields_service::engine::Handle;
+use videofields_vision::clock::SystemClock;
 
 pub(super) struct Running {
     pub(super) address: SocketAddr,
@@ -82,8 +82,10 @@ async fn a_request_in_flight_is_finished_before_the_end() {
     };
     running.stop.send(()).unwrap();
     tokio::task::yield_now().await;
-    let busy =
-        videofields::engine::EngineError::Busy { waiting: 7, retry_after: Duration::from_millis(1500) };
+    let busy = videofields_service::engine::EngineError::Busy {
+        waiting: 7,
+        retry_after: Duration::from_millis(1500),
+    };
     reply.send(Err(busy)).unwrap();
     let answer = answer.await.unwrap();
     assert!(answer.starts_with("HTTP/1.1 503 "), "{answer}");

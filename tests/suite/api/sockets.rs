@@ -10,9 +10,9 @@ use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::{HeaderValue, StatusCode};
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{WebSocketStream, client_async};
-use videofields::encode::PictureFormat;
-use videofields::engine::EngineError;
-use videofields::wall::FrameHeader;
+use videofields_service::engine::EngineError;
+use videofields_service::wall::FrameHeader;
+use videofields_vision::encode::PictureFormat;
 
 pub(crate) type Socket = WebSocketStream<TcpStream>;
 

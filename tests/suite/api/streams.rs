@@ -7,8 +7,8 @@ use axum::http::Request;
 use futures_util::StreamExt;
 use std::time::Duration;
 use tower::ServiceExt;
-use videofields::api::Limits;
-use videofields::engine::EngineError;
+use videofields_api::Limits;
+use videofields_service::engine::EngineError;
 
 const VIEW: &str = "/api/v1/scenes/plaza/view.mjpeg?width=64&height=48&rate=30";
 

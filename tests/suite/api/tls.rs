@@ -1,7 +1,6 @@
 //! Connections that are encrypted: what certificates are taken, exchanged and refused, and who gets an answer.
 
 use super::door::{FakeDoor, State};
-use crate::support::tls::{self, Files, connect};
 use rcgen::KeyPair;
 use rustls::pki_types::CertificateDer;
 use std::io::{ErrorKind, Read, Write};
@@ -12,9 +11,10 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
-use videofields::api::{Limits, Site, Tls, router_within, serve};
-use videofields::clock::SystemClock;
-use videofields::engine::Handle;
+use videofields_api::{Limits, Site, Tls, router_within, serve};
+use videofields_service::engine::Handle;
+use videofields_testing::tls::{self, Files, connect};
+use videofields_vision::clock::SystemClock;
 
 struct Running {
     address: SocketAddr,

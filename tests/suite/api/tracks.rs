@@ -6,10 +6,10 @@ use axum::http::StatusCode;
 use glam::DVec2;
 use proptest::prelude::*;
 use serde_json::json;
-use videofields::api::Limits;
-use videofields::clock::Timestamp;
-use videofields::engine::{EngineError, TrackQuery};
-use videofields::error::Fault;
+use videofields_api::Limits;
+use videofields_service::engine::{EngineError, TrackQuery};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::Fault;
 
 const TRACKS: &str = "/api/v1/scenes/plaza/tracks";
 const SPAN: &str = "from=1970-01-01T00:00:00Z&to=1970-01-01T01:00:00Z";
@@ -131,7 +131,7 @@ async fn what_the_engine_refuses_is_passed_on() {
 }
 
 proptest! {
-    #![proptest_config(crate::support::seeded(64))]
+    #![proptest_config(videofields_testing::seeded(64))]
 
     #[test]
     fn no_query_makes_it_panic(region in "[0-9,;.e+-]{0,60}", before in "[0-9a-z:-]{0,30}") {

@@ -4,7 +4,7 @@ use super::{Answer, Bench, DOCUMENT, State};
 use axum::body::Body;
 use axum::http::Request;
 use std::io::Read as _;
-use videofields::api::Limits;
+use videofields_api::Limits;
 
 async fn get(bench: &Bench, path: &str, fields: &[(&str, &str)]) -> Answer {
     let request =

@@ -9,12 +9,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::access::{Grants, Right};
-use videofields::accounts::{Accounts, Audit};
-use videofields::api::{Limits, Trust};
-use videofields::catalog::Catalog;
-use videofields::clock::{Clock, Timestamp};
-use videofields::store::Store;
+use videofields_api::{Limits, Trust};
+use videofields_recording::accounts::{Accounts, Audit};
+use videofields_recording::store::Store;
+use videofields_service::catalog::Catalog;
+use videofields_vision::access::{Grants, Right};
+use videofields_vision::clock::{Clock, Timestamp};
 
 const PASSWORD: &str = "a long password";
 
@@ -556,7 +556,7 @@ async fn a_revoked_token_ends_a_conversation_with_its_reason() {
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
     let router = house.bench.router.clone();
     let served =
-        tokio::spawn(videofields::api::serve(listener, None, router, async move { stopped.await.unwrap() }));
+        tokio::spawn(videofields_api::serve(listener, None, router, async move { stopped.await.unwrap() }));
     let path = "/api/v1/scenes/plaza/frames?width=64&height=48&rate=30";
     assert!(dial(address, path, &[]).await.is_err(), "a stranger");
     let bearer = [("authorization", format!("Bearer {token}"))];

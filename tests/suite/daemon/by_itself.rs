@@ -5,7 +5,7 @@ use super::process::Daemon;
 use serde_json::json;
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::clock::{Clock, SystemClock};
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// Schedules fall on whole minutes: the longest wait for one, with time to make it.
 const PATIENCE: Duration = Duration::from_secs(120);

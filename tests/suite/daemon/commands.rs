@@ -7,7 +7,8 @@ use std::io::Read;
 use std::path::Path;
 use std::process::Stdio;
 use tempfile::TempDir;
-use videofields::gpu::Gpu;
+use videofields_render::gpu::Gpu;
+use videofields_simulate::{SimulateOptions, World};
 
 fn in_folder(folder: &Path, arguments: &[&str]) -> Output {
     run(videofields().current_dir(folder).args(arguments))
@@ -31,14 +32,13 @@ fn succeed(folder: &Path, arguments: &[&str]) -> Output {
 fn what_is_simulated_is_checked_segmented_viewed_and_compared() {
     let folder = TempDir::new().unwrap();
     let folder = folder.path();
-    let written = succeed(
-        folder,
-        &["simulate", "--out", "world", "--seconds", "1.5", "--size-px", "96x54", "--samples", "1"],
-    );
-    let lines: Vec<&str> = written.stdout.lines().collect();
-    assert_eq!(lines[0], "15 frames a clip");
-    assert_eq!(lines.last(), Some(&"world/plaza.toml"));
-    assert!(lines[1..].iter().all(|path| folder.join(path).is_file()), "{lines:?}");
+    let options = SimulateOptions {
+        seconds: Some(1.5),
+        size_px: Some((96, 54)),
+        samples_per_side: 1,
+        ..SimulateOptions::new(folder.join("world"))
+    };
+    videofields_simulate::write(&World::named("plaza").unwrap(), &options).unwrap();
 
     let checked = succeed(folder, &["check-config", "world/plaza.toml"]);
     assert_eq!(
@@ -204,45 +204,19 @@ fn views_are_drawn(folder: &Path) {
 }
 
 #[test]
-fn nonsense_for_simulate_is_refused_before_anything_is_written() {
+fn commands_of_developers_say_where_they_went() {
     let folder = TempDir::new().unwrap();
-    let refused = |flags: &[&str], status, expected: &str| {
-        check_refused(folder.path(), &[&["simulate", "--out", "world"], flags].concat(), status, expected);
-        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "{flags:?}");
-    };
-    refused(&["--world", "moon"], 1, "moon");
-    refused(&["--rate-hz", "0"], 1, "rate");
-    refused(&["--seconds", "nan"], 1, "length");
-    refused(&["--samples", "0"], 1, "samples");
-    refused(&["--size-px", "1x1"], 1, "size");
-    refused(&["--size-px", "many"], 2, "--size-px");
-    refused(&["--with", "rian"], 2, "did you mean `rain`?");
-    refused(&["--explain"], 2, "--explain");
-    check_refused(folder.path(), &["simulate"], 2, "--out");
-}
-
-#[test]
-fn simulate_says_what_a_world_calls_for() {
-    let folder = TempDir::new().unwrap();
-    let small = ["simulate", "--size-px", "64x36", "--samples", "1", "--explain"];
-    let told = succeed(folder.path(), &[&small[..], &["--with", "noise", "--json"]].concat());
-    let told: Value = serde_json::from_str(&told.stdout).unwrap();
-    let on = |id: &str| {
-        let mut lines = told["effects"].as_array().unwrap().iter();
-        let line = lines.find(|line| line["id"] == id).unwrap();
-        (line["is_on"].as_bool(), line["cost_ms"].is_number(), line["settings"].is_object())
-    };
-    assert_eq!(on("noise"), (Some(true), true, true));
-    assert_eq!(on("cast-shadows"), (Some(true), true, true));
-    assert_eq!(on("rain"), (Some(false), false, false));
-    assert_eq!(told["still_world"]["is_cast_once"], true);
-    let table =
-        succeed(folder.path(), &[&small[..], &["--without", "all", "--with", "light-drift"]].concat()).stdout;
-    assert!(table.contains("cast for every frame (light-drift changes it between frames)"), "{table}");
-    assert!(table.contains("| light-drift") && table.contains("| not named |"), "{table}");
-    let listed = succeed(folder.path(), &["simulate", "--list"]).stdout;
-    assert!(listed.lines().any(|line| line.starts_with("plaza ")), "{listed}");
-    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
+    for (arguments, expected) in [
+        (&["simulate", "--out", "world", "--help"][..], "videofields-lab simulate"),
+        (&["accuracy"], "videofields-lab accuracy"),
+        (&["bench", "views", "--world", "plaza"], "videofields-lab bench"),
+        (&["sequence", "simulate", "--out", "walk"], "videofields-lab sequence"),
+    ] {
+        check_refused(folder.path(), arguments, 1, expected);
+    }
+    let help = run(videofields().arg("--help")).stdout;
+    let is_listed = |command: &str| help.lines().any(|line| line.trim_start().starts_with(command));
+    assert!(is_listed("segment ") && !is_listed("simulate ") && !is_listed("bench "), "{help}");
 }
 
 #[test]
@@ -255,14 +229,13 @@ fn help_says_what_every_command_and_flag_is_for() {
             assert!(text.contains(part), "{arguments:?}: {part:?} is not in {}", output.stdout);
         }
     };
-    let commands = ["serve", "demo", "check-config", "view", "segment", "compare", "calibration", "simulate"];
+    let commands = ["serve", "demo", "check-config", "view", "segment", "compare", "calibration"];
     check(&[], &commands);
     check(&["serve"], &["--config <FILE>", "--listen <ADDR>", "SIGTERM"]);
     check(&["view"], &["--eye <X,Y,Z>", "nanoseconds is time into the clip", "1280 if absent"]);
     check(&["segment"], &["255 moving, 50 shadow, 0 background", "frames a second were decoded"]);
     check(&["compare"], &["scikit-image", "PSNR is null"]);
     check(&["calibration"], &["pixel centres lie at +0.5"]);
-    check(&["simulate"], &["--explain", "truth.json", "Names one more effect", "--list"]);
     check(&["check-config"], &["do not make the configuration wrong"]);
     assert_eq!(run(&mut videofields()).status, Some(2));
     assert_eq!(run(videofields().arg("fly")).status, Some(2));

@@ -2,11 +2,11 @@
 
 use super::demo;
 use super::process::{run, signal, start_at, videofields};
-use crate::support::tls::{self, Files};
-use crate::support::wait_for;
 use std::io::Write;
 use std::process::Stdio;
 use tempfile::TempDir;
+use videofields_testing::tls::{self, Files};
+use videofields_testing::wait_for;
 
 #[test]
 fn other_machines_come_in_encrypted_and_to_users_alone() {

@@ -2,10 +2,10 @@
 //! restart.
 
 use super::process::{Answer, Daemon, signal};
-use crate::support::wait_for;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use videofields_testing::wait_for;
 
 const NEW: &str = "if-none-match: *";
 

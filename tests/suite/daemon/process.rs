@@ -1,6 +1,5 @@
 //! Child processes and plain HTTP over a socket, everything within a bounded time.
 
-use crate::support::wait_for;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -9,7 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use videofields::clock::{Clock, SystemClock};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -196,7 +196,7 @@ pub(crate) struct Answer {
 pub(crate) fn can_draw(readiness: &Value) -> bool {
     let is_ready = readiness["ready"] == true;
     if !is_ready {
-        crate::support::skip_for_want_of_an_adapter(&readiness.to_string());
+        videofields_testing::skip_for_want_of_an_adapter(&readiness.to_string());
     }
     is_ready
 }

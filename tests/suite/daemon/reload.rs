@@ -2,10 +2,10 @@
 
 use super::demo;
 use super::process::{Daemon, run, signal, videofields};
-use crate::support::wait_for;
 use serde_json::{Value, json};
 use std::path::Path;
 use tempfile::TempDir;
+use videofields_testing::wait_for;
 
 /// The value of a metric without labels.
 fn metric(daemon: &Daemon, name: &str) -> f64 {

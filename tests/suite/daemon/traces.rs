@@ -1,14 +1,14 @@
 //! Traces of a daemon's requests as a collector gets them, and a collector that never answers.
 
 use super::process::Daemon;
-use crate::support::wait_for;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::clock::{Clock, SystemClock};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// The trace that a caller says its request belongs to.
 const TRACEPARENT: &str = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01";

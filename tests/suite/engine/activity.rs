@@ -2,15 +2,15 @@
 
 use super::rights::{grants, router, seen, users};
 use super::{Bench, pictures};
-use crate::support::wait_for;
 use axum::Router;
 use axum::body::Body;
 use axum::http::Request;
 use serde_json::{Value, json};
 use tempfile::TempDir;
-use videofields::access::{Right, Role};
-use videofields::clock::Timestamp;
-use videofields::error::ErrorKind;
+use videofields_testing::wait_for;
+use videofields_vision::access::{Right, Role};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::error::ErrorKind;
 
 const SPAN: &str = "from=1970-01-01T00:00:00Z&to=1970-01-01T00:02:00Z";
 

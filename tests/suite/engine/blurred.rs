@@ -5,9 +5,9 @@ use super::{FRAME_NANOS, SIZE, camera, has_adapter, picture};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use videofields::clock::Timestamp;
-use videofields::config::End;
-use videofields::engine::At;
+use videofields_service::engine::At;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::End;
 
 /// Pictures of each camera, and the one that is kept.
 const N_FRAMES: u32 = 60;

@@ -3,16 +3,16 @@
 use super::house::{Answer, House, answered};
 use super::kept_scenes::{bench, start};
 use super::{SCENE, rights};
-use crate::support::wait_for;
 use axum::body::Body;
 use axum::http::Request;
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 use std::sync::Arc;
 use tempfile::TempDir;
-use videofields::accounts::{Accounts, UserChange};
-use videofields::clock::{Clock, SystemClock};
-use videofields::engine::LocateMethod;
+use videofields_recording::accounts::{Accounts, UserChange};
+use videofields_service::engine::LocateMethod;
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock};
 
 const ALL: &str = "/api/v1/calibrations";
 const NORTH: &str = "/api/v1/calibrations/north";

@@ -2,15 +2,13 @@
 
 use super::*;
 use videofields::accuracy::{Keeper, KeeperSettings, Scope, Stage};
-use videofields::config::RenderSettings;
-use videofields::engine::{AccuracyState, AccuracyStatus};
-use videofields::simulate::World;
+use videofields_service::engine::{AccuracyState, AccuracyStatus};
+use videofields_vision::config::RenderSettings;
 
 /// A few small pictures: what is measured does not matter here, that it is does.
 fn settings() -> KeeperSettings {
     let scope = Scope { size_px: (160, 90), n_frames: 4, max_cameras: 1, n_map_builds: 1, ..Scope::DAEMON };
     KeeperSettings {
-        world: World::named("plaza").unwrap(),
         scope,
         stages: vec![Stage::Segmentation, Stage::Map],
         render: RenderSettings::default(),
@@ -58,8 +56,9 @@ fn costs_are_measured_once_kept_and_measured_anew_when_asked() {
         assert!(row.error.is_some_and(f64::is_finite), "{row:?}");
     }
     for (stage, knob) in [("segmentation", "modes"), ("map", "builder")] {
-        let is_default =
-            |row: &&videofields::plan::CostRow| row.stage == stage && row.knob == knob && row.is_default;
+        let is_default = |row: &&videofields_picture::plan::CostRow| {
+            row.stage == stage && row.knob == knob && row.is_default
+        };
         assert_eq!(measured.rows.iter().filter(is_default).count(), 1, "{stage} {knob}");
     }
     first.stop(&clock, patience);

@@ -3,12 +3,12 @@
 use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, pictures, request};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::config::{CameraSettings, End, Settings};
-use videofields::engine::{At, EngineError, Origin, ViewAnswer, ViewRequest};
-use videofields::error::ErrorKind;
-use videofields::plan::{
+use videofields_picture::plan::{
     Aim, Basis, COST_TABLE_VERSION, CostTable, Deadline, Detail, Effort, Machine, Named, Preset,
 };
+use videofields_service::engine::{At, EngineError, Origin, ViewAnswer, ViewRequest};
+use videofields_vision::config::{CameraSettings, End, Settings};
+use videofields_vision::error::ErrorKind;
 
 fn yard(folder: &TempDir) -> Bench {
     let camera =

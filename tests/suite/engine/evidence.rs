@@ -2,7 +2,6 @@
 //! changed since shows.
 
 use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, pictures, request};
-use crate::support::small_disk::SmallDisk;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::io;
@@ -10,16 +9,17 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::access::Grants;
-use videofields::clock::{SimulatedClock, Timestamp};
-use videofields::config::{End, Settings};
-use videofields::engine::At;
-use videofields::evidence::{
+use videofields_recording::store::{SnapshotRecord, SnapshotSearch, Store};
+use videofields_recording::telemetry::Metrics;
+use videofields_service::engine::At;
+use videofields_service::evidence::{
     EvidenceError, Maker, Schedule, Scheduled, SnapshotSettings, Snapshots, Subject, Wanted, check_archive,
     check_folder, check_index,
 };
-use videofields::store::{SnapshotRecord, SnapshotSearch, Store};
-use videofields::telemetry::Metrics;
+use videofields_testing::small_disk::SmallDisk;
+use videofields_vision::access::Grants;
+use videofields_vision::clock::{SimulatedClock, Timestamp};
+use videofields_vision::config::{End, Settings};
 
 const NOW: Timestamp = Timestamp::from_nanos(1_800_000_000_000_000_000);
 
@@ -232,7 +232,7 @@ fn a_kill_at_any_moment_leaves_a_snapshot_whole_or_not_at_all() {
         };
         let second = vault.make(&bench, of_camera("south", 5)).await.unwrap();
         let grants = Grants::everything();
-        let condition = videofields::catalog::Condition::Version(1);
+        let condition = videofields_service::catalog::Condition::Version(1);
         vault.snapshots.of(Some("ann"), &grants).remove(&first.id, condition).await.unwrap();
         vault.close().await;
         let taken = std::mem::take(&mut *taken.lock().unwrap());
@@ -315,7 +315,7 @@ fn a_full_disk_refuses_snapshots_and_keeps_what_there_is() {
     let folder = TempDir::new().unwrap();
     let small = folder.path().join("small");
     let Some(_disk) = SmallDisk::mount(&small, 1) else {
-        crate::support::say_skipped("no file system can be mounted here");
+        videofields_testing::say_skipped("no file system can be mounted here");
         return;
     };
     let bench = seen(folder.path());
@@ -412,7 +412,7 @@ fn what_was_changed_exchanged_or_taken_out_shows() {
         check("taken out", 2, "is missing from the folder").await;
         // Removed as it should be: the chain is whole, and says the same of its end.
         let grants = Grants::everything();
-        let condition = videofields::catalog::Condition::Present;
+        let condition = videofields_service::catalog::Condition::Present;
         vault.snapshots.of(Some("ann"), &grants).remove(&made[2].id, condition).await.unwrap();
         let checked = check_folder(&vault.state.join("snapshots")).unwrap();
         assert_eq!((checked.n_there, checked.n_removed, &checked.head), (3, 1, &head));
@@ -440,7 +440,7 @@ fn a_folder_is_taken_into_an_index_that_was_put_back_from_a_copy() {
         let second = vault.make(&bench, of_camera("north", 2)).await.unwrap();
         let third = vault.make(&bench, of_camera("south", 3)).await.unwrap();
         let grants = Grants::everything();
-        let condition = videofields::catalog::Condition::Present;
+        let condition = videofields_service::catalog::Condition::Present;
         vault.snapshots.of(None, &grants).remove(&second.id, condition).await.unwrap();
         let before = vault.all().await;
         vault.close().await;
@@ -487,17 +487,17 @@ fn the_oldest_go_to_make_room_and_what_is_held_stays() {
         // All are held: no room.
         let grants = Grants::everything();
         let reader = vault.snapshots.of(Some("ann"), &grants);
-        let hold = videofields::evidence::Annotated { hold: Some(true), ..Default::default() };
+        let hold = videofields_service::evidence::Annotated { hold: Some(true), ..Default::default() };
         for id in &made[3..] {
-            let condition = videofields::catalog::Condition::Version(1);
+            let condition = videofields_service::catalog::Condition::Version(1);
             reader.annotate(id, condition, hold.clone()).await.unwrap();
         }
         let failed = vault.make(&bench, of_camera("north", 7)).await;
         assert!(matches!(failed, Err(EvidenceError::Full(_))), "{failed:?}");
-        let present = videofields::catalog::Condition::Present;
+        let present = videofields_service::catalog::Condition::Present;
         assert!(matches!(reader.remove(&held.id, present).await, Err(EvidenceError::Held)));
         // Too old, and let go.
-        let free = videofields::evidence::Annotated { hold: Some(false), ..Default::default() };
+        let free = videofields_service::evidence::Annotated { hold: Some(false), ..Default::default() };
         reader.annotate(&made[3], present, free).await.unwrap();
         vault.clock.advance(Duration::from_secs(990));
         vault.snapshots.remove_old().await.unwrap();

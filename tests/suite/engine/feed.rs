@@ -3,8 +3,8 @@
 use super::{Bench, camera, pictures, wait_for};
 use serde_json::json;
 use std::time::Duration;
-use videofields::config::{End, Settings};
-use videofields::engine::{At, EngineError};
+use videofields_service::engine::{At, EngineError};
+use videofields_vision::config::{End, Settings};
 
 #[test]
 fn a_camera_is_stopped_moved_and_fed_from_elsewhere_while_another_runs_on() {

@@ -1,8 +1,8 @@
 //! A camera whose picture hangs says so while its frames go on, and says when that is over.
 
 use super::{Bench, RATE_HZ, camera, pictures, wait_for};
-use videofields::config::{End, Settings};
-use videofields::timeline::EventKind;
+use videofields_recording::timeline::EventKind;
+use videofields_vision::config::{End, Settings};
 
 #[test]
 fn a_picture_that_hangs_shows_as_frozen_until_it_changes_again() {

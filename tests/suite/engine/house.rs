@@ -13,11 +13,11 @@ use tokio::net::TcpListener;
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use tower::ServiceExt;
-use videofields::accounts::{Accounts, Audit};
-use videofields::api::{self, Limits, Site, Trust};
-use videofields::catalog::{Catalog, ConfiguredScene};
-use videofields::clock::{Clock, SystemClock};
-use videofields::scene;
+use videofields_api::{self as api, Limits, Site, Trust};
+use videofields_picture::scene;
+use videofields_recording::accounts::{Accounts, Audit};
+use videofields_service::catalog::{Catalog, ConfiguredScene};
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// An engine and the interface over it.
 pub(crate) struct House {

@@ -2,9 +2,9 @@
 
 use super::has_adapter;
 use super::walls::start;
-use crate::support::wait_for;
 use serde_json::Value;
 use tempfile::TempDir;
+use videofields_testing::wait_for;
 
 #[test]
 fn who_several_cameras_see_has_a_hull_as_a_mesh_and_in_views() {

@@ -2,13 +2,13 @@
 
 use super::rights::{accounts, router};
 use super::{Bench, SCENE, camera, pictures};
-use crate::support::wait_for;
 use axum::Router;
 use axum::body::Body;
 use axum::http::Request;
 use serde_json::Value;
 use tempfile::TempDir;
-use videofields::config::{End, Settings};
+use videofields_testing::wait_for;
+use videofields_vision::config::{End, Settings};
 
 fn get(bench: &Bench, router: &Router, token: &str, path: &str) -> (u16, Value) {
     let request = Request::get(path).header("authorization", format!("Bearer {token}"));

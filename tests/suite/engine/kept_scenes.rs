@@ -8,8 +8,8 @@ use serde_json::json;
 use std::path::Path;
 use tempfile::TempDir;
 use tower::ServiceExt;
-use videofields::config::{End, Settings};
-use videofields::engine::{At, LocateMethod};
+use videofields_service::engine::{At, LocateMethod};
+use videofields_vision::config::{End, Settings};
 
 pub(super) fn start(folder: &Path) -> House {
     House::over(folder, bench(folder), ("yard", SCENE))
@@ -62,7 +62,7 @@ fn a_scene_is_changed_while_it_is_shown_and_stays_so() {
     }
     // Its maps are made anew.
     let located = || house.bench.handle.locate("north", glam::DVec2::splat(0.5), None, LocateMethod::Map);
-    crate::support::wait_for("the map of the new scene", || located().ok());
+    videofields_testing::wait_for("the map of the new scene", || located().ok());
 
     // Two who saw the same version: the second is told that there is a newer one.
     let patch = json!({"name": "Lawn", "view": {"eye_m": [7, -7, 5], "target_m": [0, 0, 0]}}).to_string();
@@ -158,7 +158,7 @@ fn a_bad_document_changes_nothing_and_is_told_with_its_places() {
         house
             .bench
             .runtime
-            .block_on(house.bench.store.newest_documents(videofields::store::DocumentKind::Scene))
+            .block_on(house.bench.store.newest_documents(videofields_recording::store::DocumentKind::Scene))
             .unwrap()
             .is_empty()
     );

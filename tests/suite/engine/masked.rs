@@ -12,11 +12,11 @@ use std::path::Path;
 use std::sync::Arc;
 use tempfile::TempDir;
 use tokio_tungstenite::tungstenite::Message;
-use videofields::clock::{Clock, SystemClock};
-use videofields::config::{CameraSettings, Config, End, Settings};
-use videofields::encode::{ForegroundMessage, read_foreground};
-use videofields::engine::view_once;
-use videofields::scene;
+use videofields_picture::scene;
+use videofields_service::engine::view_once;
+use videofields_vision::clock::{Clock, SystemClock};
+use videofields_vision::config::{CameraSettings, Config, End, Settings};
+use videofields_vision::encode::{ForegroundMessage, read_foreground};
 
 const WHOLE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 const NORTH: &str = "/api/v1/cameras/north/privacy";
@@ -232,7 +232,7 @@ fn a_picture_without_a_daemon_hides_what_the_configuration_hides() {
     let hidden = zone("garden", &super::privacy::RIGHT);
     let scene = Arc::new(scene::parse("yard", SCENE, scene::no_imports).unwrap().scene);
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
-    let drawn = |is_other: bool, zones: &[videofields::frame::Zone]| {
+    let drawn = |is_other: bool, zones: &[videofields_vision::frame::Zone]| {
         let folder = TempDir::new().unwrap();
         let south = match is_other {
             true => others(folder.path(), "south", 0..20, &hidden),

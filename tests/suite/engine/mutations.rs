@@ -10,12 +10,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use tempfile::TempDir;
 use tower::ServiceExt;
-use videofields::clock::SystemClock;
-use videofields::config::{End, Settings};
-use videofields::engine::{At, ViewRequest};
-use videofields::error::ErrorKind;
-use videofields::plan::EntityStyle;
-use videofields::{api, scene};
+use videofields_api as api;
+use videofields_picture::plan::EntityStyle;
+use videofields_picture::scene;
+use videofields_service::engine::{At, ViewRequest};
+use videofields_vision::clock::SystemClock;
+use videofields_vision::config::{End, Settings};
+use videofields_vision::error::ErrorKind;
 
 /// The generator `SplitMix64`: the same changes at every run.
 struct Random(u64);

@@ -1,17 +1,17 @@
 //! Pictures asked for by many at once: shared, kept, refused in time, and drawn again after the device is lost.
 
 use super::{Bench, FRAME_NANOS, SCENE, at, camera, has_adapter, named, pictures, request};
-use crate::support::wait_for;
 use glam::DVec3;
 use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
 use tokio::sync::oneshot;
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{End, RenderSettings, Settings};
-use videofields::engine::{At, Door, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
-use videofields::error::ErrorKind;
-use videofields::plan::{Colors, EntityStyle, Plan, Reason};
+use videofields_picture::plan::{Colors, EntityStyle, Plan, Reason};
+use videofields_service::engine::{At, Door, EngineError, Origin, ViewAnswer, ViewKind, ViewRequest};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::{End, RenderSettings, Settings};
+use videofields_vision::error::ErrorKind;
 
 /// Longer than anything here may take, short of hanging.
 const BOUNDED: Duration = Duration::from_secs(60);
@@ -221,7 +221,7 @@ fn fifty_requests_survive_the_loss_of_the_device() {
 
 #[test]
 fn what_is_drawn_for_too_long_is_refused_in_time() {
-    let Some(gpu) = crate::support::adapter("") else { return };
+    let Some(gpu) = videofields_testing::adapter("") else { return };
     let folder = TempDir::new().unwrap();
     let bench = yard(&folder, RenderSettings { timeout_secs: 0.1, ..RenderSettings::default() });
     let small = wait_for("a picture", || bench.view(still(40)).ok());

@@ -3,19 +3,19 @@
 use super::house::House;
 use super::rights::{answered, told};
 use super::{Bench, FRAME_NANOS, SCENE, SIZE, at, camera, has_adapter, picture, pictures, request};
-use crate::support::wait_for;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
-use videofields::access::{Grants, Right, Rights, Role};
-use videofields::accounts::{Accounts, UserChange};
-use videofields::catalog::Catalog;
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{CameraSettings, End, Settings};
-use videofields::engine::{At, Privacy};
-use videofields::frame::{CameraId, NEUTRAL_YUV, YuvImage, Zone};
-use videofields::timeline::Observation;
+use videofields_recording::accounts::{Accounts, UserChange};
+use videofields_service::catalog::Catalog;
+use videofields_service::engine::{At, Privacy};
+use videofields_testing::wait_for;
+use videofields_vision::access::{Grants, Right, Rights, Role};
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::{CameraSettings, End, Settings};
+use videofields_vision::frame::{CameraId, NEUTRAL_YUV, YuvImage, Zone};
+use videofields_vision::observation::Observation;
 
 /// Something of the right half, at odd places.
 pub(crate) const RIGHT: [[f64; 2]; 4] = [[0.53, 0.0], [1.0, 0.0], [1.0, 1.0], [0.61, 1.0]];
@@ -171,7 +171,7 @@ fn a_zone_that_is_added_hides_what_memory_holds_and_lifting_it_shows_what_comes_
             };
             assert!(!rows.clone().any(|y| columns.clone().any(|x| zone.holds(middle(x, y)))), "{blob:?}");
         }
-        let shown = |track: &videofields::track::Track| {
+        let shown = |track: &videofields_vision::track::Track| {
             track.blob_idx.is_none_or(|idx| (idx as usize) < now.blobs.len())
         };
         assert!(now.tracks.iter().all(shown));
@@ -253,8 +253,8 @@ fn what_a_camera_hides_others_show_and_nobody_a_grey() {
         1,
         1,
         NEUTRAL_YUV,
-        videofields::frame::ColorMatrix::Bt601,
-        videofields::frame::ColorRange::Full,
+        videofields_vision::frame::ColorMatrix::Bt601,
+        videofields_vision::frame::ColorRange::Full,
     );
     let grey = neutral.to_rgb().data;
     assert!(!both.image.data.chunks_exact(3).any(|pixel| pixel == grey), "{grey:?} is projected");

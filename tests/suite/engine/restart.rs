@@ -1,15 +1,15 @@
 //! A restart goes on where the run before it stopped.
 
 use super::{Bench, FRAME_NANOS, SIZE, at, camera, pictures};
-use crate::support::wait_for;
 use tempfile::TempDir;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, End, SegmentSettings, Settings, SourceSettings};
-use videofields::engine::At;
-use videofields::frame::{CameraId, Frame, Mask};
-use videofields::ingest::{self, CHECKPOINT_VERSION, MediaRoots, Pipeline};
-use videofields::segment::MOVING;
-use videofields::store::{BackgroundRecord, Store};
+use videofields_recording::ingest::{self, CHECKPOINT_VERSION, MediaRoots, Pipeline};
+use videofields_recording::store::{BackgroundRecord, Store};
+use videofields_service::engine::At;
+use videofields_testing::wait_for;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, End, SegmentSettings, Settings, SourceSettings};
+use videofields_vision::frame::{CameraId, Frame, Mask};
+use videofields_vision::segment::MOVING;
 
 /// Share of pixels in which two masks differ.
 fn difference(a: &Mask, b: &Mask) -> f64 {

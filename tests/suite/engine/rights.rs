@@ -7,19 +7,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::access::{Grants, Right, Rights, Role};
-use videofields::accounts::{Accounts, Audit, UserChange};
-use videofields::api;
-use videofields::catalog::{Catalog, Condition};
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::config::{End, Settings};
-use videofields::engine::{
+use videofields_api as api;
+use videofields_picture::plan::{Colors, EntityStyle};
+use videofields_recording::accounts::{Accounts, Audit, UserChange};
+use videofields_recording::store::DocumentKind;
+use videofields_service::catalog::{Catalog, Condition};
+use videofields_service::engine::{
     At, Door, EngineError, Handle, LocateMethod, PlannedView, TrackQuery, ViewKind, ViewRequest,
 };
-use videofields::error::ErrorKind;
-use videofields::frame::CameraId;
-use videofields::plan::{Colors, EntityStyle};
-use videofields::store::DocumentKind;
+use videofields_vision::access::{Grants, Right, Rights, Role};
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::config::{End, Settings};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::CameraId;
 
 /// The same floor without anybody.
 fn empty(folder: &Path, name: &str, numbers: std::ops::Range<u32>) -> PathBuf {

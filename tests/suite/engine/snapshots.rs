@@ -11,13 +11,13 @@ use std::path::Path;
 use std::sync::Arc;
 use tempfile::TempDir;
 use tower::ServiceExt;
-use videofields::accounts::{Accounts, Audit, UserChange};
-use videofields::api;
-use videofields::catalog::Catalog;
-use videofields::clock::{Clock, SystemClock};
-use videofields::config::{CameraSettings, End, Settings};
-use videofields::evidence::{SnapshotSettings, Snapshots, check_archive};
-use videofields::telemetry::Metrics;
+use videofields_api as api;
+use videofields_recording::accounts::{Accounts, Audit, UserChange};
+use videofields_recording::telemetry::Metrics;
+use videofields_service::catalog::Catalog;
+use videofields_service::evidence::{SnapshotSettings, Snapshots, check_archive};
+use videofields_vision::clock::{Clock, SystemClock};
+use videofields_vision::config::{CameraSettings, End, Settings};
 
 const ALL: &str = "/api/v1/snapshots";
 

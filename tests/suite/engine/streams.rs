@@ -17,8 +17,8 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio_tungstenite::tungstenite::Message;
 use tower::ServiceExt;
-use videofields::clock::Timestamp;
-use videofields::encode::{ForegroundMessage, MovingRectangle, read_foreground};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::encode::{ForegroundMessage, MovingRectangle, read_foreground};
 
 async fn open(router: &axum::Router, path: &str, fields: &[(&str, &str)]) -> BodyDataStream {
     let request =
@@ -155,7 +155,7 @@ fn make_wall(house: &House) {
     assert_eq!(made.status, 201, "{}", made.body);
     // What is drawn first waits for shaders.
     let first = "/api/v1/walls/control/tiles/r1c1/frame.jpg";
-    crate::support::wait_for("a picture", || (house.get(first).status == 200).then_some(()));
+    videofields_testing::wait_for("a picture", || (house.get(first).status == 200).then_some(()));
 }
 
 #[test]
@@ -184,7 +184,7 @@ fn screens_of_a_wall_are_known_and_all_tiles_show_a_pattern_for_a_while() {
         })
     };
     assert!(!shown().is_pattern);
-    let known = crate::support::wait_for("the screen has a frame", || {
+    let known = videofields_testing::wait_for("the screen has a frame", || {
         let known = screens();
         known["screens"][0]["frame"].is_u64().then_some(known)
     });
@@ -197,7 +197,7 @@ fn screens_of_a_wall_are_known_and_all_tiles_show_a_pattern_for_a_while() {
     // A pattern goes to whoever does not ask for another, and what does ask still gets that.
     let asked = put(json!({"shows": "identify", "seconds": 600}));
     assert_eq!((asked.status, &asked.body["shows"]), (200, &json!("identify")), "{}", asked.body);
-    assert!(crate::support::wait_for("a pattern", || shown().is_pattern.then_some(true)));
+    assert!(videofields_testing::wait_for("a pattern", || shown().is_pattern.then_some(true)));
     let picture =
         |query: &str| house.get(&format!("/api/v1/walls/control/tiles/r2c1/frame.png{query}")).bytes;
     assert_eq!(picture(""), picture("?pattern=identify"));
@@ -205,7 +205,7 @@ fn screens_of_a_wall_are_known_and_all_tiles_show_a_pattern_for_a_while() {
     assert_ne!(picture(""), picture("?pattern=test"));
     assert_eq!(screens()["pattern"]["shows"], "identify");
     assert_eq!(put(json!({"shows": "none"})).body, json!({"shows": "none", "seconds_left": null}));
-    assert!(crate::support::wait_for("a picture", || (!shown().is_pattern).then_some(true)));
+    assert!(videofields_testing::wait_for("a picture", || (!shown().is_pattern).then_some(true)));
 
     let wrong = put(json!({"shows": "bars", "seconds": 0}));
     let places: Vec<&str> = wrong.body["errors"]
@@ -224,11 +224,13 @@ fn screens_of_a_wall_are_known_and_all_tiles_show_a_pattern_for_a_while() {
     });
     let said = Message::text(json!({ "health": health }).to_string());
     house.bench.runtime.block_on(socket.send(said)).unwrap();
-    crate::support::wait_for("the screen's word", || {
+    videofields_testing::wait_for("the screen's word", || {
         (screens()["screens"][0]["health"] == health).then_some(())
     });
     drop(socket);
-    crate::support::wait_for("nobody", || screens()["screens"].as_array().unwrap().is_empty().then_some(()));
+    videofields_testing::wait_for("nobody", || {
+        screens()["screens"].as_array().unwrap().is_empty().then_some(())
+    });
     stop.send(()).unwrap();
 }
 

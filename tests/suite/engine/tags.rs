@@ -8,9 +8,9 @@ use axum::http::{HeaderMap, Request};
 use std::sync::Arc;
 use tempfile::TempDir;
 use tower::ServiceExt;
-use videofields::api::{Limits, Site, router_within};
-use videofields::clock::SystemClock;
-use videofields::engine::Handle;
+use videofields_api::{Limits, Site, router_within};
+use videofields_service::engine::Handle;
+use videofields_vision::clock::SystemClock;
 
 fn router(handle: Handle) -> Router {
     router_within(Limits::default(), (handle, None), Arc::new(SystemClock::new()), Site::default())
@@ -131,7 +131,8 @@ fn a_changed_scene_or_another_callers_cameras_are_another_picture() {
 
         let scene = bench.handle.scene("yard").unwrap();
         let text = scene.document.replace("#705030", "#307050");
-        let changed = videofields::scene::parse("yard", &text, videofields::scene::no_imports).unwrap();
+        let changed =
+            videofields_picture::scene::parse("yard", &text, videofields_picture::scene::no_imports).unwrap();
         bench.handle.put_scene(Arc::new(changed.scene)).unwrap();
         let fields = [("authorization", tokens[0][0].as_str()), ("if-none-match", &tag(&admins))];
         let (status, now, _) = ask(&routers[0], path, &fields).await;

@@ -4,15 +4,15 @@ use super::{Bench, SCENE, SIZE, camera, wait_for};
 use glam::DVec2;
 use sqlx::{Connection, SqliteConnection};
 use std::path::{Path, PathBuf};
-use videofields::clock::Timestamp;
-use videofields::config::{End, Settings};
-use videofields::engine::{EngineError, FoundTrack, FoundTracks, TrackQuery};
-use videofields::frame::CameraId;
-use videofields::geometry::GroundPolygon;
-use videofields::mapping;
-use videofields::scene;
-use videofields::store::TrackRecord;
-use videofields::track::FootPath;
+use videofields_picture::scene;
+use videofields_recording::store::TrackRecord;
+use videofields_service::engine::{EngineError, FoundTrack, FoundTracks, TrackQuery};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{End, Settings};
+use videofields_vision::frame::CameraId;
+use videofields_vision::geometry::GroundPolygon;
+use videofields_vision::mapping;
+use videofields_vision::track::FootPath;
 
 /// Frames a second: few enough that two cameras keep up on a busy machine, since what comes too late is left out.
 const RATE_HZ: f64 = 25.0;

@@ -5,7 +5,7 @@ use super::{Bench, SCENE, camera, has_adapter, pictures};
 use serde_json::{Value, json};
 use std::path::Path;
 use tempfile::TempDir;
-use videofields::config::{End, Settings};
+use videofields_vision::config::{End, Settings};
 
 const GATE: &str = "/api/v1/views/gate";
 

@@ -381,7 +381,11 @@ fn changes(camera: &str, scene: &str, other: &str) -> Vec<Ask> {
 fn hide(bench: &Bench) {
     let mut document: Value = serde_json::from_str(SCENE).unwrap();
     document["cameras"].as_array_mut().unwrap().remove(0);
-    let parsed = videofields::scene::parse("lumber", &document.to_string(), videofields::scene::no_imports);
+    let parsed = videofields_picture::scene::parse(
+        "lumber",
+        &document.to_string(),
+        videofields_picture::scene::no_imports,
+    );
     bench.handle.put_scene(std::sync::Arc::new(parsed.unwrap().scene)).unwrap();
     bench.handle.put_playhead("lumber", json!({"scene": "lumber", "paused": true})).unwrap();
 }

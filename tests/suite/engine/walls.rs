@@ -7,7 +7,7 @@ use image::RgbImage;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-use videofields::config::Resolution;
+use videofields_vision::config::Resolution;
 
 const WALL: &str = "/api/v1/walls/control";
 

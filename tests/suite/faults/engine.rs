@@ -2,7 +2,6 @@
 
 use super::client::{Ask, ask, configure, demo_camera, demo_roots, end, limit, root_token, say};
 use crate::daemon::process::{Daemon, start_at, videofields};
-use crate::support::wait_for;
 use serde_json::json;
 use std::io::Write;
 use std::net::TcpStream;
@@ -11,9 +10,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::accounts::{AccountError, Accounts, UserChange};
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::store::Store;
+use videofields_recording::accounts::{AccountError, Accounts, UserChange};
+use videofields_recording::store::Store;
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
 
 /// Turns a terminal red, rings, begins a line that looks like the daemon's own, and hides the rest.
 const HOSTILE: &str =

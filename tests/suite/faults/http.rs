@@ -2,7 +2,6 @@
 
 use crate::api::door::{FakeDoor, State};
 use crate::engine::house::House;
-use crate::support::wait_for;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
@@ -14,9 +13,10 @@ use tempfile::TempDir;
 use tokio::net::TcpSocket;
 use tokio::runtime::{Builder, Runtime};
 use tokio::sync::oneshot;
-use videofields::api::{Limits, Site, router_within, serve};
-use videofields::clock::{Clock, SystemClock};
-use videofields::engine::Handle;
+use videofields_api::{Limits, Site, router_within, serve};
+use videofields_service::engine::Handle;
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// Longest wait for an answer.
 const PATIENCE: Duration = Duration::from_secs(20);

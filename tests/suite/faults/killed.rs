@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::clock::{Clock, SystemClock};
+use videofields_vision::clock::{Clock, SystemClock};
 
 /// Callers that change things side by side, each its own.
 const CALLERS: u64 = 3;

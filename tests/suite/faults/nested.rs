@@ -2,10 +2,10 @@
 //! that is read, on the stack that a thread of the daemon has.
 
 use std::path::Path;
-use videofields::calibrate::{self, ImportOptions};
-use videofields::config;
-use videofields::scene;
-use videofields::wall::Wall;
+use videofields_picture::scene;
+use videofields_service::wall::Wall;
+use videofields_vision::calibrate::{self, ImportOptions};
+use videofields_vision::config;
 
 const DEPTH: usize = 100_000;
 

@@ -3,7 +3,6 @@
 
 use super::client::{Ask, ask, configure, demo_camera, end, say, status_kib};
 use crate::daemon::process::Daemon;
-use crate::support::wait_for;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpListener;
@@ -13,9 +12,10 @@ use std::process::Command;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tempfile::TempDir;
-use videofields::clock::{Clock, SystemClock};
-use videofields::config::{CameraUrl, Network, SourceSettings};
-use videofields::ingest::{self, MediaRoots};
+use videofields_recording::ingest::{self, MediaRoots};
+use videofields_testing::wait_for;
+use videofields_vision::clock::{Clock, SystemClock};
+use videofields_vision::config::{CameraUrl, Network, SourceSettings};
 
 /// A picture in one shade.
 fn shade(path: &Path, code: u8) {

@@ -2,15 +2,15 @@
 
 use super::client::{Answer, Ask, ask, configure, demo_camera, demo_roots, end, limit, say};
 use crate::daemon::process::{Daemon, start_command, videofields};
-use crate::support::say_skipped;
-use crate::support::small_disk::SmallDisk;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
-use videofields::clock::Timestamp;
-use videofields::store::{Store, StoreError};
+use videofields_recording::store::{Store, StoreError};
+use videofields_testing::say_skipped;
+use videofields_testing::small_disk::SmallDisk;
+use videofields_vision::clock::Timestamp;
 
 const YARD: &str = "/api/v1/scenes/yard";
 
@@ -44,7 +44,7 @@ fn frame(daemon: &Daemon) -> u64 {
 /// Whatever else is, the camera is seen live and the probes answer.
 fn it_shows_what_is_seen(daemon: &Daemon) {
     let first = frame(daemon);
-    crate::support::wait_for("a newer frame", || (frame(daemon) != first).then_some(()));
+    videofields_testing::wait_for("a newer frame", || (frame(daemon) != first).then_some(()));
     assert_eq!(daemon.get("/healthz").status, 200);
     assert_eq!(daemon.get("/metrics").status, 200);
 }

@@ -3,22 +3,24 @@
 #![expect(clippy::unwrap_used, reason = "helpers of tests fail as tests do")]
 
 use super::{camera, scene as scene_with};
-use crate::support::{adapter, golden};
 use glam::{DVec2, DVec3, Vec3};
 use std::path::PathBuf;
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::RenderSettings;
-use videofields::frame::{
+use videofields_picture::fuse::{Exposure, Overlap, SceneState, assemble};
+use videofields_picture::plan::{
+    self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes,
+};
+use videofields_picture::scene::{self, Scene};
+use videofields_render::Renderer;
+use videofields_simulate::{CastOptions, Layers, World};
+use videofields_testing::{adapter, golden};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::RenderSettings;
+use videofields_vision::frame::{
     CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage, linear_from_srgb, srgb_from_linear,
 };
-use videofields::fuse::{Exposure, Overlap, SceneState, assemble};
-use videofields::geometry::{Camera, GroundPolygon, OrientedBox, Shape, Surfaces};
-use videofields::plan::{self, Colors, EntityStyle, Picture, Sampling, Settings, View, ViewLimits, Wishes};
-use videofields::render::Renderer;
-use videofields::scene::{self, Scene};
-use videofields::simulate::{CastOptions, Layers, World};
-use videofields::timeline::Observation;
+use videofields_vision::geometry::{Camera, GroundPolygon, OrientedBox, Shape, Surfaces};
+use videofields_vision::observation::Observation;
 
 /// A camera's 8-bit picture of linear light, exposed by a gain a channel.
 fn exposed(linear: &[[f32; 3]], (width, height): (u32, u32), gain: Vec3) -> Arc<YuvImage> {
@@ -85,7 +87,7 @@ fn seam(state: &SceneState) -> f64 {
     let (mut sum, mut n) = (0.0, 0_u32);
     for place in 0..120 * 90 {
         let point = DVec3::new(f64::from(place % 120) / 3.0 - 20.0, f64::from(place / 120) / 3.0 - 15.0, 0.0);
-        let shown = |(camera, picture): (&videofields::fuse::CameraState, &RgbImage)| {
+        let shown = |(camera, picture): (&videofields_picture::fuse::CameraState, &RgbImage)| {
             let to = camera.camera.project(point).filter(|projection| projection.is_inside())?;
             let is_open = !surfaces.is_hidden(camera.camera.pose().position_in_world, point);
             let light = look_up(picture, to.texture) * camera.gain;

@@ -5,16 +5,16 @@
 use super::{Figure, camera, observe, scene as scene_with};
 use glam::DVec3;
 use std::sync::Arc;
-use videofields::accuracy::EntityScore;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings};
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
-use videofields::fuse::{Association, SceneState, assemble, assemble_within};
-use videofields::ingest::Pipeline;
-use videofields::scene::{self, Scene};
-use videofields::segment::MOVING;
-use videofields::simulate::{ActorKind, FigurePosition, Station, Wanted, World};
-use videofields::timeline::Observation;
+use videofields_lab::entities::EntityScore;
+use videofields_picture::fuse::{Association, SceneState, assemble, assemble_within};
+use videofields_picture::scene::{self, Scene};
+use videofields_recording::ingest::Pipeline;
+use videofields_simulate::{ActorKind, FigurePosition, Station, Wanted, World};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings};
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::MOVING;
 
 /// What every camera saw at one instant, and whom each pixel shows.
 type Instant = Vec<(Observation, Mask)>;

@@ -3,10 +3,10 @@
 use super::{ball, settings};
 use std::collections::BTreeMap;
 use std::time::Duration;
-use videofields::clock::{Clock, SystemClock};
-use videofields::config::SourceSettings;
-use videofields::error::ErrorKind;
-use videofields::ingest::{MediaRoots, StopFlag, Tap, open_tapped};
+use videofields_recording::ingest::{MediaRoots, StopFlag, Tap, open_tapped};
+use videofields_vision::clock::{Clock, SystemClock};
+use videofields_vision::config::SourceSettings;
+use videofields_vision::error::ErrorKind;
 
 /// What writes each kind of file.
 const KINDS: [(&str, &str); 4] = [

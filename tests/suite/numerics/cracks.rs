@@ -3,12 +3,12 @@
 use super::{Brush, Stage, draw, keep, pixel, renderer, twin, v, view};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
-use videofields::frame::{ColorMatrix, ColorRange, YuvImage};
-use videofields::fuse::SceneState;
-use videofields::geometry::{ExtrudedFootprint, Shape};
-use videofields::plan::EntityStyle;
-use videofields::render::View;
-use videofields::scene::{Material, Scene, Sky};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::EntityStyle;
+use videofields_picture::scene::{Material, Scene, Sky};
+use videofields_render::View;
+use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage};
+use videofields_vision::geometry::{ExtrudedFootprint, Shape};
 
 const GREY: u8 = 110;
 

@@ -2,15 +2,15 @@
 
 use super::{Stage, draw, keep, plaza, renderer, sound, v, view};
 use crate::fuse::{self as fused_scenes, Figure, SIZE};
-use crate::support::golden::{self, OWN_PLACE, TWIN};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::frame::{CameraId, Mask, RgbImage};
-use videofields::fuse::{Entity, SceneState, assemble};
-use videofields::plan::{EntityStyle, Frustum, Plan, PlannedBillboard, PlannedSource};
-use videofields::render::View;
-use videofields::segment::{Blob, PixelRect};
+use videofields_picture::fuse::{Entity, SceneState, assemble};
+use videofields_picture::plan::{EntityStyle, Frustum, Plan, PlannedBillboard, PlannedSource};
+use videofields_render::View;
+use videofields_testing::golden::{self, OWN_PLACE, TWIN};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::{CameraId, Mask, RgbImage};
+use videofields_vision::segment::{Blob, PixelRect};
 
 const FOOT: DVec3 = DVec3::new(-1.0, -3.0, 0.0);
 
@@ -61,7 +61,7 @@ fn a_rectangle_without_width_or_height_draws_nothing() {
     let Some(mut brush) = renderer("", 4) else { return };
     let [with, without] = plaza_with_person();
     let expected = draw(&mut brush, &without, &toward_person(), EntityStyle::Billboards).0.image;
-    let changes: [fn(&mut videofields::fuse::Billboard); 3] = [
+    let changes: [fn(&mut videofields_picture::fuse::Billboard); 3] = [
         |of| of.rect = PixelRect { x: of.rect.x, width: 0, ..of.rect },
         |of| (of.rect, of.left_right_m) = (PixelRect { width: 0, ..of.rect }, [0.0; 2]),
         |of| (of.rect, of.height_m) = (PixelRect { height: 0, ..of.rect }, 1e-300),

@@ -3,14 +3,14 @@
 
 use super::{draw, plaza, renderer, sound, v, view};
 use glam::{DQuat, DVec2, DVec3, Vec3};
-use videofields::frame::linear_from_srgb;
-use videofields::fuse::{Billboard, PointRun, SceneState};
-use videofields::geometry::{
+use videofields_picture::fuse::{Billboard, PointRun, SceneState};
+use videofields_picture::plan::EntityStyle;
+use videofields_render::View;
+use videofields_vision::frame::linear_from_srgb;
+use videofields_vision::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, HeightField, OrientedBox, Pose,
     TriangleMesh,
 };
-use videofields::plan::EntityStyle;
-use videofields::render::View;
 
 const NOT_FINITE: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
 

@@ -1,14 +1,14 @@
 //! Pictures of hard scenes from hard places, against the twin's rays in f64.
 
 use super::{BLUE, GREEN, RED, SKY, Stage, check_twin, draw, keep, pixel, plaza, renderer, sound, v, view};
-use crate::support::golden::{self, MOVED, Tolerance};
 use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
-use videofields::frame::RgbImage;
-use videofields::geometry::{Distortion, Ray};
-use videofields::plan::{EntityStyle, Frustum, Projection};
-use videofields::render::View;
-use videofields::scene::Material;
+use videofields_picture::plan::{EntityStyle, Frustum, Projection};
+use videofields_picture::scene::Material;
+use videofields_render::View;
+use videofields_testing::golden::{self, MOVED, Tolerance};
+use videofields_vision::frame::RgbImage;
+use videofields_vision::geometry::{Distortion, Ray};
 
 #[test]
 fn points_on_before_and_behind_a_cameras_plane_are_drawn_as_the_twin_projects_them() {

@@ -3,8 +3,10 @@
 use super::v;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
-use videofields::geometry::{Camera, Distortion, GroundPolygon, NEAR_M, OrientedBox, Pose, Shape, Surfaces};
-use videofields::mapping::locate;
+use videofields_vision::geometry::{
+    Camera, Distortion, GroundPolygon, NEAR_M, OrientedBox, Pose, Shape, Surfaces,
+};
+use videofields_vision::mapping::locate;
 
 /// 640 x 360, the principal point in the middle.
 fn camera(focal_px: f64, distortion: Distortion, pose: Pose) -> Camera {

@@ -2,9 +2,9 @@
 
 use super::{GREEN, RED, Stage, check_twin, pixel, renderer, sound, v, view};
 use glam::{DVec2, DVec3};
-use videofields::geometry::{Camera, Distortion};
-use videofields::plan::{EntityStyle, Frustum, Projection};
-use videofields::render::View;
+use videofields_picture::plan::{EntityStyle, Frustum, Projection};
+use videofields_render::View;
+use videofields_vision::geometry::{Camera, Distortion};
 
 /// The weight of a camera at a point of level ground, in f64: feather, `(d_k . n)^5 (d_k . d_v + 1)^5`.
 fn weight(camera: &Camera, eye: DVec3, point: DVec3) -> f64 {
@@ -27,9 +27,9 @@ fn where_all_weights_are_zero_the_camera_shows_to_its_border_and_the_material_be
     let stage = Stage::new().with_camera(v(0.0, 0.0, 12.0), v(0.0, 0.0, 0.0), RED);
     let mut state = stage.state();
     // One colour, so that place and light are not mistaken for one another.
-    let grey = videofields::frame::ColorMatrix::Bt709;
-    let range = videofields::frame::ColorRange::Full;
-    let image = videofields::frame::YuvImage::filled(320, 180, [200, 128, 128], grey, range);
+    let grey = videofields_vision::frame::ColorMatrix::Bt709;
+    let range = videofields_vision::frame::ColorRange::Full;
+    let image = videofields_vision::frame::YuvImage::filled(320, 180, [200, 128, 128], grey, range);
     state.cameras[0].observation.background = std::sync::Arc::new(image);
     let camera = &stage.cameras[0].0;
     let border = camera.ray(DVec2::new(1.0, 0.4)).expect("a ray");

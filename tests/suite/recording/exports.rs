@@ -6,9 +6,9 @@ use gstreamer::ClockTime;
 use serde_json::json;
 use std::path::Path;
 use std::time::Duration;
-use videofields::archive::{ExportState, Manifest};
-use videofields::engine::EngineError;
-use videofields::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields_recording::archive::{ExportState, Manifest};
+use videofields_recording::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields_service::engine::EngineError;
 
 /// The numbers that are burned into a file's pictures, and their times in it.
 fn numbers(path: &Path) -> Vec<(u64, i64)> {

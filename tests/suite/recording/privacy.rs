@@ -8,17 +8,17 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
-use videofields::access::Grants;
-use videofields::api::read_view_request;
-use videofields::archive::{ExportState, Manifest};
-use videofields::clock::{Clock, SystemClock, Timestamp};
-use videofields::engine::{At, BlurAsked, EngineError, LiftedZone, Privacy};
-use videofields::error::ErrorKind;
-use videofields::evidence::{Maker, SnapshotSettings, Snapshots, Subject, Wanted};
-use videofields::frame::{CameraId, NEUTRAL_YUV, YuvImage, Zone};
-use videofields::media::{Decoder, Input, PlaneReader, descriptor_path};
-use videofields::store::{BackgroundHistoryBounds, BackgroundRecord, TrackRecord};
-use videofields::telemetry::Metrics;
+use videofields_api::read_view_request;
+use videofields_recording::archive::{ExportState, Manifest};
+use videofields_recording::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields_recording::store::{BackgroundHistoryBounds, BackgroundRecord, TrackRecord};
+use videofields_recording::telemetry::Metrics;
+use videofields_service::engine::{At, BlurAsked, EngineError, LiftedZone, Privacy};
+use videofields_service::evidence::{Maker, SnapshotSettings, Snapshots, Subject, Wanted};
+use videofields_vision::access::Grants;
+use videofields_vision::clock::{Clock, SystemClock, Timestamp};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, NEUTRAL_YUV, YuvImage, Zone};
 
 /// The pictures in all recorded files beneath a folder, JPEG, by the files' places in it. What is around them has random
 /// numbers of the container's.
@@ -183,7 +183,7 @@ fn what_was_recorded_before_is_hidden_too_and_is_not_given_out_as_it_is() {
 
 #[test]
 fn pictures_and_snapshots_of_the_past_are_hidden_by_the_zones_of_today() {
-    if crate::support::adapter("").is_none() {
+    if videofields_testing::adapter("").is_none() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -3,10 +3,10 @@
 use super::{Brush, keep, pixel, plaza, renderer, v, view};
 use glam::DVec3;
 use std::sync::Arc;
-use videofields::frame::{Mask, RgbImage};
-use videofields::fuse::SceneState;
-use videofields::plan::{EntityStyle, Plan, PlannedBillboard, PlannedSource};
-use videofields::render::View;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{EntityStyle, Plan, PlannedBillboard, PlannedSource};
+use videofields_render::View;
+use videofields_vision::frame::{Mask, RgbImage};
 
 const FOOT: DVec3 = DVec3::new(-1.0, -3.0, 0.0);
 

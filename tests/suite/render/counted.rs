@@ -6,10 +6,12 @@ use super::textures::{changed, gradient, imagery, panorama};
 use super::{Brush, GREEN, RED, points_of, renderer, v, view};
 use glam::{DVec3, Vec3};
 use std::path::Path;
-use videofields::effects::{EffectSettings, LightSource, Occlusion, Relight, Stipple};
-use videofields::fuse::SceneState;
-use videofields::gpu::Counted::{self, Buffer, Pass, Pipeline, Texture, Upload};
-use videofields::plan::{self, Colors, Detail, EntityStyle, Filtering, Picture, Sampling, Settings, Wishes};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
+    self, Colors, Detail, EntityStyle, Filtering, Picture, Sampling, Settings, Wishes,
+};
+use videofields_render::gpu::Counted::{self, Buffer, Pass, Pipeline, Texture, Upload};
+use videofields_vision::effects::{EffectSettings, LightSource, Occlusion, Relight, Stipple};
 
 /// What was made and done: what, of which label, how often.
 type Row = (Counted, &'static str, u64);
@@ -403,13 +405,14 @@ fn nothing_is_made_or_done_on_the_device_but_what_is_counted() {
         ".begin_render_pass(",
     ];
     let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let counted = source.join("render/gpu");
     let mut folders = vec![source.clone()];
     let (mut found, mut n_files) = (Vec::new(), 0);
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(&folder).expect("a folder") {
             let path = entry.expect("an entry").path();
             if path.is_dir() {
-                folders.extend((path != source.join("gpu")).then_some(path));
+                folders.extend((path != counted).then_some(path));
                 continue;
             }
             n_files += 1;

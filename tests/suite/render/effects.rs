@@ -4,19 +4,19 @@ use super::hulls::{peopled, ring};
 use super::stage::Stage;
 use super::textures::{changed, gradient};
 use super::{Brush, GREEN, LIMITS, RED, keep, pixel, plaza, points_of, renderer, v, view};
-use crate::support::golden::{self, MOVED, TWIN};
 use glam::{DVec3, Vec2, Vec3};
-use videofields::effects::{
-    self, Distances, EffectSettings, Harmonics, Lens, LightSource, MattLight, NOTHING_M, Occlusion, Relight,
-    Stipple, Sun,
-};
-use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::plan::{
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
     self, Colors, Detail, EntityStyle, FieldsForm, Part, Picture, PlannedEffects, PlannedLight, Sampling,
     Settings, Wishes,
 };
-use videofields::render::{EffectFilter, Filtered};
+use videofields_render::{EffectFilter, Filtered};
+use videofields_testing::golden::{self, MOVED, TWIN};
+use videofields_vision::effects::{
+    self, Distances, EffectSettings, Harmonics, Lens, LightSource, MattLight, NOTHING_M, Occlusion, Relight,
+    Stipple, Sun,
+};
+use videofields_vision::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 
 const OCCLUSION: Occlusion = Occlusion { radius_m: 1.5, strength: 1.0 };
 const STIPPLE: Stipple = Stipple { dot_px: 2, blur_px: 5, contrast: 2.0, shade: 0.5 };
@@ -153,7 +153,7 @@ fn planned(effects: &EffectSettings) -> PlannedEffects {
 
 #[test]
 fn effects_of_a_given_picture_are_those_of_their_arithmetic() {
-    let Some(gpu) = crate::support::adapter("") else { return };
+    let Some(gpu) = videofields_testing::adapter("") else { return };
     let mut filter = EffectFilter::new(gpu);
     let mut numbers = Numbers(11);
     let axes = [Vec3::new(0.8, 0.6, 0.0), Vec3::new(0.0, 0.0, -1.0), Vec3::new(-0.6, 0.8, 0.0)];
@@ -204,7 +204,7 @@ fn check_flat(filter: &mut EffectFilter, (width, height): (u32, u32), code: u8, 
 
 #[test]
 fn pictures_without_anything_in_them_stay_pictures() {
-    let Some(gpu) = crate::support::adapter("") else { return };
+    let Some(gpu) = videofields_testing::adapter("") else { return };
     let mut filter = EffectFilter::new(gpu);
     for size in [(1, 1), (1, 9), (7, 1), (16, 16)] {
         for far_m in [NOTHING_M, 0.0, 5.0, 1e9] {
@@ -484,7 +484,7 @@ fn the_plan_says_which_effects_run_and_why() {
     // A light that there is none of is a reason.
     let by = |light| EffectSettings { relight: Some(Relight::by(light)), ..NONE };
     let black = changed(state.clone(), |scene| {
-        scene.sky = videofields::scene::Sky::Plain { color_srgb: [0; 3] };
+        scene.sky = videofields_picture::scene::Sky::Plain { color_srgb: [0; 3] };
     });
     for (state, light, says) in [
         (&black, LightSource::Sky, "black"),

@@ -2,7 +2,7 @@
 
 use super::*;
 use glam::Vec3;
-use videofields::frame::linear_from_srgb;
+use videofields_vision::frame::linear_from_srgb;
 
 const GAINS: [Vec3; 3] = [Vec3::new(0.6, 0.7, 0.9), Vec3::new(1.4, 1.2, 1.0), Vec3::new(1.0, 0.8, 1.3)];
 
@@ -91,7 +91,7 @@ trait RectMiddle {
     fn rect_middle(&self, state: &SceneState) -> [f32; 2];
 }
 
-impl RectMiddle for videofields::fuse::Billboard {
+impl RectMiddle for videofields_picture::fuse::Billboard {
     /// Texture coordinate of the middle of its blob.
     fn rect_middle(&self, state: &SceneState) -> [f32; 2] {
         let image = &state.cameras[self.camera_idx].observation.frame.image;

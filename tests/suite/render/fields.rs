@@ -2,16 +2,16 @@
 
 use super::{BLUE, Brush, GREEN, LIMITS, RED, keep, plaza, renderer, v, view};
 use glam::{DVec2, DVec3};
-use videofields::clock::Timestamp;
-use videofields::fields::{Blend, Field, FieldSettings, MAX_VIEWS, Tessellation, Topology, shade};
-use videofields::frame::{RgbImage, linear_from_srgb};
-use videofields::fuse::SceneState;
-use videofields::geometry::{Camera, Distortion};
-use videofields::mesh::Raster;
-use videofields::plan::{
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
     self, Colors, EntityStyle, FieldsForm, Part, Picture, Plan, Settings, ViewSession, Wishes,
 };
-use videofields::render::View;
+use videofields_render::View;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::fields::{Blend, Field, FieldSettings, MAX_VIEWS, Tessellation, Topology, shade};
+use videofields_vision::frame::{RgbImage, linear_from_srgb};
+use videofields_vision::geometry::{Camera, Distortion};
+use videofields_vision::mesh::Raster;
 
 fn wishes(brush: &Brush, fields: FieldsForm) -> Wishes {
     let settings = Settings { fields, ..brush.wishes(EntityStyle::None).settings };
@@ -38,11 +38,13 @@ fn shaded(state: &SceneState, view: &View, form: FieldsForm) -> (RgbImage, Vec<b
     let cameras: Vec<Camera> = state.cameras.iter().map(|camera| (*camera.camera).clone()).collect();
     let mesh = Tessellation::default().of(&state.scene.surfaces, &cameras);
     let topology = Topology::of(&mesh.positions_m, &mesh.triangles);
-    let mut views: Vec<videofields::fields::View> = state
+    let mut views: Vec<videofields_vision::fields::View> = state
         .cameras
         .iter()
         .zip(cameras)
-        .map(|(of, camera)| videofields::fields::View::new(camera, of.observation.background.to_rgb(), None))
+        .map(|(of, camera)| {
+            videofields_vision::fields::View::new(camera, of.observation.background.to_rgb(), None)
+        })
         .collect();
     let settings = FieldSettings { is_evened: false, ..FieldSettings::of_places() };
     let field = Field::new(&mesh, &topology, &mut views, &settings).expect("a field");

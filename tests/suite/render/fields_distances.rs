@@ -2,9 +2,9 @@
 
 use super::{renderer, v};
 use glam::DVec3;
-use videofields::fields::{ROUNDS, Topology, bounded, exact};
-use videofields::mesh::Mesh;
-use videofields::render::SurfaceDistances;
+use videofields_render::SurfaceDistances;
+use videofields_vision::fields::{ROUNDS, Topology, bounded, exact};
+use videofields_vision::mesh::Mesh;
 
 /// A square of so many vertices each way, a metre apart, moved by up to `uneven` and lifted.
 pub(super) fn grid(n: u32, uneven: f64, height_m: impl Fn(f64, f64) -> f64) -> Mesh {

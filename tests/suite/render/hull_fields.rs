@@ -5,11 +5,11 @@ use super::stage::Stage;
 use super::{Brush, LIMITS, keep, renderer, v};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
-use videofields::frame::RgbImage;
-use videofields::fuse::SceneState;
-use videofields::plan::{
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
     self, Colors, EntityStyle, FieldsForm, Picture, Plan, Sampling, Settings, View, ViewSession, Wishes,
 };
+use videofields_vision::frame::RgbImage;
 
 fn wishes(fields: FieldsForm) -> Wishes {
     let settings =
@@ -37,7 +37,7 @@ fn truth(view: &View, foot: DVec3) -> Vec<Option<[u8; 3]>> {
             top + (bottom - top) * share(at / width, height),
         );
         let direction = (view.pose.world_from_local * across.extend(1.0)).normalize();
-        let ray = videofields::geometry::Ray { origin: view.pose.position_in_world, direction };
+        let ray = videofields_vision::geometry::Ray { origin: view.pose.position_in_world, direction };
         met(foot, &ray).map(|distance| paint(ray.at(distance) - foot))
     };
     (0..width * height).map(pixel).collect()
@@ -110,7 +110,7 @@ fn they_are_planned_and_told_and_replace_the_passes_of_hulls() {
     // People alone, without surfaces.
     let mut alone = peopled(&ring(6), &[DVec3::ZERO]);
     let mut scene = (*alone.scene).clone();
-    scene.surfaces = videofields::geometry::Surfaces::new(Vec::new());
+    scene.surfaces = videofields_vision::geometry::Surfaces::new(Vec::new());
     alone.scene = Arc::new(scene);
     let plan = plan_of(&alone, &picture, FieldsForm::Montage);
     assert!(reason(&plan).is_on && plan.fields == FieldsForm::Off, "{:?}", reason(&plan));

@@ -5,17 +5,17 @@ use super::stage::Stage;
 use super::{Brush, keep, renderer, v, view};
 use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
-use videofields::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{Billboard, Entity, HullMaking, HullMemory, SceneState, Velocity};
-use videofields::geometry::{Camera, Distortion, Ray};
-use videofields::hull::Scratch;
-use videofields::plan::{
+use videofields_picture::fuse::{Billboard, Entity, HullMaking, HullMemory, SceneState, Velocity};
+use videofields_picture::plan::{
     self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
     Sampling, Settings, View, Wishes,
 };
-use videofields::render::FoundHulls;
-use videofields::segment::PixelRect;
-use videofields::timeline::Observation;
+use videofields_render::FoundHulls;
+use videofields_vision::frame::{ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields_vision::geometry::{Camera, Distortion, Ray};
+use videofields_vision::hull::Scratch;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::PixelRect;
 
 /// Somebody of balls: head, trunk, an arm that reaches out, legs apart (so that there is a hole between arm and trunk).
 pub(super) const BODY: [([f64; 3], f64); 9] = [

@@ -2,11 +2,13 @@
 
 use super::{Brush, LIMITS, plaza, renderer, v, view};
 use glam::DVec3;
-use videofields::error::ErrorKind;
-use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::plan::{self, Detail, EntityStyle, Filtering, Part, Picture, Plan, Settings, Wishes};
-use videofields::render::View;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
+    self, Detail, EntityStyle, Filtering, Part, Picture, Plan, Settings, Wishes,
+};
+use videofields_render::View;
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 
 fn settings(brush: &Brush) -> Settings {
     brush.wishes(EntityStyle::None).settings

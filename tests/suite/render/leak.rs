@@ -6,18 +6,18 @@
 use super::{LIMITS, keep, renderer, v, view};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields::fuse::{CameraState, SceneState};
-use videofields::geometry::{
+use videofields_picture::fuse::{CameraState, SceneState};
+use videofields_picture::plan::{self, Colors, EntityStyle, Picture, Preset, Settings, Wishes};
+use videofields_picture::scene::{self, Material, Scene, SceneCamera, Sky};
+use videofields_render::View;
+use videofields_simulate::{SolidHit, SolidId, Solids, World};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
+use videofields_vision::geometry::{
     Camera, Cylinder, Distortion, ExtrudedFootprint, GroundPolygon, OrientedBox, Pose, Ray, Shape, SurfaceId,
     Surfaces,
 };
-use videofields::plan::{self, Colors, EntityStyle, Picture, Preset, Settings, Wishes};
-use videofields::render::View;
-use videofields::scene::{self, Material, Scene, SceneCamera, Sky};
-use videofields::simulate::{SolidHit, SolidId, Solids, World};
-use videofields::timeline::Observation;
+use videofields_vision::observation::Observation;
 
 /// Columns and rows of a camera's picture.
 const CAMERA_SIZE: (u32, u32) = (1280, 720);

@@ -3,17 +3,17 @@
 use super::fields_distances::{grid, sphere};
 use super::{keep, renderer, v, view};
 use glam::{DQuat, DVec2, DVec3, Vec3};
-use videofields::clock::Timestamp;
-use videofields::fields::{
+use videofields_picture::plan::{FieldsForm, Followed};
+use videofields_render::gpu::{Count, Counted, Gpu};
+use videofields_render::{FoundFields, Reading, SurfaceFields, View};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::fields::{
     Blend, Distances, Field, FieldSettings, MAX_VIEWS, Preference, Topology, View as FieldView, Weights,
     shade,
 };
-use videofields::frame::{Mask, RgbImage};
-use videofields::geometry::{Camera, Distortion, Pose};
-use videofields::gpu::{Count, Counted, Gpu};
-use videofields::mesh::{Mesh, Raster};
-use videofields::plan::{FieldsForm, Followed};
-use videofields::render::{FoundFields, Reading, SurfaceFields, View};
+use videofields_vision::frame::{Mask, RgbImage};
+use videofields_vision::geometry::{Camera, Distortion, Pose};
+use videofields_vision::mesh::{Mesh, Raster};
 
 const SIZE_PX: [u32; 2] = [160, 120];
 
@@ -293,7 +293,7 @@ fn hard_meshes_leave_numbers_or_are_refused() {
             device.picture(gpu, &at, (FieldsForm::Montage, None), Reading::Vertices).expect("a picture");
         let found = looked.1.expect("what was asked for");
         assert!(found.weights.iter().chain(&found.ramps).all(|value| value.is_finite() && *value >= 0.0));
-        Ok::<_, videofields::gpu::GpuError>((looked.0, found))
+        Ok::<_, videofields_render::gpu::GpuError>((looked.0, found))
     };
     let marching = settings(Distances::Marching, 0.5);
     let windows = settings(Distances::Bounded, 0.5);

@@ -3,12 +3,12 @@
 use super::stage::Stage;
 use super::{Brush, keep, pixel, renderer, v, view};
 use glam::DVec3;
-use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::geometry::SurfaceId;
-use videofields::plan::{
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{
     self, Colors, EntityStyle, OPEN_OPACITY, Opened, Picture, Plan, Sampling, Settings, Wishes,
 };
+use videofields_vision::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
+use videofields_vision::geometry::SurfaceId;
 
 /// A wall, a camera on each side, and a person.
 fn wall(foot: DVec3) -> SceneState {

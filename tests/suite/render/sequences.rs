@@ -6,18 +6,19 @@ use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::sync::Arc;
-use videofields::calibrate::CameraDocument;
-use videofields::clock::Timestamp;
-use videofields::fuse::{SceneState, assemble};
-use videofields::geometry::{Camera, Distortion};
-use videofields::ingest::MediaRoots;
-use videofields::plan::{
+use videofields_lab::world_sequence::{SequenceOptions, write_sequence};
+use videofields_picture::fuse::{SceneState, assemble};
+use videofields_picture::plan::{
     self, Colors, EntityStyle, FieldsForm, Picture, Plan, Sampling, Settings, View, ViewSession, Wishes,
 };
-use videofields::scene::exchange::{self, ExchangeFormat};
-use videofields::scene::{Scene, load_file};
-use videofields::sequence::{Mixing, Player, PlayerSettings, SceneSequences, Sequence};
-use videofields::simulate::{SequenceOptions, World, pinhole, write_sequence};
+use videofields_picture::scene::exchange::{self, ExchangeFormat};
+use videofields_picture::scene::{Scene, load_file};
+use videofields_recording::ingest::MediaRoots;
+use videofields_service::sequence::{Mixing, Player, PlayerSettings, SceneSequences, Sequence};
+use videofields_simulate::World;
+use videofields_vision::calibrate::CameraDocument;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::geometry::{Camera, Distortion};
 
 /// Somebody who walks over the plaza, seen by its cameras: three frames from 3 s on.
 fn recorded(folder: &Path) {
@@ -212,7 +213,7 @@ fn scenes_name_sequences_and_who_may_not_see_all_cameras_sees_none() {
     recorded(&folder.path().join("people"));
     let path = folder.path().join("scene.json");
     let calibration = CameraDocument::from_camera(
-        &pinhole(v(0.0, -9.0, 3.0), DVec3::ZERO, 0.8, (64, 48)).expect("a camera"),
+        &Camera::pinhole(v(0.0, -9.0, 3.0), DVec3::ZERO, 0.8, (64, 48)).expect("a camera"),
     );
     let cameras: Vec<_> =
         ["north", "south"].iter().map(|id| json!({"id": id, "calibration": &calibration})).collect();
@@ -239,7 +240,7 @@ fn scenes_name_sequences_and_who_may_not_see_all_cameras_sees_none() {
     assert!(load(Value::Array(many)).is_err());
     // A document that comes from elsewhere than a file names none.
     let text = r#"{"version": 1, "sequences": [{"id": "a", "file": "people"}]}"#;
-    let refused =
-        videofields::scene::parse("place", text, videofields::scene::no_imports).expect_err("refused");
+    let refused = videofields_picture::scene::parse("place", text, videofields_picture::scene::no_imports)
+        .expect_err("refused");
     assert!(refused.to_string().contains("sequences are read only by scene files"), "{refused}");
 }

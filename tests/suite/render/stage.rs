@@ -2,17 +2,17 @@
 
 use glam::{DMat2, DVec2, DVec3, Vec3};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::frame::{
+use videofields_picture::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
+use videofields_picture::scene::{Material, Scene, SceneCamera, Sky};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::{
     CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage, YuvLayout, srgb_from_linear,
 };
-use videofields::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
-use videofields::geometry::{
+use videofields_vision::geometry::{
     Camera, Distortion, GroundPolygon, OrientedBox, Pose, Ray, Shape, SurfaceId, Surfaces,
 };
-use videofields::scene::{Material, Scene, SceneCamera, Sky};
-use videofields::segment::PixelRect;
-use videofields::timeline::Observation;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::PixelRect;
 
 pub(crate) const SKY: [u8; 3] = [120, 160, 210];
 const CAMERA_SIZE: (u32, u32) = (320, 180);

@@ -3,18 +3,18 @@
 use super::stage::Stage;
 use super::views::check_state_of;
 use super::{LIMITS, RED, check_state, draw, keep, pixel, plaza, pyramid, renderer, v, view};
-use crate::support::golden::{self, MOVED};
 use glam::{DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
-use videofields::frame::{linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::geometry::{
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{EntityStyle, Opened, Picture, Plan};
+use videofields_picture::scene::{MappedTriangle, Paint, Repeated, Sky, Texture, Wrap};
+use videofields_render::TextureUse;
+use videofields_testing::golden::{self, MOVED};
+use videofields_vision::frame::{linear_from_srgb, srgb_from_linear};
+use videofields_vision::geometry::{
     ControlPoint, Cylinder, ExtrudedFootprint, HeightField, PlaneTransform, Shape, SurfaceId, register,
 };
-use videofields::plan::{EntityStyle, Opened, Picture, Plan};
-use videofields::render::TextureUse;
-use videofields::scene::{MappedTriangle, Paint, Repeated, Sky, Texture, Wrap};
 
 /// A picture of waves, each channel with its own, that differs at each of its edges.
 fn waves((width, height): (u32, u32), wraps: [Wrap; 2]) -> Arc<Texture> {
@@ -60,7 +60,10 @@ fn painted(stage: &Stage, paints: Vec<Option<Paint>>) -> SceneState {
     })
 }
 
-pub(super) fn changed(state: SceneState, change: impl FnOnce(&mut videofields::scene::Scene)) -> SceneState {
+pub(super) fn changed(
+    state: SceneState,
+    change: impl FnOnce(&mut videofields_picture::scene::Scene),
+) -> SceneState {
     let mut scene = (*state.scene).clone();
     change(&mut scene);
     SceneState { scene: Arc::new(scene), ..state }

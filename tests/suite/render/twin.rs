@@ -6,10 +6,10 @@
 
 use super::twin_paint::{Painter, linear};
 use glam::{DVec2, DVec3};
-use videofields::frame::{RgbImage, YuvImage, linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::geometry::{Camera, Face, Hit, Shape, SurfaceId, Surfaces};
-use videofields::plan::{Plan, View};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{Plan, View};
+use videofields_vision::frame::{RgbImage, YuvImage, linear_from_srgb, srgb_from_linear};
+use videofields_vision::geometry::{Camera, Face, Hit, Shape, SurfaceId, Surfaces};
 
 const FEATHER: f64 = 0.06;
 const LEAST_COSINE: f64 = 0.008_726_5;

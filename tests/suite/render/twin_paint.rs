@@ -4,10 +4,10 @@
 use glam::{DVec2, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
-use videofields::frame::{linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::geometry::{Hit, Shape};
-use videofields::scene::{Paint, Repeated, Sky, Texture, Wrap};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::scene::{Paint, Repeated, Sky, Texture, Wrap};
+use videofields_vision::frame::{linear_from_srgb, srgb_from_linear};
+use videofields_vision::geometry::{Hit, Shape};
 
 const N_TAPS: u32 = 4;
 /// Below one degree the ground counts in full.

@@ -2,13 +2,13 @@
 
 use super::stage::SKY;
 use super::{Brush, LIMITS, RED, draw, keep, pixel, plaza, renderer, twin, v, view};
-use crate::support::golden::{self, TWIN};
 use glam::DVec3;
 use std::f64::consts::TAU;
-use videofields::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
-use videofields::fuse::SceneState;
-use videofields::plan::{self, Colors, EntityStyle, Part, Picture, Plan, Sampling, Settings, Wishes};
-use videofields::render::View;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{self, Colors, EntityStyle, Part, Picture, Plan, Sampling, Settings, Wishes};
+use videofields_render::View;
+use videofields_testing::golden::{self, TWIN};
+use videofields_vision::frame::{RgbImage, linear_from_srgb, srgb_from_linear};
 
 /// Draws a picture of the static scene, one sample a pixel unless the brush has more.
 fn drawn(brush: &mut Brush, state: &SceneState, picture: &Picture, supersampling: u32) -> (RgbImage, Plan) {

@@ -5,9 +5,9 @@
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use videofields::scene::exchange::{self, ExchangeFormat, MAX_EXCHANGE_BYTES, Taken};
-use videofields::scene::{self, FolderImports, ParsedScene, SceneError};
-use videofields::simulate::World;
+use videofields_picture::scene::exchange::{self, ExchangeFormat, MAX_EXCHANGE_BYTES, Taken};
+use videofields_picture::scene::{self, FolderImports, ParsedScene, SceneError};
+use videofields_simulate::World;
 
 const GLTF: [ExchangeFormat; 2] = [ExchangeFormat::Gltf, ExchangeFormat::Glb];
 

@@ -5,8 +5,8 @@ use base64::Engine;
 use glam::DVec3;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-use videofields::geometry::{Hit, Ray, Shape, SurfaceId};
-use videofields::scene::{self, FolderImports, ParsedScene, SceneError};
+use videofields_picture::scene::{self, FolderImports, ParsedScene, SceneError};
+use videofields_vision::geometry::{Hit, Ray, Shape, SurfaceId};
 
 /// A tetrahedron's corners, y up as glTF has it, with the top at (0, 2, 0).
 const POINTS: [[f32; 3]; 4] = [[-1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 2.0, 0.0]];

@@ -4,11 +4,11 @@ use super::models::{Site, TRIANGLES, binary, gltf};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
 use std::io::Cursor;
-use videofields::error::ErrorKind;
-use videofields::geometry::{Geodetic, SurfaceId, Triangle};
-use videofields::scene::{
+use videofields_picture::scene::{
     self, FolderImports, MAX_TEXTURE_SIDE_PX, Paint, ParsedScene, Scene, SceneError, Sky, Wrap,
 };
+use videofields_vision::error::ErrorKind;
+use videofields_vision::geometry::{Geodetic, SurfaceId, Triangle};
 
 /// A picture whose red tells the column and whose green tells the row.
 fn png(width: u32, height: u32) -> Vec<u8> {

@@ -7,10 +7,10 @@ use sqlx::{Connection, SqliteConnection};
 use std::ops::ControlFlow;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use videofields::error::ErrorKind;
-use videofields::store::probe::{Standing, beside, probe};
-use videofields::store::restore::{self, Replace, Restored, Restoring, Step};
-use videofields::store::{self, AuditEntry, Depth, ReadOnly, SCHEMA_VERSION, Store, StoreError};
+use videofields_recording::store::probe::{Standing, beside, probe};
+use videofields_recording::store::restore::{self, Replace, Restored, Restoring, Step};
+use videofields_recording::store::{self, AuditEntry, Depth, ReadOnly, SCHEMA_VERSION, Store, StoreError};
+use videofields_vision::error::ErrorKind;
 
 fn entry(target: &str) -> AuditEntry {
     AuditEntry {

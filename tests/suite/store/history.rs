@@ -2,13 +2,13 @@
 
 use super::{at, camera, folder, open};
 use std::sync::Arc;
-use videofields::clock::Timestamp;
-use videofields::config::{BackgroundSettings, SegmentSettings};
-use videofields::error::ErrorKind;
-use videofields::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage, YuvLayout};
-use videofields::ingest::{CHECKPOINT_VERSION, Pipeline};
-use videofields::segment::MOVING;
-use videofields::store::{BackgroundHistoryBounds, BackgroundRecord, Store};
+use videofields_recording::ingest::{CHECKPOINT_VERSION, Pipeline};
+use videofields_recording::store::{BackgroundHistoryBounds, BackgroundRecord, Store};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{BackgroundSettings, SegmentSettings};
+use videofields_vision::error::ErrorKind;
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage, YuvLayout};
+use videofields_vision::segment::MOVING;
 
 const WIDE: BackgroundHistoryBounds = BackgroundHistoryBounds { count: 1000, bytes: 1 << 30 };
 

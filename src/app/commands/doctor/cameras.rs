@@ -1,0 +1,123 @@
+//! The cameras: files and devices that can be read, passwords, and the parts of `GStreamer` that they need.
+
+use super::line::Line;
+use rustix::fs::{Access, access};
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::Path;
+use videofields_recording::media::{Codec, decoded_codecs, missing_elements};
+use videofields_vision::config::{CameraSettings, Config, Place};
+
+/// What every camera is decoded with.
+const ALWAYS: [&str; 4] = ["decodebin", "videoconvert", "appsink", "capsfilter"];
+
+/// What recordings are made and read with.
+const RECORDED: [&str; 7] =
+    ["parsebin", "h264parse", "h265parse", "matroskamux", "matroskademux", "mp4mux", "h264timestamper"];
+
+pub(super) fn look_at_codecs(config: &Config) -> Vec<Line> {
+    let settings = config.settings();
+    let mut names = ALWAYS.to_vec();
+    for camera in &settings.camera {
+        names.extend(match camera.source.place() {
+            Some(Place::Url(url))
+                if url.parse().is_ok_and(|parts| parts.scheme.as_str().starts_with("rtsp")) =>
+            {
+                vec!["rtspsrc", "rtph264depay", "rtph265depay", "rtpjpegdepay"]
+            }
+            Some(Place::Url(_)) => vec!["souphttpsrc", "multipartdemux"],
+            Some(Place::Device(_)) => vec!["v4l2src"],
+            Some(Place::Path(_)) => vec!["filesrc"],
+            None => Vec::new(),
+        });
+    }
+    if settings.archive.is_on() {
+        names.extend(RECORDED);
+    }
+    names.sort_unstable();
+    names.dedup();
+    let install = "install gstreamer1.0-plugins-base, -good, -bad and gstreamer1.0-libav";
+    let missing = match missing_elements(&names) {
+        Ok(missing) if missing.is_empty() => {
+            Line::ok("codecs", format!("GStreamer has the {} parts that are needed", names.len()))
+        }
+        Ok(missing) => {
+            let why = "cameras and recordings that need them fail";
+            Line::problem("codecs", format!("GStreamer lacks {}", missing.join(", ")), why).do_this(install)
+        }
+        Err(error) => {
+            return vec![
+                Line::problem("codecs", "GStreamer cannot be used".to_owned(), error.to_string())
+                    .do_this(install),
+            ];
+        }
+    };
+    let decoded = decoded_codecs().unwrap_or_default();
+    let lacking: Vec<&str> =
+        Codec::ALL.into_iter().filter(|codec| !decoded.contains(codec)).map(Codec::as_str).collect();
+    let codecs = if lacking.is_empty() {
+        Line::ok("codecs", "every usual codec is decoded".to_owned())
+    } else {
+        let what = format!("{} cannot be decoded", lacking.join(", "));
+        Line::warning("codecs", what, "cameras that send it fail").do_this(install)
+    };
+    vec![missing, codecs]
+}
+
+pub(super) fn look(config: &Config) -> Vec<Line> {
+    config.settings().camera.iter().map(camera).collect()
+}
+
+fn camera(camera: &CameraSettings) -> Line {
+    let id = &camera.id;
+    if let Some(file) = &camera.source.password_file
+        && let Err(error) = access(file, Access::READ_OK)
+    {
+        let what = format!("{id}: the password's file {}", file.display());
+        return Line::problem("cameras", what, error.to_string())
+            .do_this("a file of the service manager's credentials is there only while the service runs");
+    }
+    if let Some(variable) = &camera.source.password_env
+        && std::env::var_os(variable).is_none()
+    {
+        let what = format!("{id}: the password's variable {variable}");
+        return Line::warning("cameras", what, "it is not set here; the daemon's environment counts");
+    }
+    match camera.source.place() {
+        Some(Place::Device(device)) => self::device(id.as_str(), device),
+        Some(Place::Path(path)) => file(id.as_str(), path),
+        Some(Place::Url(_)) => Line::ok("cameras", format!("{id}: in the network, not asked from here")),
+        None => Line::problem("cameras", format!("{id}: has no source"), "nothing feeds it"),
+    }
+}
+
+fn device(id: &str, device: &Path) -> Line {
+    let what = format!("{id}: {}", device.display());
+    let metadata = match std::fs::metadata(device) {
+        Ok(metadata) => metadata,
+        Err(error) => {
+            return Line::problem("cameras", what, error.to_string())
+                .do_this("connect the camera; `ls /dev/video*` shows what there is");
+        }
+    };
+    if !metadata.file_type().is_char_device() {
+        return Line::problem("cameras", what, "it is no device").do_this("name one such as /dev/video0");
+    }
+    match access(device, Access::READ_OK | Access::WRITE_OK) {
+        Ok(()) => Line::ok("cameras", what),
+        Err(error) => {
+            let why = format!("this user may not use it: {error}; it is group {}'s", metadata.gid());
+            Line::problem("cameras", what, why)
+                .do_this("put the daemon's user into that group (most often `video`), or give it the device")
+        }
+    }
+}
+
+fn file(id: &str, path: &Path) -> Line {
+    let what = format!("{id}: {}", path.display());
+    // A pattern of numbered pictures is no file's name.
+    let looked_at = if what.contains('%') { path.parent().unwrap_or(path) } else { path };
+    match access(looked_at, Access::READ_OK) {
+        Ok(()) => Line::ok("cameras", what),
+        Err(error) => Line::problem("cameras", what, error.to_string()).do_this("see `source.path`"),
+    }
+}

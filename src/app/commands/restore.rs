@@ -1,0 +1,97 @@
+//! `restore`: a copy in the database's place, and what was there before beside it.
+
+use super::backup::{FileNote, Manifest, manifest_path};
+use super::operator::{self, Configured};
+use anyhow::{Context, Result, bail};
+use std::path::{Path, PathBuf};
+use videofields_recording::store::restore::{self, Replace, Restoring};
+use videofields_recording::telemetry::{self, LogFormat};
+use videofields_vision::clock::{Clock, SystemClock};
+
+/// Puts a copy that `backup` made in the place of the daemon's database.
+///
+/// The daemon must not be running. The copy is looked at from end to end first, and stays as it is; the database that was
+/// there is kept beside the new one, its log with it, as `NAME.before-TIME`. Killed at any moment, it leaves the old database
+/// or the new one, or a daemon that does not start and says that `--finish` or `--undo` is to be run.
+///
+/// Users, tokens and passwords are those of the copy: a token that was revoked since is good again.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Restore {
+    #[command(flatten)]
+    config: Configured,
+    /// The copy.
+    #[arg(value_name = "COPY", required_unless_present_any = ["finish", "undo"], conflicts_with_all = ["finish", "undo"])]
+    copy: Option<PathBuf>,
+    /// Also puts a good database aside, and takes a copy that is another than what stands beside it says.
+    #[arg(long)]
+    force: bool,
+    /// Goes on with a restore that broke off.
+    #[arg(long, conflicts_with = "undo")]
+    finish: bool,
+    /// Takes a restore that broke off back: the database is as it was before.
+    #[arg(long)]
+    undo: bool,
+}
+
+impl Restore {
+    pub(crate) fn run(&self) -> Result<()> {
+        telemetry::init(LogFormat::Text, Some("warn"))?;
+        let config = self.config.load()?;
+        let database = config.settings().storage.database.as_path();
+        match &self.copy {
+            Some(copy) => self.put(copy, database),
+            None if self.finish => {
+                let aside = operator::block_on(async { Ok(restore::finish(database).await?) })?;
+                super::say(&format!("{}: restored", database.display()))?;
+                tell_aside(&aside)
+            }
+            None => {
+                operator::block_on(async { Ok(restore::undo(database).await?) })?;
+                super::say(&format!("{}: as it was before", database.display()))
+            }
+        }
+    }
+
+    fn put(&self, copy: &Path, database: &Path) -> Result<()> {
+        check_manifest(copy).or_else(|error| {
+            if !self.force {
+                return Err(error.context("the copy is not as it was made; `--force` takes it all the same"));
+            }
+            super::complain(&format!("warning: {}", super::told(&error)));
+            Ok(())
+        })?;
+        let replace = if self.force { Replace::Anything } else { Replace::Damaged };
+        let entry = operator::entry("restore", operator::whole(copy));
+        let asked = Restoring { from: copy, database, replace, entry };
+        let now = SystemClock::new().now();
+        let done = operator::block_on(async { Ok(restore::restore(asked, now).await?) })?;
+        for warning in &done.warnings {
+            super::complain(&format!("warning: {warning}"));
+        }
+        let rows: i64 = done.contents.rows.values().sum();
+        let tables = done.contents.rows.len();
+        super::say(&format!("{}: restored, {tables} tables, {rows} rows", database.display()))?;
+        tell_aside(&done.aside)
+    }
+}
+
+fn tell_aside(aside: &[PathBuf]) -> Result<()> {
+    aside.iter().try_for_each(|path| super::say(&format!("put aside: {}", path.display())))
+}
+
+/// Whether a copy is what stands beside it; one that nothing stands beside is looked at all the same when it is restored.
+fn check_manifest(copy: &Path) -> Result<()> {
+    let path = manifest_path(copy);
+    let text = match std::fs::read(&path) {
+        Ok(text) => text,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(error).with_context(|| format!("cannot read {}", path.display())),
+    };
+    let unreadable = || format!("{} is not what stands beside a copy", path.display());
+    let manifest: Manifest = serde_json::from_slice(&text).with_context(unreadable)?;
+    let found = FileNote::of(copy).with_context(|| format!("cannot read {}", copy.display()))?;
+    if found.sha256 != manifest.database.file.sha256 {
+        bail!("{} has another digest than {} says", copy.display(), path.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,67 @@
+//! A scene's memory of who is who: a few lines of time, so that whoever looks at the past disturbs nobody's present.
+
+use super::line::{Followed, KEPT_SECS, Line};
+use super::{Entity, Sighting};
+use videofields_vision::clock::Timestamp;
+
+/// Lines that are kept: the present, and some who look at the past.
+const MAX_LINES: usize = 6;
+
+/// A line goes on to an instant this near, either way, seconds; for one further on, a copy of it does.
+const STEP_SECS: f64 = 0.5;
+
+/// Who is who in one scene: entities' ids, kept from camera to camera and from instant to instant.
+///
+/// Ids are never given twice. An instant goes on from what was known at the nearest instant asked for before: by a step
+/// of at most half a second either way, or up to five seconds forwards. Any other begins anew, with new ids. The same
+/// instants with the same observations in the same order give the same ids.
+#[derive(Clone, Debug)]
+pub struct Association {
+    lines: Vec<Line>,
+    next_id: u64,
+    n_updates: u64,
+}
+
+impl Default for Association {
+    fn default() -> Self {
+        Self { lines: Vec::new(), next_id: 1, n_updates: 0 }
+    }
+}
+
+impl Association {
+    /// Who is seen at `instant`, in growing order of ids; `followed` are all tracks of all cameras.
+    ///
+    /// **Cost** about a microsecond a sighting where few are near; no more than the square of what is near.
+    pub(super) fn update(
+        &mut self,
+        instant: Timestamp,
+        sightings: Vec<Sighting>,
+        followed: &[Followed],
+    ) -> Vec<Entity> {
+        self.n_updates += 1;
+        let line = self.line_to(instant);
+        self.lines[line].used = self.n_updates;
+        self.lines[line].advance(instant, sightings, followed, &mut self.next_id)
+    }
+
+    /// The line that goes on to `instant`.
+    fn line_to(&mut self, instant: Timestamp) -> usize {
+        let secs =
+            self.lines.iter().enumerate().filter_map(|(idx, line)| Some((line.secs_to(instant)?, idx)));
+        let near = secs.filter(|(secs, _)| (-STEP_SECS..=KEPT_SECS).contains(secs));
+        let nearest = near.min_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
+        let begun = match nearest {
+            Some((secs, idx)) if secs <= STEP_SECS => return idx,
+            Some((_, idx)) => self.lines[idx].clone(),
+            None => Line::default(),
+        };
+        if self.lines.len() < MAX_LINES {
+            self.lines.push(begun);
+            return self.lines.len() - 1;
+        }
+        let oldest = self.lines.iter().enumerate().min_by_key(|(_, line)| line.used);
+        let idx = oldest.map_or(0, |(idx, _)| idx);
+        self.lines[idx] = begun;
+        idx
+    }
+}

@@ -1,0 +1,267 @@
+//! Observations of all cameras at one instant -> `SceneState`: what stands where.
+//!
+//! In: a scene and at most one observation a camera. Out: an immutable state. Must not know of views, passes or
+//! the GPU: one state serves every view of its instant.
+
+mod association;
+mod billboard;
+mod estimate;
+mod exposure;
+mod grouping;
+mod hull_memory;
+mod hulls;
+mod line;
+mod look;
+mod overlap;
+mod pieces;
+mod points;
+#[cfg(test)]
+mod tests;
+mod upright;
+mod walk;
+
+pub use association::Association;
+pub use exposure::Exposure;
+pub use hull_memory::HullMemory;
+pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
+pub use overlap::Overlap;
+pub(crate) use points::MAX_RUN;
+
+use crate::scene::Scene;
+use estimate::{Estimate, Head};
+use glam::{DMat2, DVec2, DVec3, Vec3};
+use line::Followed;
+use std::sync::Arc;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::fields::Moment;
+use videofields_vision::frame::CameraId;
+use videofields_vision::geometry::Camera;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::PixelRect;
+use videofields_vision::track::Track;
+
+/// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Who is who is
+/// told by this instant alone.
+///
+/// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the
+/// exact form).
+///
+/// **Cost** about two rays a row of every blob; with points, two more a run of texels in it.
+pub fn assemble(
+    scene: &Arc<Scene>,
+    instant: Timestamp,
+    observe: impl FnMut(&CameraId) -> Option<Observation>,
+    point_stride: Option<u32>,
+) -> SceneState {
+    assemble_within(&mut Association::default(), scene, instant, observe, point_stride)
+}
+
+/// As [`assemble`], within the `association` of the scene's instants: entities keep their ids.
+pub fn assemble_within(
+    association: &mut Association,
+    scene: &Arc<Scene>,
+    instant: Timestamp,
+    mut observe: impl FnMut(&CameraId) -> Option<Observation>,
+    point_stride: Option<u32>,
+) -> SceneState {
+    let (members, cameras): (Vec<usize>, Vec<CameraState>) = scene
+        .cameras
+        .iter()
+        .enumerate()
+        .filter_map(|(idx, member)| {
+            let observation = observe(&member.id)?;
+            let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
+            Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE }))
+        })
+        .unzip();
+    let sightings: Vec<Sighting> = cameras
+        .iter()
+        .zip(&members)
+        .enumerate()
+        .flat_map(|(idx, (camera, member))| billboard::sightings((idx, *member), camera, &scene.surfaces))
+        .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
+        .collect();
+    let tracks = |(member, camera): (&usize, &CameraState)| {
+        let followed =
+            |track: &Track| Followed { member: *member, number: track.id, since: track.first_seen };
+        camera.observation.tracks.iter().map(followed).collect::<Vec<_>>()
+    };
+    let followed: Vec<Followed> = members.iter().zip(&cameras).flat_map(tracks).collect();
+    let entities = association.update(instant, sightings, &followed);
+    let mut state = SceneState {
+        scene: Arc::clone(scene),
+        instant,
+        entities,
+        cameras,
+        n_overlapping: 0,
+        points: Vec::new(),
+        hulls: Vec::new(),
+        sequences: Vec::new(),
+    };
+    if let Some(stride) = point_stride {
+        state.place_points(stride);
+    }
+    state
+}
+
+/// A billboard with what it says of whom it shows.
+struct Sighting {
+    billboard: Billboard,
+    /// The camera's place in the scene.
+    member: usize,
+    estimate: Estimate,
+    /// The ray over its head, by which it is placed where its legs are hidden.
+    head: Option<Head>,
+    /// The camera's tracks that it shows.
+    tracks: Vec<Followed>,
+}
+
+/// One instant of a scene, ready to be rendered. Immutable.
+#[derive(Clone, Debug)]
+pub struct SceneState {
+    /// The scene.
+    pub scene: Arc<Scene>,
+    /// The instant asked for.
+    pub instant: Timestamp,
+    /// The cameras that have an observation at that instant, in the scene's order.
+    pub cameras: Vec<CameraState>,
+    /// How many of the cameras were compared with others that see the same surfaces ([`Exposure::even`]); 0 where nobody
+    /// looked.
+    pub n_overlapping: usize,
+    /// What stands on the ground.
+    pub entities: Vec<Entity>,
+    /// The entities' foreground texels as points; empty unless points were asked for.
+    pub points: Vec<PointRun>,
+    /// The entities' hulls; empty unless they were asked for ([`SceneState::place_hulls`]).
+    pub hulls: Vec<Arc<EntityHull>>,
+    /// What there is of the scene's recorded sequences; empty where nobody placed them.
+    pub sequences: Vec<SequenceAtInstant>,
+}
+
+/// What there is of a recorded mesh sequence at an instant.
+#[derive(Clone, Debug)]
+pub struct SequenceAtInstant {
+    /// The sequence's id in its scene.
+    pub id: Arc<str>,
+    /// The frame that answers, or why there is none, for people who ask for pictures: without the names of files, which the log has.
+    pub moment: Result<Arc<Moment>, Arc<str>>,
+}
+
+impl SceneState {
+    /// Places the entities' texels as points, every `stride`-th row, in place of the points that there are. What several
+    /// cameras see stands where the entity does, or one person would show beside themselves.
+    pub fn place_points(&mut self, stride: u32) {
+        let sources = self.entities.iter().enumerate().flat_map(|(entity_idx, entity)| {
+            entity
+                .sources
+                .iter()
+                .map(move |source| (entity_idx, source, entity.place_of(source) - source.foot_in_world))
+        });
+        let of = |(entity_idx, source, shift_m): (usize, &Billboard, DVec3)| {
+            let camera = &self.cameras[source.camera_idx];
+            points::runs(camera, (entity_idx, source), shift_m, stride).collect::<Vec<_>>()
+        };
+        self.points = sources.flat_map(of).collect();
+    }
+}
+
+/// One camera at the instant.
+#[derive(Clone, Debug)]
+pub struct CameraState {
+    /// Which camera.
+    pub id: CameraId,
+    /// Its calibration.
+    pub camera: Arc<Camera>,
+    /// What it saw.
+    pub observation: Observation,
+    /// What its colours are multiplied by in linear light to agree with other cameras', a channel: 1 where nothing is
+    /// evened out, above 0, finite.
+    pub gain: Vec3,
+}
+
+/// One thing that stands on the ground, seen by one camera or several.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entity {
+    /// Its number: the same from camera to camera and from instant to instant of one [`Association`].
+    pub id: u64,
+    /// Where it touches the ground: the mean of its sources' feet, the better known counting more.
+    pub foot_in_world: DVec3,
+    /// Covariance of that place on the ground, square metres; symmetric, finite.
+    pub foot_covariance_m2: DMat2,
+    /// How fast it goes.
+    pub velocity: Velocity,
+    /// How far it reaches from its foot, metres, by cameras that see it in one with nobody else, now or of late; none where none ever did.
+    pub reach_m: Option<f64>,
+    /// Its height, metres: what whole sources say, or said of late, or else the tallest there is.
+    pub height_m: f64,
+    /// One billboard for each camera that sees it, in the order of cameras; never empty.
+    pub sources: Vec<Billboard>,
+}
+
+impl Entity {
+    /// Where one of its `sources` is drawn: where the entity stands, of which that camera's view of its foot is but one; of an
+    /// entity with no other source, that view's own.
+    #[must_use]
+    pub fn place_of(&self, source: &Billboard) -> DVec3 {
+        if self.sources.len() > 1 { self.foot_in_world } else { source.foot_in_world }
+    }
+}
+
+/// How fast somebody goes over the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Velocity {
+    /// Along the world's x and y, metres a second; finite.
+    pub over_ground_m_per_s: DVec2,
+    /// Standard deviation along the direction in which least is known of it, metres a second; finite.
+    pub sd_m_per_s: f64,
+}
+
+impl Velocity {
+    /// Of whom nothing is known yet: they may stand or walk.
+    pub const UNKNOWN: Self = Self { over_ground_m_per_s: DVec2::ZERO, sd_m_per_s: walk::FIRST_VELOCITY };
+}
+
+/// What one camera sees of an entity, as an upright rectangle in the world that faces the camera horizontally.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Billboard {
+    /// Index into [`SceneState::cameras`].
+    pub camera_idx: usize,
+    /// Rectangle of its blob in that camera's picture.
+    pub rect: PixelRect,
+    /// Middle of the base line, on the ground.
+    pub foot_in_world: DVec3,
+    /// Unit vector along the base line, level, to the right as the camera sees it.
+    pub right_in_world: DVec3,
+    /// Extent along `right_in_world` from the foot to the left (negative) and right edge, metres.
+    pub left_right_m: [f64; 2],
+    /// Extent upwards from the foot, metres; above 0.
+    pub height_m: f64,
+    /// Whether the foot may lie outside the picture, so that place and height are estimates.
+    pub is_truncated: bool,
+}
+
+impl Billboard {
+    /// Whether it extends so far upwards or across, or is cut by the picture's border, so that there is no telling.
+    fn is_at_least(&self, size_m: f64) -> bool {
+        let [left, right] = self.left_right_m;
+        self.is_truncated || self.height_m.max(right - left) >= size_m
+    }
+}
+
+/// Foreground texels placed in the world: those side by side in a row of a camera's picture, told by the first and the last;
+/// both are the same where there is one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointRun {
+    /// Index into [`SceneState::entities`].
+    pub entity_idx: usize,
+    /// Index into [`SceneState::cameras`].
+    pub camera_idx: usize,
+    /// Where the first and the last stand; the others on the line between them.
+    pub ends_in_world: [DVec3; 2],
+    /// Sides of the squares that cover these texels' footprints without holes, metres.
+    pub sizes_m: [f32; 2],
+    /// Texture coordinates of the middles of these texels: between them its colours are read.
+    pub textures: [[f32; 2]; 2],
+    /// How many rows of texels it stands for; at least 1.
+    pub n_rows: u32,
+}

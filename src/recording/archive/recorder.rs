@@ -1,0 +1,67 @@
+//! A camera's end of the archive: hands frames over and never waits.
+
+use super::lane::{Lane, RecordingState};
+use super::queue::Job;
+use super::shared::Shared;
+use crate::media::EncodedFrame;
+use crate::telemetry::RecordingDrop;
+use std::sync::Arc;
+use videofields_vision::clock::Timestamp;
+
+/// Records one camera for as long as it lives; made by [`super::Archive::recorder`].
+#[derive(Debug)]
+pub struct Recorder {
+    shared: Arc<Shared>,
+    lane: Arc<Lane>,
+    /// Whether frames are left out up to the next key frame.
+    is_broken: bool,
+}
+
+impl Recorder {
+    pub(super) fn new(shared: Arc<Shared>, lane: Arc<Lane>) -> Self {
+        if !lane.is_paused() {
+            lane.set_state(RecordingState::WaitingForKey);
+        }
+        Self { shared, lane, is_broken: true }
+    }
+
+    /// Records the frame that was seen at `at`, or counts why not. Frames come in decoding order; `at` is a whole
+    /// number of [`crate::media::TICK_NANOS`]. Never waits.
+    pub fn push(&mut self, frame: &EncodedFrame, at: Timestamp) {
+        debug_assert_eq!(at.as_nanos() % crate::media::TICK_NANOS, 0, "whole ticks");
+        if self.lane.is_paused() {
+            self.is_broken = true;
+            self.lane.count_dropped(RecordingDrop::Paused);
+        } else if self.is_broken && !frame.is_key {
+            self.lane.count_dropped(RecordingDrop::NoKeyFrame);
+        } else {
+            let job = Job::Frame(Arc::clone(&self.lane), frame.clone(), at);
+            self.lane.hand_over();
+            self.is_broken = !self.shared.queue.push(job);
+            if self.is_broken {
+                self.lane.settle();
+                let is_over = self.shared.queue.is_closed();
+                self.lane.count_dropped(if is_over {
+                    RecordingDrop::Stopping
+                } else {
+                    RecordingDrop::QueueFull
+                });
+            }
+        }
+    }
+}
+
+impl Recorder {
+    /// What follows does not build on what came before: it is recorded from its next key frame on.
+    pub const fn break_off(&mut self) {
+        self.is_broken = true;
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        if !self.shared.queue.push(Job::End(Arc::clone(&self.lane))) {
+            tracing::debug!(camera = %self.lane.camera(), "the archive ended before its camera");
+        }
+    }
+}

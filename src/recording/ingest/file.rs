@@ -1,0 +1,138 @@
+//! Video files, in any container and codec that `GStreamer` knows.
+//!
+//! One pass through the file is one pipeline; the next pass of a loop builds a new one on the same open file,
+//! because seeking back depends on an index that many surveillance files lack. What is read is the file that was
+//! opened beneath the media roots, whatever became of its path since.
+
+use super::jpeg::push_as_jpeg;
+use super::medium::Medium;
+use super::{IngestError, MediaRoots, StopFlag, Tap};
+use crate::media::{
+    Decoder, EncodedFrame, EncodedQueue, Fault, Input, Picture, PlaneReader, SampleError, descriptor_path,
+};
+use gstreamer as gst;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// How long a file may give nothing before it counts as failed, seconds.
+const SILENCE_SECS: u64 = 10;
+
+/// Bytes of encoded frames that wait for being taken.
+pub(super) const ENCODED_BYTES: usize = 16 << 20;
+
+/// Looks in a row that find nothing at work until the file counts as given up.
+const MAX_IDLE_LOOKS: u32 = 3;
+
+/// How long one look for a frame lasts; the stop flag is heeded between looks.
+const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
+
+/// A video file.
+pub struct VideoFile {
+    path: PathBuf,
+    file: File,
+    stop: StopFlag,
+    /// Takes the encoded frames, where they are wanted.
+    encoded: Option<Arc<EncodedQueue>>,
+    pass: Option<(Decoder, PlaneReader)>,
+}
+
+impl VideoFile {
+    /// Opens the file at `path`; whether it is a video shows with its first picture.
+    ///
+    /// # Errors
+    /// When the file lies outside the roots, cannot be read, or is no video.
+    pub fn open(path: &Path, roots: &MediaRoots, stop: &StopFlag, tap: Tap) -> Result<Self, IngestError> {
+        let file = roots.open(path)?;
+        let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
+        Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), encoded, pass: None })
+    }
+
+    /// What its pictures are encoded in, and how many nanoseconds it has, as far as that is known with its first picture.
+    pub(super) fn told(&self) -> (Option<String>, Option<i64>) {
+        let decoder = self.pass.as_ref().map(|(decoder, _)| decoder);
+        (decoder.and_then(Decoder::codec), decoder.and_then(Decoder::duration_nanos))
+    }
+
+    /// Goes on at a time, or before it; where it stands in a file that cannot be sought in.
+    pub fn seek(&self, stream_nanos: i64) {
+        if let Some((decoder, _)) = &self.pass
+            && !decoder.seek(stream_nanos)
+        {
+            tracing::debug!(path = %self.path.display(), "a file cannot be sought in: it is read on");
+        }
+    }
+
+    fn error(&self, fault: Fault) -> IngestError {
+        let path = self.path.clone();
+        match fault {
+            Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
+            Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
+            Fault::TooLarge { width, height, limit } => IngestError::TooLarge { path, width, height, limit },
+            Fault::Damaged(detail) => IngestError::Damaged { path, detail },
+            Fault::Connection(fault) => IngestError::Damaged { path, detail: format!("{fault:?}") },
+            Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
+        }
+    }
+
+    fn pull(&self, decoder: &Decoder) -> Result<Option<gst::Sample>, IngestError> {
+        let mut n_idle_looks = 0;
+        for _ in 0..SILENCE_SECS * 1000 / LOOK.mseconds() {
+            if self.stop.is_raised() {
+                return Err(IngestError::Stopped);
+            }
+            if let Some(sample) = decoder.pull(LOOK) {
+                return Ok(Some(sample));
+            }
+            if let Some(fault) = decoder.fault() {
+                return Err(self.error(fault));
+            }
+            if decoder.has_ended() {
+                return Ok(None);
+            }
+            n_idle_looks = if decoder.is_idle() { n_idle_looks + 1 } else { 0 };
+            if n_idle_looks == MAX_IDLE_LOOKS {
+                return Err(self.error(Fault::Damaged("its reader gave up without a word".to_owned())));
+            }
+        }
+        Err(IngestError::Silent { path: self.path.clone(), secs: SILENCE_SECS })
+    }
+}
+
+impl Medium for VideoFile {
+    fn path(&self) -> &Path {
+        &self.path
+    }
+
+    fn begin(&mut self) -> Result<(), IngestError> {
+        self.pass = None;
+        let input = Input::file(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
+        let decoder = Decoder::start(&input, self.encoded.as_ref()).map_err(|fault| self.error(fault))?;
+        self.pass = Some((decoder, PlaneReader::default()));
+        Ok(())
+    }
+
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        self.encoded.as_ref()?.take()
+    }
+
+    fn n_encoded_dropped(&self) -> u64 {
+        self.encoded.as_ref().map_or(0, |encoded| encoded.n_dropped())
+    }
+
+    fn next_picture(&mut self) -> Result<Option<Picture>, IngestError> {
+        let Some((decoder, mut reader)) = self.pass.take() else { return Ok(None) };
+        let Some(sample) = self.pull(&decoder)? else { return Ok(None) };
+        let picture = reader.picture(&sample).map_err(|error| match error {
+            SampleError::Layout(source) => IngestError::Layout { path: self.path.clone(), source },
+            SampleError::Unusable(detail) => {
+                IngestError::Gstreamer { action: "deliver I420 pictures", detail: detail.to_owned() }
+            }
+        })?;
+        self.pass = Some((decoder, reader));
+        if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
+            push_as_jpeg(queue, &picture);
+        }
+        Ok(Some(picture))
+    }
+}

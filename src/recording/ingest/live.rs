@@ -1,0 +1,166 @@
+//! What all cameras have in common: the newest picture, or that there is none yet.
+//!
+//! A started pipeline flows in, frames flow out; a newer picture replaces one that was not taken. Knows nothing of how the
+//! camera is connected (`rtsp`, `http`, `device`).
+
+use super::file::ENCODED_BYTES;
+use super::jpeg::push_as_jpeg;
+use super::pairing::Pairing;
+use super::{CameraError, IngestError, Lost, Polled, Source, SourceFrame, StopFlag, Tap};
+use crate::media::{
+    ConnectionFault, Decoder, EncodedFrame, EncodedQueue, Fault, Input, PlaneReader, SampleError,
+};
+use gstreamer as gst;
+use std::path::PathBuf;
+use std::sync::Arc;
+use videofields_vision::clock::Timestamp;
+
+/// How long one look for a frame lasts; the stop flag is heeded between looks.
+const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
+
+/// How long who asks for the next frame waits for it, seconds.
+const SILENCE_SECS: u64 = 10;
+
+/// A camera that is connected, or about to be.
+pub(super) struct LiveSource {
+    place: String,
+    decoder: Decoder,
+    reader: PlaneReader,
+    stop: StopFlag,
+    /// Takes the encoded frames, where they are wanted.
+    encoded: Option<Arc<EncodedQueue>>,
+    pairing: Pairing,
+    next_number: u64,
+    /// The stream's own time of the first frame that has one.
+    first_nanos: Option<i64>,
+    latest_nanos: i64,
+    /// Between two pictures, as the stream promises it.
+    interval_nanos: Option<i64>,
+}
+
+impl LiveSource {
+    /// Starts what `input` gives; `place` is what messages call it.
+    pub(super) fn start(
+        place: String,
+        input: &Input,
+        tap: Tap,
+        stop: &StopFlag,
+    ) -> Result<Self, IngestError> {
+        let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
+        let decoder = Decoder::start(input, encoded.as_ref()).map_err(|fault| error_of(&place, fault))?;
+        Ok(Self {
+            place,
+            decoder,
+            reader: PlaneReader::default(),
+            stop: stop.clone(),
+            encoded,
+            pairing: Pairing::default(),
+            next_number: 0,
+            first_nanos: None,
+            latest_nanos: 0,
+            interval_nanos: None,
+        })
+    }
+
+    /// Nanoseconds between two pictures, where the stream says so.
+    pub(super) const fn interval_nanos(&self) -> Option<i64> {
+        self.interval_nanos
+    }
+
+    /// What its pictures are encoded in, once one has come.
+    pub(super) fn codec(&self) -> Option<String> {
+        self.decoder.codec()
+    }
+
+    /// The next picture's frame. Stream time grows whatever the camera says.
+    fn frame(&mut self, sample: &gst::Sample) -> Result<SourceFrame, IngestError> {
+        let path = || PathBuf::from(&self.place);
+        let picture = self.reader.picture(sample).map_err(|error| match error {
+            SampleError::Layout(source) => IngestError::Layout { path: path(), source },
+            // A decoder that goes over to another form of pictures: connected anew, it is converted.
+            SampleError::Unusable(detail) => IngestError::Damaged { path: path(), detail: detail.to_owned() },
+        })?;
+        if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
+            push_as_jpeg(queue, &picture);
+        }
+        self.interval_nanos = picture.interval_nanos.filter(|nanos| *nanos > 0);
+        let least_nanos = if self.next_number == 0 { 0 } else { self.latest_nanos + 1 };
+        let stream_nanos = picture.stream_nanos.map_or(least_nanos, |nanos| {
+            let told = self.first_nanos.map(|first| nanos.saturating_sub(first));
+            // Time that steps back goes on from where it stands.
+            told.filter(|told| *told >= least_nanos).unwrap_or_else(|| {
+                self.first_nanos = Some(nanos.saturating_sub(least_nanos));
+                least_nanos
+            })
+        });
+        self.latest_nanos = stream_nanos;
+        self.pairing.push_picture(picture.stream_nanos, stream_nanos);
+        let number = self.next_number;
+        self.next_number += 1;
+        let reference = picture.reference_nanos.map(Timestamp::from_nanos);
+        Ok(SourceFrame { image: Arc::new(picture.image), stream_nanos, number, reference })
+    }
+}
+
+impl Source for LiveSource {
+    fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {
+        for _ in 0..SILENCE_SECS * 1000 / LOOK.mseconds() {
+            if let Polled::Frame(frame) = self.poll()? {
+                return Ok(Some(frame));
+            }
+        }
+        Err(CameraError::Silent { place: self.place.clone(), secs: SILENCE_SECS as f64 }.into())
+    }
+
+    fn poll(&mut self) -> Result<Polled, IngestError> {
+        if self.stop.is_raised() {
+            return Err(IngestError::Stopped);
+        }
+        if let Some(sample) = self.decoder.pull(LOOK) {
+            return Ok(Polled::Frame(self.frame(&sample)?));
+        }
+        if let Some(fault) = self.decoder.fault() {
+            return Err(error_of(&self.place, fault));
+        }
+        if self.decoder.has_ended() {
+            return Err(error_of(&self.place, Fault::Connection(ConnectionFault::Closed)));
+        }
+        Ok(Polled::Waiting)
+    }
+
+    fn take_encoded(&mut self) -> Option<EncodedFrame> {
+        while let Some(frame) = self.encoded.as_ref()?.take() {
+            self.pairing.push_frame(frame);
+        }
+        self.pairing.take()
+    }
+
+    fn n_encoded_dropped(&self) -> u64 {
+        self.encoded.as_ref().map_or(0, |encoded| encoded.n_dropped())
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+
+    fn place(&self) -> &str {
+        &self.place
+    }
+
+    fn lost(&self) -> Lost {
+        Lost { n_replaced: self.decoder.n_replaced(), n_damaged: self.decoder.n_damaged() }
+    }
+}
+
+/// What a fault of the camera at `place` is.
+pub(super) fn error_of(place: &str, fault: Fault) -> IngestError {
+    let path = PathBuf::from(place);
+    match fault {
+        Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
+        Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
+        Fault::TooLarge { width, height, limit } => IngestError::TooLarge { path, width, height, limit },
+        Fault::Damaged(detail) => IngestError::Damaged { path, detail },
+        Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
+        Fault::Connection(fault) => CameraError::Connection { place: place.to_owned(), fault }.into(),
+    }
+}

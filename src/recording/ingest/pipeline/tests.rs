@@ -1,0 +1,285 @@
+//! A camera's way from frames to observations: clips, sizes, restarts.
+
+use super::*;
+use videofields_vision::config::Resolution;
+use videofields_vision::frame::{ColorMatrix, ColorRange, YuvLayout};
+
+/// Frame `number` of a noisy floor over which a box walks from the fourth frame on, at ten frames a second.
+fn frame(width: u32, height: u32, number: u64) -> Frame {
+    let layout = YuvLayout::packed(width, height);
+    let mut data: Vec<u8> = (0..YuvLayout::packed_len(width, height) as u64)
+        .map(|i| {
+            let hash = (i ^ number.wrapping_mul(0x9e37_79b9)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            let is_luma = i < layout.offsets[1] as u64;
+            126 + (hash >> if is_luma { 61 } else { 62 }) as u8
+        })
+        .collect();
+    let left = (number as u32 * 3) % (width - 12);
+    for y in (height / 4..height / 4 + 24).filter(|_| number > 3) {
+        data[(y * width + left) as usize..][..12].fill(30);
+    }
+    let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    Frame {
+        camera: CameraId::new("cam").unwrap(),
+        timestamp: Timestamp::from_nanos(1_700_000_000_000_000_000 + number as i64 * 100_000_000),
+        number,
+        image: Arc::new(image),
+    }
+}
+
+fn settings() -> (BackgroundSettings, SegmentSettings) {
+    let segment = SegmentSettings { min_area_px: 40, ..SegmentSettings::default() };
+    (BackgroundSettings::default(), segment)
+}
+
+fn pipeline() -> Pipeline {
+    let (background, segment) = settings();
+    Pipeline::new(&background, &segment)
+}
+
+fn assert_same(a: &Observation, b: &Observation) {
+    assert!(a.labels == b.labels && a.soft_mask == b.soft_mask && a.blobs == b.blobs);
+}
+
+#[test]
+fn walker_is_found_and_the_floor_is_the_background() {
+    let mut pipeline = pipeline();
+    let last = (0..60).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+    assert_eq!(last.blobs.len(), 1, "{:?}", last.blobs);
+    let rect = last.blobs[0].rect;
+    assert!(rect.x.abs_diff(59 * 3 % 84) <= 2 && rect.width.abs_diff(12) <= 4, "{rect:?}");
+    assert_eq!(last.tracks.iter().map(|track| track.blob_idx).collect::<Vec<_>>(), [Some(0)]);
+    assert!(last.background.plane(0).row(20).iter().all(|luma| luma.abs_diff(129) <= 4));
+    assert_eq!(last.frame.number, 59);
+}
+
+#[test]
+fn a_reduced_resolution_finds_nearly_what_the_full_one_finds() {
+    let (background, segment) = settings();
+    let at = |resolution| {
+        let segment = SegmentSettings { resolution, ..segment.clone() };
+        let mut pipeline = Pipeline::new(&background, &segment);
+        let last = (0..60).map(|number| pipeline.process(frame(98, 66, number))).last().unwrap();
+        assert_eq!((last.labels.width, last.labels.height), (98, 66), "{resolution:?}");
+        assert_eq!((last.soft_mask.width, last.soft_mask.height), (98, 66), "{resolution:?}");
+        assert_eq!(last.blobs.len(), 1, "{resolution:?}: {:?}", last.blobs);
+        let model = pipeline.current().unwrap().0;
+        assert_eq!((model.width, model.height), pipeline.model_size_px(98, 66));
+        last
+    };
+    let full = at(Resolution::Full);
+    for (resolution, least_overlap) in [(Resolution::Half, 0.75), (Resolution::Quarter, 0.5)] {
+        let reduced = at(resolution);
+        let (mut both, mut either) = (0, 0);
+        for (a, b) in full.labels.data.iter().zip(&reduced.labels.data) {
+            both += u32::from(*a == 255 && *b == 255);
+            either += u32::from(*a == 255 || *b == 255);
+        }
+        let overlap = f64::from(both) / f64::from(either);
+        assert!(overlap >= least_overlap && overlap < 1.0, "{resolution:?}: {overlap}");
+        let foot = |of: &Observation| of.blobs[0].foot_in_image;
+        for (a, b) in foot(&full).into_iter().zip(foot(&reduced)) {
+            assert!((a - b).abs() <= f64::from(resolution.factor_in((98, 66))) + 1.0, "{resolution:?}");
+        }
+        // The floor's dither comes back in full, though the model has its mean alone.
+        assert_eq!((reduced.background.width(), reduced.background.height()), (98, 66));
+        let rows = |of: &Observation| of.background.plane(0).row(2)[..98].to_vec();
+        let worst = rows(&full).into_iter().zip(rows(&reduced)).map(|(a, b)| a.abs_diff(b)).max();
+        assert!(worst.unwrap() <= 4, "{resolution:?}: {worst:?}");
+    }
+}
+
+#[test]
+fn large_pictures_are_reduced_unless_told_otherwise_and_their_backgrounds_are_not() {
+    let mut pipeline = pipeline();
+    let mut background = None;
+    for number in 0..12 {
+        background = Some(pipeline.process(frame(1002, 600, number)).background);
+    }
+    let (model, _) = pipeline.current().unwrap();
+    assert_eq!((model.width, model.height), (501, 300));
+    let background = background.unwrap();
+    assert_eq!((background.width(), background.height()), (1002, 600));
+    // A smaller stream of the same place goes on with the same model, and is shown at its own size at once.
+    let small = pipeline.process(frame(501, 300, 12)).background;
+    assert_eq!((small.width(), small.height()), (501, 300));
+    let large = pipeline.process(frame(1002, 600, 13)).background;
+    assert_eq!((large.width(), large.height()), (1002, 600));
+    assert!(pipeline.aside.is_empty());
+    let full = pipeline.model_bytes();
+    assert!(full >= 501 * 300 * 36 + 1002 * 600 * 3, "detail counts: {full}");
+}
+
+#[test]
+fn a_reduced_clip_leaves_its_detail() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let segment = SegmentSettings { resolution: Resolution::Half, ..segment };
+    let mut pipeline = Pipeline::new(&background, &segment);
+    let layout = YuvLayout::packed(96, 64);
+    let mut data = vec![128; YuvLayout::packed_len(96, 64)];
+    data[..96 * 64].iter_mut().enumerate().for_each(|(i, value)| *value = if i % 2 == 0 { 90 } else { 150 });
+    let stripes = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    for _ in 0..30 {
+        pipeline.learn(&stripes, 0.1);
+    }
+    // Something covers half of the place from the first frame on.
+    let mut data: Vec<u8> = (0..3)
+        .flat_map(|index| {
+            let plane = stripes.plane(index);
+            (0..plane.height).flat_map(move |y| plane.row(y).to_vec())
+        })
+        .collect();
+    data[..96 * 32].fill(30);
+    let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+    let seen = pipeline.process(Frame { image: Arc::new(image), ..frame(96, 64, 1) });
+    assert!(seen.labels.get(40, 10) == 255 && seen.labels.get(40, 50) == 0);
+    for y in [10, 50] {
+        let row = seen.background.plane(0).row(y);
+        assert!(
+            row.iter().enumerate().all(|(x, luma)| luma.abs_diff(if x % 2 == 0 { 90 } else { 150 }) <= 2)
+        );
+    }
+}
+
+#[test]
+fn restart_in_the_middle_changes_no_bit_of_any_mask() {
+    // Tracks begin anew after a restart, and with them what is held from learning: without that, nothing differs.
+    let track = TrackSettings { absorb_after_secs: 0.0, ..TrackSettings::default() };
+    let pipeline = || pipeline().with_track(&track);
+    let mut unbroken = pipeline();
+    for number in 0..40 {
+        unbroken.process(frame(96, 64, number));
+    }
+    let mut restarted = pipeline();
+    restarted.restore(&unbroken.checkpoint().unwrap()).unwrap();
+    for number in 40..80 {
+        let [a, b] = [&mut unbroken, &mut restarted].map(|one| one.process(frame(96, 64, number)));
+        assert_same(&a, &b);
+        assert!(!a.blobs.is_empty());
+    }
+    assert_eq!(unbroken.checkpoint(), restarted.checkpoint());
+}
+
+#[test]
+fn background_picture_is_shared_for_a_second_of_scene_time() {
+    let mut pipeline = pipeline();
+    let seen: Vec<_> = (0..25).map(|number| pipeline.process(frame(96, 64, number)).background).collect();
+    assert!(Arc::ptr_eq(&seen[0], &seen[9]) && Arc::ptr_eq(&seen[10], &seen[19]));
+    assert!(!Arc::ptr_eq(&seen[9], &seen[10]) && !Arc::ptr_eq(&seen[19], &seen[20]));
+}
+
+#[test]
+fn held_background_stays_as_the_clip_left_it() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let mut held = Pipeline::new(&background, &segment);
+    assert!(!held.has_learned_clip());
+    let empty = YuvImage::filled(96, 64, [127, 127, 127], ColorMatrix::Bt601, ColorRange::Limited);
+    for _ in 0..20 {
+        held.learn(&empty, 0.04);
+    }
+    assert!(held.has_learned_clip());
+    let before = held.current.as_ref().unwrap().mixture.n_frames();
+    let mut pictures = Vec::new();
+    for _ in 0..200 {
+        let observation = held.process(frame(96, 64, 5));
+        assert_eq!(observation.blobs.len(), 1);
+        pictures.push(observation.background);
+    }
+    assert_eq!(held.current.as_ref().unwrap().mixture.n_frames(), before);
+    assert!(pictures.iter().all(|picture| Arc::ptr_eq(picture, &pictures[0])));
+    let mut restored = Pipeline::new(&background, &segment);
+    restored.restore(&held.checkpoint().unwrap()).unwrap();
+    assert!(restored.has_learned_clip());
+    assert_same(&restored.process(frame(96, 64, 6)), &held.process(frame(96, 64, 6)));
+}
+
+#[test]
+fn clip_of_another_size_leaves_the_stream_to_adapt() {
+    let (mut background, segment) = settings();
+    background.learning = Learning::Hold;
+    let mut pipeline = Pipeline::new(&background, &segment);
+    let other = YuvImage::filled(48, 32, [10, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+    pipeline.learn(&other, 0.04);
+    let last = (0..30).map(|number| pipeline.process(frame(96, 64, number))).last().unwrap();
+    assert_eq!(last.blobs.len(), 1);
+}
+
+#[test]
+fn size_that_comes_back_finds_what_was_learned_even_after_a_restart() {
+    let mut one = pipeline();
+    for number in 0..30 {
+        one.process(frame(96, 64, number));
+    }
+    for number in 30..33 {
+        let observation = one.process(frame(64, 96, number));
+        assert_eq!((observation.labels.width, observation.background.width()), (64, 64));
+    }
+    let mut two = pipeline();
+    two.restore(&one.checkpoint().unwrap()).unwrap();
+    for pipeline in [&mut one, &mut two] {
+        let observation = pipeline.process(frame(96, 64, 33));
+        assert_eq!(observation.blobs.len(), 1, "known at once, not begun anew");
+    }
+    assert_same(&one.process(frame(64, 96, 34)), &two.process(frame(64, 96, 34)));
+    // However often the size changes, memory stays bounded.
+    for size in 40..60 {
+        one.process(frame(size, 64, 100));
+    }
+    assert_eq!(one.aside.len(), MAX_ASIDE);
+}
+
+#[test]
+fn time_that_stands_still_or_runs_back_is_survived() {
+    let mut pipeline = pipeline();
+    for number in [5, 5, 3, 0, 1000, 999] {
+        pipeline.process(frame(96, 64, number));
+    }
+    let mut last = frame(96, 64, 7);
+    for nanos in [i64::MAX, i64::MIN, 0] {
+        last.timestamp = Timestamp::from_nanos(nanos);
+        pipeline.process(last.clone());
+    }
+}
+
+#[test]
+fn bytes_that_are_no_checkpoint_change_nothing() {
+    let mut one = pipeline();
+    assert_eq!(one.checkpoint(), None);
+    for number in 0..10 {
+        one.process(frame(96, 64, number));
+    }
+    let good = one.checkpoint().unwrap();
+    let mut other_version = good.clone();
+    other_version[4] = 2;
+    let mut other_flags = good.clone();
+    other_flags[MAGIC.len()] = 4;
+    let mut endless = good.clone();
+    endless[MAGIC.len() + 1..MAGIC.len() + 9].fill(0xff);
+    let cut = good[..good.len() - 1].to_vec();
+    let longer = [good.clone(), vec![1]].concat();
+    let often = [&good[..], &good[5..], &good[5..], &good[5..]].concat();
+    for bytes in
+        [vec![], b"vfpl".to_vec(), MAGIC.to_vec(), other_version, other_flags, endless, cut, longer, often]
+    {
+        assert!(one.restore(&bytes).is_err());
+    }
+    assert_eq!(one.checkpoint().unwrap(), good);
+    one.restore(&good).unwrap();
+}
+
+#[test]
+fn without_vision_pictures_are_passed_on_and_nothing_is_kept_or_copied() {
+    let mut pipeline = pipeline().without_vision();
+    let seen: Vec<_> = (0..10).map(|number| pipeline.process(frame(96, 64, number))).collect();
+    for observation in &seen {
+        assert!(Arc::ptr_eq(&observation.background, &observation.frame.image));
+        assert!(observation.blobs.is_empty() && observation.tracks.is_empty());
+        assert!(Arc::ptr_eq(&observation.labels, &seen[0].soft_mask), "all share one mask");
+    }
+    assert!(seen[0].labels.data.iter().all(|label| *label == 0));
+    assert_eq!((pipeline.model_bytes(), pipeline.checkpoint()), (0, None));
+    let other = pipeline.process(frame(64, 48, 11));
+    assert_eq!((other.labels.width, other.labels.height), (64, 48));
+}

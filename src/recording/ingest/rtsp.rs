@@ -1,0 +1,24 @@
+//! RTSP cameras.
+//!
+//! Over TCP by default. What the camera says of the time of capture (RTCP sender reports) comes with the frames.
+
+use super::endpoint::Endpoint;
+use super::live::{LiveSource, error_of};
+use super::secret::Credentials;
+use super::{IngestError, StopFlag, Tap};
+use crate::media::Input;
+use videofields_vision::config::SourceSettings;
+
+/// Begins to connect to the camera at `endpoint`.
+pub(super) fn open(
+    endpoint: &Endpoint,
+    settings: &SourceSettings,
+    stop: &StopFlag,
+    tap: Tap,
+) -> Result<LiveSource, IngestError> {
+    let credentials = Credentials::read(settings)?;
+    let login = credentials.as_ref().map(Credentials::login);
+    let input = Input::rtsp(&endpoint.location(), settings.transport, login)
+        .map_err(|fault| error_of(&endpoint.place(), fault))?;
+    LiveSource::start(endpoint.place(), &input, tap, stop)
+}

@@ -1,0 +1,490 @@
+//! One thread a camera: opens its source, paces the frames in real time, opens it again after a failure.
+//!
+//! In: a source and a clock. Out: frames of scene time to one consumer, and the camera's status. Scene time is the
+//! configured start, or the daemon's, plus stream time; it never runs backwards, also when a source failed and
+//! begins anew: then it goes on where real time stands. Live sources are not paced (`follow`).
+
+mod follow;
+#[cfg(test)]
+mod tests;
+
+use super::arrival::ArrivalClock;
+use super::pacing::{Pacer, Turn};
+use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
+use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
+use crate::media::{EncodedFrame, TICK_NANOS};
+use crate::telemetry::DropReason;
+use std::hash::BuildHasher;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use videofields_vision::clock::{Clock, Timestamp};
+use videofields_vision::config::{ClockSettings, End, SourceSettings};
+use videofields_vision::frame::{CameraId, Frame};
+
+/// Longest sleep between two looks at the stop flag.
+const SLICE: Duration = Duration::from_millis(100);
+
+/// Least time between two ticks.
+const TICK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Time for which frames must have come before a failure counts as the first again.
+const STEADY: Duration = Duration::from_secs(30);
+
+/// What receives a camera's frames, on the camera's own thread. Slow consumers lose frames, never others' time.
+pub trait FrameConsumer: Send {
+    /// Takes the next frame; timestamps and numbers only grow.
+    fn consume(&mut self, frame: Frame);
+
+    /// Whether [`Self::record`] is to be called. Asked once, before the source is opened.
+    fn tap(&self) -> Tap {
+        Tap::Closed
+    }
+
+    /// Takes a frame as the camera encoded it, with the scene time of its picture, in decoding order; each comes about
+    /// when its picture does, and also where its picture was left out.
+    fn record(&mut self, _frame: &EncodedFrame, _time: Timestamp) {}
+
+    /// What is wrong with the camera although its frames come; shown as its reason.
+    fn concern(&self) -> Option<&str> {
+        None
+    }
+
+    /// Whether the camera's picture is known not to change any more, although frames come.
+    fn is_frozen(&self) -> bool {
+        false
+    }
+
+    /// Called where `n` frames were left out.
+    fn miss(&mut self, _reason: DropReason, _n: u64) {}
+
+    /// Called about once a second between frames, also while the camera waits to try again; not while its source
+    /// blocks, which lasts ten seconds at most. For checkpoints.
+    fn tick(&mut self) {}
+
+    /// Called once, after the last frame or when the camera is stopped; not after a panic of this consumer.
+    fn finish(&mut self) {}
+}
+
+/// A camera at work. Dropping it stops it and waits for its thread.
+#[derive(Debug)]
+pub struct CameraWorker {
+    id: CameraId,
+    stop: StopFlag,
+    status: SharedStatus,
+    clock: SharedClock,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl CameraWorker {
+    /// Starts the camera `id`. Stream time 0 is monotonic time `began`, the same for cameras that belong together; its
+    /// scene time is that of the file's `start`, or `origin` if there is none.
+    ///
+    /// # Errors
+    /// When no thread can be started. Whatever is wrong with the source shows in the status.
+    pub fn spawn(
+        id: CameraId,
+        feed: impl Into<Feed>,
+        roots: MediaRoots,
+        clock: Arc<dyn Clock>,
+        (origin, began): (Timestamp, Duration),
+        consumer: Box<dyn FrameConsumer>,
+    ) -> Result<Self, IngestError> {
+        let feed = feed.into();
+        let start = feed.start(origin, began);
+        let (end, stall, tap) = (feed.source.end, feed.source.stall_secs, consumer.tap());
+        let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
+        let open = move |stop: &StopFlag| open_tapped(&feed.source, &roots, stop, tap);
+        Self::spawn_with(id, open, (end, stall), clock, start, consumer)
+    }
+
+    fn spawn_with(
+        id: CameraId,
+        open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError> + Send + 'static,
+        (end, stall): (End, Duration),
+        clock: Arc<dyn Clock>,
+        start: Start,
+        consumer: Box<dyn FrameConsumer>,
+    ) -> Result<Self, IngestError> {
+        let stop = StopFlag::default();
+        let status = start.status.map_or_else(|| SharedStatus::new(clock.now()), |status| status.shared());
+        let counted = status.read();
+        let camera = Camera {
+            id: id.clone(),
+            clock,
+            scene_start: start.scene,
+            own_clock: start.clock.clone(),
+            corrected: start.corrected,
+            end,
+            stall,
+            stop: stop.clone(),
+            status: status.clone(),
+            tap: consumer.tap(),
+            consumer,
+            pacer: Pacer::new(start.began),
+            arrivals: ArrivalClock::default(),
+            steady_since: None,
+            rate: RateMeter::default(),
+            ticked: None,
+            next_number: counted.frames + counted.dropped,
+        };
+        let thread = std::thread::Builder::new()
+            .name(format!("camera-{id}"))
+            .spawn(move || camera.run_contained(open))
+            .map_err(|source| IngestError::Thread { camera: id.clone(), source })?;
+        Ok(Self { id, stop, status, clock: start.clock, thread: Some(thread) })
+    }
+
+    /// The camera.
+    #[must_use]
+    pub const fn id(&self) -> &CameraId {
+        &self.id
+    }
+
+    /// How it is doing. Costs a short lock.
+    #[must_use]
+    pub fn status(&self) -> CameraStatus {
+        self.status.read()
+    }
+
+    /// What reads the camera's status also where the worker is not at hand.
+    #[must_use]
+    pub fn status_reader(&self) -> StatusReader {
+        self.status.reader()
+    }
+
+    /// Corrects the camera's clock from its next frame on. Where that sets time back, frames come for a while whose times
+    /// were there already.
+    pub fn set_clock(&self, clock: ClockSettings) {
+        self.clock.set(clock);
+    }
+
+    /// Asks the camera to end and returns at once; it ends within half a second, or when its consumer returns.
+    pub fn request_stop(&self) {
+        self.stop.raise();
+    }
+
+    /// Whether its thread has ended: after the last frame, after a panic of its consumer, or once stopped.
+    #[must_use]
+    pub fn is_finished(&self) -> bool {
+        self.thread.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Ends the camera and waits for it.
+    pub fn stop(mut self) {
+        self.join();
+    }
+
+    /// Asks the camera to end and does not wait for its thread: for one that hangs in a call that nothing ends.
+    pub fn abandon(mut self) {
+        self.stop.raise();
+        drop(self.thread.take());
+    }
+
+    fn join(&mut self) {
+        self.stop.raise();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!(camera = %self.id, "a camera's thread panicked outside its containment");
+        }
+    }
+}
+
+impl Drop for CameraWorker {
+    fn drop(&mut self) {
+        self.join();
+    }
+}
+
+/// What a camera is fed from.
+#[derive(Clone, Debug, Default)]
+pub struct Feed {
+    /// Where its frames come from.
+    pub source: SourceSettings,
+    /// What is wrong with its clock.
+    pub clock: ClockSettings,
+    /// The status of the worker that stood here before: it is told on, and its counts go on.
+    pub status: Option<StatusReader>,
+}
+
+impl From<SourceSettings> for Feed {
+    fn from(source: SourceSettings) -> Self {
+        Self { source, ..Self::default() }
+    }
+}
+
+impl Feed {
+    /// Where stream time 0 lies, if the daemon began at `origin`.
+    fn start(&self, origin: Timestamp, began: Duration) -> Start {
+        let from_nanos = (self.source.from_secs * 1e9).round() as i64;
+        let is_file = self.source.path.is_some();
+        Start {
+            scene: self.source.start.map_or(origin, |start| start.saturating_add_nanos(from_nanos)),
+            began,
+            clock: SharedClock(Arc::new(Mutex::new(self.clock))),
+            corrected: match self.source.start {
+                Some(since) => Corrected::SceneTime { since },
+                None if is_file => Corrected::StreamTime,
+                None => Corrected::SceneTime { since: origin },
+            },
+            status: self.status.clone(),
+        }
+    }
+}
+
+/// What is wrong with a camera's clock; may be changed while the camera runs.
+#[derive(Clone, Debug, Default)]
+struct SharedClock(Arc<Mutex<ClockSettings>>);
+
+impl SharedClock {
+    fn get(&self) -> ClockSettings {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn set(&self, clock: ClockSettings) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = clock;
+    }
+}
+
+/// Which time the camera's clock is corrected in.
+#[derive(Clone, Copy, Debug, Default)]
+enum Corrected {
+    /// A file that begins with the daemon is moved against the others that do: it plays later, or what lies before their
+    /// beginning is left out.
+    #[default]
+    StreamTime,
+    /// All else is played as it comes, and bears another time; `since` is the instant from which on drift counts.
+    SceneTime { since: Timestamp },
+}
+
+/// Where stream time 0 lies, and how what follows from it becomes scene time.
+#[derive(Clone, Default)]
+struct Start {
+    /// In scene time, before the correction.
+    scene: Timestamp,
+    /// In monotonic time.
+    began: Duration,
+    clock: SharedClock,
+    corrected: Corrected,
+    status: Option<StatusReader>,
+}
+
+/// What lives on the camera's thread.
+struct Camera {
+    id: CameraId,
+    clock: Arc<dyn Clock>,
+    scene_start: Timestamp,
+    own_clock: SharedClock,
+    corrected: Corrected,
+    end: End,
+    /// Silence after which a live source is stalled.
+    stall: Duration,
+    stop: StopFlag,
+    status: SharedStatus,
+    tap: Tap,
+    consumer: Box<dyn FrameConsumer>,
+    pacer: Pacer,
+    arrivals: ArrivalClock,
+    /// Monotonic times of the first and the latest frame since the source was opened.
+    steady_since: Option<(Duration, Duration)>,
+    rate: RateMeter,
+    ticked: Option<Duration>,
+    next_number: u64,
+}
+
+impl Camera {
+    fn run_contained(mut self, open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError>) {
+        let _span = tracing::info_span!("camera", id = %self.id).entered();
+        // After a panic the consumer is dropped and never called again, so nothing half-changed is looked at.
+        if let Err(panic) = catch_unwind(AssertUnwindSafe(|| self.run(open))) {
+            let text = panic_text(panic.as_ref());
+            tracing::error!(panic = text, "processing of a camera panicked; the camera stays off");
+            self.status.fail(format!("its processing panicked: {text}"), self.clock.now(), None);
+        }
+    }
+
+    fn run(&mut self, mut open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError>) {
+        let mut n_failures = 0;
+        let mut last_state = CameraState::Ended;
+        while !self.stop.is_raised() {
+            self.status.set(CameraState::Connecting, self.clock.now());
+            let (opened_at, number_before) = (self.clock.monotonic(), self.next_number);
+            self.steady_since = None;
+            let mut is_live = false;
+            let outcome = open(&self.stop).and_then(|mut source| {
+                is_live = source.is_live();
+                if is_live { self.follow(source.as_mut()) } else { self.play(source.as_mut()) }
+            });
+            let Err(error) = outcome else { break };
+            if self.stop.is_raised() {
+                break;
+            }
+            if self.steady_since.is_some_and(|(first, latest)| latest.saturating_sub(first) >= STEADY) {
+                n_failures = 0;
+            }
+            let lasted = self.clock.monotonic().saturating_sub(opened_at);
+            if is_live && self.is_worth_haste(&error, lasted, self.next_number - number_before) {
+                tracing::warn!(%error, "a camera's stream is connected anew at once");
+                self.status.retry(error.to_string());
+                continue;
+            }
+            // What was played cannot be played again as if it were new: a recording that ends in damage ends there.
+            if !is_live && self.end == End::Stop && self.next_number > 0 && error.is_of_content() {
+                tracing::error!(%error, "a camera's recording is damaged and ends here");
+                self.status.fail(error.to_string(), self.clock.now(), None);
+                last_state = CameraState::Failed;
+                break;
+            }
+            let delay = retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures));
+            tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
+            self.status.fail(error.to_string(), self.clock.now(), Some(delay));
+            n_failures += 1;
+            self.sleep_until(self.clock.monotonic().saturating_add(delay));
+            self.status.retry(error.to_string());
+        }
+        self.consumer.finish();
+        if last_state != CameraState::Failed {
+            self.status.set(last_state, self.clock.now());
+        }
+    }
+
+    /// Delivers frames until the source or the camera ends.
+    fn play(&mut self, source: &mut dyn Source) -> Result<(), IngestError> {
+        self.pacer.begin();
+        let first_number = self.next_number;
+        while let Some(frame) = source.next_frame()? {
+            let stream_nanos = self.stream_time(frame.stream_nanos);
+            if stream_nanos < 0 {
+                // Before the beginning that is common to all.
+                self.hand_on_encoded(source, self.file_offset_nanos());
+                if self.stop.is_raised() {
+                    break;
+                }
+                continue;
+            }
+            let due = self.pacer.due(self.clock.monotonic(), stream_nanos);
+            self.sleep_until(due);
+            if self.stop.is_raised() {
+                break;
+            }
+            self.hand_on_encoded(source, self.file_offset_nanos());
+            self.next_number = first_number + frame.number + 1;
+            match self.pacer.turn(self.clock.monotonic()) {
+                Turn::Deliver => {
+                    let timestamp = self.scene_start.saturating_add_nanos(self.pacer.stream_nanos());
+                    let timestamp = self.scene_time(timestamp);
+                    self.deliver(frame, timestamp, first_number);
+                }
+                Turn::Drop => {
+                    self.status.count_dropped(1);
+                    self.consumer.miss(DropReason::Overrun, 1);
+                }
+            }
+            self.tick_if_due();
+        }
+        if !self.stop.is_raised() {
+            self.hand_on_encoded(source, self.file_offset_nanos());
+        }
+        Ok(())
+    }
+
+    /// Hands on the encoded frames whose pictures came; `offset_nanos` is added to stream time.
+    fn hand_on_encoded(&mut self, source: &mut dyn Source, offset_nanos: i64) {
+        if self.tap == Tap::Closed {
+            return;
+        }
+        while let Some(frame) = source.take_encoded() {
+            let stream_nanos = self.stream_time(frame.stream_nanos.unwrap_or(0));
+            if stream_nanos < 0 {
+                continue;
+            }
+            let time = self.scene_time(Timestamp::from_nanos(offset_nanos.saturating_add(stream_nanos)));
+            self.consumer.record(&frame, time);
+        }
+    }
+
+    /// Stream time once the camera's clock is corrected, where that is what it corrects.
+    fn stream_time(&self, stream_nanos: i64) -> i64 {
+        let zero = Timestamp::from_nanos(0);
+        match self.corrected {
+            Corrected::SceneTime { .. } => stream_nanos,
+            Corrected::StreamTime => {
+                let clock = ClockSettings { since: None, ..self.own_clock.get() };
+                clock.scene_time(Timestamp::from_nanos(stream_nanos), zero).as_nanos()
+            }
+        }
+    }
+
+    /// What is added to a file's stream time.
+    fn file_offset_nanos(&self) -> i64 {
+        self.scene_start.as_nanos().saturating_add(self.pacer.offset_nanos())
+    }
+
+    /// What `time` is once the camera's clock is corrected, as it is kept: of a camera that is recorded, in the unit that
+    /// recordings hold, so that memory and recordings say the same.
+    fn scene_time(&self, time: Timestamp) -> Timestamp {
+        let time = match self.corrected {
+            Corrected::StreamTime => time,
+            Corrected::SceneTime { since } => self.own_clock.get().scene_time(time, since),
+        };
+        let nanos = time.as_nanos();
+        Timestamp::from_nanos(match self.tap {
+            Tap::Closed => nanos,
+            Tap::Open => nanos - nanos.rem_euclid(TICK_NANOS),
+        })
+    }
+
+    fn deliver(&mut self, frame: SourceFrame, timestamp: Timestamp, first_number: u64) {
+        let size = (frame.image.width(), frame.image.height());
+        self.consumer.consume(Frame {
+            camera: self.id.clone(),
+            timestamp,
+            number: first_number + frame.number,
+            image: frame.image,
+        });
+        let now = self.clock.monotonic();
+        let fps = self.rate.count(now);
+        self.steady_since = Some((self.steady_since.map_or(now, |(first, _)| first), now));
+        let state = if self.consumer.is_frozen() { CameraState::Frozen } else { CameraState::Live };
+        let delivered = Delivered { timestamp, monotonic: now, wall: self.clock.now(), size, fps, state };
+        if self.status.count_frame(&delivered, self.consumer.concern()) {
+            tracing::info!(width = size.0, height = size.1, "a camera is live");
+        }
+    }
+
+    /// Sleeps until monotonic time `due` or until the camera is to stop; ticks meanwhile.
+    fn sleep_until(&mut self, due: Duration) {
+        while !self.stop.is_raised() {
+            self.tick_if_due();
+            let left = due.saturating_sub(self.clock.monotonic());
+            if left.is_zero() {
+                return;
+            }
+            self.clock.sleep(left.min(SLICE));
+        }
+    }
+
+    fn tick_if_due(&mut self) {
+        let now = self.clock.monotonic();
+        let ticked = *self.ticked.get_or_insert(now);
+        if now.saturating_sub(ticked) >= TICK_INTERVAL {
+            self.ticked = Some(now);
+            self.consumer.tick();
+        }
+    }
+}
+
+/// Time to the next attempt after `n_failures` before this one: between half of 2, 4, 8, 16, 30, 30, … seconds and
+/// the whole, so that cameras that failed together do not come back together.
+fn retry_delay(n_failures: u32, entropy: u64) -> Duration {
+    let longest_ms = (2_000_u64 << n_failures.min(4)).min(30_000);
+    let shortest_ms = longest_ms / 2;
+    Duration::from_millis(shortest_ms + entropy % (longest_ms - shortest_ms + 1))
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> &str {
+    let text = panic.downcast_ref::<&str>().copied();
+    text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("no message")
+}

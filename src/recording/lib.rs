@@ -1,0 +1,19 @@
+//! Takes cameras' streams, keeps what is learned of them in memory and in SQLite, and records them.
+//!
+//! Rooms stand in the order in which they use each other: a room uses only rooms above it in this list (`tests/tidy.rs` fails otherwise).
+
+pub mod memory;
+
+pub mod telemetry;
+
+pub mod media;
+
+pub mod store;
+
+pub mod accounts;
+
+pub mod archive;
+
+pub mod timeline;
+
+pub mod ingest;

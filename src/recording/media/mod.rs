@@ -1,0 +1,51 @@
+//! All that touches `GStreamer`: inputs become pictures and, where asked, the encoded frames that they were decoded from.
+//!
+//! In: an [`Input`]. Out: [`Picture`]s in the decoder's own planes, [`EncodedFrame`]s in decoding order, both with the
+//! stream's own times, and a [`Fault`] where the stream ends other than by its end. Knows no camera, no scene time, no
+//! file's place.
+
+mod clip;
+mod connection;
+mod decoder;
+mod demuxer;
+mod device;
+mod encoded;
+mod fault;
+mod input;
+mod jpeg;
+mod losses;
+mod muxer;
+mod planes;
+mod plugins;
+mod tap;
+
+pub use clip::{ClipContainer, ClipWriter};
+pub use connection::Login;
+pub use decoder::Decoder;
+pub use demuxer::Demuxer;
+pub use device::DeviceWish;
+pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
+pub use fault::{ConnectionFault, Fault};
+pub use input::{Input, descriptor_path};
+pub use muxer::{Muxer, TICK_NANOS};
+pub use planes::{PlaneReader, SampleError, Times};
+pub use plugins::{Codec, decoded_codecs, missing_elements};
+
+use videofields_vision::frame::YuvImage;
+
+#[cfg(test)]
+mod tests;
+
+/// One decoded picture with what its container says of its time.
+#[derive(Debug)]
+pub struct Picture {
+    /// The pixels.
+    pub image: YuvImage,
+    /// Stream time in nanoseconds from the container's own zero, if it has one.
+    pub stream_nanos: Option<i64>,
+    /// Nanoseconds to the next picture as the container promises them, if it does.
+    pub interval_nanos: Option<i64>,
+    /// When it was taken as its camera says, nanoseconds since 1970 (UTC), where the stream says it. RTSP cameras do in
+    /// sender reports, the first of which comes some seconds after the first frame.
+    pub reference_nanos: Option<i64>,
+}

@@ -1,0 +1,308 @@
+//! Tables `audit` and `audit_anchor`: who did what. Only ever added to, on disk when it is acknowledged, and chained by
+//! digests. Where the oldest entries are removed for their age, the anchor keeps the digest that the next one builds on.
+
+use super::migrate::SCHEMA_VERSION;
+use super::open::open_to_add;
+use super::{ReadOnly, Store, StoreError};
+use sha2::Digest;
+use sqlx::{Connection, SqliteConnection};
+use std::path::{Path, PathBuf};
+use videofields_vision::clock::Timestamp;
+
+/// The first schema that has the table.
+const FIRST_SCHEMA: i64 = 10;
+
+/// Entries that are removed at once: others wait for the database meanwhile.
+pub(super) const MAX_REMOVED: i64 = 10_000;
+
+/// Rows that are read at once when all are checked.
+const PAGE: u32 = 1000;
+
+/// Something that was done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditEntry {
+    /// When, by the machine's clock.
+    pub at: Timestamp,
+    /// By whom: a user, or `cli:` and the name of who ran a command; none where there are no users, or by a stranger.
+    pub user: Option<String>,
+    /// What: a method and a route's template, or a command of the command line.
+    pub action: String,
+    /// To what: path and query.
+    pub target: String,
+    /// What came of it: an HTTP status.
+    pub status: u16,
+}
+
+/// An entry as it is kept.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditRecord {
+    /// 1, 2, 3, ... without gaps.
+    pub number: i64,
+    /// What was done.
+    pub entry: AuditEntry,
+    /// SHA-256 of the digest before and of this entry.
+    pub digest: [u8; 32],
+}
+
+impl AuditRecord {
+    /// Its digest, lower-case hexadecimal.
+    #[must_use]
+    pub fn digest_text(&self) -> String {
+        self.digest.iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+}
+
+/// What a look at all entries found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct AuditCheck {
+    /// Entries that were removed for their age: the first that is left has the number after it.
+    pub n_removed: i64,
+    /// Entries that are whole, from the first that is left on.
+    pub n_whole: i64,
+    /// The digest of the last of these, or of the last that was removed: whoever noted it can tell later that nothing before it was changed.
+    pub head: Option<String>,
+    /// What is wrong with the entry after them.
+    pub fault: Option<String>,
+}
+
+type Row = (i64, i64, Option<String>, String, String, i64, Vec<u8>);
+
+/// SHA-256 of the digest before and of an entry: every part with its length before it, so that none can be moved into the
+/// next.
+fn digest(before: &[u8; 32], number: i64, entry: &AuditEntry) -> [u8; 32] {
+    let mut hash = sha2::Sha256::new();
+    hash.update(before);
+    hash.update(number.to_be_bytes());
+    hash.update(entry.at.as_nanos().to_be_bytes());
+    hash.update(entry.status.to_be_bytes());
+    hash.update([u8::from(entry.user.is_some())]);
+    for text in [entry.user.as_deref().unwrap_or_default(), &entry.action, &entry.target] {
+        hash.update((text.len() as u64).to_be_bytes());
+        hash.update(text.as_bytes());
+    }
+    hash.finalize().into()
+}
+
+/// Adds an entry to what `connection` has open; its number. It is on disk when it is acknowledged.
+pub(super) async fn append(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    entry: &AuditEntry,
+) -> Result<i64, StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    // The write lock is taken before the last row is read: another process may write too.
+    let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+    let last: Option<(i64, Vec<u8>)> =
+        sqlx::query_as("select number, digest from audit order by number desc limit 1")
+            .fetch_optional(&mut *transaction)
+            .await
+            .map_err(classify)?;
+    let (number, before) = match last {
+        Some((number, digest)) => (number, as_digest(digest, path)?),
+        None => anchor(&mut transaction, path).await?,
+    };
+    let number = number + 1;
+    sqlx::query(
+        "insert into audit (number, at, user, action, target, status, digest) values (?, ?, ?, ?, ?, ?, ?)",
+    )
+    .bind(number)
+    .bind(entry.at.as_nanos())
+    .bind(&entry.user)
+    .bind(&entry.action)
+    .bind(&entry.target)
+    .bind(i64::from(entry.status))
+    .bind(&digest(&before, number, entry)[..])
+    .execute(&mut *transaction)
+    .await
+    .map_err(classify)?;
+    transaction.commit().await.map_err(classify)?;
+    Ok(number)
+}
+
+fn as_digest(bytes: Vec<u8>, path: &Path) -> Result<[u8; 32], StoreError> {
+    let unreadable = || StoreError::UnreadableRow { path: path.to_owned(), what: "audit.digest" };
+    bytes.try_into().map_err(|_wrong_length| unreadable())
+}
+
+/// The last entry that was removed: its number and digest; 0 and zeros where none was. A schema from before that could be has
+/// no table of it.
+async fn anchor(connection: &mut SqliteConnection, path: &Path) -> Result<(i64, [u8; 32]), StoreError> {
+    let classify = |error| StoreError::classify(error, path);
+    let tables: Vec<String> =
+        sqlx::query_scalar("select name from sqlite_schema where type = 'table' and name = 'audit_anchor'")
+            .fetch_all(&mut *connection)
+            .await
+            .map_err(classify)?;
+    if tables.is_empty() {
+        return Ok((0, [0; 32]));
+    }
+    let kept: Option<(i64, Vec<u8>)> = sqlx::query_as("select number, digest from audit_anchor")
+        .fetch_optional(connection)
+        .await
+        .map_err(classify)?;
+    kept.map_or(Ok((0, [0; 32])), |(number, digest)| Ok((number, as_digest(digest, path)?)))
+}
+
+/// Adds an entry to the database at `path`, whoever has it open; its number. A database of another schema is left alone.
+///
+/// # Errors
+/// When there is no database, its schema is another, or it fails: then it was not noted.
+pub async fn note_audit(path: &Path, entry: &AuditEntry) -> Result<i64, StoreError> {
+    let mut connection = open_to_add(path).await?;
+    let number = append(&mut connection, path, entry).await?;
+    connection.close().await.map_err(|error| StoreError::classify(error, path))?;
+    Ok(number)
+}
+
+impl Store {
+    /// Adds an entry; its number.
+    ///
+    /// # Errors
+    /// When the database fails: then it was not noted.
+    #[tracing::instrument(level = "debug", name = "store", skip_all, fields(what = "append_audit"))]
+    pub async fn append_audit(&self, entry: &AuditEntry) -> Result<i64, StoreError> {
+        let mut connection = self.durable.acquire().await.map_err(|error| self.classify(error))?;
+        append(&mut connection, &self.path, entry).await
+    }
+
+    /// The first `limit` entries after number `after`.
+    ///
+    /// # Errors
+    /// When the database fails, or holds what this program did not write.
+    pub async fn audit(&self, after: i64, limit: u32) -> Result<Vec<AuditRecord>, StoreError> {
+        let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
+        page(&mut connection, &self.path, after, limit).await
+    }
+
+    /// Looks at every entry, from the first to the last.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn check_audit(&self) -> Result<AuditCheck, StoreError> {
+        let mut connection = self.cache.acquire().await.map_err(|error| self.classify(error))?;
+        check(&mut connection, &self.path).await
+    }
+
+    /// Removes entries from before `until`, from the first on, at most 10 000, never the newest; the number and digest
+    /// of the last that went, if any did. What is left is chained to that digest.
+    ///
+    /// # Errors
+    /// When the database fails: then none is removed.
+    pub async fn shorten_audit(&self, until: Timestamp) -> Result<Option<(i64, String)>, StoreError> {
+        let classify = |error| self.classify(error);
+        let mut connection = self.durable.acquire().await.map_err(classify)?;
+        let mut transaction = connection.begin_with("begin immediate").await.map_err(classify)?;
+        let (first, _) = anchor(&mut transaction, &self.path).await?;
+        // The first that stays: one that is young enough, or the newest, or where as many went as may at once.
+        let stays: Option<i64> = sqlx::query_scalar(
+            "select min(coalesce((select min(number) from audit where at >= ?1), max(number)), max(number), ?2) from audit",
+        )
+        .bind(until.as_nanos())
+        .bind(first + MAX_REMOVED + 1)
+        .fetch_one(&mut *transaction)
+        .await
+        .map_err(classify)?;
+        let Some(last) = stays.map(|stays| stays - 1).filter(|last| *last > first) else { return Ok(None) };
+        let digest: Vec<u8> = sqlx::query_scalar("select digest from audit where number = ?")
+            .bind(last)
+            .fetch_one(&mut *transaction)
+            .await
+            .map_err(classify)?;
+        for change in
+            ["update audit_anchor set number = ?1, digest = ?2", "delete from audit where number <= ?1"]
+        {
+            let query = sqlx::query(change).bind(last);
+            let query = if change.contains("?2") { query.bind(&digest) } else { query };
+            query.execute(&mut *transaction).await.map_err(classify)?;
+        }
+        transaction.commit().await.map_err(classify)?;
+        Ok(Some((last, hex(&as_digest(digest, &self.path)?))))
+    }
+}
+
+fn hex(digest: &[u8; 32]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+impl ReadOnly {
+    /// As [`Store::audit`].
+    ///
+    /// # Errors
+    /// As [`Store::audit`]; when the schema is newer, or so old that it has no audit log.
+    pub async fn audit(&mut self, after: i64, limit: u32) -> Result<Vec<AuditRecord>, StoreError> {
+        let (connection, path) = self.audited().await?;
+        page(connection, path, after, limit).await
+    }
+
+    /// As [`Store::check_audit`].
+    ///
+    /// # Errors
+    /// As [`Store::check_audit`]; when the schema is newer, or so old that it has no audit log.
+    pub async fn check_audit(&mut self) -> Result<AuditCheck, StoreError> {
+        let (connection, path) = self.audited().await?;
+        check(connection, path).await
+    }
+
+    async fn audited(&mut self) -> Result<(&mut SqliteConnection, &PathBuf), StoreError> {
+        let found = self.schema().await?;
+        let known = SCHEMA_VERSION;
+        let (connection, path) = self.connection();
+        match found {
+            found if found > known => Err(StoreError::NewerSchema { path: path.clone(), found, known }),
+            found if found < FIRST_SCHEMA => {
+                Err(StoreError::OtherSchema { path: path.clone(), found, known })
+            }
+            _ => Ok((connection, path)),
+        }
+    }
+}
+
+async fn page(
+    connection: &mut SqliteConnection,
+    path: &Path,
+    after: i64,
+    limit: u32,
+) -> Result<Vec<AuditRecord>, StoreError> {
+    let rows: Vec<Row> = sqlx::query_as(
+        "select number, at, user, action, target, status, digest from audit
+         where number > ? order by number limit ?",
+    )
+    .bind(after)
+    .bind(limit)
+    .fetch_all(connection)
+    .await
+    .map_err(|error| StoreError::classify(error, path))?;
+    let record = |(number, at, user, action, target, status, digest): Row| {
+        let odd = |what| StoreError::UnreadableRow { path: path.to_owned(), what };
+        let status = u16::try_from(status).map_err(|_too_large| odd("audit.status"))?;
+        let digest = digest.try_into().map_err(|_wrong_length| odd("audit.digest"))?;
+        let entry = AuditEntry { at: Timestamp::from_nanos(at), user, action, target, status };
+        Ok(AuditRecord { number, entry, digest })
+    };
+    rows.into_iter().map(record).collect()
+}
+
+async fn check(connection: &mut SqliteConnection, path: &Path) -> Result<AuditCheck, StoreError> {
+    let (n_removed, anchored) = anchor(&mut *connection, path).await?;
+    let (mut last, mut before) = (n_removed, anchored);
+    let mut fault = None;
+    'all: loop {
+        let page = page(&mut *connection, path, last, PAGE).await?;
+        if page.is_empty() {
+            break;
+        }
+        for record in page {
+            if record.number != last + 1 {
+                fault = Some(format!("entry {} is missing", last + 1));
+                break 'all;
+            }
+            if record.digest != digest(&before, record.number, &record.entry) {
+                let number = record.number;
+                fault = Some(format!("entry {number} or one before it is not as it was written"));
+                break 'all;
+            }
+            (last, before) = (record.number, record.digest);
+        }
+    }
+    Ok(AuditCheck { n_removed, n_whole: last - n_removed, head: (last > 0).then(|| hex(&before)), fault })
+}

@@ -1,0 +1,409 @@
+//! Puts a copy in the place of a database, so that whoever is killed at any moment leaves the old one whole or the new one.
+//!
+//! The copy is written beside the database, looked at, and brought to this program's schema; only then a note is left of what
+//! is to be renamed, the log first: a log that lay beside another database than its own would be replayed over it. While the
+//! note is there nobody opens the database ([`StoreError::RestoreBrokenOff`]), and [`finish`] or [`undo`] do what it says.
+//! What was there before is kept beside it, under a name with the time.
+
+use super::StoreError;
+use super::audit::{AuditEntry, append};
+use super::copy::{Contents, Depth, ReadOnly, copy, remove_if_there, verify};
+use super::open::{open_alone, take_turn};
+use super::probe::{Standing, beside, holder, probe};
+use serde::{Deserialize, Serialize};
+use sqlx::Connection;
+use std::fs::{File, Metadata};
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use videofields_vision::clock::Timestamp;
+
+/// The copy on its way.
+const COPY: &str = ".restoring";
+
+/// The note of what is to be renamed.
+const NOTE: &str = ".restore-note";
+
+/// What belongs to a database, in the order in which it is put aside: the database itself last.
+const PARTS: [&str; 4] = ["-wal", "-shm", "-journal", ""];
+
+/// What may be put aside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Replace {
+    /// What is no good database.
+    Damaged,
+    /// A good one too.
+    Anything,
+}
+
+/// What is put where.
+#[derive(Clone, Debug)]
+pub struct Restoring<'a> {
+    /// The copy; it stays as it is.
+    pub from: &'a Path,
+    /// The database.
+    pub database: &'a Path,
+    /// What may be put aside.
+    pub replace: Replace,
+    /// What the audit log of the new database says of it, as its newest entry.
+    pub entry: AuditEntry,
+}
+
+/// How far it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// The copy is written and whole; nothing is renamed yet.
+    Copied,
+    /// From now on there is no way back but [`undo`].
+    Noted,
+    /// Another part of what was there is put aside.
+    Aside,
+    /// The copy is in its place; the note is still there.
+    InPlace,
+}
+
+/// What came of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Restored {
+    /// What the database holds now.
+    pub contents: Contents,
+    /// What was there before, under its new names.
+    pub aside: Vec<PathBuf>,
+    /// What did not go as it should, and is no harm.
+    pub warnings: Vec<String>,
+}
+
+/// Names of files in the database's folder.
+#[derive(Debug, Serialize, Deserialize)]
+struct Note {
+    /// From and to, in order.
+    aside: Vec<(String, String)>,
+}
+
+/// Puts a copy in the place of a database.
+///
+/// # Errors
+/// When a process has the database open, there is a good one that may not be put aside, or the copy is damaged, another
+/// program's, or newer than this program; the database is as it was then. When a file cannot be renamed: as
+/// [`StoreError::RestoreBrokenOff`] says.
+pub async fn restore(asked: Restoring<'_>, now: Timestamp) -> Result<Restored, StoreError> {
+    restore_in_steps(asked, now, &mut |_step| ControlFlow::Continue(())).await
+}
+
+/// As [`restore`]; `at` hears of every step and may break it off there as if the process were killed.
+///
+/// # Errors
+/// As [`restore`]; [`StoreError::RestoreBrokenOff`] where `at` broke it off.
+#[doc(hidden)]
+pub async fn restore_in_steps(
+    asked: Restoring<'_>,
+    now: Timestamp,
+    at: &mut (dyn FnMut(Step) -> ControlFlow<()> + Send),
+) -> Result<Restored, StoreError> {
+    let place = Place::of(asked.database)?;
+    let _turn = take_turn(&place.folder, &place.path).await?;
+    refuse_interrupted(&place.path)?;
+    place.refuse_in_use()?;
+    let old = place.refuse_good(asked.replace).await?;
+    place.refuse_same(asked.from, old.as_ref())?;
+    let found = verify(asked.from).await?;
+    // What is left of one that was killed.
+    place.sweep()?;
+    let prepared = place.prepare(asked.from, &found, &asked.entry, old.as_ref()).await;
+    let (contents, warnings) = match prepared {
+        Ok(prepared) => prepared,
+        Err(error) => {
+            place.sweep()?;
+            return Err(error);
+        }
+    };
+    place.tell(Step::Copied, at)?;
+    let note = place.note(now)?;
+    place.tell(Step::Noted, at)?;
+    let aside = place.carry_out(&note, at)?;
+    Ok(Restored { contents, aside, warnings })
+}
+
+/// Goes on with what broke off; what was put aside. The database is the copy then.
+///
+/// # Errors
+/// When nothing broke off, a process has the database open, or a file cannot be renamed.
+pub async fn finish(database: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let place = Place::of(database)?;
+    let _turn = take_turn(&place.folder, &place.path).await?;
+    let note = place.read_note()?;
+    place.refuse_in_use()?;
+    place.carry_out(&note, &mut |_step| ControlFlow::Continue(()))
+}
+
+/// Takes back what broke off: the database is as it was before.
+///
+/// # Errors
+/// When nothing broke off, a process has the database open, or a file cannot be renamed.
+pub async fn undo(database: &Path) -> Result<(), StoreError> {
+    let place = Place::of(database)?;
+    let _turn = take_turn(&place.folder, &place.path).await?;
+    let note = place.read_note()?;
+    place.refuse_in_use()?;
+    let copy = beside(&place.path, COPY);
+    if !place.is_there(&copy)? && place.is_there(&place.path)? {
+        place.rename(&place.path, &copy)?;
+    }
+    for (was, now) in note.aside.iter().rev() {
+        let (was, now) = (place.folder.join(was), place.folder.join(now));
+        if place.is_there(&now)? {
+            place.rename(&now, &was)?;
+        }
+    }
+    place.sweep()?;
+    place.remove_note()
+}
+
+/// Refuses a database in whose place a copy was being put.
+pub(super) fn refuse_interrupted(path: &Path) -> Result<(), StoreError> {
+    match std::fs::symlink_metadata(beside(path, NOTE)) {
+        Ok(_) => Err(StoreError::RestoreBrokenOff { path: path.to_owned() }),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(StoreError::Unreadable { path: path.to_owned(), reason: error.to_string() }),
+    }
+}
+
+/// The half copy that a restore left which was killed before it touched the database.
+#[must_use]
+pub fn leftover(database: &Path) -> Option<PathBuf> {
+    let copy = beside(database, COPY);
+    std::fs::symlink_metadata(&copy).is_ok().then_some(copy)
+}
+
+/// Says so in the log.
+pub(super) fn tell_leftovers(database: &Path) {
+    if let Some(copy) = leftover(database) {
+        let copy = copy.display();
+        tracing::warn!(%copy, "a restore broke off before it touched the database; what it left can be removed");
+    }
+}
+
+/// Where a database is.
+struct Place {
+    path: PathBuf,
+    folder: PathBuf,
+}
+
+impl Place {
+    fn of(path: &Path) -> Result<Self, StoreError> {
+        let not_writable = |error: std::io::Error| StoreError::NotWritable {
+            path: path.to_owned(),
+            reason: error.to_string(),
+        };
+        let path = std::path::absolute(path).map_err(not_writable)?;
+        let folder = path.parent().unwrap_or(Path::new("/")).to_owned();
+        std::fs::create_dir_all(&folder).map_err(not_writable)?;
+        Ok(Self { path, folder })
+    }
+
+    fn failed(&self, error: &std::io::Error) -> StoreError {
+        StoreError::NotWritable { path: self.path.clone(), reason: error.to_string() }
+    }
+
+    fn tell(
+        &self,
+        step: Step,
+        at: &mut (dyn FnMut(Step) -> ControlFlow<()> + Send),
+    ) -> Result<(), StoreError> {
+        match at(step) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => Err(StoreError::RestoreBrokenOff { path: self.path.clone() }),
+        }
+    }
+
+    fn refuse_in_use(&self) -> Result<(), StoreError> {
+        match holder(&self.path)? {
+            Some(process) => Err(StoreError::InUse { path: self.path.clone(), process }),
+            None => Ok(()),
+        }
+    }
+
+    /// Refuses to put a good database aside unless that is asked for; what there is.
+    async fn refuse_good(&self, replace: Replace) -> Result<Option<Metadata>, StoreError> {
+        let found = probe(&self.path)?;
+        match found.standing {
+            Standing::Missing => return Ok(None),
+            Standing::Other(what) if !self.metadata()?.is_file() => {
+                return Err(StoreError::NotADatabase { path: self.path.clone(), what });
+            }
+            Standing::Empty | Standing::Other(_) => return self.metadata().map(Some),
+            Standing::Database => {}
+        }
+        let is_good = match ReadOnly::open(&self.path).await {
+            Ok(mut database) => {
+                let is_good = database.faults(Depth::Quick).await.is_ok_and(|faults| faults.is_empty());
+                database.close().await?;
+                is_good
+            }
+            // Another program's is somebody's all the same.
+            Err(error) => matches!(error, StoreError::Foreign { .. } | StoreError::Busy { .. }),
+        };
+        if is_good && replace == Replace::Damaged {
+            return Err(StoreError::InTheWay { path: self.path.clone() });
+        }
+        self.metadata().map(Some)
+    }
+
+    fn metadata(&self) -> Result<Metadata, StoreError> {
+        std::fs::metadata(&self.path).map_err(|error| self.failed(&error))
+    }
+
+    fn refuse_same(&self, from: &Path, old: Option<&Metadata>) -> Result<(), StoreError> {
+        let of = |metadata: &Metadata| (metadata.dev(), metadata.ino());
+        let copy = std::fs::metadata(from).ok();
+        match old.zip(copy) {
+            Some((old, copy)) if of(old) == of(&copy) => {
+                let what = "the database itself, and no copy of it";
+                Err(StoreError::NotADatabase { path: from.to_owned(), what })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Removes the copy on its way, whole or not.
+    fn sweep(&self) -> Result<(), StoreError> {
+        for suffix in [COPY, ".restoring-journal", ".restoring-wal", ".restoring-shm", ".restore-note.part"] {
+            remove_if_there(&beside(&self.path, suffix)).map_err(|error| self.failed(&error))?;
+        }
+        Ok(())
+    }
+
+    /// Writes the copy beside the database, of this program's schema, with an entry more and the old owner and mode.
+    async fn prepare(
+        &self,
+        from: &Path,
+        found: &Contents,
+        entry: &AuditEntry,
+        old: Option<&Metadata>,
+    ) -> Result<(Contents, Vec<String>), StoreError> {
+        let to = beside(&self.path, COPY);
+        let copied = copy(from, &to).await?;
+        if copied != *found {
+            let detail = "it was changed while it was copied".to_owned();
+            return Err(StoreError::Damaged { path: from.to_owned(), detail });
+        }
+        let mut connection = open_alone(&to).await?;
+        append(&mut connection, &to, entry).await?;
+        connection.close().await.map_err(|error| StoreError::classify(error, &to))?;
+        let contents = verify(&to).await?;
+        let warnings = self.dress(&to, old)?;
+        File::open(&to).and_then(|file| file.sync_all()).map_err(|error| self.failed(&error))?;
+        Ok((contents, warnings))
+    }
+
+    /// Gives the copy the owner and mode of what was there, or else the owner of the folder.
+    fn dress(&self, copy: &Path, old: Option<&Metadata>) -> Result<Vec<String>, StoreError> {
+        let folder = std::fs::metadata(&self.folder).map_err(|error| self.failed(&error))?;
+        let mode = old.map_or(0o600, |old| old.permissions().mode() & 0o777);
+        let mode = std::fs::Permissions::from_mode(mode);
+        std::fs::set_permissions(copy, mode).map_err(|error| self.failed(&error))?;
+        let of = |metadata: &Metadata| (metadata.uid(), metadata.gid());
+        let wanted = old.map_or_else(|| of(&folder), of);
+        let own = std::fs::metadata(copy).map_err(|error| self.failed(&error))?;
+        if of(&own) == wanted {
+            return Ok(Vec::new());
+        }
+        let (user, group) = wanted;
+        let given = std::os::unix::fs::chown(copy, Some(user), Some(group));
+        Ok(given
+            .err()
+            .map(|error| {
+                let path = self.path.display();
+                format!("the database is not given to its old owner, user {user} and group {group}: {error}: {path}")
+            })
+            .into_iter()
+            .collect())
+    }
+
+    /// Notes what is to be renamed, on the disk.
+    fn note(&self, now: Timestamp) -> Result<Note, StoreError> {
+        let name = self.path.file_name().and_then(|name| name.to_str());
+        let name = name.ok_or_else(|| StoreError::NotWritable {
+            path: self.path.clone(),
+            reason: "its name is not UTF-8".to_owned(),
+        })?;
+        let time = super::compact_time(now);
+        let mut n = 0_u32;
+        let base = loop {
+            let again = if n == 0 { String::new() } else { format!("-{n}") };
+            let base = format!("{name}.before-{time}{again}");
+            let taken = PARTS.iter().map(|part| self.is_there(&self.folder.join(format!("{base}{part}"))));
+            if !taken.collect::<Result<Vec<_>, _>>()?.contains(&true) {
+                break base;
+            }
+            n += 1;
+        };
+        let mut aside = Vec::new();
+        for part in PARTS {
+            if self.is_there(&beside(&self.path, part))? {
+                aside.push((format!("{name}{part}"), format!("{base}{part}")));
+            }
+        }
+        let note = Note { aside };
+        self.write_note(&note).map_err(|error| self.failed(&error))?;
+        Ok(note)
+    }
+
+    fn write_note(&self, note: &Note) -> std::io::Result<()> {
+        let part = beside(&self.path, ".restore-note.part");
+        let mut file =
+            std::fs::OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(&part)?;
+        file.write_all(serde_json::to_string(note)?.as_bytes())?;
+        file.sync_all()?;
+        std::fs::rename(&part, beside(&self.path, NOTE))?;
+        File::open(&self.folder)?.sync_all()
+    }
+
+    fn read_note(&self) -> Result<Note, StoreError> {
+        let text = std::fs::read_to_string(beside(&self.path, NOTE)).map_err(|error| match error.kind() {
+            std::io::ErrorKind::NotFound => StoreError::NothingBrokenOff { path: self.path.clone() },
+            _ => self.failed(&error),
+        })?;
+        serde_json::from_str(&text).map_err(|error| self.failed(&error.into()))
+    }
+
+    fn remove_note(&self) -> Result<(), StoreError> {
+        let removed = std::fs::remove_file(beside(&self.path, NOTE));
+        removed.and_then(|()| File::open(&self.folder)?.sync_all()).map_err(|error| self.failed(&error))
+    }
+
+    /// Renames as the note says, as far as it is not done yet. What was put aside.
+    fn carry_out(
+        &self,
+        note: &Note,
+        at: &mut (dyn FnMut(Step) -> ControlFlow<()> + Send),
+    ) -> Result<Vec<PathBuf>, StoreError> {
+        let copy = beside(&self.path, COPY);
+        // Without it, it is in its place already: what stands there must not be put aside.
+        if self.is_there(&copy)? {
+            for (from, to) in &note.aside {
+                let from = self.folder.join(from);
+                if self.is_there(&from)? {
+                    self.rename(&from, &self.folder.join(to))?;
+                    self.tell(Step::Aside, at)?;
+                }
+            }
+            self.rename(&copy, &self.path)?;
+        }
+        self.tell(Step::InPlace, at)?;
+        self.remove_note()?;
+        Ok(note.aside.iter().map(|(_, to)| self.folder.join(to)).collect())
+    }
+
+    fn is_there(&self, path: &Path) -> Result<bool, StoreError> {
+        path.try_exists().map_err(|error| self.failed(&error))
+    }
+
+    /// Renames a file, on the disk when it returns; nothing may stand at `to`.
+    fn rename(&self, from: &Path, to: &Path) -> Result<(), StoreError> {
+        use rustix::fs::{CWD, RenameFlags, renameat_with};
+        let renamed = renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE).map_err(std::io::Error::from);
+        renamed.and_then(|()| File::open(&self.folder)?.sync_all()).map_err(|error| self.failed(&error))
+    }
+}

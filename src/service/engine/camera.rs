@@ -1,0 +1,277 @@
+//! What a camera's thread feeds: its pipeline, its timeline, its checkpoints.
+
+use super::activity::Activity;
+use super::checkpoint::Checkpoints;
+use super::privacy::{CameraPrivacy, Privacy};
+use super::sightings::Sightings;
+use super::tracks::Tracks;
+use super::tuning::Tuning;
+use std::sync::Arc;
+use videofields_recording::archive::Recorder;
+use videofields_recording::ingest::{
+    self, FrameConsumer, IngestError, MediaRoots, Pipeline, StopFlag, Tap, recorded_as_jpeg,
+};
+use videofields_recording::media::EncodedFrame;
+use videofields_recording::telemetry::{DropReason, Metrics};
+use videofields_recording::timeline::{EventLog, Timeline, TimelineError};
+use videofields_vision::clock::{Clock, Timestamp};
+use videofields_vision::condition::{Condition, ConditionKind};
+use videofields_vision::config::{CameraSettings, Learning};
+use videofields_vision::frame::Frame;
+use videofields_vision::observation::Observation;
+
+/// Scene time that goes by, all of it older than what is kept, until that is let go.
+const SET_BACK_NANOS: i64 = 1_000_000_000;
+
+/// Takes a camera's frames: learns, segments, tracks, remembers.
+pub(super) struct CameraConsumer {
+    settings: CameraSettings,
+    roots: MediaRoots,
+    pipeline: Pipeline,
+    timeline: Arc<Timeline>,
+    events: Arc<EventLog>,
+    tuning: Arc<Tuning>,
+    sightings: Arc<Sightings>,
+    checkpoints: Checkpoints,
+    activity: Activity,
+    tracks: Tracks,
+    metrics: Arc<Metrics>,
+    clock: Arc<dyn Clock>,
+    stop: StopFlag,
+    is_prepared: bool,
+    /// Time of the first of the frames in hand that are older than what is kept.
+    set_back: Option<Timestamp>,
+    /// What nobody may see.
+    privacy: Arc<CameraPrivacy>,
+    /// Where the camera is recorded, if it is.
+    recorder: Option<Recorder>,
+    /// Whether what was recorded last was not what the camera sent, since part of that is hidden.
+    records_hidden: bool,
+    /// What is wrong with the background although frames come.
+    background_concern: Option<String>,
+    /// What is wrong although frames come, the picture's condition first.
+    concern: Option<String>,
+}
+
+impl CameraConsumer {
+    /// `stop` ends the learning of a background clip.
+    pub(super) fn new(
+        settings: CameraSettings,
+        roots: MediaRoots,
+        (timeline, events, tuning, sightings): (Arc<Timeline>, Arc<EventLog>, Arc<Tuning>, Arc<Sightings>),
+        (checkpoints, activity, tracks): (Checkpoints, Activity, Tracks),
+        (metrics, privacy): (Arc<Metrics>, Arc<CameraPrivacy>),
+        clock: Arc<dyn Clock>,
+        stop: StopFlag,
+    ) -> Self {
+        let pipeline = Pipeline::new(&settings.background, &settings.segment)
+            .with_track(&settings.track)
+            .with_condition(&settings.condition);
+        let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
+        Self {
+            settings,
+            roots,
+            pipeline,
+            timeline,
+            events,
+            tuning,
+            sightings,
+            checkpoints,
+            activity,
+            tracks,
+            metrics,
+            clock,
+            stop,
+            is_prepared: false,
+            set_back: None,
+            privacy,
+            recorder: None,
+            records_hidden: false,
+            background_concern: None,
+            concern: None,
+        }
+    }
+
+    /// The same consumer, which also records what the camera sends.
+    pub(super) fn with_recorder(self, recorder: Option<Recorder>) -> Self {
+        Self { recorder, ..self }
+    }
+
+    /// Before the first frame: the background of the last run, else that of the clip. A held background is always
+    /// learned anew, so that another clip takes effect; one that adapts learns a clip that was named since. False
+    /// where the camera was stopped meanwhile.
+    fn prepare(&mut self, first: &Frame) -> bool {
+        if !self.pipeline.has_vision() {
+            return true;
+        }
+        let id = &self.settings.id;
+        let is_held = self.settings.background.learning == Learning::Hold;
+        let is_restored = !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image);
+        let Some(clip) = &self.settings.background.clip else { return true };
+        if is_restored && self.pipeline.has_learned_clip() {
+            return true;
+        }
+        let rate_hz = ingest::index_rate_hz(&self.settings.source);
+        match ingest::learn_clip_stoppable(&mut self.pipeline, clip, rate_hz, &self.roots, &self.stop) {
+            Ok(n_frames) => tracing::info!(camera = %id, n_frames, "background clip learned"),
+            Err(IngestError::Stopped) => return false,
+            Err(error) => {
+                tracing::error!(camera = %id, %error, "background clip not learned");
+                let concern = format!("background clip not learned, the background adapts: {error}");
+                self.background_concern = Some(concern.clone());
+                self.concern = Some(concern);
+            }
+        }
+        true
+    }
+
+    /// Adds to the timeline. Where time was set back for good, by another source or by a clock that was corrected, what
+    /// was kept is let go: it would keep out all that comes, until time is where it was.
+    fn remember(&mut self, observation: Observation) -> Result<(), TimelineError> {
+        let at = observation.frame.timestamp;
+        let is_newer = self.timeline.range().is_none_or(|(_, last)| at > last);
+        let since = *self.set_back.get_or_insert(at);
+        if is_newer || at < since {
+            self.set_back = None;
+        } else if at.nanos_since(since) >= SET_BACK_NANOS {
+            self.timeline.clear();
+            self.set_back = None;
+        }
+        self.timeline.push(observation)
+    }
+
+    /// Takes what was seen under the zones of that number into all that is remembered, unless these were changed meanwhile.
+    fn take_in(&mut self, observation: Observation, number: u64, privacy: &Privacy) {
+        // Encoded before anybody waits for it.
+        let recorded = self.recorder.as_ref().filter(|_| !privacy.zones.is_empty());
+        let recorded = recorded.and_then(|_| recorded_as_jpeg(&observation.frame.image));
+        let at = observation.frame.timestamp;
+        let privacy = Arc::clone(&self.privacy);
+        let mut remembered = Ok(());
+        let is_kept = privacy.keep(number, || {
+            self.activity.observe(&observation);
+            self.tracks.observe(&observation);
+            self.sightings.observe(&observation);
+            remembered = self.remember(observation);
+            if let (Some(recorder), Some(frame)) = (&mut self.recorder, &recorded) {
+                self.records_hidden = true;
+                recorder.push(frame, at);
+            }
+        });
+        let id = self.settings.id.as_str();
+        match remembered {
+            _ if !is_kept => {
+                drop(self.pipeline.take_events());
+                self.metrics.count_dropped(id, DropReason::Hidden, 1);
+            }
+            Ok(()) => self.metrics.ingest_frames.with_label_values(&[id]).inc(),
+            Err(error) => {
+                tracing::debug!(camera = id, %error, "frame out of order");
+                self.metrics.count_dropped(id, DropReason::OutOfOrder, 1);
+            }
+        }
+    }
+
+    /// Passes on what happened.
+    fn tell(&mut self) {
+        let happened = self.pipeline.take_events();
+        if happened.is_empty() {
+            return;
+        }
+        for event in happened {
+            let (camera, kind) = (event.camera.as_str(), event.kind.as_str());
+            tracing::info!(
+                camera, kind, is_end = event.is_end, time = %event.time, track = event.track, rect = ?event.rect,
+                "event"
+            );
+            self.metrics.ingest_events.with_label_values(&[camera, kind]).inc();
+            self.events.push(event, self.clock.now());
+        }
+        let worst = self.pipeline.conditions().iter().find_map(condition_concern);
+        self.concern = worst.or_else(|| self.background_concern.clone());
+    }
+}
+
+/// What people are told of a picture's condition; nothing of a light that changed.
+fn condition_concern(condition: &Condition) -> Option<String> {
+    let since = condition.since;
+    match (condition.kind, condition.evidence.displacement_px) {
+        (ConditionKind::Frozen, _) => Some(format!("the picture is frozen since {since}")),
+        (ConditionKind::Covered, _) => Some(format!("the camera is covered or blind since {since}")),
+        (ConditionKind::Moved, Some([x, y])) => Some(format!(
+            "the camera has moved since {since}: its calibration is suspect, the place shows {x:.0} px to the right \
+             and {y:.0} px down of where it was"
+        )),
+        (ConditionKind::Moved, None) => {
+            Some(format!("the camera looks elsewhere since {since}: its calibration is suspect"))
+        }
+        (ConditionKind::LightChanged, _) => None,
+    }
+}
+
+impl FrameConsumer for CameraConsumer {
+    fn consume(&mut self, frame: Frame) {
+        let (privacy, number) = self.privacy.numbered();
+        self.pipeline.set_zones(&privacy.zones);
+        if !self.is_prepared {
+            if !self.prepare(&frame) {
+                return;
+            }
+            self.is_prepared = true;
+        }
+        self.tuning.apply(&mut self.pipeline);
+        let id = self.settings.id.as_str();
+        let mut started = self.clock.monotonic();
+        let observation = self.pipeline.process_staged(frame, |stage| {
+            let ended = self.clock.monotonic();
+            self.metrics.observe_stage(id, stage, ended.saturating_sub(started).as_secs_f64());
+            started = ended;
+        });
+        self.take_in(observation, number, &privacy);
+        self.tell();
+    }
+
+    fn tap(&self) -> Tap {
+        if self.recorder.is_some() { Tap::Open } else { Tap::Closed }
+    }
+
+    fn record(&mut self, frame: &EncodedFrame, time: Timestamp) {
+        // What the camera sent shows what its zones hide: its pictures are recorded instead, once that is filled.
+        let Some(recorder) = self.recorder.as_mut().filter(|_| self.privacy.now().zones.is_empty()) else {
+            return;
+        };
+        if std::mem::take(&mut self.records_hidden) {
+            recorder.break_off();
+        }
+        recorder.push(frame, time);
+    }
+
+    fn concern(&self) -> Option<&str> {
+        self.concern.as_deref()
+    }
+
+    fn is_frozen(&self) -> bool {
+        self.pipeline.conditions().iter().any(|condition| condition.kind == ConditionKind::Frozen)
+    }
+
+    fn miss(&mut self, reason: DropReason, n: u64) {
+        self.metrics.count_dropped(self.settings.id.as_str(), reason, n);
+    }
+
+    fn tick(&mut self) {
+        // What half a clip taught is not kept: the next start would take it for the whole.
+        if self.is_prepared {
+            self.checkpoints.write_if_due(&self.pipeline);
+            self.activity.write();
+            self.tracks.write();
+        }
+    }
+
+    fn finish(&mut self) {
+        if self.is_prepared {
+            self.checkpoints.write_finally(&self.pipeline);
+            self.activity.write_finally();
+            self.tracks.write_finally();
+        }
+    }
+}

@@ -1,0 +1,612 @@
+//! The engine's door: every question that a caller may ask of the running daemon.
+
+use super::{
+    AccuracyStatus, BlurAsked, CameraBlur, EngineError, FoundSources, FoundTracks, MapSummary, PlannedView,
+    PlayheadState, Present, Privacy, PrivacySummary, SceneAlignment, SceneMoment, SceneTimeline, TrackQuery,
+    ViewAnswer, ViewIdentity, ViewRequest,
+};
+use glam::DVec2;
+use serde::Serialize;
+use std::fs::File;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{oneshot, watch};
+use videofields_picture::fuse::SceneState;
+use videofields_picture::scene::Scene;
+use videofields_recording::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
+use videofields_recording::ingest::{Look, StopFlag};
+use videofields_recording::store::ActivityRecord;
+use videofields_recording::timeline::LoggedEvent;
+use videofields_vision::access::Grants;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::{CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
+use videofields_vision::frame::{CameraId, YuvImage};
+use videofields_vision::geometry::SurfaceId;
+use videofields_vision::observation::Observation;
+
+/// Which time is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum At {
+    /// The newest there is; for a scene, the newest instant that all its live cameras have reached.
+    #[default]
+    Live,
+    /// The nearest to that instant, if one is near.
+    Time(Timestamp),
+}
+
+/// How a texture coordinate is placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+pub enum LocateMethod {
+    /// Its own ray: exact.
+    #[default]
+    Ray,
+    /// The stored texture-to-world map.
+    Map,
+}
+
+/// A camera as the API shows it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CameraSummary {
+    /// Its id.
+    pub id: CameraId,
+    /// Name for people.
+    pub name: String,
+    /// `connecting`, `live`, `frozen`, `stalled`, `failed` or `ended`.
+    pub state: String,
+    /// Why it is in that state, where there is something to say.
+    pub reason: Option<String>,
+    /// When that state began, by the machine's clock, RFC 3339.
+    pub since: String,
+    /// How often its source was opened again since the daemon started.
+    pub retries: u64,
+    /// When a failed source is opened again, RFC 3339.
+    pub next_try: Option<String>,
+    /// Columns and rows of its pictures, once one has come.
+    pub size_px: Option<[u32; 2]>,
+    /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
+    pub vision_size_px: Option<[u32; 2]>,
+    /// How its recording goes; none where it is not recorded.
+    pub recording: Option<RecordingSummary>,
+    /// Frames taken since the daemon started.
+    pub frames: u64,
+    /// Frames dropped: too late, replaced by newer ones, or damaged.
+    pub dropped: u64,
+    /// Scene time of the earliest frame kept, RFC 3339.
+    pub first: Option<String>,
+    /// Scene time of the latest frame kept, RFC 3339.
+    pub last: Option<String>,
+    /// Seconds since the latest frame came, by the machine's monotonic clock.
+    pub age_secs: Option<f64>,
+    /// What nobody may see of its pictures.
+    pub privacy: PrivacySummary,
+    /// Scenes that hold the camera.
+    pub scenes: Vec<String>,
+}
+
+/// How a camera's recording goes, as the API shows it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct RecordingSummary {
+    /// `recording`, `waiting` (for the next key frame), `paused` or `off`.
+    pub state: &'static str,
+    /// Why it is paused.
+    pub reason: Option<String>,
+    /// Frames written since the daemon started.
+    pub frames: u64,
+    /// Bytes written since the daemon started.
+    pub bytes: u64,
+    /// Frames left out since the daemon started.
+    pub dropped: u64,
+}
+
+impl From<&CameraRecording> for RecordingSummary {
+    fn from(of: &CameraRecording) -> Self {
+        let (state, reason) = match &of.state {
+            RecordingState::Off => ("off", None),
+            RecordingState::Recording => ("recording", None),
+            RecordingState::WaitingForKey => ("waiting", None),
+            RecordingState::Paused { reason } => ("paused", Some(reason.clone())),
+        };
+        let dropped = of.dropped.iter().map(|(_, n)| n).sum();
+        Self { state, reason, frames: of.n_frames, bytes: of.n_bytes, dropped }
+    }
+}
+
+/// A scene as a list shows it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct SceneSummary {
+    /// Its id.
+    pub id: String,
+    /// Name for people.
+    pub name: String,
+    /// Its cameras.
+    pub cameras: Vec<CameraId>,
+}
+
+impl SceneSummary {
+    pub(super) fn of(scene: &Scene) -> Self {
+        Self {
+            id: scene.id.clone(),
+            name: scene.name.clone(),
+            cameras: scene.cameras.iter().map(|member| member.id.clone()).collect(),
+        }
+    }
+}
+
+/// The device that pictures are drawn on, and what it can do at most.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DeviceSummary {
+    /// The adapter's name, as its driver gives it.
+    pub adapter: String,
+    /// Whether it draws on the processor.
+    pub is_software: bool,
+    /// Most columns and rows of a texture.
+    pub max_texture_side_px: u32,
+    /// Most bytes of a buffer.
+    pub max_buffer_bytes: u64,
+    /// Whether passes can be timed.
+    pub has_timestamps: bool,
+}
+
+/// Where a texture coordinate lies in the world.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Located {
+    /// World point, metres.
+    pub point_m: [f64; 3],
+    /// Angle between the ray and the surface, radians, 0 (grazing) to pi/2.
+    pub theta_rad: f64,
+    /// False where the ray grazes the surface by less than half a degree.
+    pub reliable: bool,
+    /// Extent of the texel on the surface along the viewing direction, metres.
+    pub footprint_m: f64,
+    /// `ground` or `box`.
+    pub surface: &'static str,
+    /// Index of that ground polygon or box in the scene.
+    pub surface_idx: u16,
+}
+
+/// What kind of surface it is, as answers name it, and its index in the scene.
+pub(super) const fn surface_name(surface: SurfaceId) -> (&'static str, u16) {
+    match surface {
+        SurfaceId::Ground(idx) => ("ground", idx),
+        SurfaceId::Box(idx) => ("box", idx),
+        SurfaceId::Cylinder(idx) => ("cylinder", idx),
+        SurfaceId::Footprint(idx) => ("footprint", idx),
+        SurfaceId::HeightField(idx) => ("height_field", idx),
+        SurfaceId::Model(idx) => ("model", idx),
+    }
+}
+
+/// What a camera showed about a time.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// The picture.
+    pub image: Arc<YuvImage>,
+    /// Its scene time.
+    pub timestamp: Timestamp,
+}
+
+/// Whether the daemon can answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Readiness {
+    /// Whether every part below is ready.
+    pub ready: bool,
+    /// The database takes what is written to it.
+    pub store: bool,
+    /// The renderer runs; its adapter's name, or why not.
+    pub renderer: String,
+    /// Cameras with at least one frame, of all that the caller may know of.
+    pub cameras_with_frames: [usize; 2],
+}
+
+/// What a running daemon can be asked. Answers are taken from memory and never block, but for [`Door::view`],
+/// [`Door::scene_timeline`], [`Door::activity`], [`Door::search_tracks`] and, where an instant is asked for that memory does not hold, [`Door::observation`].
+pub trait Door: Send + Sync {
+    /// The same door for a caller with `grants`: what the caller may not see is not there, and nothing that is answered is
+    /// concluded from it.
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door>;
+
+    /// Whether what the caller may not see of a scene's cameras at such a time is left out of its pictures: by the grants
+    /// alone, whatever the cameras do.
+    fn leaves_out(&self, scene: &str, at: At) -> bool;
+
+    /// Every camera, in the configuration's order.
+    fn cameras(&self) -> Vec<CameraSummary>;
+
+    /// What a camera saw at a time, or nearest to it.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::NoFrame`], [`EngineError::Gap`].
+    fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError>;
+
+    /// What a camera showed within `reach` of an instant, or nearest to it, and when: what is cheapest to have. Blocks where
+    /// it must be decoded.
+    ///
+    /// # Errors
+    /// As [`Door::observation`].
+    fn preview(&self, camera: &str, at: Timestamp, reach: Duration) -> Result<Preview, EngineError>;
+
+    /// The newest `limit` events after number `after`, of one camera or of all, in the order in which they came.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn events(&self, camera: Option<&str>, after: u64, limit: usize)
+    -> Result<Vec<LoggedEvent>, EngineError>;
+
+    /// How a camera's foreground is found from its next frame on.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn segment_settings(&self, camera: &str) -> Result<SegmentSettings, EngineError>;
+
+    /// What that would be once the members of a JSON object are changed; nothing is changed by asking.
+    ///
+    /// # Errors
+    /// As [`Door::change_segment`].
+    fn preview_segment(
+        &self,
+        camera: &str,
+        change: serde_json::Value,
+    ) -> Result<SegmentSettings, EngineError>;
+
+    /// Changes that by the members of a JSON object, until the daemon ends; the settings then.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Faults`].
+    fn change_segment(&self, camera: &str, change: serde_json::Value)
+    -> Result<SegmentSettings, EngineError>;
+
+    /// What feeds a camera.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn feed(&self, camera: &str) -> Result<FeedSettings, EngineError>;
+
+    /// What that would be once it is changed; nothing is changed by asking.
+    ///
+    /// # Errors
+    /// As [`Door::change_feed`].
+    fn preview_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
+
+    /// Changes that as [`FeedSettings::changed`] has it, until the daemon ends; the settings then. Blocks for up to some
+    /// seconds, until what fed the camera before has ended.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Faults`]; [`EngineError::Unavailable`] while the daemon stops.
+    fn change_feed(&self, camera: &str, change: &serde_json::Value) -> Result<FeedSettings, EngineError>;
+
+    /// Has a camera fed by what the configuration's author wrote, whatever feeds it now. Blocks as [`Door::change_feed`] does.
+    ///
+    /// # Errors
+    /// As [`Door::change_feed`].
+    fn set_feed(&self, camera: &str, feed: FeedSettings) -> Result<FeedSettings, EngineError>;
+
+    /// Has a camera run with these settings, and these zones where they are given: one that is there already, or another.
+    /// Cameras are listed in `order`; no other notices. Blocks for up to some seconds, until what fed the camera before has ended.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`]; [`EngineError::Unavailable`] while the daemon stops. Where the camera's thread cannot be started
+    /// its state says so, and it is tried again.
+    fn put_camera(
+        &self,
+        camera: &CameraSettings,
+        zones: Option<Privacy>,
+        order: &[CameraId],
+    ) -> Result<(), EngineError>;
+
+    /// Takes a camera away. Blocks as [`Door::put_camera`] does.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`], [`EngineError::NoCamera`]; [`EngineError::Unavailable`] while the daemon stops.
+    fn remove_camera(&self, camera: &str) -> Result<(), EngineError>;
+
+    /// One picture of a source that feeds no camera yet, and what can be told of it: `at_secs` after a file's first picture, of
+    /// live sources the next. Blocks until it comes, or `stop` is raised.
+    ///
+    /// # Errors
+    /// [`EngineError::Source`], [`EngineError::Forbidden`].
+    fn look(&self, source: &SourceSettings, at_secs: f64, stop: &StopFlag) -> Result<Look, EngineError>;
+
+    /// What could feed a camera, of files those beneath a folder where one is named. Blocks for the disk; ends early once `stop` is
+    /// raised.
+    ///
+    /// # Errors
+    /// [`EngineError::Source`], [`EngineError::Forbidden`].
+    fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError>;
+
+    /// What nobody may see of a camera's pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError>;
+
+    /// What is hidden of what a camera saw at a time, in the texture: of now where it is live, of all that ever was in force
+    /// at the earliest of times. Whoever knows of the camera sees it in its pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn hidden(&self, camera: &str, at: At) -> Result<Vec<Vec<[f64; 2]>>, EngineError>;
+
+    /// What is to be blurred of what a camera saw, so that nobody can be told but those who are excepted. Blocks for a
+    /// question of the database for each of these.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`] without the right to exports, [`EngineError::Faults`] where
+    /// somebody is excepted who is not known.
+    fn blur(&self, seen: &Observation, asked: &BlurAsked) -> Result<CameraBlur, EngineError>;
+
+    /// Whether a caller may change what nobody may see of a camera's pictures.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn check_privacy_change(&self, camera: &str) -> Result<(), EngineError>;
+
+    /// Puts other zones in force, until the daemon ends: when this returns, nothing that is asked for from then on shows what
+    /// they hide, be it of now, of memory or of what was recorded. Blocks for up to a second where memory holds much.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn hold_privacy(&self, camera: &str, privacy: Privacy) -> Result<(), EngineError>;
+
+    /// Takes the place that a camera now shows for its place, though it has moved: its calibration was made anew, or is
+    /// still good.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`].
+    fn accept_place(&self, camera: &str) -> Result<(), EngineError>;
+
+    /// Where a texture coordinate of a camera lies in a scene (`None`: the first scene that holds the camera).
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::NoScene`], [`EngineError::Request`] for a coordinate that is not
+    /// in [0, 1], [`EngineError::NoSurface`] above the horizon or beside every surface,
+    /// [`EngineError::Unavailable`] while the map is being built.
+    fn locate(
+        &self,
+        camera: &str,
+        texture: DVec2,
+        scene: Option<&str>,
+        method: LocateMethod,
+    ) -> Result<Located, EngineError>;
+
+    /// Every scene, the default one first.
+    fn scenes(&self) -> Vec<SceneSummary>;
+
+    /// One scene.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`].
+    fn scene(&self, id: &str) -> Result<Arc<Scene>, EngineError>;
+
+    /// The instant that a time of a scene means now, the cameras that may be seen then, and how far these have been seen.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
+    fn moment(&self, scene: &str, at: At) -> Result<SceneMoment, EngineError>;
+
+    /// Puts a scene in the place of the one of its id, or after the others. The next picture shows it; what was remembered of
+    /// the one before (who is who, gains, kept pictures, maps) begins anew.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`].
+    fn put_scene(&self, scene: Arc<Scene>) -> Result<(), EngineError>;
+
+    /// Takes a scene out.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`], [`EngineError::NoScene`].
+    fn remove_scene(&self, id: &str) -> Result<(), EngineError>;
+
+    /// Asks for a picture; the answer comes through `reply`. Requests with equal answers share one picture.
+    ///
+    /// # Errors
+    /// At once: [`EngineError::Busy`], [`EngineError::Unavailable`]; all else comes through `reply`, within
+    /// `render.timeout_secs` whatever happens.
+    fn view(
+        &self,
+        request: ViewRequest,
+        reply: oneshot::Sender<Result<ViewAnswer, EngineError>>,
+    ) -> Result<(), EngineError>;
+
+    /// What the picture hangs on that a request means now: it tells whether that is one that was answered before. Blocks as
+    /// [`Door::plan`].
+    ///
+    /// # Errors
+    /// As [`Door::plan`].
+    fn identity(&self, request: &ViewRequest) -> Result<ViewIdentity, EngineError>;
+
+    /// What would be drawn of a view, and why. Waits for no drawing and needs no renderer; blocks where an instant is asked
+    /// for that memory does not hold.
+    ///
+    /// # Errors
+    /// What is wrong with the request, or no frame for it, as for [`Door::view`].
+    fn plan(&self, request: &ViewRequest) -> Result<PlannedView, EngineError>;
+
+    /// What there is of a scene's time between two instants, activity in stretches of `minutes_each` minutes. Blocks for
+    /// the database.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; [`EngineError::Unavailable`] where the database fails.
+    fn scene_timeline(
+        &self,
+        scene: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<SceneTimeline, EngineError>;
+
+    /// How much moved before a camera between two instants, in stretches of `minutes_each` minutes that begin at whole
+    /// multiples of that since 1970; those in which nothing was looked at are left out. Blocks for the database.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`]; [`EngineError::Unavailable`] where the database fails.
+    fn activity(
+        &self,
+        camera: &str,
+        span: (Timestamp, Timestamp),
+        minutes_each: u32,
+    ) -> Result<Vec<ActivityRecord>, EngineError>;
+
+    /// What moved before a scene's cameras in a span of time, and where in the world it went by their present
+    /// calibrations; what began last first. Blocks for the database, and for up to some seconds of work.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; [`EngineError::Request`] for a camera that is not part of the scene;
+    /// [`EngineError::Unavailable`] where the database fails.
+    fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError>;
+
+    /// How far the clocks of a scene's cameras are apart, from what they saw of late. Takes up to some seconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`].
+    fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
+
+    /// Who is before a scene's cameras now. Takes some milliseconds.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
+    fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
+
+    /// What stands in a scene at a time. Who stands there now has the ids that [`Self::present`] tells; at another time, such as hold
+    /// for that instant alone. Blocks where an instant is asked for that memory does not hold.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Gap`], [`EngineError::Forbidden`].
+    fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError>;
+
+    /// Changes with every frame that a camera has seen.
+    ///
+    /// # Errors
+    /// [`EngineError::NoCamera`], [`EngineError::Forbidden`].
+    fn watch_camera(&self, camera: &str) -> Result<watch::Receiver<u64>, EngineError>;
+
+    /// Every playhead, in the order in which they were made.
+    fn playheads(&self) -> Vec<PlayheadState>;
+
+    /// One playhead.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPlayhead`]; [`EngineError::NoScene`] where its scene is gone.
+    fn playhead(&self, id: &str) -> Result<PlayheadState, EngineError>;
+
+    /// Where a playhead stands.
+    ///
+    /// # Errors
+    /// As [`Door::playhead`].
+    fn playhead_at(&self, id: &str) -> Result<Timestamp, EngineError>;
+
+    /// Makes a playhead, or changes the one of that name, as [`PlayheadChange`](super::PlayheadChange) has it; the first
+    /// scene's where none is named.
+    ///
+    /// # Errors
+    /// [`EngineError::Faults`], [`EngineError::NoScene`], [`EngineError::TooLarge`] where there are too many.
+    fn put_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError>;
+
+    /// Changes a playhead.
+    ///
+    /// # Errors
+    /// As [`Door::put_playhead`], and [`EngineError::NoPlayhead`].
+    fn change_playhead(&self, id: &str, change: serde_json::Value) -> Result<PlayheadState, EngineError>;
+
+    /// Removes a playhead.
+    ///
+    /// # Errors
+    /// [`EngineError::NoPlayhead`].
+    fn remove_playhead(&self, id: &str) -> Result<(), EngineError>;
+
+    /// Puts a playhead where it once stood, and lets it go on from there.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::Faults`], [`EngineError::TooLarge`] where there are as many as there may be.
+    fn restore_playhead(&self, state: &PlayheadState) -> Result<(), EngineError>;
+
+    /// Changes with every change of any playhead; [`ENDED`](super::ENDED) once the engine stops.
+    fn watch_playheads(&self) -> watch::Receiver<u64>;
+
+    /// Asks for clips of what was recorded, as [`ExportAsked`](super::ExportAsked) has it, in the name of that user. Blocks for
+    /// the disk.
+    ///
+    /// # Errors
+    /// [`EngineError::Faults`], [`EngineError::NoCamera`], [`EngineError::NoScene`]; [`EngineError::Unavailable`] where
+    /// nothing is recorded, too many wait, or the disk does not take it.
+    fn ask_export(&self, body: serde_json::Value, by: Option<&str>) -> Result<ExportStatus, EngineError>;
+
+    /// Every export, in the order in which they were asked for.
+    fn exports(&self) -> Vec<ExportStatus>;
+
+    /// Takes an export back or removes it, however far it is. Blocks for the disk.
+    ///
+    /// # Errors
+    /// [`EngineError::NoExport`]; [`EngineError::Unavailable`] where its files cannot be removed.
+    fn remove_export(&self, id: &str) -> Result<(), EngineError>;
+
+    /// A file of an export that is done, opened for reading.
+    ///
+    /// # Errors
+    /// [`EngineError::NoExport`], [`EngineError::NoExportFile`]; [`EngineError::Unavailable`] where it cannot be opened.
+    fn export_file(&self, id: &str, file: &str) -> Result<(File, ExportFile), EngineError>;
+
+    /// What each step of accuracy costs on this machine, as far as it was measured.
+    fn accuracy(&self) -> AccuracyStatus;
+
+    /// Asks for that to be measured anew, which takes a while, in the name of that user.
+    ///
+    /// # Errors
+    /// [`EngineError::Unavailable`] where nothing measures.
+    fn refresh_accuracy(&self, by: Option<&str>) -> Result<(), EngineError>;
+
+    /// How the texture-to-world map of every camera in every scene stands.
+    fn maps(&self) -> Vec<MapSummary>;
+
+    /// The device that pictures are drawn on; none while there is none.
+    fn device(&self) -> Option<DeviceSummary>;
+
+    /// Whether everything is ready to answer.
+    fn readiness(&self) -> Readiness;
+
+    /// The metrics in Prometheus's text format.
+    ///
+    /// # Errors
+    /// [`EngineError::Forbidden`] for who may not see all cameras.
+    fn metrics_text(&self) -> Result<String, EngineError>;
+
+    /// Counts an answered HTTP request: the route's template (never the path), its status, its duration.
+    fn count_http(&self, route: &str, status: u16, duration: Duration);
+}
+
+/// The door to the running daemon. Cheap to clone.
+#[derive(Clone)]
+pub struct Handle(Arc<dyn Door>);
+
+impl Handle {
+    /// A handle to `door`: the engine, or a test's stand-in.
+    #[must_use]
+    pub fn new(door: Arc<dyn Door>) -> Self {
+        Self(door)
+    }
+
+    /// The same for a caller with `grants`: [`Door::within`].
+    #[must_use]
+    pub fn within(&self, grants: Arc<Grants>) -> Self {
+        Self(Arc::clone(&self.0).within(grants))
+    }
+
+    /// A picture of a scene.
+    ///
+    /// # Errors
+    /// As [`Door::view`], and whatever planning or rendering met.
+    pub async fn view(&self, request: ViewRequest) -> Result<ViewAnswer, EngineError> {
+        let (reply, answer) = oneshot::channel();
+        self.0.view(request, reply)?;
+        let gone =
+            |_dropped: oneshot::error::RecvError| EngineError::Unavailable("the renderer stopped".to_owned());
+        answer.await.map_err(gone)?
+    }
+}
+
+impl std::ops::Deref for Handle {
+    type Target = dyn Door;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}

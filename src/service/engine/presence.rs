@@ -1,0 +1,141 @@
+//! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at another time.
+//!
+//! Remembers who is who by itself, so that whoever looks at pictures of the past disturbs nobody's present. What is answered
+//! hangs on the scene's identity, and so on the cameras that the caller may see.
+
+use super::EngineError;
+use super::associations::MAX_SCENES;
+use super::handle::At;
+use super::picture::Observations;
+use super::shared::Shared;
+use super::view::SourceTime;
+use glam::DVec3;
+use std::sync::{Arc, Mutex, PoisonError};
+use videofields_picture::fuse::{self, Association, Entity, SceneState};
+use videofields_picture::scene::Scene;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::frame::CameraId;
+use videofields_vision::observation::Observation;
+
+/// What stands before a scene's cameras at an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Present {
+    /// The instant.
+    pub instant: Timestamp,
+    /// The cameras that had a frame for it.
+    pub sources: Vec<SourceTime>,
+    /// What stands there, in growing order of ids.
+    pub entities: Vec<PresentEntity>,
+}
+
+/// One thing that stands there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PresentEntity {
+    /// The same from camera to camera and from instant to instant while the daemon runs.
+    pub id: u64,
+    /// Where it touches the ground, metres.
+    pub foot_in_world: DVec3,
+    /// Its height, metres.
+    pub height_m: f64,
+    /// The cameras that see it.
+    pub seen_by: Vec<CameraId>,
+}
+
+/// Who is present, scene by scene; the scene asked for last is the last.
+#[derive(Debug, Default)]
+pub(super) struct Presences(Mutex<Vec<Kept>>);
+
+#[derive(Debug)]
+struct Kept {
+    scene: Arc<Scene>,
+    association: Association,
+    /// What was told last, and how often privacy zones had been changed when it was seen.
+    newest: Option<(u64, Arc<Present>)>,
+}
+
+impl Shared {
+    /// Who is present in `scene` now.
+    pub(super) fn present_of(&self, scene: &Arc<Scene>) -> Result<Arc<Present>, EngineError> {
+        // Asked for first: what is seen then hides at least this.
+        let changes = self.privacies.changes();
+        let instant = self.live_instant(scene)?;
+        let (observations, _gaps) = self.seen_at(scene, At::Live, (instant, None))?;
+        let source = |(camera, of): &(CameraId, Observation)| SourceTime {
+            camera: camera.clone(),
+            timestamp: of.frame.timestamp,
+        };
+        let sources: Vec<SourceTime> = observations.iter().map(source).collect();
+        self.presences.within(scene, |own| {
+            let is_it = |of: &Present| of.instant == instant && of.sources == sources;
+            let known = own.newest.clone().filter(|(number, of)| *number == changes && is_it(of));
+            let known = known.map(|(_, present)| present);
+            let present = known.unwrap_or_else(|| {
+                let state =
+                    fuse::assemble_within(&mut own.association, scene, instant, find_in(&observations), None);
+                Arc::new(Present { instant, sources, entities: present_in(&state) })
+            });
+            own.newest = Some((changes, Arc::clone(&present)));
+            Ok(present)
+        })
+    }
+
+    /// What stands in `scene` at a time: now with the ids that [`Self::present_of`] tells, at another time with such as hold for that
+    /// instant alone.
+    pub(super) fn standing_in(&self, scene: &Arc<Scene>, at: At) -> Result<SceneState, EngineError> {
+        let instant = match at {
+            At::Live => self.live_instant(scene)?,
+            At::Time(instant) => instant,
+        };
+        let (observations, _gaps) = self.seen_at(scene, at, (instant, None))?;
+        let assembled = |association: &mut Association| {
+            fuse::assemble_within(association, scene, instant, find_in(&observations), None)
+        };
+        Ok(match at {
+            At::Live => self.presences.within(scene, |own| assembled(&mut own.association)),
+            At::Time(_) => assembled(&mut Association::default()),
+        })
+    }
+}
+
+impl Presences {
+    /// Has something done with what is known of who is who in a scene. A panic costs that of one scene: its entry is out of the list
+    /// meanwhile.
+    fn within<T>(&self, scene: &Arc<Scene>, with: impl FnOnce(&mut Kept) -> T) -> T {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = kept.iter().position(|of| Arc::ptr_eq(&of.scene, scene));
+        let mut own = match place {
+            Some(place) => kept.remove(place),
+            None => {
+                kept.retain(|of| !scene.replaces(&of.scene));
+                Kept { scene: Arc::clone(scene), association: Association::default(), newest: None }
+            }
+        };
+        let done = with(&mut own);
+        if kept.len() == MAX_SCENES {
+            kept.remove(0);
+        }
+        kept.push(own);
+        done
+    }
+}
+
+/// Gives each camera's observation.
+fn find_in(observations: &Observations) -> impl FnMut(&CameraId) -> Option<Observation> {
+    |id: &CameraId| observations.iter().find(|(of, _)| of == id).map(|(_, seen)| seen.clone())
+}
+
+/// Who stands in a state.
+#[must_use]
+pub fn present_in(state: &SceneState) -> Vec<PresentEntity> {
+    state.entities.iter().map(|entity| present(state, entity)).collect()
+}
+
+fn present(state: &SceneState, entity: &Entity) -> PresentEntity {
+    let camera = |source: &fuse::Billboard| state.cameras[source.camera_idx].id.clone();
+    PresentEntity {
+        id: entity.id,
+        foot_in_world: entity.foot_in_world,
+        height_m: entity.height_m,
+        seen_by: entity.sources.iter().map(camera).collect(),
+    }
+}

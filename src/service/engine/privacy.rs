@@ -1,0 +1,269 @@
+//! What nobody may see of the cameras: the zones in force, and what of the past they and those lifted since still hide.
+//!
+//! Zones flow in, before cameras start and whenever they are changed. A camera's thread takes them before each frame, and
+//! its observation is kept only while they are still in force ([`CameraPrivacy::keep`]): so once a change has been made,
+//! nothing that was seen under other zones comes to memory any more, and what was there is hidden.
+
+use super::EngineError;
+use super::sightings::Sightings;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
+use videofields_recording::timeline::{Event, EventLog, Timeline};
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::CameraSettings;
+use videofields_vision::frame::{BufferPool, CameraId, YuvImage, Zone, ZoneMask};
+use videofields_vision::observation::Observation;
+
+/// A zone that is no longer in force, and until when what was seen stays hidden by it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiftedZone {
+    /// The zone as it was.
+    pub zone: Zone,
+    /// When it was lifted: what the camera saw before stays hidden, wherever it was kept.
+    pub until: Timestamp,
+}
+
+/// A camera's zones as they are to be in force.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Privacy {
+    /// The zones.
+    pub zones: Arc<[Zone]>,
+    /// Zones that were lifted, for what was seen before.
+    pub lifted: Arc<[LiftedZone]>,
+    /// Which version they are; 0 where nothing was ever changed.
+    pub version: i64,
+    /// Since when these are in force, by the machine's clock; none where that is not known.
+    pub since: Option<Timestamp>,
+}
+
+/// A camera's zones as its state tells of them.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct PrivacySummary {
+    /// How many there are.
+    pub zones: usize,
+    /// Which version they are; 0 where nothing was ever changed.
+    pub version: i64,
+    /// Since when they are in force, RFC 3339; null where there never were any.
+    pub since: Option<String>,
+}
+
+impl Privacy {
+    /// What the configuration says of a camera.
+    fn configured(camera: &CameraSettings) -> Self {
+        Self { zones: camera.privacy_zones.clone().into(), ..Self::default() }
+    }
+
+    pub(super) fn summary(&self) -> PrivacySummary {
+        PrivacySummary {
+            zones: self.zones.len(),
+            version: self.version,
+            since: self.since.map(|since| since.to_string()),
+        }
+    }
+
+    /// What is hidden of a picture of `size_px` that was taken at `at`; none where nothing is.
+    pub(super) fn mask_at(&self, at: Timestamp, size_px: (u32, u32)) -> Option<ZoneMask> {
+        let polygons: Vec<&[[f64; 2]]> = self.at(at).map(|zone| &zone.polygon[..]).collect();
+        (!polygons.is_empty()).then(|| ZoneMask::of(polygons, size_px))
+    }
+
+    /// The zones that hide what was seen at `at`.
+    pub(super) fn at(&self, at: Timestamp) -> impl Iterator<Item = &Zone> {
+        let lifted = self.lifted.iter().filter(move |lifted| at < lifted.until);
+        self.zones.iter().chain(lifted.map(|lifted| &lifted.zone))
+    }
+
+    /// Whether anything that was seen at an instant or later is hidden.
+    pub(super) fn hides_from(&self, from: Timestamp) -> bool {
+        self.at(from).next().is_some()
+    }
+}
+
+/// One camera's zones in force, and how often they were changed.
+#[derive(Debug)]
+pub(super) struct CameraPrivacy {
+    state: Mutex<State>,
+    pool: Arc<BufferPool>,
+}
+
+#[derive(Debug)]
+struct State {
+    privacy: Arc<Privacy>,
+    changes: u64,
+}
+
+impl CameraPrivacy {
+    fn new(privacy: Privacy) -> Self {
+        let state = State { privacy: Arc::new(privacy), changes: 0 };
+        Self { state: Mutex::new(state), pool: BufferPool::new(1) }
+    }
+
+    /// What is in force.
+    pub(super) fn now(&self) -> Arc<Privacy> {
+        Arc::clone(&self.lock().privacy)
+    }
+
+    /// What is in force, and a number that another change makes another.
+    pub(super) fn numbered(&self) -> (Arc<Privacy>, u64) {
+        let state = self.lock();
+        (Arc::clone(&state.privacy), state.changes)
+    }
+
+    /// Does `keep` with what was seen under the zones of that number, unless these have been changed since; whether it did. No
+    /// change comes between.
+    pub(super) fn keep(&self, number: u64, keep: impl FnOnce()) -> bool {
+        let state = self.lock();
+        let is_still = state.changes == number;
+        if is_still {
+            keep();
+        }
+        is_still
+    }
+
+    /// A recorded picture, with what is hidden of it filled.
+    pub(super) fn hide(&self, privacy: &Privacy, image: &Arc<YuvImage>, at: Timestamp) -> Arc<YuvImage> {
+        match privacy.mask_at(at, (image.width(), image.height())) {
+            Some(mask) => Arc::new(image.masked_of(&self.pool, &Arc::new(mask))),
+            None => Arc::clone(image),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        // Each field is replaced whole.
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The zones of all cameras. One that comes later brings its own.
+#[derive(Debug)]
+pub(super) struct Privacies {
+    cameras: RwLock<BTreeMap<CameraId, Arc<CameraPrivacy>>>,
+    changes: AtomicU64,
+}
+
+/// What is remembered of a camera.
+pub(super) struct Remains<'a> {
+    pub(super) timeline: &'a Timeline,
+    pub(super) sightings: &'a Sightings,
+    pub(super) events: &'a EventLog,
+}
+
+impl Privacies {
+    /// Those of the configuration.
+    pub(super) fn new(cameras: &[CameraSettings]) -> Self {
+        let privacies = Self { cameras: RwLock::default(), changes: AtomicU64::new(0) };
+        for camera in cameras {
+            privacies.of_camera(camera);
+        }
+        privacies
+    }
+
+    /// Those of a camera that is about to run: what is in force of it, or else what its settings say.
+    pub(super) fn of_camera(&self, camera: &CameraSettings) -> Arc<CameraPrivacy> {
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        let own = cameras.entry(camera.id.clone());
+        Arc::clone(own.or_insert_with(|| Arc::new(CameraPrivacy::new(Privacy::configured(camera)))))
+    }
+
+    /// Those of a camera that is still to begin: what is given, or else the configuration's.
+    pub(super) fn add(&self, camera: &CameraSettings, privacy: Option<Privacy>) {
+        let privacy = privacy.unwrap_or_else(|| Privacy::configured(camera));
+        let mut cameras = self.cameras.write().unwrap_or_else(PoisonError::into_inner);
+        cameras.insert(camera.id.clone(), Arc::new(CameraPrivacy::new(privacy)));
+        drop(cameras);
+        self.changes.fetch_add(1, Ordering::SeqCst);
+    }
+
+    pub(super) fn of(&self, camera: &str) -> Result<Arc<CameraPrivacy>, EngineError> {
+        let known = self.cameras.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned();
+        known.ok_or_else(|| EngineError::NoCamera { id: camera.to_owned() })
+    }
+
+    /// Those of a camera that ran or runs; of one that never did, none.
+    pub(super) fn of_known(&self, camera: &CameraId) -> Arc<CameraPrivacy> {
+        self.of(camera.as_str()).unwrap_or_else(|_unknown| Arc::new(CameraPrivacy::new(Privacy::default())))
+    }
+
+    /// How often any camera's were changed: what was drawn while this changed may show what is hidden by now.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes.load(Ordering::SeqCst)
+    }
+
+    /// Puts a camera's zones in force: from now on nothing is remembered that was seen under others, and what is remembered
+    /// is hidden, before this returns. Blocks for up to a second where memory holds much.
+    pub(super) fn hold(&self, camera: &str, privacy: Privacy, of: &Remains<'_>) -> Result<(), EngineError> {
+        let own = self.of(camera)?;
+        let mut state = own.lock();
+        let before = std::mem::replace(&mut state.privacy, Arc::new(privacy));
+        let is_same = before.zones == state.privacy.zones;
+        if is_same && before.lifted == state.privacy.lifted {
+            return Ok(());
+        }
+        if !is_same {
+            state.changes += 1;
+            hide_remains(&state.privacy, &own.pool, of, camera);
+        }
+        self.changes.fetch_add(1, Ordering::SeqCst);
+        Ok(())
+    }
+}
+
+/// Hides what is remembered of a camera.
+fn hide_remains(privacy: &Privacy, pool: &Arc<BufferPool>, of: &Remains<'_>, camera: &str) {
+    of.sightings.clear();
+    if privacy.zones.is_empty() {
+        return;
+    }
+    let mut masks = Masks::default();
+    // A background is shared by many frames.
+    let mut background: Option<(Arc<YuvImage>, Arc<YuvImage>)> = None;
+    of.timeline.replace_each(|seen| {
+        let size_px = (seen.frame.image.width(), seen.frame.image.height());
+        let mut hidden = seen.hidden_by(masks.of(privacy, size_px), pool);
+        match &background {
+            Some((before, after)) if Arc::ptr_eq(before, &seen.background) => {
+                hidden.background = Arc::clone(after);
+            }
+            _ => background = Some((Arc::clone(&seen.background), Arc::clone(&hidden.background))),
+        }
+        hidden
+    });
+    let Some(size_px) = of
+        .timeline
+        .latest()
+        .ok()
+        .map(|seen: Observation| (seen.frame.image.width(), seen.frame.image.height()))
+    else {
+        // Of which size the pictures were that the events are of is not known.
+        forget_events(of.events, camera, |event| event.rect.is_none());
+        return;
+    };
+    let mask = Arc::clone(masks.of(privacy, size_px));
+    forget_events(of.events, camera, |event| {
+        event.rect.as_ref().is_none_or(|rect| !mask.touches([rect.x, rect.y], [rect.width, rect.height]))
+    });
+}
+
+fn forget_events(events: &EventLog, camera: &str, is_kept: impl Fn(&Event) -> bool) {
+    if let Ok(camera) = CameraId::new(camera) {
+        events.retain(&camera, is_kept);
+    }
+}
+
+/// What zones hide, by the size of pictures.
+#[derive(Default)]
+struct Masks(Vec<Arc<ZoneMask>>);
+
+impl Masks {
+    fn of(&mut self, privacy: &Privacy, size_px: (u32, u32)) -> &Arc<ZoneMask> {
+        let known = self.0.iter().position(|mask| mask.size_px() == size_px);
+        let idx = known.unwrap_or_else(|| {
+            let polygons = privacy.zones.iter().map(|zone| &zone.polygon[..]);
+            self.0.push(Arc::new(ZoneMask::of(polygons, size_px)));
+            self.0.len() - 1
+        });
+        &self.0[idx]
+    }
+}

@@ -1,0 +1,5 @@
+//! Tests of `videofields-lab`: what it measures, and its commands.
+
+mod accuracy;
+mod commands;
+mod effects;

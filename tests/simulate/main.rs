@@ -1,0 +1,4 @@
+//! Tests of `videofields-simulate` through its public interface.
+
+mod simulate;
+mod worlds;

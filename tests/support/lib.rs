@@ -1,0 +1,95 @@
+//! What tests of several crates share: comparing with goldens, cameras and servers to test against, and how a test is skipped.
+
+pub mod golden;
+#[cfg(feature = "streams")]
+pub mod rtsp;
+#[cfg(feature = "streams")]
+pub mod schema;
+pub mod small_disk;
+#[cfg(feature = "streams")]
+pub mod tls;
+#[cfg(feature = "streams")]
+pub mod video;
+
+use proptest::prelude::ProptestConfig;
+use proptest::test_runner::RngSeed;
+use std::path::PathBuf;
+use std::time::Duration;
+#[cfg(feature = "gpu")]
+use videofields_render::gpu::{Gpu, GpuError};
+use videofields_vision::clock::{Clock, SystemClock};
+
+/// Returns the repository's root.
+#[must_use]
+pub fn root() -> PathBuf {
+    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+}
+
+/// Says what is skipped and why, where a person looks.
+pub fn say_skipped(why: &str) {
+    #[expect(clippy::print_stderr, reason = "a skipped test says so where a person looks")]
+    {
+        eprintln!("skipped: {why}");
+    }
+}
+
+/// Says what is skipped and why; with CI=true nothing may be.
+///
+/// # Panics
+/// With CI=true in the environment.
+pub fn skip_for_want_of_an_adapter(why: &str) {
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs an adapter: {why}");
+    say_skipped(why);
+}
+
+/// The GPU of that name, or `None` (and a line on standard error) where there is none; with CI=true there must be.
+#[cfg(feature = "gpu")]
+pub fn adapter(name: &str) -> Option<Gpu> {
+    match Gpu::new(name) {
+        Ok(gpu) => Some(gpu),
+        Err(error @ GpuError::NoAdapter { .. }) => {
+            skip_for_want_of_an_adapter(&error.to_string());
+            None
+        }
+        Err(error) => panic!("{error}"),
+    }
+}
+
+/// A file or folder of the real footage beside the project, or `None` (and a line on standard error that says
+/// what was skipped) where the footage is not at hand; with `VIDEOFIELDS_DATA=required` it must be.
+///
+/// # Panics
+/// Where the footage is required and is not there.
+#[must_use]
+pub fn real_data(path: &str) -> Option<PathBuf> {
+    let full = root().join("../shared/data").join(path);
+    if full.try_exists().unwrap_or(false) {
+        return Some(full);
+    }
+    let is_required = std::env::var("VIDEOFIELDS_DATA").as_deref() == Ok("required");
+    assert!(!is_required, "VIDEOFIELDS_DATA=required: no real footage at ../shared/data/{path}");
+    say_skipped(&format!("no real footage at ../shared/data/{path}"));
+    None
+}
+
+/// Settings of a property test: the same cases in every run, and nothing written beside the tests.
+pub fn seeded(cases: u32) -> ProptestConfig {
+    let rng_seed = RngSeed::Fixed(2004);
+    ProptestConfig { cases, rng_seed, failure_persistence: None, ..ProptestConfig::default() }
+}
+
+/// Asks again and again until there is an answer.
+///
+/// # Panics
+/// When there is none within half a minute.
+pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
+    const MOST: Duration = Duration::from_secs(30);
+    let clock = SystemClock::new();
+    while clock.monotonic() < MOST {
+        if let Some(answer) = ask() {
+            return answer;
+        }
+        clock.sleep(Duration::from_millis(5));
+    }
+    panic!("waited {MOST:?} for {what}");
+}
