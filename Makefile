@@ -8,7 +8,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test check contract bench load pictures clips
+.PHONY: help setup web demo test check contract bench bundle load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -18,6 +18,7 @@ help:
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
 	@echo "make bench     the benchmarks"
+	@echo "make bundle    a tar that measures any Vulkan device with one command (target/bundle/)"
 	@echo "make load      what the daemon answers to many callers at once, as a table"
 	@echo "make pictures  every picture for judging, into target/pictures/"
 	@echo "make clips     the demo's clips again, from the simulator"
@@ -41,13 +42,13 @@ demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
-# Warnings are errors here, but not in an editor.
+# Warnings are errors here, but not in an editor. Some tests wait for long: one more than there are processors runs at once.
 test: setup web
 	cd web && npm run --silent check && npm run --silent test
 	$(CARGO) fmt --check
 	$(CARGO) clippy --workspace --locked --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --locked --no-deps --document-private-items --quiet
-	$(CARGO) test --workspace --locked
+	RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))} $(CARGO) test --workspace --locked
 	cd web && npm run --silent e2e
 
 check: setup
@@ -66,6 +67,10 @@ ifdef INPUT
 	$(CARGO) build --release --locked -p videofields-lab
 	target/release/videofields-lab bench background --input $(INPUT) --size-px 1280x720 $(if $(PYTHON),--python $(PYTHON))
 endif
+
+bundle: setup
+	$(CARGO) build --release --locked -p videofields-lab
+	deploy/bundle.sh
 
 # LOAD=... are further arguments, such as --seconds 30.
 load: setup

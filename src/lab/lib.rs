@@ -2,6 +2,8 @@
 //!
 //! Rooms stand in the order in which they use each other: a room uses only rooms above it in this list (`tests/tidy.rs` fails otherwise).
 
+pub mod made_scenes;
+
 pub mod worlds;
 
 pub mod entities;
@@ -15,5 +17,9 @@ pub mod report;
 pub mod world_sequence;
 
 pub mod bench;
+
+pub mod gpu_report;
+
+pub mod drawn;
 
 pub mod commands;

@@ -2,4 +2,5 @@
 
 mod accuracy;
 mod commands;
+mod drivers;
 mod effects;

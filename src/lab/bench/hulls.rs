@@ -277,7 +277,7 @@ fn write_people(
 }
 
 /// What stands before the cameras at each of the frames that are judged.
-pub(super) fn judged_states(subject: &Subject) -> Result<Vec<(usize, SceneState)>> {
+pub(crate) fn judged_states(subject: &Subject) -> Result<Vec<(usize, SceneState)>> {
     let mut association = Association::default();
     let (judged, scene) = (subject.judged_frames(), &subject.scene);
     let mut states = Vec::new();
@@ -338,7 +338,7 @@ fn row(name: &str, outcome: &Outcome) -> String {
 
 /// Three people on a level place, and so many cameras around it with pictures of so many columns; a view so far beside the first of them,
 /// or before them all.
-pub(super) fn ring(n_cameras: u32, columns: u32, aside_deg: Option<f64>) -> Value {
+pub(crate) fn ring(n_cameras: u32, columns: u32, aside_deg: Option<f64>) -> Value {
     let camera = |i: u32| {
         let turn = (f64::from(i) + 0.2) / f64::from(n_cameras) * std::f64::consts::TAU;
         // Two that face each other would see the same outlines.

@@ -78,7 +78,7 @@ impl Meshes {
         let clock = SystemClock::new();
         let settings =
             FieldSettings { distances: self.distances, is_evened: false, ..FieldSettings::default() };
-        let mut views = self.views()?;
+        let mut views = views_around(self.views, self.side)?;
         let mut device = SurfaceFields::new(gpu);
         let first = ball(triangles, 0.0);
         let (n_vertices, n_triangles) = (first.positions_m.len(), first.triangles.len());
@@ -90,11 +90,11 @@ impl Meshes {
         };
         // Programs are made by the first.
         device.give(gpu, &first, &views, &settings)?;
-        device.picture(gpu, &self.looking(0.0)?, by(0.0), Reading::Picture)?;
+        device.picture(gpu, &looking(0.0, (self.width, self.height()))?, by(0.0), Reading::Picture)?;
         let (mut new, mut still) = (Times::default(), Times::default());
         for turn in 1..=self.turns {
             let mesh = ball(triangles, 0.01 * f64::from(turn));
-            let at = self.looking(0.02 * f64::from(turn))?;
+            let at = looking(0.02 * f64::from(turn), (self.width, self.height()))?;
             let started = clock.monotonic();
             device.give(gpu, &mesh, &views, &settings)?;
             let given = clock.monotonic();
@@ -103,7 +103,7 @@ impl Meshes {
             new.given.push(given.saturating_sub(started));
         }
         for turn in 1..=self.turns {
-            let at = self.looking(0.02 * f64::from(turn))?;
+            let at = looking(0.02 * f64::from(turn), (self.width, self.height()))?;
             let started = clock.monotonic();
             let (picture, _) = device.picture(gpu, &at, by(0.008), Reading::Picture)?;
             still.add(&picture.timings, clock.monotonic().saturating_sub(started));
@@ -141,7 +141,7 @@ impl Meshes {
             let topology = Topology::of(&first.positions_m, &first.triangles);
             let field = Field::new(&first, &topology, &mut views, &settings)?;
             let made = clock.monotonic();
-            let eye = self.looking(0.0)?.pose.position_in_world;
+            let eye = looking(0.0, (self.width, self.height()))?.pose.position_in_world;
             std::hint::black_box(field.target(&first, &views, eye));
             let [field_ms, target_ms] =
                 [made.saturating_sub(started), clock.monotonic().saturating_sub(made)]
@@ -158,35 +158,36 @@ impl Meshes {
         let rows = self.width * 9 / 16;
         if rows == 0 { 1 } else { rows }
     }
+}
 
-    /// What somebody sees who goes around the ball.
-    fn looking(&self, turn: f64) -> Result<View> {
-        let limits = videofields_render::view_limits(RenderSettings::default().max_pixels);
-        let limits = ViewLimits { max_pixels: u64::MAX, ..limits };
-        let eye = DQuat::from_rotation_z(turn) * DVec3::new(3.2, 0.6, 1.2);
-        View::new(eye, DVec3::ZERO, 0.75, self.width, self.height(), &limits)
-            .map_err(|fault| anyhow::anyhow!("{}", fault.message))
-    }
+/// Returns what somebody sees who goes around the ball, in `size_px` columns and rows.
+pub(crate) fn looking(turn: f64, size_px: (u32, u32)) -> Result<View> {
+    let limits = videofields_render::view_limits(RenderSettings::default().max_pixels);
+    let limits = ViewLimits { max_pixels: u64::MAX, ..limits };
+    let eye = DQuat::from_rotation_z(turn) * DVec3::new(3.2, 0.6, 1.2);
+    View::new(eye, DVec3::ZERO, 0.75, size_px.0, size_px.1, &limits)
+        .map_err(|fault| anyhow::anyhow!("{}", fault.message))
+}
 
-    fn views(&self) -> Result<Vec<Seen>> {
-        (0..self.views)
-            .map(|i| {
-                let turn = f64::from(i) / f64::from(self.views) * std::f64::consts::TAU;
-                let eye = DVec3::new(3.5 * turn.cos(), 3.5 * turn.sin(), 1.5 * (1.7 * f64::from(i)).sin());
-                let pose = Pose::looking_at(eye, DVec3::ZERO).context("a camera stands in the middle")?;
-                let side = f64::from(self.side);
-                let (focal, center) = (DVec2::splat(1.3 * side), DVec2::splat(0.5 * side));
-                let camera = Camera::new((self.side, self.side), focal, center, Distortion::None, pose)?;
-                let wave = |at: u32, phase: f64| 128.0 + 90.0 * (f64::from(at) / side * 40.0 + phase).sin();
-                let color = |at: u32| {
-                    let (x, y) = (at % self.side, at / self.side);
-                    [wave(x, turn), wave(y, 2.0), wave(x + y, 4.0)].map(|code| code as u8)
-                };
-                let data = (0..self.side * self.side).flat_map(color).collect();
-                Ok(Seen::new(camera, RgbImage { width: self.side, height: self.side, data }, None))
-            })
-            .collect()
-    }
+/// Returns what cameras around the ball see, in pictures of so many columns and rows.
+pub(crate) fn views_around(n_views: u32, side_px: u32) -> Result<Vec<Seen>> {
+    (0..n_views)
+        .map(|i| {
+            let turn = f64::from(i) / f64::from(n_views) * std::f64::consts::TAU;
+            let eye = DVec3::new(3.5 * turn.cos(), 3.5 * turn.sin(), 1.5 * (1.7 * f64::from(i)).sin());
+            let pose = Pose::looking_at(eye, DVec3::ZERO).context("a camera stands in the middle")?;
+            let side = f64::from(side_px);
+            let (focal, center) = (DVec2::splat(1.3 * side), DVec2::splat(0.5 * side));
+            let camera = Camera::new((side_px, side_px), focal, center, Distortion::None, pose)?;
+            let wave = |at: u32, phase: f64| 128.0 + 90.0 * (f64::from(at) / side * 40.0 + phase).sin();
+            let color = |at: u32| {
+                let (x, y) = (at % side_px, at / side_px);
+                [wave(x, turn), wave(y, 2.0), wave(x + y, 4.0)].map(|code| code as u8)
+            };
+            let data = (0..side_px * side_px).flat_map(color).collect();
+            Ok(Seen::new(camera, RgbImage { width: side_px, height: side_px, data }, None))
+        })
+        .collect()
 }
 
 /// Times of one kind of picture.
@@ -221,7 +222,7 @@ fn median_ms(times: &[Duration]) -> f64 {
 }
 
 /// A ball with bumps that turn, of about so many triangles: rows of squares around it, two triangles each.
-fn ball(triangles: u32, turn: f64) -> Mesh {
+pub(crate) fn ball(triangles: u32, turn: f64) -> Mesh {
     let rows = (f64::from(triangles) / 4.0).sqrt().round().max(3.0) as u32;
     let columns = 2 * rows;
     let place = |row: u32, column: u32| {

@@ -5,6 +5,8 @@ mod sequence;
 mod simulate;
 
 use crate::bench::Bench;
+use crate::drawn::Drawn;
+use crate::gpu_report::GpuReport;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 use videofields::commands::{complain, told};
@@ -23,6 +25,8 @@ enum Command {
     Sequence(sequence::Sequence),
     Accuracy(accuracy::Accuracy),
     Bench(Bench),
+    GpuReport(GpuReport),
+    Drawn(Drawn),
 }
 
 /// Runs the command that the process was given. Exit status 0 for success, 1 for failures, 2 for wrong arguments.
@@ -34,6 +38,8 @@ pub fn run() -> ExitCode {
         Command::Sequence(sequence) => sequence.run(),
         Command::Accuracy(accuracy) => accuracy.run(),
         Command::Bench(bench) => bench.run(),
+        Command::GpuReport(report) => report.run(),
+        Command::Drawn(drawn) => drawn.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

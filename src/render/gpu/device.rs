@@ -161,6 +161,12 @@ impl Gpu {
         &self.info.name
     }
 
+    /// Returns the driver's name and version, in its own words.
+    #[must_use]
+    pub fn driver(&self) -> (&str, &str) {
+        (&self.info.driver, &self.info.driver_info)
+    }
+
     /// Whether the adapter draws on the processor (lavapipe and its like).
     #[must_use]
     pub fn is_software(&self) -> bool {

@@ -4,6 +4,7 @@
 //! what is drawn: no word of scenes, cameras or views.
 
 mod buffer;
+mod copying;
 mod device;
 mod mirror;
 mod readback;

@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# Writes target/bundle/videofields-gpu-report.tar.gz: what measures any Vulkan device with one command, on any x86-64 Linux with
+# glibc 2.36 or newer and a driver. In it: videofields-lab, the shared libraries that it needs beyond glibc, a Vulkan loader for
+# machines that have none, and the script `gpu-report`. Worlds and shaders are in the program; meshes are made by code.
+# VIDEOFIELDS_LAB names another binary than the release build's.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
+out=target/bundle
+name=videofields-gpu-report
+most_bytes=$((40 * 1000 * 1000))
+rm -rf "$out"
+mkdir -p "$out/$name/lib" "$out/$name/vulkan"
+cp "$lab" "$out/$name/videofields-lab"
+strip "$out/$name/videofields-lab"
+# What glibc itself brings is the machine's own, since it has to fit the kernel and the driver.
+ldd "$lab" | awk '$2 == "=>" && $3 ~ "^/" {print $3}' | while read -r library; do
+  case $(basename "$library") in
+    libc.so.* | libm.so.* | libdl.so.* | libpthread.so.* | librt.so.* | libresolv.so.* | libutil.so.* | ld-linux*) ;;
+    *) cp -L "$library" "$out/$name/lib/" ;;
+  esac
+done
+loader=$(ldconfig -p | awk '$1 == "libvulkan.so.1" && /x86-64/ {print $NF; exit}')
+[ -n "$loader" ] || { echo "bundle: there is no Vulkan loader here: deploy/setup.sh installs it" >&2; exit 1; }
+cp -L "$loader" "$out/$name/vulkan/libvulkan.so.1"
+cat >"$out/$name/gpu-report" <<'SCRIPT'
+#!/bin/sh
+# Measures what this machine's graphics card draws how fast: gpu-report [--minutes 8] [--out DIR] [--adapter NAME].
+here=$(CDPATH='' cd "$(dirname "$0")" && pwd)
+libraries=$here/lib
+# The machine's own loader knows its drivers best.
+PATH=$PATH:/sbin:/usr/sbin
+if ! ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1'; then
+  libraries=$libraries:$here/vulkan
+fi
+LD_LIBRARY_PATH=$libraries${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+NODEVICE_SELECT=1
+export LD_LIBRARY_PATH NODEVICE_SELECT
+exec "$here/videofields-lab" gpu-report "$@"
+SCRIPT
+chmod +x "$out/$name/gpu-report"
+cp LICENSE-MIT LICENSE-APACHE "$out/$name/"
+tar -C "$out" --owner=0 --group=0 --sort=name -czf "$out/$name.tar.gz" "$name"
+n_bytes=$(stat -c %s "$out/$name.tar.gz")
+echo "$out/$name.tar.gz: $n_bytes bytes"
+if [ "$n_bytes" -gt "$most_bytes" ]; then
+  echo "bundle: at most $most_bytes bytes are allowed" >&2
+  exit 1
+fi

@@ -1,0 +1,189 @@
+//! Draws pictures again and again until a time is over; and what limits them.
+
+use super::{Budget, Found, Measurement, Stage};
+use anyhow::{Context as _, Result};
+use std::collections::BTreeMap;
+use std::time::Duration;
+use videofields_picture::fuse::SceneState;
+use videofields_picture::plan::{Picture, Plan, Spread};
+use videofields_render::Renderer;
+use videofields_render::gpu::PassTime;
+use videofields_vision::clock::Clock as _;
+
+/// Turns after which a case is left alone, and at which a median begins to mean something.
+const MOST_TURNS: usize = 201;
+const LEAST_TURNS: usize = 5;
+
+/// Pictures of one kind that are drawn: several where one frame of it is several pictures.
+pub(super) struct Case {
+    pub(super) name: String,
+    pub(super) state: SceneState,
+    pub(super) pictures: Vec<(Picture, Plan)>,
+    pub(super) paper_fps: Option<f64>,
+}
+
+/// Times of one kind.
+#[derive(Default)]
+pub(super) struct Times {
+    passes: Vec<(&'static str, Vec<f64>)>,
+    device: Vec<f64>,
+    whole: Vec<f64>,
+}
+
+impl Times {
+    pub(super) fn add(&mut self, timings: &[PassTime], whole: Duration) {
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let mut sums: Vec<(&'static str, f64)> = Vec::new();
+        for time in timings {
+            match sums.iter_mut().find(|(pass, _)| *pass == time.pass) {
+                Some((_, sum)) => *sum += ms(time.gpu),
+                None => sums.push((time.pass, ms(time.gpu))),
+            }
+        }
+        if !sums.is_empty() {
+            self.device.push(sums.iter().map(|(_, sum)| sum).sum());
+        }
+        for (pass, sum) in sums {
+            match self.passes.iter_mut().find(|(of, _)| *of == pass) {
+                Some((_, all)) => all.push(sum),
+                None => self.passes.push((pass, vec![sum])),
+            }
+        }
+        self.whole.push(ms(whole));
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.whole.len()
+    }
+
+    /// Returns what they come to; none without any.
+    pub(super) fn measurement(&self, name: String, paper_fps: Option<f64>) -> Option<Measurement> {
+        let passes_ms: BTreeMap<String, Spread> = self
+            .passes
+            .iter()
+            .filter_map(|(pass, all)| Some(((*pass).to_owned(), Spread::of(all)?)))
+            .collect();
+        Some(Measurement {
+            name,
+            device_ms: Spread::of(&self.device),
+            whole_ms: Spread::of(&self.whole)?,
+            passes_ms,
+            paper_fps,
+            limited_by: None,
+        })
+    }
+}
+
+/// Draws one case after the other, each in its share of the time, until it was drawn often enough. The first picture of a case, which
+/// makes programs and uploads pictures, is not counted; cases that took turns would upload theirs again and again.
+pub(super) fn again_and_again(renderer: &mut Renderer, cases: &[Case], budget: Budget<'_>) -> Result<Found> {
+    let clock = budget.clock;
+    let mut found = Found::default();
+    for (idx, case) in cases.iter().enumerate() {
+        if budget.is_over() {
+            found.is_cut_short = true;
+            break;
+        }
+        let own = budget.share(1.0 / (cases.len() - idx) as f64);
+        let mut times = Times::default();
+        for turn in 0..=MOST_TURNS {
+            if turn > 1 && own.is_over() {
+                break;
+            }
+            let begun = clock.monotonic();
+            let mut timings = Vec::new();
+            for (picture, plan) in &case.pictures {
+                let rendered = renderer.render(&case.state, picture, plan);
+                timings.extend(rendered.with_context(|| case.name.clone())?.timings);
+            }
+            if turn > 0 {
+                times.add(&timings, clock.monotonic().saturating_sub(begun));
+            }
+        }
+        found.is_cut_short |= times.len() < LEAST_TURNS;
+        found.measurements.extend(times.measurement(case.name.clone(), case.paper_fps));
+    }
+    Ok(found)
+}
+
+/// What a headline figure is held against: the same state as a picture of few pixels, and bytes that a picture moves at least.
+pub(super) struct Against {
+    /// Milliseconds of the same passes over 16 x 16 pixels: what they take whatever the size.
+    pub(super) least_ms: f64,
+    /// Bytes of targets that are written and read, and of the picture that comes back.
+    pub(super) n_bytes: f64,
+}
+
+/// Says what most of a picture's time goes into, by the figure that says so.
+pub(super) fn limited_by(measurement: &Measurement, against: &Against, stage: &Stage<'_>) -> String {
+    let Some(device) = measurement.device_ms else {
+        return "not told: the device does not say how long passes take".to_owned();
+    };
+    let (device_ms, whole_ms) = (device.median, measurement.whole_ms.median);
+    if whole_ms > 2.0 * device_ms {
+        let back_ms = whole_ms - device_ms;
+        return format!("readback and waiting: {back_ms:.2} of {whole_ms:.2} ms lie outside of all passes");
+    }
+    let fixed_share = against.least_ms / device_ms.max(1e-6);
+    if fixed_share > 0.5 {
+        return format!("passes: {:.0} % of their time stays at 16 x 16 pixels", 100.0 * fixed_share);
+    }
+    let achieved = against.n_bytes / (device_ms.max(1e-6) * 1e-3);
+    match stage.copies_bytes_per_second {
+        Some(most) if achieved > 0.5 * most => {
+            format!("bandwidth: {:.1} GB/s of the {:.1} GB/s that copies reach", achieved * 1e-9, most * 1e-9)
+        }
+        Some(most) => format!(
+            "occupancy and arithmetic: targets alone move {:.1} of {:.1} GB/s, and {:.0} % of the time stays at 16 x 16 pixels",
+            achieved * 1e-9,
+            most * 1e-9,
+            100.0 * fixed_share
+        ),
+        None => "not told: how fast the device copies is not known".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use videofields_vision::clock::SystemClock;
+
+    fn measured(device_ms: f64, whole_ms: f64) -> Measurement {
+        let mut times = Times::default();
+        let secs = |secs: f64| Duration::try_from_secs_f64(secs).unwrap();
+        let gpu = secs(device_ms * 0.5e-3);
+        for _ in 0..5 {
+            let passes = [PassTime { pass: "surface", gpu }, PassTime { pass: "surface", gpu }];
+            times.add(&passes, secs(whole_ms * 1e-3));
+        }
+        times.measurement("view".to_owned(), None).unwrap()
+    }
+
+    #[test]
+    fn spans_of_one_pass_are_added_up() {
+        let measured = measured(4.0, 5.0);
+        assert!((measured.device_ms.unwrap().median - 4.0).abs() < 1e-6);
+        assert!((measured.passes_ms["surface"].median - 4.0).abs() < 1e-6);
+        assert!((measured.fps() - 250.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn each_limit_is_told_by_its_figure() {
+        let clock = SystemClock::new();
+        let stage = |copies| Stage {
+            adapter: "",
+            is_small: true,
+            copies_bytes_per_second: copies,
+            budget: Budget { clock: &clock, until: Duration::ZERO },
+        };
+        let told = |device, whole, least_ms, n_bytes, copies| {
+            limited_by(&measured(device, whole), &Against { least_ms, n_bytes }, &stage(copies))
+        };
+        assert!(told(1.0, 3.0, 0.1, 1e3, Some(1e9)).starts_with("readback"));
+        assert!(told(1.0, 1.5, 0.6, 1e3, Some(1e9)).starts_with("passes"));
+        // 8 MB in 10 ms are 0.8 GB/s.
+        assert!(told(10.0, 12.0, 0.1, 8e6, Some(1e9)).starts_with("bandwidth: 0.8 GB/s of the 1.0"));
+        assert!(told(10.0, 12.0, 0.1, 4e6, Some(1e9)).starts_with("occupancy"));
+        assert!(told(10.0, 12.0, 0.1, 4e6, None).starts_with("not told"));
+    }
+}

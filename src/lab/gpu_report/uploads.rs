@@ -1,0 +1,68 @@
+//! Pictures of cameras that come anew: what it takes to bring their planes to the device.
+
+use super::timed::Times;
+use super::views::{plan_of, renderer};
+use super::{Found, Stage};
+use crate::made_scenes::{SIZE_PX, settings, tiled};
+use anyhow::Result;
+use std::sync::Arc;
+use videofields_picture::plan::{EntityStyle, Filtering};
+use videofields_vision::clock::Clock as _;
+use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage};
+
+/// How many cameras there are.
+const N_CAMERAS: [u32; 3] = [1, 8, 64];
+
+/// How often pictures come anew.
+const N_TURNS: usize = 31;
+
+/// Measures a picture of which every camera's background is new, beside the same picture of which none is.
+pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
+    let mut found = Found::default();
+    let clock = stage.budget.clock;
+    for n_cameras in N_CAMERAS {
+        if stage.budget.is_over() || (stage.is_small && n_cameras > 8) {
+            found.is_cut_short |= stage.budget.is_over();
+            continue;
+        }
+        let mut renderer = renderer(stage)?;
+        let (mut state, picture) = tiled([1, 1], n_cameras, 0);
+        let plan = plan_of(&state, &picture, settings(EntityStyle::None, Filtering::Levels, 1));
+        let fresh = |code| {
+            YuvImage::filled(SIZE_PX.0, SIZE_PX.1, [code, 128, 128], ColorMatrix::Bt709, ColorRange::Limited)
+        };
+        let n_bytes = fresh(0).len_bytes() as f64;
+        renderer.render(&state, &picture, &plan)?;
+        let (mut new, mut old) = (Times::default(), Times::default());
+        for turn in 0..N_TURNS {
+            if stage.budget.is_over() {
+                break;
+            }
+            for camera in &mut state.cameras {
+                let image = Arc::new(fresh(64 + turn as u8));
+                camera.observation.frame.number += 1;
+                camera.observation.frame.image = Arc::clone(&image);
+                camera.observation.background = image;
+            }
+            for times in [&mut new, &mut old] {
+                let begun = clock.monotonic();
+                let rendered = renderer.render(&state, &picture, &plan)?;
+                times.add(&rendered.timings, clock.monotonic().saturating_sub(begun));
+            }
+        }
+        let named = |word: &str| format!("{n_cameras} cameras of {} x {}, {word}", SIZE_PX.0, SIZE_PX.1);
+        let measured =
+            [new.measurement(named("new pictures"), None), old.measurement(named("the same pictures"), None)];
+        if let [Some(new), Some(old)] = &measured {
+            let bytes = f64::from(n_cameras) * n_bytes;
+            let ms = new.whole_ms.median - old.whole_ms.median;
+            found.notes.push(format!(
+                "{n_cameras} cameras: {ms:.2} ms for {:.1} MB of planes, {:.2} GB/s",
+                bytes * 1e-6,
+                bytes * 1e-6 / ms.max(1e-6)
+            ));
+        }
+        found.measurements.extend(measured.into_iter().flatten());
+    }
+    Ok(found)
+}
