@@ -164,7 +164,7 @@ fn document(cameras: &[(CameraId, Camera)]) -> Result<String, SweepError> {
     Ok(document.to_string())
 }
 
-/// Everybody at an instant.
+/// Holds everybody at one instant.
 struct People {
     /// Three cylinders each, legs first.
     surfaces: Surfaces,
@@ -184,7 +184,7 @@ impl People {
     }
 }
 
-/// What a ray shows.
+/// Holds what one ray shows.
 struct Shown {
     light: Vec3,
     /// 0 for what stands still, else a walker's place in the list and one.
@@ -192,7 +192,7 @@ struct Shown {
     distance_m: Option<f64>,
 }
 
-/// What a ray shows of the still world, and of people before it.
+/// Returns what a ray shows: a person, or what stands behind.
 fn cast(ray: &Ray, still: Option<&Hit>, people: &People) -> Shown {
     let person = people.surfaces.hit(ray, 0.0);
     if let Some(hit) = person.filter(|hit| still.is_none_or(|still| hit.distance_m < still.distance_m)) {
@@ -205,7 +205,7 @@ fn cast(ray: &Ray, still: Option<&Hit>, people: &People) -> Shown {
     Shown { light, instance: 0, distance_m: still.map(|hit| hit.distance_m) }
 }
 
-/// How bright a white surface is.
+/// Returns how bright a white surface is.
 fn lit(normal: DVec3) -> f32 {
     SUN * TO_SUN.dot(normal).max(0.0) as f32 + SKY * (0.6 + 0.4 * normal.z as f32)
 }
@@ -294,7 +294,7 @@ impl<'a> Plate<'a> {
         Self { camera, samples_per_side, still: cast(samples_per_side), centers: cast(1) }
     }
 
-    /// What it shows at an instant.
+    /// Returns the picture and its truth at an instant.
     fn at(&self, time_secs: f64) -> ViewTruth {
         let people = People::at(time_secs);
         let (width, height) = self.camera.size_px();
@@ -336,7 +336,7 @@ impl<'a> Plate<'a> {
     }
 }
 
-/// All that a camera sees in one period.
+/// Returns all that a camera sees in one period.
 fn seen_by(
     id: &CameraId,
     camera: &Camera,

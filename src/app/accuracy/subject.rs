@@ -131,7 +131,7 @@ impl SubjectCamera {
     }
 }
 
-/// What a view shows in truth.
+/// Holds what a view shows in truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewTruth {
     /// The picture, 8-bit sRGB.

@@ -60,7 +60,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     Ok(found)
 }
 
-/// What stands before so many cameras, and the view of it.
+/// Returns the people whom `n_views` cameras see, and the view that is drawn.
 fn people(stage: &Stage<'_>, n_views: u32) -> Result<(SceneState, View)> {
     let mut document = ring(n_views, SEEN_PX.0, Some(20.0));
     let cameras = document["cameras"].as_array_mut().context("a list of cameras")?;

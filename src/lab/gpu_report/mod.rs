@@ -60,7 +60,7 @@ pub(crate) struct GpuReport {
     small: bool,
 }
 
-/// What was measured, on what. As JSON, this is gpu-report.json.
+/// Holds what was measured, and on which machine and device. As JSON, this is gpu-report.json.
 #[derive(Debug, Serialize)]
 struct Report {
     version: u32,
@@ -100,7 +100,7 @@ struct Part {
     reason: Option<String>,
     took_secs: f64,
     measurements: Vec<Measurement>,
-    /// What is told beside them.
+    /// Sentences beneath the table.
     notes: Vec<String>,
 }
 
@@ -131,7 +131,7 @@ impl Measurement {
     }
 }
 
-/// When a part must end.
+/// Tells when a part must end.
 #[derive(Clone, Copy)]
 struct Budget<'a> {
     clock: &'a SystemClock,
@@ -150,7 +150,7 @@ impl Budget<'_> {
     }
 }
 
-/// What a part finds.
+/// Holds the results of one part.
 #[derive(Default)]
 struct Found {
     measurements: Vec<Measurement>,
@@ -159,7 +159,7 @@ struct Found {
     is_cut_short: bool,
 }
 
-/// What every part gets.
+/// Holds what every part needs: the adapter, sizes, and its time.
 struct Stage<'a> {
     adapter: &'a str,
     is_small: bool,

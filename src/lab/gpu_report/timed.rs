@@ -106,7 +106,7 @@ pub(super) fn again_and_again(renderer: &mut Renderer, cases: &[Case], budget: B
     Ok(found)
 }
 
-/// What a headline figure is held against: the same state as a picture of few pixels, and bytes that a picture moves at least.
+/// Holds what a headline figure is compared with: the same state as a picture of few pixels, and bytes that a picture moves at least.
 pub(super) struct Against {
     /// Milliseconds of the same passes over 16 x 16 pixels: what they take whatever the size.
     pub(super) least_ms: f64,
