@@ -8,7 +8,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test check contract bench bundle load pictures clips
+.PHONY: help setup web demo test check contract bench bundle drivers load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -19,6 +19,7 @@ help:
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
 	@echo "make bench     the benchmarks"
 	@echo "make bundle    a tar that measures any Vulkan device with one command (target/bundle/)"
+	@echo "make drivers   the tests of whatever draws on a second Vulkan driver, and under Khronos' validation layer"
 	@echo "make load      what the daemon answers to many callers at once, as a table"
 	@echo "make pictures  every picture for judging, into target/pictures/"
 	@echo "make clips     the demo's clips again, from the simulator"
@@ -42,7 +43,7 @@ demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
-# Warnings are errors here, but not in an editor. Some tests wait for long: one more than there are processors runs at once.
+# Warnings are errors here, but not in an editor. Many tests wait: one more than there are processors runs at once.
 test: setup web
 	cd web && npm run --silent check && npm run --silent test
 	$(CARGO) fmt --check
@@ -69,8 +70,11 @@ ifdef INPUT
 endif
 
 bundle: setup
-	$(CARGO) build --release --locked -p videofields-lab
 	deploy/bundle.sh
+
+drivers:
+	deploy/setup.sh chromium vulkan-validationlayers
+	deploy/drivers.sh
 
 # LOAD=... are further arguments, such as --seconds 30.
 load: setup

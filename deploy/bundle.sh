@@ -1,20 +1,29 @@
 #!/usr/bin/env bash
 # Writes target/bundle/videofields-gpu-report.tar.gz: what measures any Vulkan device with one command, on any x86-64 Linux with
 # glibc 2.36 or newer and a driver. In it: videofields-lab, the shared libraries that it needs beyond glibc, a Vulkan loader for
-# machines that have none, and the script `gpu-report`. Worlds and shaders are in the program; meshes are made by code.
-# VIDEOFIELDS_LAB names another binary than the release build's.
+# machines that have none, the tests of whatever draws with their goldens, and the script `gpu-report`. Worlds and shaders are in the
+# programs; meshes are made by code.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-lab=${VIDEOFIELDS_LAB:-target/release/videofields-lab}
+built=$(cargo build --release --locked -p videofields -p videofields-lab --bin videofields-lab --test render \
+  --message-format json-render-diagnostics)
+executable() {
+  sed -n "s/.*\"name\":\"$1\".*\"executable\":\"\([^\"]*\)\".*/\1/p" <<<"$built" | tail -1
+}
+lab=$(executable videofields-lab)
+tests=$(executable render)
 out=target/bundle
 name=videofields-gpu-report
 most_bytes=$((40 * 1000 * 1000))
 rm -rf "$out"
 mkdir -p "$out/$name/lib" "$out/$name/vulkan"
+mkdir -p "$out/$name/files/tests/golden"
 cp "$lab" "$out/$name/videofields-lab"
-strip "$out/$name/videofields-lab"
+cp "$tests" "$out/$name/render-tests"
+strip "$out/$name/videofields-lab" "$out/$name/render-tests"
+cp tests/golden/*.png "$out/$name/files/tests/golden/"
 # What glibc itself brings is the machine's own, since it has to fit the kernel and the driver.
-ldd "$lab" | awk '$2 == "=>" && $3 ~ "^/" {print $3}' | while read -r library; do
+ldd "$lab" "$tests" | awk '$2 == "=>" && $3 ~ "^/" {print $3}' | while read -r library; do
   case $(basename "$library") in
     libc.so.* | libm.so.* | libdl.so.* | libpthread.so.* | librt.so.* | libresolv.so.* | libutil.so.* | ld-linux*) ;;
     *) cp -L "$library" "$out/$name/lib/" ;;

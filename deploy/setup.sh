@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Installs what building, testing and running videofields needs from Debian or Ubuntu. Idempotent: what is
 # there is left alone, and nothing is asked of the network when nothing is missing. Rust itself comes from
-# https://rustup.rs or the distribution (1.92 or later).
+# https://rustup.rs or the distribution (1.92 or later). Arguments are names of further packages.
 set -euo pipefail
 
 packages=(
@@ -26,6 +26,7 @@ fi
 if [ -z "${CHROMIUM:-}" ]; then
   packages+=(chromium)
 fi
+packages+=("$@")
 
 if ! command -v cargo >/dev/null 2>&1 && [ -f "${HOME:-/root}/.cargo/env" ]; then
   # shellcheck disable=SC1091

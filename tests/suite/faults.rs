@@ -43,7 +43,7 @@ fn sources(folder: &str) -> String {
 #[test]
 fn every_test_that_the_table_of_faults_names_is_there() {
     let table = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/faults.md")).unwrap();
-    let (unit, suite) = (sources("src"), sources("tests/suite"));
+    let (unit, suite) = (sources("src"), sources("tests"));
     let is_path = |text: &&str| {
         text.contains("::") && text.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == ':')
     };

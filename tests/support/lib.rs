@@ -19,10 +19,12 @@ use std::time::Duration;
 use videofields_render::gpu::{Gpu, GpuError};
 use videofields_vision::clock::{Clock, SystemClock};
 
-/// Returns the repository's root.
+/// Returns the repository's root, or the folder that `VIDEOFIELDS_ROOT` names: where tests run elsewhere than they were built, the
+/// files that they read lie beneath it as they do in the repository.
 #[must_use]
 pub fn root() -> PathBuf {
-    PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+    let named = std::env::var_os("VIDEOFIELDS_ROOT").map(PathBuf::from);
+    named.unwrap_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../..")))
 }
 
 /// Says what is skipped and why, where a person looks.
@@ -42,10 +44,18 @@ pub fn skip_for_want_of_an_adapter(why: &str) {
     say_skipped(why);
 }
 
-/// The GPU of that name, or `None` (and a line on standard error) where there is none; with CI=true there must be.
+/// Returns the adapter's name that `VIDEOFIELDS_TEST_ADAPTER` gives: whatever draws is then tested on that device alone.
+#[must_use]
+pub fn named_adapter() -> Option<String> {
+    std::env::var("VIDEOFIELDS_TEST_ADAPTER").ok().filter(|name| !name.is_empty())
+}
+
+/// Returns the GPU of that name (or of [`named_adapter`]), or `None` (and a line on standard error) where there is none; with CI=true
+/// there must be.
 #[cfg(feature = "gpu")]
+#[must_use]
 pub fn adapter(name: &str) -> Option<Gpu> {
-    match Gpu::new(name) {
+    match Gpu::new(named_adapter().as_deref().unwrap_or(name)) {
         Ok(gpu) => Some(gpu),
         Err(error @ GpuError::NoAdapter { .. }) => {
             skip_for_want_of_an_adapter(&error.to_string());

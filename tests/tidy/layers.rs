@@ -166,3 +166,21 @@ fn an_edge_downwards_is_refused() {
     );
     check("src/recording/attic/mod.rs", "", 1);
 }
+
+#[test]
+fn nothing_is_made_or_done_on_the_device_but_what_is_counted() {
+    const UNCOUNTED: [&str; 6] = [
+        ".create_texture(",
+        ".create_render_pipeline(",
+        ".create_compute_pipeline(",
+        ".create_buffer(",
+        ".write_texture(",
+        ".begin_render_pass(",
+    ];
+    let texts = texts("src", &[".rs"]);
+    let others = texts.iter().filter(|text| !text.path.starts_with("src/render/gpu/"));
+    let found: Vec<_> = others
+        .flat_map(|of| UNCOUNTED.iter().filter(|call| of.text.contains(**call)).map(|call| (&of.path, call)))
+        .collect();
+    assert!(texts.len() > 100 && found.is_empty(), "{} files: {found:?}", texts.len());
+}

@@ -12,17 +12,35 @@ fn parse(path: &str) -> naga::Module {
         .unwrap_or_else(|error| panic!("{path}: {}", error.emit_to_string_with_path(&source, path)))
 }
 
+fn validate(path: &str, module: &naga::Module, source: &str) {
+    let flags = naga::valid::ValidationFlags::all();
+    let mut validator = naga::valid::Validator::new(flags, naga::valid::Capabilities::empty());
+    if let Err(error) = validator.validate(module) {
+        panic!("{path}: {}", error.emit_to_string(source));
+    }
+}
+
+#[test]
+fn every_shader_of_the_lab_is_valid_and_has_its_owner() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for entry in fs::read_dir(root.join("shaders/lab")).expect("the folder is there") {
+        let path = entry.expect("an entry").path();
+        let source = fs::read_to_string(&path).expect("UTF-8");
+        let name = path.display().to_string();
+        let module = naga::front::wgsl::parse_str(&source)
+            .unwrap_or_else(|error| panic!("{name}: {}", error.emit_to_string_with_path(&source, &name)));
+        validate(&name, &module, &source);
+        let owner =
+            root.join("src/lab/gpu_report").join(path.file_name().expect("a name")).with_extension("rs");
+        assert!(owner.is_file(), "{name} has no {}", owner.display());
+    }
+}
+
 #[test]
 fn every_shader_is_valid() {
     for path in SHADERS {
         let module = parse(path);
-        let mut validator = naga::valid::Validator::new(
-            naga::valid::ValidationFlags::all(),
-            naga::valid::Capabilities::empty(),
-        );
-        if let Err(error) = validator.validate(&module) {
-            panic!("{path}: {}", error.emit_to_string(&compose(path).expect("it composed before")));
-        }
+        validate(path, &module, &compose(path).expect("it composed before"));
         let is_common = path.starts_with("common/");
         assert_eq!(module.entry_points.is_empty(), is_common, "{path}: only common/ has no entry point");
     }
@@ -79,7 +97,7 @@ fn mirror_structs_match_their_shaders() {
 #[test]
 fn every_golden_picture_is_checked_by_a_test() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let tests = fs::read_to_string(root.join("tests/suite/render.rs")).expect("the tests are there");
+    let tests = fs::read_to_string(root.join("tests/render/render.rs")).expect("the tests are there");
     for entry in fs::read_dir(root.join("tests/golden")).expect("goldens are there") {
         let path = entry.expect("an entry").path();
         if path.extension().is_none_or(|extension| extension != "png") {

@@ -45,7 +45,7 @@ pub fn say(line: &str) -> Result<()> {
 
 /// Returns a failure with its causes, but for those whose words it holds already.
 #[must_use]
-pub fn told(error: &anyhow::Error) -> String {
+pub fn message_with_causes(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {
         if !text.contains(&cause) {

@@ -86,6 +86,6 @@ pub fn run() -> ExitCode {
 /// Tells what went wrong, if anything did.
 fn is_fault(result: anyhow::Result<()>) -> bool {
     let Err(error) = result else { return false };
-    super::complain(&super::told(&error));
+    super::complain(&super::message_with_causes(&error));
     true
 }

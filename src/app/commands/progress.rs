@@ -12,7 +12,7 @@ const WRITTEN_EVERY: Duration = Duration::from_secs(5);
 pub struct Progress {
     clock: SystemClock,
     is_terminal: bool,
-    told: Option<Duration>,
+    shown_at: Option<Duration>,
     is_line_open: bool,
 }
 
@@ -23,21 +23,21 @@ impl Default for Progress {
 }
 
 impl Progress {
-    /// Nothing is told before the first interval is over, so short work stays silent where there is no terminal.
+    /// Shows nothing before the first interval is over, so short work stays silent where there is no terminal.
     pub fn new() -> Self {
         let clock = SystemClock::new();
-        let told = Some(clock.monotonic());
-        Self { clock, is_terminal: std::io::stderr().is_terminal(), told, is_line_open: false }
+        let shown_at = Some(clock.monotonic());
+        Self { clock, is_terminal: std::io::stderr().is_terminal(), shown_at, is_line_open: false }
     }
 
-    /// Tells where the work is, if it is time to.
-    pub fn tell(&mut self, line: impl FnOnce() -> String) {
+    /// Shows how far the work is, if it is time to.
+    pub fn show(&mut self, line: impl FnOnce() -> String) {
         let now = self.clock.monotonic();
         let interval = if self.is_terminal { REWRITTEN_EVERY } else { WRITTEN_EVERY };
-        if self.told.is_some_and(|told| now.saturating_sub(told) < interval) {
+        if self.shown_at.is_some_and(|shown_at| now.saturating_sub(shown_at) < interval) {
             return;
         }
-        self.told = Some(now);
+        self.shown_at = Some(now);
         if self.is_terminal {
             self.write(&format!("\r\x1b[2K{}", line()));
             self.is_line_open = true;

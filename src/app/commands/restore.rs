@@ -57,7 +57,7 @@ impl Restore {
             if !self.force {
                 return Err(error.context("the copy is not as it was made; `--force` takes it all the same"));
             }
-            super::complain(&format!("warning: {}", super::told(&error)));
+            super::complain(&format!("warning: {}", super::message_with_causes(&error)));
             Ok(())
         })?;
         let replace = if self.force { Replace::Anything } else { Replace::Damaged };

@@ -73,7 +73,7 @@ fn loader(path: &Path, listen: Option<SocketAddr>) -> Load {
 /// Prints where the daemon is found. A daemon that nobody listens to is still a daemon.
 fn announce(lines: &[String]) {
     if let Err(error) = super::say(&lines.join("\n")) {
-        tracing::warn!(error = super::told(&error), "the address could not be printed");
+        tracing::warn!(error = super::message_with_causes(&error), "the address could not be printed");
     }
 }
 

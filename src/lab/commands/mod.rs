@@ -9,7 +9,7 @@ use crate::drawn::Drawn;
 use crate::gpu_report::GpuReport;
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
-use videofields::commands::{complain, told};
+use videofields::commands::{complain, message_with_causes};
 
 /// Simulates worlds with exact truth, and measures what videofields makes of them. For developers.
 #[derive(Debug, Parser)]
@@ -44,7 +44,7 @@ pub fn run() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            complain(&told(&error));
+            complain(&message_with_causes(&error));
             ExitCode::FAILURE
         }
     }

@@ -52,7 +52,7 @@ impl Sequence {
         };
         let mut progress = Progress::new();
         write_sequence(&world, &options, |frame, n_frames| {
-            progress.tell(|| format!("frame {frame} of {n_frames}"));
+            progress.show(|| format!("frame {frame} of {n_frames}"));
         })?;
         progress.finish();
         say(&self.out.join(MANIFEST).display().to_string())

@@ -102,7 +102,7 @@ impl Simulate {
         let mut progress = Progress::new();
         let written = write_with(&world, &options, &mut |step| {
             let (part, n_parts) = step.part;
-            progress.tell(|| {
+            progress.show(|| {
                 format!("{} ({part} of {n_parts}): frame {} of {}", step.what, step.n_done, step.n_frames)
             });
         })?;
@@ -150,7 +150,7 @@ impl Simulate {
         };
         let mut progress = Progress::new();
         let told = explain(world, &options, &SystemClock::new(), &mut |n_done, n_steps| {
-            progress.tell(|| format!("measured {n_done} of {n_steps}"));
+            progress.show(|| format!("measured {n_done} of {n_steps}"));
         })?;
         progress.finish();
         if self.json {

@@ -59,7 +59,11 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
             times.add(&picture.timings, clock.monotonic().saturating_sub(begun));
         }
     }
-    let mut found = Found { is_cut_short: new.len() < 5 || still.len() < 5, ..Found::default() };
+    let mut found = Found {
+        is_cut_short: new.is_short() || still.is_short(),
+        memory_bytes: gpu.memory_bytes(),
+        ..Found::default()
+    };
     let paper_fps = (!stage.is_small).then_some(PAPER_FPS);
     let of_paper = (!stage.is_small).then_some(1e3 / PAPER_NEW_MS);
     found.measurements.extend(new.measurement("a new mesh in every picture".to_owned(), of_paper));
@@ -67,7 +71,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     if let (Some(mut of), Some(least)) =
         (still.measurement("a mesh that stands still".to_owned(), paper_fps), least)
     {
-        let against = Against { least_ms: least.ms(), n_bytes: f64::from(size_px.0 * size_px.1) * 16.0 };
+        let against = Against { least_ms: least.ms(), n_pixels: f64::from(size_px.0 * size_px.1) };
         of.limited_by = Some(limited_by(&of, &against, stage));
         found.measurements.push(of);
     }

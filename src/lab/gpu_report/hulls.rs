@@ -50,7 +50,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     let mut found = again_and_again(&mut renderer, &cases, stage.budget)?;
     for (measurement, least) in found.measurements.iter_mut().zip(&least.measurements) {
         let n_pixels = f64::from(DRAWN_PX.0) * f64::from(DRAWN_PX.1);
-        let against = Against { least_ms: least.ms(), n_bytes: n_pixels * 16.0 };
+        let against = Against { least_ms: least.ms(), n_pixels };
         measurement.limited_by = Some(limited_by(measurement, &against, stage));
     }
     found.notes.push(

@@ -7,14 +7,20 @@
 //! | `hulls` | visual hulls by every method |
 //! | `fields` | texture fields of a mesh that changes |
 //! | `uploads` | pictures of cameras that come anew |
+//! | `shading` | surfaces by fragments and by threads that compute |
 //! | `soundness` | views from anywhere |
+//! | `equality` | the tests of whatever draws, on this device |
+//! | `clocks` | the device's clocks meanwhile |
 //! | `written` | the report as Markdown |
 //!
 //! The most telling part comes first. Each has its share of the time that is left, and ends by itself; the report is written after
 //! every part, and a part that fails is told and ends no other.
 
+mod clocks;
+mod equality;
 mod fields;
 mod hulls;
+mod shading;
 mod soundness;
 mod timed;
 mod uploads;
@@ -99,6 +105,10 @@ struct Part {
     /// Why it failed.
     reason: Option<String>,
     took_secs: f64,
+    /// The device's clocks meanwhile; none where nothing tells them.
+    clocks: Option<clocks::Clocks>,
+    /// Bytes of the device's memory that were held at its end; none where nothing tells.
+    memory_bytes: Option<u64>,
     measurements: Vec<Measurement>,
     /// Sentences beneath the table.
     notes: Vec<String>,
@@ -112,8 +122,10 @@ struct Measurement {
     device_ms: Option<Spread>,
     /// Milliseconds from asking for a picture until its pixels are back.
     whole_ms: Spread,
-    /// Milliseconds of each pass, in the order in which they run.
+    /// Milliseconds of each pass.
     passes_ms: BTreeMap<String, Spread>,
+    /// Bytes that each pass of one picture moves at least, between its attachments and memory.
+    passes_moved_bytes: BTreeMap<String, u64>,
     /// Pictures a second that a paper tells of the same on the hardware of its day.
     paper_fps: Option<f64>,
     /// What most of the time goes into, and the figure that says so.
@@ -155,13 +167,17 @@ impl Budget<'_> {
 struct Found {
     measurements: Vec<Measurement>,
     notes: Vec<String>,
+    memory_bytes: Option<u64>,
     /// Whether its time was over before it had everything.
     is_cut_short: bool,
 }
 
 /// Holds what every part needs: the adapter, sizes, and its time.
 struct Stage<'a> {
+    /// Part of the adapter's name, as it was asked for.
     adapter: &'a str,
+    /// The adapter's whole name.
+    device: &'a str,
     is_small: bool,
     copies_bytes_per_second: Option<f64>,
     budget: Budget<'a>,
@@ -175,15 +191,17 @@ impl Stage<'_> {
 
 type Measure = fn(&Stage<'_>) -> Result<Found>;
 
-/// Parts: name, title, share of the time that is left, what measures it.
-const PARTS: [(&str, &str, f64, Measure); 7] = [
-    ("views", "Views of \"Video Fields\" 2016", 0.25, views::papers),
-    ("hulls", "Visual hulls of 2003 and 2004, 640 x 480 from views of 320 x 240", 0.25, hulls::measure),
-    ("fields", "Texture fields of Montage4D 2019", 0.3, fields::measure),
-    ("surfaces", "Surfaces over cameras and samples, beside a pass that only fills", 0.35, views::surfaces),
-    ("effects", "Effects, each alone", 0.35, views::effects),
-    ("uploads", "Pictures of cameras that come anew", 0.5, uploads::measure),
-    ("soundness", "Views from anywhere", 1.0, soundness::measure),
+/// Parts: name, title, weight among those that are still to come, by which it gets its share of the time, and what measures it.
+const PARTS: [(&str, &str, f64, Measure); 9] = [
+    ("views", "Views of \"Video Fields\" 2016", 4.0, views::papers),
+    ("hulls", "Visual hulls of 2003 and 2004, 640 x 480 from views of 320 x 240", 4.0, hulls::measure),
+    ("fields", "Texture fields of Montage4D 2019", 4.0, fields::measure),
+    ("surfaces", "Surfaces over cameras and samples, beside a pass that only fills", 3.0, views::surfaces),
+    ("shading", "Surfaces shaded by fragments and by threads that compute", 1.0, shading::measure),
+    ("soundness", "Views from anywhere", 2.0, soundness::measure),
+    ("equality", "Goldens, and twins on the processor", 6.0, equality::measure),
+    ("effects", "Effects, each alone", 2.0, views::effects),
+    ("uploads", "Pictures of cameras that come anew", 2.0, uploads::measure),
 ];
 
 fn known_part(text: &str) -> Result<String, String> {
@@ -219,16 +237,18 @@ impl GpuReport {
             parts: Vec::new(),
         };
         drop(gpu);
-        for (name, title, share, measure) in PARTS {
-            if !self.parts.is_empty() && !self.parts.iter().any(|wanted| wanted == name) {
-                continue;
-            }
+        let is_wanted = |name: &str| self.parts.is_empty() || self.parts.iter().any(|wanted| wanted == name);
+        let parts: Vec<_> = PARTS.into_iter().filter(|(name, ..)| is_wanted(name)).collect();
+        for (idx, &(name, title, weight, measure)) in parts.iter().enumerate() {
             complain(&format!("measuring {name}"));
             let begun = clock.monotonic();
             let whole = Budget { clock: &clock, until };
-            let budget = if self.parts.is_empty() { whole.share(share) } else { whole };
+            let budget =
+                whole.share(weight / parts[idx..].iter().map(|(_, _, weight, _)| weight).sum::<f64>());
+            let sampler = clocks::Sampler::start();
             let stage = Stage {
                 adapter: &self.adapter,
+                device: &report.device.name,
                 is_small,
                 copies_bytes_per_second: report.device.copies_bytes_per_second,
                 budget,
@@ -237,7 +257,8 @@ impl GpuReport {
             let found = catch_unwind(AssertUnwindSafe(|| measure(&stage)))
                 .unwrap_or_else(|_panic| Err(anyhow::anyhow!("it panicked; the log has where")));
             let took_secs = clock.monotonic().saturating_sub(begun).as_secs_f64();
-            report.parts.push(part(name, title, took_secs, found));
+            let clocks = sampler.finish();
+            report.parts.push(Part { clocks, ..part(name, title, took_secs, found) });
             self.write(&report)?;
         }
         for file in ["gpu-report.json", "gpu-report.md"] {
@@ -262,8 +283,8 @@ fn part(name: &'static str, title: &'static str, took_secs: f64, found: Result<F
         Ok(found) => ("done", None, found),
         Err(error) => ("failed", Some(format!("{error:#}")), Found::default()),
     };
-    let Found { measurements, notes, .. } = found;
-    Part { name, title, state, reason, took_secs, measurements, notes }
+    let Found { measurements, notes, memory_bytes, .. } = found;
+    Part { name, title, state, reason, took_secs, clocks: None, memory_bytes, measurements, notes }
 }
 
 #[cfg(test)]

@@ -42,7 +42,11 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         n_drawn += 1;
     }
     let textures = renderer.texture_use();
-    let mut found = Found { is_cut_short: n_drawn + n_refused < N_VIEWS, ..Found::default() };
+    let mut found = Found {
+        is_cut_short: n_drawn + n_refused < N_VIEWS,
+        memory_bytes: renderer.gpu().memory_bytes(),
+        ..Found::default()
+    };
     found
         .measurements
         .extend(times.measurement(format!("{n_drawn} views of {} x {}", SIZE_PX.0, SIZE_PX.1), None));

@@ -7,7 +7,7 @@ use std::time::Duration;
 use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{Picture, Plan, Spread};
 use videofields_render::Renderer;
-use videofields_render::gpu::PassTime;
+use videofields_render::gpu::{Count, Counted, PassTime};
 use videofields_vision::clock::Clock as _;
 
 /// Turns after which a case is left alone, and at which a median begins to mean something.
@@ -28,9 +28,31 @@ pub(super) struct Times {
     passes: Vec<(&'static str, Vec<f64>)>,
     device: Vec<f64>,
     whole: Vec<f64>,
+    /// Bytes that the passes of one picture move at least, by label.
+    moved: BTreeMap<&'static str, u64>,
 }
 
 impl Times {
+    /// Takes the bytes that the passes of one picture moved from the device's counts before and after it.
+    pub(super) fn count(&mut self, before: &[Count], after: &[Count]) {
+        let of = |counts: &[Count], label| {
+            counts
+                .iter()
+                .find(|count| (count.what, count.label) == (Counted::Pass, label))
+                .map_or(0, |of| of.n_bytes)
+        };
+        let labels = after.iter().filter(|count| count.what == Counted::Pass).map(|count| count.label);
+        self.moved = labels
+            .map(|label| (label, of(after, label) - of(before, label)))
+            .filter(|(_, n)| *n > 0)
+            .collect();
+    }
+
+    /// Returns whether there are too few for a median.
+    pub(super) fn is_short(&self) -> bool {
+        self.whole.len() < LEAST_TURNS
+    }
+
     pub(super) fn add(&mut self, timings: &[PassTime], whole: Duration) {
         let ms = |time: Duration| time.as_secs_f64() * 1e3;
         let mut sums: Vec<(&'static str, f64)> = Vec::new();
@@ -68,6 +90,7 @@ impl Times {
             device_ms: Spread::of(&self.device),
             whole_ms: Spread::of(&self.whole)?,
             passes_ms,
+            passes_moved_bytes: self.moved.iter().map(|(pass, n)| ((*pass).to_owned(), *n)).collect(),
             paper_fps,
             limited_by: None,
         })
@@ -92,17 +115,20 @@ pub(super) fn again_and_again(renderer: &mut Renderer, cases: &[Case], budget: B
             }
             let begun = clock.monotonic();
             let mut timings = Vec::new();
+            let before = renderer.gpu().counts();
             for (picture, plan) in &case.pictures {
                 let rendered = renderer.render(&case.state, picture, plan);
                 timings.extend(rendered.with_context(|| case.name.clone())?.timings);
             }
             if turn > 0 {
                 times.add(&timings, clock.monotonic().saturating_sub(begun));
+                times.count(&before, &renderer.gpu().counts());
             }
         }
-        found.is_cut_short |= times.len() < LEAST_TURNS;
+        found.is_cut_short |= times.is_short();
         found.measurements.extend(times.measurement(case.name.clone(), case.paper_fps));
     }
+    found.memory_bytes = renderer.gpu().memory_bytes();
     Ok(found)
 }
 
@@ -110,8 +136,8 @@ pub(super) fn again_and_again(renderer: &mut Renderer, cases: &[Case], budget: B
 pub(super) struct Against {
     /// Milliseconds of the same passes over 16 x 16 pixels: what they take whatever the size.
     pub(super) least_ms: f64,
-    /// Bytes of targets that are written and read, and of the picture that comes back.
-    pub(super) n_bytes: f64,
+    /// Pixels of a picture: each is read and written once more when the picture is copied.
+    pub(super) n_pixels: f64,
 }
 
 /// Says what most of a picture's time goes into, by the figure that says so.
@@ -128,13 +154,14 @@ pub(super) fn limited_by(measurement: &Measurement, against: &Against, stage: &S
     if fixed_share > 0.5 {
         return format!("passes: {:.0} % of their time stays at 16 x 16 pixels", 100.0 * fixed_share);
     }
-    let achieved = against.n_bytes / (device_ms.max(1e-6) * 1e-3);
+    let moved = measurement.passes_moved_bytes.values().sum::<u64>() as f64 + 8.0 * against.n_pixels;
+    let achieved = moved / (device_ms.max(1e-6) * 1e-3);
     match stage.copies_bytes_per_second {
         Some(most) if achieved > 0.5 * most => {
             format!("bandwidth: {:.1} GB/s of the {:.1} GB/s that copies reach", achieved * 1e-9, most * 1e-9)
         }
         Some(most) => format!(
-            "occupancy and arithmetic: targets alone move {:.1} of {:.1} GB/s, and {:.0} % of the time stays at 16 x 16 pixels",
+            "occupancy and arithmetic: attachments and copies alone move {:.1} of {:.1} GB/s, and {:.0} % of the time stays at 16 x 16 pixels",
             achieved * 1e-9,
             most * 1e-9,
             100.0 * fixed_share
@@ -168,16 +195,37 @@ mod tests {
     }
 
     #[test]
+    fn bytes_of_passes_are_those_of_one_picture() {
+        let count = |what, label, n_bytes| Count { what, label, n: 1, n_bytes };
+        let before = [count(Counted::Buffer, "surface", 7), count(Counted::Pass, "surface", 100)];
+        let after = [
+            count(Counted::Buffer, "surface", 9),
+            count(Counted::Pass, "sky", 4),
+            count(Counted::Pass, "surface", 160),
+        ];
+        let mut times = Times::default();
+        times.add(&[], Duration::from_millis(1));
+        times.count(&before, &after);
+        let moved = times.measurement(String::new(), None).unwrap().passes_moved_bytes;
+        assert_eq!(moved, BTreeMap::from([("sky".to_owned(), 4), ("surface".to_owned(), 60)]));
+    }
+
+    #[test]
     fn each_limit_is_told_by_its_figure() {
         let clock = SystemClock::new();
         let stage = |copies| Stage {
             adapter: "",
+            device: "",
             is_small: true,
             copies_bytes_per_second: copies,
             budget: Budget { clock: &clock, until: Duration::ZERO },
         };
         let told = |device, whole, least_ms, n_bytes, copies| {
-            limited_by(&measured(device, whole), &Against { least_ms, n_bytes }, &stage(copies))
+            limited_by(
+                &measured(device, whole),
+                &Against { least_ms, n_pixels: n_bytes / 8.0 },
+                &stage(copies),
+            )
         };
         assert!(told(1.0, 3.0, 0.1, 1e3, Some(1e9)).starts_with("readback"));
         assert!(told(1.0, 1.5, 0.6, 1e3, Some(1e9)).starts_with("passes"));

@@ -62,6 +62,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
                 bytes * 1e-6 / ms.max(1e-6)
             ));
         }
+        found.memory_bytes = found.memory_bytes.max(renderer.gpu().memory_bytes());
         found.measurements.extend(measured.into_iter().flatten());
     }
     Ok(found)

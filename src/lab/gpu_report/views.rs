@@ -86,7 +86,7 @@ pub(super) fn papers(stage: &Stage<'_>) -> Result<Found> {
             .map(|(picture, _)| f64::from(picture.width_px) * f64::from(picture.height_px))
             .sum();
         // Colour and depth are written, depth is read, the picture is copied: four bytes a pixel each.
-        let against = Against { least_ms: least.ms(), n_bytes: n_pixels * 16.0 };
+        let against = Against { least_ms: least.ms(), n_pixels };
         measurement.limited_by = Some(limited_by(measurement, &against, stage));
     }
     found.notes.push(format!(

@@ -52,7 +52,13 @@ fn row(text: &mut String, cells: &[&str]) {
 fn section(part: &Part) -> String {
     let mut text = format!("\n## {}\n\n{}, {:.1} s.", part.title, part.state, part.took_secs);
     if let Some(reason) = &part.reason {
-        text += &format!(" {reason}");
+        text += &format!(" {reason}.");
+    }
+    if let Some(n_bytes) = part.memory_bytes {
+        text += &format!(" {:.1} MB of the device's memory held.", n_bytes as f64 * 1e-6);
+    }
+    if let Some(clocks) = &part.clocks {
+        text += &format!(" {clocks}");
     }
     text += "\n";
     if !part.measurements.is_empty() {
@@ -89,15 +95,19 @@ fn passes(measurements: &[Measurement]) -> String {
         measurements.iter().flat_map(|of| of.passes_ms.keys().map(String::as_str)).collect();
     names.sort_unstable();
     names.dedup();
-    if names.len() < 2 {
+    if names.is_empty() {
         return String::new();
     }
-    let mut text = "\nPasses, ms:\n\n".to_owned();
+    let mut text =
+        "\nPasses, ms; beneath them GB/s of what they load, store and resolve, at least:\n\n".to_owned();
     row(&mut text, &[&["what"], names.as_slice()].concat());
     row(&mut text, &vec!["---"; names.len() + 1]);
     for of in measurements {
         let cell = |name: &&str| {
-            of.passes_ms.get(*name).map_or("-".to_owned(), |spread| format!("{:.3}", spread.median))
+            let Some(spread) = of.passes_ms.get(*name) else { return "-".to_owned() };
+            let moved = of.passes_moved_bytes.get(*name).filter(|_| spread.median > 0.0);
+            let speed = moved.map(|n| format!("<br>{:.1}", *n as f64 * 1e-6 / spread.median));
+            format!("{:.3}{}", spread.median, speed.unwrap_or_default())
         };
         let cells: Vec<String> = std::iter::once(of.name.clone()).chain(names.iter().map(cell)).collect();
         row(&mut text, &cells.iter().map(String::as_str).collect::<Vec<_>>());

@@ -173,6 +173,13 @@ impl Gpu {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
+    /// Returns the bytes of the device's memory that wgpu holds for buffers and textures, used or kept for later; `None` where the
+    /// allocator does not tell.
+    #[must_use]
+    pub fn memory_bytes(&self) -> Option<u64> {
+        Some(self.device.generate_allocator_report()?.total_reserved_bytes)
+    }
+
     /// What the device can do at most.
     #[must_use]
     pub const fn limits(&self) -> &wgpu::Limits {

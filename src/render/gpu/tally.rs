@@ -16,7 +16,8 @@ pub enum Counted {
     Upload,
     /// Buffers that were made, with their bytes.
     Buffer,
-    /// Passes that were recorded.
+    /// Passes that were recorded, with the bytes that they move between their attachments and memory at least: what is loaded, stored
+    /// and resolved. What shaders read beside that is not among them.
     Pass,
 }
 
@@ -125,7 +126,7 @@ impl Gpu {
         label: &'static str,
         descriptor: &wgpu::RenderPassDescriptor<'_>,
     ) -> wgpu::RenderPass<'e> {
-        self.tally.add(Counted::Pass, label, 0);
+        self.tally.add(Counted::Pass, label, moved_bytes(descriptor));
         encoder.begin_render_pass(descriptor)
     }
 
@@ -140,6 +141,29 @@ impl Gpu {
         self.tally.add(Counted::Pass, label, 0);
         encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
     }
+}
+
+/// Bytes that a pass moves between its attachments and memory at least.
+fn moved_bytes(descriptor: &wgpu::RenderPassDescriptor<'_>) -> u64 {
+    let once = |view: &wgpu::TextureView| {
+        let texture = view.texture();
+        let texel_bytes = u64::from(texture.format().block_copy_size(None).unwrap_or_default());
+        let n_texels = u64::from(texture.width()) * u64::from(texture.height());
+        n_texels * u64::from(texture.sample_count()) * texel_bytes
+    };
+    let times = |is_moved: bool| u64::from(is_moved);
+    let colors = descriptor.color_attachments.iter().flatten().map(|of| {
+        let moves = times(matches!(of.ops.load, wgpu::LoadOp::Load))
+            + times(matches!(of.ops.store, wgpu::StoreOp::Store));
+        moves * once(of.view) + of.resolve_target.map_or(0, once)
+    });
+    let depth = descriptor.depth_stencil_attachment.as_ref().map_or(0, |of| {
+        let moves = of.depth_ops.as_ref().map_or(0, |ops| {
+            times(matches!(ops.load, wgpu::LoadOp::Load)) + times(matches!(ops.store, wgpu::StoreOp::Store))
+        });
+        moves * once(of.view)
+    });
+    colors.sum::<u64>() + depth
 }
 
 /// Bytes of all texels of all levels, layers and samples.

@@ -77,7 +77,7 @@ impl Doctor {
         };
         let worst = lines.iter().map(|line| line.level).max().unwrap_or(Level::Ok);
         if let Err(error) = self.write(&lines, worst) {
-            super::complain(&super::told(&error));
+            super::complain(&super::message_with_causes(&error));
             return ExitCode::from(2);
         }
         ExitCode::from(worst as u8)

@@ -99,7 +99,7 @@ fn private_key(server: &ServerSettings) -> Line {
     match videofields_api::Tls::load(&server.certificate, &server.private_key) {
         Ok(_) => Line::ok("certificate", "goes with its private key".to_owned()),
         Err(error) => {
-            let error = super::super::told(&anyhow::Error::from(error));
+            let error = super::super::message_with_causes(&anyhow::Error::from(error));
             Line::problem("certificate", "connections cannot be encrypted".to_owned(), error)
                 .do_this("let the daemon's user read both, and let them belong together")
         }

@@ -22,7 +22,7 @@ impl Check {
         let n_frames = sequence.frames().len();
         let mut progress = Progress::new();
         let found =
-            check(&mut sequence, |n_read| progress.tell(|| format!("{n_read} of {n_frames} frames read")));
+            check(&mut sequence, |n_read| progress.show(|| format!("{n_read} of {n_frames} frames read")));
         progress.finish();
         if self.json {
             say(&serde_json::to_string_pretty(&found)?)?;

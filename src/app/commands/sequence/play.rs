@@ -210,7 +210,7 @@ impl Play {
             let path = self.out.join(format!("{picture:05}.png"));
             std::fs::write(&path, encode::png_rgb(&before(look.as_ref(), &camera))?)
                 .with_context(|| format!("cannot write {}", path.display()))?;
-            progress.tell(|| format!("picture {} of {n_pictures}", picture + 1));
+            progress.show(|| format!("picture {} of {n_pictures}", picture + 1));
         }
         progress.finish();
         outcome.ms_per_picture =

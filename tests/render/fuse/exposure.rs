@@ -4,7 +4,6 @@
 
 use super::{camera, scene as scene_with};
 use glam::{DVec2, DVec3, Vec3};
-use std::path::PathBuf;
 use std::sync::Arc;
 use videofields_picture::fuse::{Exposure, Overlap, SceneState, assemble};
 use videofields_picture::plan::{
@@ -145,7 +144,7 @@ fn keep(name: &str, state: &SceneState) {
     let plan = plan::make(state, &picture, wishes);
     let mut renderer = Renderer::new(gpu, &RenderSettings::default()).unwrap();
     let drawn = renderer.render(state, &picture, &plan).unwrap();
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/pictures");
+    let folder = videofields_testing::root().join("target/pictures");
     golden::write_png(&folder.join(name).with_extension("png"), &drawn.image);
 }
 

@@ -5,7 +5,6 @@ use super::stage::Stage;
 use super::textures::{changed, gradient, imagery, panorama};
 use super::{Brush, GREEN, RED, points_of, renderer, v, view};
 use glam::{DVec3, Vec3};
-use std::path::Path;
 use videofields_picture::fuse::SceneState;
 use videofields_picture::plan::{
     self, Colors, Detail, EntityStyle, Filtering, Picture, Sampling, Settings, Wishes,
@@ -392,34 +391,4 @@ fn buildings_that_open_cost_their_variants_and_with_points_a_pass() {
         assert_eq!(drawing(&mut brush, &state, open), again, "{style:?}, again");
         assert_eq!(drawing(&mut brush, &state, closed), without, "{style:?}, once more");
     }
-}
-
-#[test]
-fn nothing_is_made_or_done_on_the_device_but_what_is_counted() {
-    const UNCOUNTED: [&str; 6] = [
-        ".create_texture(",
-        ".create_render_pipeline(",
-        ".create_compute_pipeline(",
-        ".create_buffer(",
-        ".write_texture(",
-        ".begin_render_pass(",
-    ];
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let counted = source.join("render/gpu");
-    let mut folders = vec![source.clone()];
-    let (mut found, mut n_files) = (Vec::new(), 0);
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.extend((path != counted).then_some(path));
-                continue;
-            }
-            n_files += 1;
-            let text = std::fs::read_to_string(&path).expect("a text");
-            let calls = UNCOUNTED.iter().filter(|call| text.contains(**call));
-            found.extend(calls.map(|call| format!("{}: {call}", path.display())));
-        }
-    }
-    assert!(n_files > 100 && found.is_empty(), "{n_files} files: {found:?}");
 }

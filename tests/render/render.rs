@@ -40,7 +40,6 @@ mod views;
 use glam::{DVec2, DVec3};
 use stage::{SKY, Stage};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_3};
-use std::path::PathBuf;
 use std::sync::Arc;
 use videofields_picture::fuse::{PointRun, SceneState};
 use videofields_picture::plan::{
@@ -116,7 +115,7 @@ pub(crate) fn draw(
 
 /// Leaves a picture where a person can look at it.
 pub(crate) fn keep(name: &str, picture: &RgbImage) {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("target/pictures");
+    let folder = videofields_testing::root().join("target/pictures");
     golden::write_png(&folder.join(name).with_extension("png"), picture);
 }
 
