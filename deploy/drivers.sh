@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs the tests of whatever draws on SwiftShader's Vulkan, which Debian's chromium brings, and on the first driver under Khronos'
-# validation layer. Fails where a test does, or where the layer says what deploy/validation-allowed.txt does not allow.
+# validation layer. Fails where a test does that deploy/drivers-known.txt does not name, or where the layer says what
+# deploy/validation-allowed.txt does not allow.
 # Arguments are handed to the tests, such as a part of their names. What is left: target/drivers/.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -8,7 +9,7 @@ second=${SECOND_DRIVER:-/usr/lib/chromium/vk_swiftshader_icd.json}
 second_name=${SECOND_NAME:-SwiftShader}
 out=target/drivers
 mkdir -p "$out"
-built=$(cargo test --locked --test render --no-run --message-format json-render-diagnostics)
+built=$(cargo test --workspace --locked --test render --no-run --message-format json-render-diagnostics)
 tests=$(sed -n 's/.*"name":"render".*"executable":"\([^"]*\)".*/\1/p' <<<"$built" | tail -1)
 n_threads=${RUST_TEST_THREADS:-$(nproc)}
 failed=0
@@ -23,9 +24,17 @@ run() {
   done
   shift
   begun=$(date +%s)
-  env CI=true RUST_TEST_THREADS="$n_threads" "${environment[@]}" "$tests" "$@" >"$out/$name.txt" 2>&1 || failed=1
-  echo "$name: $(grep '^test result:' "$out/$name.txt" || echo 'no result'), $(($(date +%s) - begun)) s"
-  grep -a '^test .* FAILED$' "$out/$name.txt" || true
+  env CI=true RUST_TEST_THREADS="$n_threads" "${environment[@]}" "$tests" "$@" >"$out/$name.txt" 2>&1 || true
+  echo "$name: $(grep -a '^test result:' "$out/$name.txt" || echo 'no result'), $(($(date +%s) - begun)) s"
+  grep -aq '^test result:' "$out/$name.txt" || failed=1
+  while read -r test; do
+    if grep -q "^$name $test " deploy/drivers-known.txt; then
+      echo "  $test: known, $(sed -n "s/^$name $test //p" deploy/drivers-known.txt)"
+    else
+      echo "  $test: does not hold"
+      failed=1
+    fi
+  done < <(sed -n 's/^test \(.*\) \.\.\. FAILED$/\1/p' "$out/$name.txt")
 }
 
 run "$second_name" VK_DRIVER_FILES="$second" VK_ICD_FILENAMES="$second" VIDEOFIELDS_TEST_ADAPTER="$second_name" -- "$@"

@@ -19,6 +19,8 @@ const MOST_NAMED: usize = 40;
 /// What the tests came to so far.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Outcome {
+    /// How many there are.
+    n_tests: usize,
     n_passed: usize,
     failed: Vec<String>,
     n_skipped: usize,
@@ -28,6 +30,9 @@ struct Outcome {
 fn outcome(text: &str) -> Outcome {
     let mut outcome = Outcome::default();
     for line in text.lines() {
+        if let Some(rest) = line.strip_prefix("running ") {
+            outcome.n_tests = rest.split(' ').next().and_then(|n| n.parse().ok()).unwrap_or_default();
+        }
         let Some((name, result)) = line.strip_prefix("test ").and_then(|rest| rest.rsplit_once(" ... "))
         else {
             continue;
@@ -113,7 +118,9 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         bail!("the tests ended at once, with {status}");
     }
     found.notes.push(format!(
-        "{} tests hold, {} do not. Goldens are drawn by lavapipe, so an edge may lie a pixel off elsewhere; twins are computed in f64.",
+        "Of {} tests {} were run: {} hold, {} do not. Goldens are drawn by lavapipe, so an edge may lie a pixel off elsewhere; twins are computed in f64.",
+        outcome.n_tests,
+        outcome.n_passed + outcome.failed.len(),
         outcome.n_passed,
         outcome.failed.len()
     ));
@@ -131,7 +138,8 @@ mod tests {
     fn lines_of_the_runner_are_counted_and_failures_named() {
         let text = "running 4 tests\ntest render::a ... ok\ntest render::b - should panic ... ok\ntest numerics::c ... FAILED\n\
                     test render::d ... ignored, for want of time\n\nfailures:\n    numerics::c\n";
-        let expected = Outcome { n_passed: 2, failed: vec!["numerics::c".to_owned()], n_skipped: 1 };
+        let expected =
+            Outcome { n_tests: 4, n_passed: 2, failed: vec!["numerics::c".to_owned()], n_skipped: 1 };
         assert_eq!(outcome(text), expected);
     }
 }

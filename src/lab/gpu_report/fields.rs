@@ -39,16 +39,19 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
             break;
         }
         device.give(&gpu, &ball(n_triangles, 0.01 * f64::from(turn)), &views, &settings)?;
+        let before = gpu.counts();
         let begun = clock.monotonic();
         let at = looking(0.02 * f64::from(turn), size_px)?;
         let (picture, _) = device.picture(&gpu, &at, by(0.033), Reading::Picture)?;
         new.add(&picture.timings, clock.monotonic().saturating_sub(begun));
+        new.count(&before, &gpu.counts());
     }
     for turn in 1..=MOST_TURNS {
         if stage.budget.is_over() && still.len() > 2 {
             break;
         }
         for (times, size_px) in [(&mut still, size_px), (&mut least, (16, 16))] {
+            let before = gpu.counts();
             let begun = clock.monotonic();
             let (picture, _) = device.picture(
                 &gpu,
@@ -57,6 +60,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
                 Reading::Picture,
             )?;
             times.add(&picture.timings, clock.monotonic().saturating_sub(begun));
+            times.count(&before, &gpu.counts());
         }
     }
     let mut found = Found {

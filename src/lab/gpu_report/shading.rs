@@ -278,11 +278,13 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
             if turn > 1 && own.is_over() {
                 break;
             }
+            let before = gpu.counts();
             let begun = clock.monotonic();
             shading.run(&mut timer, (&pipeline, &bound))?;
             let whole = clock.monotonic().saturating_sub(begun);
             if turn > 0 {
                 times.add(&timer.read(&gpu)?, whole);
+                times.count(&before, &gpu.counts());
             }
         }
         found.is_cut_short |= times.is_short();

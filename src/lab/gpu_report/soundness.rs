@@ -35,13 +35,14 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         };
         let picture = Picture::from(view);
         let plan = plan_of(&state, &picture, of);
+        let before = renderer.gpu().counts();
         let begun = stage.budget.clock.monotonic();
         let rendered = renderer.render(&state, &picture, &plan)?;
         times.add(&rendered.timings, stage.budget.clock.monotonic().saturating_sub(begun));
+        times.count(&before, &renderer.gpu().counts());
         n_black += u32::from(rendered.image.data.chunks_exact(3).any(|pixel| pixel == [0, 0, 0]));
         n_drawn += 1;
     }
-    let textures = renderer.texture_use();
     let mut found = Found {
         is_cut_short: n_drawn + n_refused < N_VIEWS,
         memory_bytes: renderer.gpu().memory_bytes(),
@@ -53,11 +54,6 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     found
         .notes
         .push(format!("{n_drawn} views drawn, {n_refused} that cannot be; {n_black} with a black pixel."));
-    found.notes.push(format!(
-        "{} pictures of cameras and surfaces lie on the device, {:.1} MB.",
-        textures.n_textures,
-        textures.n_bytes as f64 * 1e-6
-    ));
     Ok(found)
 }
 

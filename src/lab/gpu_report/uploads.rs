@@ -45,9 +45,11 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
                 camera.observation.background = image;
             }
             for times in [&mut new, &mut old] {
+                let before = renderer.gpu().counts();
                 let begun = clock.monotonic();
                 let rendered = renderer.render(&state, &picture, &plan)?;
                 times.add(&rendered.timings, clock.monotonic().saturating_sub(begun));
+                times.count(&before, &renderer.gpu().counts());
             }
         }
         let named = |word: &str| format!("{n_cameras} cameras of {} x {}, {word}", SIZE_PX.0, SIZE_PX.1);
