@@ -221,6 +221,7 @@ RULES = [
     # Parameters that only go with others.
     r"means nothing to projection=",
     r"means something to entities=",
+    r"means something with .* alone",
     r"cannot be asked for together with quality",
     r"eye and target must be at least",
     r"must be [0-9.e]+ to [0-9.e]+ metres wide and high",
