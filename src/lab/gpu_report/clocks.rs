@@ -9,17 +9,17 @@ use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 use videofields_picture::plan::Spread;
 
-/// How often clocks are read.
+/// Time from one reading of the clocks to the next.
 const EVERY: Duration = Duration::from_secs(1);
 
 /// Clocks over the time of a part.
 #[derive(Debug, Serialize)]
 pub(super) struct Clocks {
-    /// Who told them.
+    /// Names the tool or driver that told them.
     source: &'static str,
-    /// Of what shades, megahertz.
+    /// Clock of the shading units, megahertz.
     graphics_mhz: Spread,
-    /// Of its memory, megahertz; none where nobody tells.
+    /// Clock of the memory, megahertz; none where nothing tells it.
     memory_mhz: Option<Spread>,
 }
 
@@ -41,7 +41,7 @@ struct Reading {
     memory_mhz: Option<f64>,
 }
 
-/// Who can be asked.
+/// Names a tool or a driver's file that tells clocks.
 #[derive(Clone, Debug)]
 enum Source {
     /// `nvidia-smi`, of the first card.

@@ -10,16 +10,16 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 use videofields_vision::clock::Clock as _;
 
-/// How often it is asked whether the tests are done.
+/// Time from one look whether the tests are done to the next.
 const EVERY: Duration = Duration::from_millis(100);
 
 /// Most failures that are named.
 const MOST_NAMED: usize = 40;
 
-/// What the tests came to so far.
+/// Counts the tests' results so far.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Outcome {
-    /// How many there are.
+    /// Number of tests in the program.
     n_tests: usize,
     n_passed: usize,
     failed: Vec<String>,

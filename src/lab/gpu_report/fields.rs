@@ -9,7 +9,7 @@ use videofields_render::{Reading, SurfaceFields};
 use videofields_vision::clock::{Clock as _, Timestamp};
 use videofields_vision::fields::FieldSettings;
 
-/// How often each is drawn at most.
+/// Most pictures that are drawn of each case.
 const MOST_TURNS: u32 = 101;
 
 /// Pictures a second that the paper tells of a mesh that stands still, and milliseconds of a new frame (Du et al. 2019, section 7:

@@ -72,11 +72,11 @@ struct Report {
     version: u32,
     machine: Machine,
     device: Device,
-    /// When the report was begun, RFC 3339.
+    /// Time at which the report was begun, RFC 3339.
     begun_at: String,
     /// Longest that it may take, minutes.
     minutes: u32,
-    /// Whether sizes are those of devices that draw on the processor.
+    /// Says that sizes are the small ones of devices that draw on the processor.
     is_small: bool,
     parts: Vec<Part>,
 }
@@ -87,9 +87,9 @@ struct Device {
     name: String,
     driver: String,
     driver_version: String,
-    /// Whether it draws on the processor.
+    /// Says that it draws on the processor.
     is_software: bool,
-    /// Whether it tells how long passes take; else times are of whole pictures alone.
+    /// Says that it tells how long passes take; else times are of whole pictures alone.
     tells_times: bool,
     /// Bytes a second that it copies from buffer to buffer, read and written each once; none where that failed.
     copies_bytes_per_second: Option<f64>,
@@ -128,7 +128,7 @@ struct Measurement {
     passes_moved_bytes: BTreeMap<String, u64>,
     /// Pictures a second that a paper tells of the same on the hardware of its day.
     paper_fps: Option<f64>,
-    /// What most of the time goes into, and the figure that says so.
+    /// Names what most of the time goes into, with the figure that says so.
     limited_by: Option<String>,
 }
 
@@ -168,7 +168,7 @@ struct Found {
     measurements: Vec<Measurement>,
     notes: Vec<String>,
     memory_bytes: Option<u64>,
-    /// Whether its time was over before it had everything.
+    /// Says that its time was over before it had everything.
     is_cut_short: bool,
 }
 

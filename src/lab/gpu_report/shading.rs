@@ -14,7 +14,7 @@ const SEEN_PX: (u32, u32) = (1280, 720);
 /// Most cameras that the shader holds.
 const MOST_CAMERAS: usize = 8;
 
-/// How often each is drawn at most.
+/// Most pictures that are drawn of each case.
 const MOST_TURNS: u32 = 101;
 
 /// `Camera` of shaders/lab/shading.wgsl.
@@ -83,7 +83,7 @@ const WAYS: [(&str, &str, Option<[u32; 2]>); 3] = [
     ("compute, groups of 64 x 1", "cs_rows", Some([64, 1])),
 ];
 
-/// What shades, ready to be run.
+/// Holds the textures and the shader that every way of shading shares.
 struct Shading<'a> {
     gpu: &'a Gpu,
     size_px: (u32, u32),

@@ -9,7 +9,7 @@ use glam::DVec3;
 use videofields_picture::plan::{EntityStyle, Filtering, Picture, View};
 use videofields_vision::clock::Clock as _;
 
-/// How many views are drawn.
+/// Number of views that are drawn.
 const N_VIEWS: u32 = 10_000;
 
 /// Columns and rows of each.

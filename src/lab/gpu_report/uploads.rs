@@ -10,10 +10,10 @@ use videofields_picture::plan::{EntityStyle, Filtering};
 use videofields_vision::clock::Clock as _;
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage};
 
-/// How many cameras there are.
+/// Numbers of cameras.
 const N_CAMERAS: [u32; 3] = [1, 8, 64];
 
-/// How often pictures come anew.
+/// Number of times that pictures come anew.
 const N_TURNS: usize = 31;
 
 /// Measures a picture of which every camera's background is new, beside the same picture of which none is.

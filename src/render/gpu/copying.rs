@@ -1,4 +1,4 @@
-//! How fast a device copies from buffer to buffer: what its memory can give at most.
+//! Measures how fast a device copies from buffer to buffer: the most that its memory can give.
 
 use super::{Gpu, GpuError};
 use videofields_vision::clock::Clock;
