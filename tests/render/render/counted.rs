@@ -91,6 +91,47 @@ const SURFACE_ALONE: [Row; 1] = [(Pass, "surface", 1)];
 /// Of level ground: no camera, one, both.
 const N_LEVEL_PIPELINES: u64 = 3;
 
+/// Returns the bytes that passes of a label move when a picture is drawn.
+fn moved_bytes(brush: &mut Brush, state: &SceneState, wishes: Wishes, label: &str) -> u64 {
+    let plan = plan::make(state, &looking(), wishes);
+    let mut bytes = || {
+        let counts = brush.renderer.gpu().counts();
+        let found =
+            counts.iter().find(|count| (count.what, count.label) == (Pass, label)).map(|of| of.n_bytes);
+        brush.renderer.render(state, &looking(), &plan).expect("a picture");
+        found.unwrap_or(0)
+    };
+    // Counts are read before each picture.
+    bytes();
+    let before = bytes();
+    bytes() - before
+}
+
+#[test]
+fn bytes_of_a_pass_are_what_its_attachments_load_store_and_resolve() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let (alone, peopled) = (ground().state(), ground().with_person(FOOT).state());
+    let wishes = |entities, samples| {
+        with(|settings| {
+            settings.entities = entities;
+            settings.sampling = Sampling { samples, supersampling: 1 };
+        })
+    };
+    let n_pixels = u64::from(SIZE.0 * SIZE.1);
+    // A pass that is the first and the last clears, and lets depths and samples go: its picture alone is stored, or resolved.
+    for samples in [1, 4] {
+        let found = moved_bytes(&mut brush, &alone, wishes(EntityStyle::None, samples), "surface");
+        assert_eq!(found, 4 * n_pixels, "{samples} samples");
+    }
+    // With people after it, it stores colours and depths; their pass loads both and stores or resolves the picture.
+    for (samples, surface, billboard) in [(1, 4 + 4, 4 + 4 + 4), (4, 16 + 16, 16 + 16 + 4)] {
+        for (label, bytes) in [("surface", surface), ("billboard", billboard)] {
+            let found = moved_bytes(&mut brush, &peopled, wishes(EntityStyle::Billboards, samples), label);
+            assert_eq!(found, bytes * n_pixels, "{label}, {samples} samples");
+        }
+    }
+}
+
 #[test]
 fn a_bare_picture_costs_its_pass_its_targets_and_its_cameras_pictures() {
     let Some(mut brush) = renderer("", 1) else { return };
