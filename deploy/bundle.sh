@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Writes target/bundle/videofields-gpu-report.tar.gz: what measures any Vulkan device with one command, on any x86-64 Linux with
-# glibc 2.36 or newer and a driver. In it: videofields-lab, the shared libraries that it needs beyond glibc, a Vulkan loader for
-# machines that have none, the tests of whatever draws with their goldens, and the script `gpu-report`. Worlds and shaders are in the
+# glibc 2.36 or newer and a driver. In it: videofields-lab, the shared libraries that it needs beyond glibc, a Vulkan loader and
+# libglvnd's EGL for machines that have none, the tests of whatever draws with their goldens, and the script `gpu-report`. Worlds and shaders are in the
 # programs; meshes are made by code.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -29,9 +29,16 @@ ldd "$lab" "$tests" | awk '$2 == "=>" && $3 ~ "^/" {print $3}' | while read -r l
     *) cp -L "$library" "$out/$name/lib/" ;;
   esac
 done
-loader=$(ldconfig -p | awk '$1 == "libvulkan.so.1" && /x86-64/ {print $NF; exit}')
+loader=$(ldconfig -p | awk '$1 == "libvulkan.so.1" && /x86-64/ && !found {print $NF; found = 1}')
 [ -n "$loader" ] || { echo "bundle: there is no Vulkan loader here: deploy/setup.sh installs it" >&2; exit 1; }
 cp -L "$loader" "$out/$name/vulkan/libvulkan.so.1"
+# NVIDIA's driver answers the loader only where it finds the dispatcher of EGL (libglvnd), which servers without a desktop lack.
+mkdir "$out/$name/egl"
+for library in libEGL.so.1 libGLdispatch.so.0; do
+  path=$(ldconfig -p | awk -v name="$library" '$1 == name && /x86-64/ && !found {print $NF; found = 1}')
+  [ -n "$path" ] || { echo "bundle: there is no $library here: deploy/setup.sh installs it" >&2; exit 1; }
+  cp -L "$path" "$out/$name/egl/$library"
+done
 cat >"$out/$name/gpu-report" <<'SCRIPT'
 #!/bin/sh
 # Measures what this machine's graphics card draws how fast: gpu-report [--minutes 8] [--out DIR] [--adapter NAME].
@@ -41,6 +48,9 @@ libraries=$here/lib
 PATH=$PATH:/sbin:/usr/sbin
 if ! ldconfig -p 2>/dev/null | grep -q 'libvulkan\.so\.1'; then
   libraries=$libraries:$here/vulkan
+fi
+if ! ldconfig -p 2>/dev/null | grep -q 'libEGL\.so\.1'; then
+  libraries=$libraries:$here/egl
 fi
 LD_LIBRARY_PATH=$libraries${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 NODEVICE_SELECT=1

@@ -12,7 +12,7 @@ packages=(
   # Tests alone: an encoder of H.264 (ugly), an RTSP server to play a camera.
   gstreamer1.0-plugins-ugly libgstrtspserver-1.0-dev
   # Rendering: the Vulkan loader, and Mesa's drivers with the software rasteriser for machines without a GPU.
-  libvulkan1 mesa-vulkan-drivers
+  libvulkan1 libegl1 mesa-vulkan-drivers
   # What the README's commands call.
   curl ca-certificates git
 )

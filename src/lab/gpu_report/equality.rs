@@ -5,8 +5,9 @@
 
 use super::{Found, Stage};
 use anyhow::{Context as _, Result, bail};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, ExitStatus, Stdio};
 use std::time::Duration;
 use videofields_vision::clock::Clock as _;
 
@@ -16,32 +17,33 @@ const EVERY: Duration = Duration::from_millis(100);
 /// Most failures that are named.
 const MOST_NAMED: usize = 40;
 
-/// Counts the tests' results so far.
+/// Most lines of what the program said before it died.
+const MOST_LINES: usize = 4;
+
+/// The tests' results so far.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Outcome {
-    /// Number of tests in the program.
-    n_tests: usize,
-    n_passed: usize,
+    passed: Vec<String>,
     failed: Vec<String>,
-    n_skipped: usize,
+    skipped: Vec<String>,
+    /// The test that was begun and has no result: known where tests run one after the other.
+    begun: Option<String>,
 }
 
 /// Reads the lines of Rust's test runner: `test render::views::a_golden ... ok`.
 fn outcome(text: &str) -> Outcome {
     let mut outcome = Outcome::default();
     for line in text.lines() {
-        if let Some(rest) = line.strip_prefix("running ") {
-            outcome.n_tests = rest.split(' ').next().and_then(|n| n.parse().ok()).unwrap_or_default();
-        }
         let Some((name, result)) = line.strip_prefix("test ").and_then(|rest| rest.rsplit_once(" ... "))
         else {
             continue;
         };
+        let name = name.trim_end_matches(" - should panic").to_owned();
         match result.trim() {
-            "ok" => outcome.n_passed += 1,
-            "FAILED" => outcome.failed.push(name.to_owned()),
-            result if result.starts_with("ignored") => outcome.n_skipped += 1,
-            _ => {}
+            "ok" => outcome.passed.push(name),
+            "FAILED" => outcome.failed.push(name),
+            result if result.starts_with("ignored") => outcome.skipped.push(name),
+            _ => outcome.begun = Some(name),
         }
     }
     outcome
@@ -78,56 +80,127 @@ fn copy_goldens(files: &Path, to: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Runs the tests until they are done or the time is over.
+/// The tests' program, and where it runs.
+struct Tests<'a> {
+    stage: &'a Stage<'a>,
+    program: PathBuf,
+    /// A folder of its own, with copies of the files that the tests read where the bundle brings them.
+    folder: tempfile::TempDir,
+    has_files: bool,
+}
+
+/// How one run of the program ended.
+struct Run {
+    outcome: Outcome,
+    /// None where its time was over.
+    status: Option<ExitStatus>,
+    /// The last lines that it said of itself.
+    said: String,
+}
+
+impl Tests<'_> {
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = Command::new(&self.program);
+        command.args(arguments).env("VIDEOFIELDS_TEST_ADAPTER", self.stage.device).env_remove("CI");
+        if self.has_files {
+            command.env("VIDEOFIELDS_ROOT", self.folder.path());
+        }
+        command.stdin(Stdio::null());
+        command
+    }
+
+    /// Returns the names of all tests.
+    fn names(&self) -> Result<Vec<String>> {
+        let listed = self.command(&["--list"]).output().context("the list of the tests")?;
+        let text = String::from_utf8_lossy(&listed.stdout);
+        Ok(text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect())
+    }
+
+    /// Runs some tests until they are done or the time is over.
+    fn run(&self, names: &[String], n_threads: &str) -> Result<Run> {
+        let [output, errors] = ["output", "errors"].map(|name| self.folder.path().join(name));
+        let file = |path: &Path| std::fs::File::create(path).context("a file for the tests' output");
+        let mut child = self
+            .command(&["--exact", "--test-threads", n_threads])
+            .args(names)
+            .stdout(file(&output)?)
+            .stderr(file(&errors)?)
+            .spawn()
+            .with_context(|| format!("cannot start {}", self.program.display()))?;
+        let clock = self.stage.budget.clock;
+        let status = loop {
+            if let Some(status) = child.try_wait().context("the tests' end")? {
+                break Some(status);
+            }
+            if self.stage.budget.is_over() {
+                child.kill().context("cannot end the tests")?;
+                child.wait().context("the tests' end")?;
+                break None;
+            }
+            clock.sleep(EVERY);
+        };
+        let read = |path: &Path| std::fs::read(path).context("the tests' output");
+        let errors = String::from_utf8_lossy(&read(&errors)?).into_owned();
+        let lines: Vec<&str> = errors.lines().filter(|line| !line.trim().is_empty()).collect();
+        let said = lines[lines.len().saturating_sub(MOST_LINES)..].join("; ");
+        Ok(Run { outcome: outcome(&String::from_utf8_lossy(&read(&output)?)), status, said })
+    }
+}
+
+/// Runs the tests until they are done or the time is over. One that ends the program is named, and those behind it are run without it.
 pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
-    let (tests, files) = program()?;
-    let has_files = files.is_some();
+    let (program, files) = program()?;
     let folder = tempfile::tempdir().context("a folder for the tests' output")?;
+    let has_files = files.is_some();
     if let Some(files) = files {
         copy_goldens(&files, folder.path())?;
     }
-    let output_path = folder.path().join("output");
-    let output = std::fs::File::create(&output_path).context("a file for the tests' output")?;
-    let mut command = Command::new(&tests);
-    command.args(["--test-threads", "2"]).env("VIDEOFIELDS_TEST_ADAPTER", stage.device).env_remove("CI");
-    if has_files {
-        command.env("VIDEOFIELDS_ROOT", folder.path());
-    }
-    let mut child = command
-        .stdin(Stdio::null())
-        .stdout(output)
-        .stderr(Stdio::null())
-        .spawn()
-        .with_context(|| format!("cannot start {}", tests.display()))?;
-    let clock = stage.budget.clock;
-    let status = loop {
-        if let Some(status) = child.try_wait().context("the tests' end")? {
-            break Some(status);
+    let tests = Tests { stage, program, folder, has_files };
+    let mut left = tests.names()?;
+    let n_tests = left.len();
+    let (mut n_passed, mut failed, mut notes) = (0, Vec::new(), Vec::new());
+    let mut is_cut_short = n_tests == 0;
+    let mut n_threads = "2";
+    while !left.is_empty() {
+        let run = tests.run(&left, n_threads)?;
+        let outcome = run.outcome;
+        n_passed += outcome.passed.len();
+        let mut done: HashSet<String> = outcome.passed.into_iter().chain(outcome.skipped).collect();
+        done.extend(outcome.failed.iter().cloned());
+        failed.extend(outcome.failed);
+        left.retain(|name| !done.contains(name));
+        let Some(status) = run.status else {
+            is_cut_short = true;
+            break;
+        };
+        if left.is_empty() {
+            break;
         }
-        if stage.budget.is_over() {
-            child.kill().context("cannot end the tests")?;
-            child.wait().context("the tests' end")?;
-            break None;
+        // The program died. With one thread the test that killed it is known; the first time it is not.
+        if n_threads == "1" {
+            let culprit = outcome.begun.filter(|name| left.contains(name)).unwrap_or_else(|| left[0].clone());
+            notes.push(format!("- ends the program ({status}): `{culprit}`; it said: {}", run.said));
+            left.retain(|name| *name != culprit);
+            failed.push(culprit);
+        } else {
+            notes.push(format!(
+                "- The program died ({status}) while two tests ran at once; it said: {}",
+                run.said
+            ));
         }
-        clock.sleep(EVERY);
-    };
-    let text = std::fs::read_to_string(&output_path).context("the tests' output")?;
-    let outcome = outcome(&text);
-    let mut found = Found { is_cut_short: status.is_none(), ..Found::default() };
-    if let Some(status) = status.filter(|_| outcome.n_passed + outcome.failed.len() == 0) {
-        bail!("the tests ended at once, with {status}");
+        n_threads = "1";
     }
-    found.notes.push(format!(
-        "Of {} tests {} were run: {} hold, {} do not. Goldens are drawn by lavapipe, so an edge may lie a pixel off elsewhere; twins are computed in f64.",
-        outcome.n_tests,
-        outcome.n_passed + outcome.failed.len(),
-        outcome.n_passed,
-        outcome.failed.len()
-    ));
-    for name in outcome.failed.iter().take(MOST_NAMED) {
-        found.notes.push(format!("- does not hold: `{name}`"));
-    }
-    Ok(found)
+    notes.insert(
+        0,
+        format!(
+            "Of {n_tests} tests {} were run: {n_passed} hold, {} do not. Goldens are drawn by lavapipe, so an edge may lie a pixel off \
+             elsewhere; twins are computed in f64.",
+            n_passed + failed.len(),
+            failed.len()
+        ),
+    );
+    notes.extend(failed.iter().take(MOST_NAMED).map(|name| format!("- does not hold: `{name}`")));
+    Ok(Found { notes, is_cut_short, ..Found::default() })
 }
 
 #[cfg(test)]
@@ -138,8 +211,16 @@ mod tests {
     fn lines_of_the_runner_are_counted_and_failures_named() {
         let text = "running 4 tests\ntest render::a ... ok\ntest render::b - should panic ... ok\ntest numerics::c ... FAILED\n\
                     test render::d ... ignored, for want of time\n\nfailures:\n    numerics::c\n";
-        let expected =
-            Outcome { n_tests: 4, n_passed: 2, failed: vec!["numerics::c".to_owned()], n_skipped: 1 };
+        let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+        let mut expected = Outcome {
+            passed: names(&["render::a", "render::b"]),
+            failed: names(&["numerics::c"]),
+            skipped: names(&["render::d"]),
+            begun: None,
+        };
         assert_eq!(outcome(text), expected);
+        // With one thread the name comes before the result: the last one has none where the program died in it.
+        expected.begun = Some("render::e".to_owned());
+        assert_eq!(outcome(&format!("{text}\ntest render::e ... ")), expected);
     }
 }

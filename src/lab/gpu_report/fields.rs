@@ -1,10 +1,12 @@
 //! Texture fields of a mesh that changes, as in `Montage4D` 2019.
 
+use super::load::Load;
 use super::timed::{Against, Times, limited_by};
 use super::{Found, Stage};
 use crate::bench::meshes::{ball, looking, views_around};
 use anyhow::Result;
-use videofields_picture::plan::{FieldsForm, Followed};
+use std::time::Duration;
+use videofields_picture::plan::{FieldsForm, Followed, View};
 use videofields_render::{Reading, SurfaceFields};
 use videofields_vision::clock::{Clock as _, Timestamp};
 use videofields_vision::fields::FieldSettings;
@@ -32,35 +34,40 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     device.give(&gpu, &ball(n_triangles, 0.0), &views, &settings)?;
     device.picture(&gpu, &looking(0.0, size_px)?, by(0.0), Reading::Picture)?;
     let clock = stage.budget.clock;
+    let load = Load::new(&gpu);
+    load.first(&gpu, stage)?;
+    let mut last = Duration::ZERO;
+    let mut draw = |device: &mut SurfaceFields, times: &mut Times, at: &View, passed_secs| -> Result<()> {
+        load.between(&gpu, stage, last)?;
+        let before = gpu.counts();
+        let begun = clock.monotonic();
+        let (picture, _) = device.picture(&gpu, at, by(passed_secs), Reading::Picture)?;
+        last = clock.monotonic().saturating_sub(begun);
+        times.add(&picture.timings, last);
+        times.count(&before, &gpu.counts());
+        Ok(())
+    };
     let half = stage.budget.share(0.6);
-    let (mut new, mut still, mut least) = (Times::default(), Times::default(), Times::default());
+    let (mut new, mut new_least, mut still, mut still_least) =
+        (Times::default(), Times::default(), Times::default(), Times::default());
     for turn in 1..=MOST_TURNS {
         if half.is_over() && new.len() > 2 {
             break;
         }
-        device.give(&gpu, &ball(n_triangles, 0.01 * f64::from(turn)), &views, &settings)?;
-        let before = gpu.counts();
-        let begun = clock.monotonic();
-        let at = looking(0.02 * f64::from(turn), size_px)?;
-        let (picture, _) = device.picture(&gpu, &at, by(0.033), Reading::Picture)?;
-        new.add(&picture.timings, clock.monotonic().saturating_sub(begun));
-        new.count(&before, &gpu.counts());
+        for (idx, (times, size_px)) in
+            [(&mut new, size_px), (&mut new_least, (16, 16))].into_iter().enumerate()
+        {
+            let bump = 0.01 * (2.0 * f64::from(turn) + idx as f64);
+            device.give(&gpu, &ball(n_triangles, bump), &views, &settings)?;
+            draw(&mut device, times, &looking(0.02 * f64::from(turn), size_px)?, 0.033)?;
+        }
     }
     for turn in 1..=MOST_TURNS {
         if stage.budget.is_over() && still.len() > 2 {
             break;
         }
-        for (times, size_px) in [(&mut still, size_px), (&mut least, (16, 16))] {
-            let before = gpu.counts();
-            let begun = clock.monotonic();
-            let (picture, _) = device.picture(
-                &gpu,
-                &looking(0.02 * f64::from(turn), size_px)?,
-                by(0.008),
-                Reading::Picture,
-            )?;
-            times.add(&picture.timings, clock.monotonic().saturating_sub(begun));
-            times.count(&before, &gpu.counts());
+        for (times, size_px) in [(&mut still, size_px), (&mut still_least, (16, 16))] {
+            draw(&mut device, times, &looking(0.02 * f64::from(turn), size_px)?, 0.008)?;
         }
     }
     let mut found = Found {
@@ -68,16 +75,17 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         memory_bytes: gpu.memory_bytes(),
         ..Found::default()
     };
-    let paper_fps = (!stage.is_small).then_some(PAPER_FPS);
-    let of_paper = (!stage.is_small).then_some(1e3 / PAPER_NEW_MS);
-    found.measurements.extend(new.measurement("a new mesh in every picture".to_owned(), of_paper));
-    let least = least.measurement(String::new(), None);
-    if let (Some(mut of), Some(least)) =
-        (still.measurement("a mesh that stands still".to_owned(), paper_fps), least)
-    {
-        let against = Against { least_ms: least.ms(), n_pixels: f64::from(size_px.0 * size_px.1) };
-        of.limited_by = Some(limited_by(&of, &against, stage));
-        found.measurements.push(of);
+    for (name, times, least, paper_fps) in [
+        ("a new mesh in every picture", new, new_least, 1e3 / PAPER_NEW_MS),
+        ("a mesh that stands still", still, still_least, PAPER_FPS),
+    ] {
+        let paper_fps = (!stage.is_small).then_some(paper_fps);
+        let least = least.measurement(String::new(), None);
+        if let (Some(mut of), Some(least)) = (times.measurement(name.to_owned(), paper_fps), least) {
+            let against = Against { least_ms: least.ms(), n_pixels: f64::from(size_px.0 * size_px.1) };
+            of.limited_by = Some(limited_by(&of, &against, stage));
+            found.measurements.push(of);
+        }
     }
     found.notes.push(format!(
         "About {n_triangles} triangles, {n_views} pictures of {side_px} x {side_px} pixels, drawn with {} x {}. Handing over the mesh and \

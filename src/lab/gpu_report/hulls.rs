@@ -46,8 +46,8 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
             smallest.push(case(name, View { width_px: 16, height_px: 12, ..view }, None));
         }
     }
-    let least = again_and_again(&mut renderer, &smallest, stage.budget.share(0.25))?;
-    let mut found = again_and_again(&mut renderer, &cases, stage.budget)?;
+    let least = again_and_again(&mut renderer, &smallest, (stage, stage.budget.share(0.25)))?;
+    let mut found = again_and_again(&mut renderer, &cases, (stage, stage.budget))?;
     for (measurement, least) in found.measurements.iter_mut().zip(&least.measurements) {
         let n_pixels = f64::from(DRAWN_PX.0) * f64::from(DRAWN_PX.1);
         let against = Against { least_ms: least.ms(), n_pixels };

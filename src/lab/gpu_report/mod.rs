@@ -10,6 +10,7 @@
 //! | `shading` | surfaces by fragments and by threads that compute |
 //! | `soundness` | views from anywhere |
 //! | `equality` | the tests of whatever draws, on this device |
+//! | `load` | keeps the device busy before a picture is timed |
 //! | `clocks` | the device's clocks meanwhile |
 //! | `written` | the report as Markdown |
 //!
@@ -20,6 +21,7 @@ mod clocks;
 mod equality;
 mod fields;
 mod hulls;
+mod load;
 mod shading;
 mod soundness;
 mod timed;

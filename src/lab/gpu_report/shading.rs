@@ -1,5 +1,6 @@
 //! Shading of surfaces by fragments and by threads that compute: the same arithmetic, into targets of the same format.
 
+use super::load::Load;
 use super::timed::Times;
 use super::{Found, Stage};
 use anyhow::Result;
@@ -266,6 +267,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
     let size_px = if stage.is_small { (640, 360) } else { (2560, 1440) };
     let shading = Shading::new(&gpu, size_px);
     let mut timer = Timer::new(&gpu);
+    let load = Load::new(&gpu);
     let clock = stage.budget.clock;
     let mut found = Found::default();
     let cases: Vec<_> = [3, 8].into_iter().flat_map(|n| WAYS.map(|way| (n, way))).collect();
@@ -274,6 +276,7 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         let pipeline = shading.pipeline(entry_point, *group);
         let bound = shading.bind(&pipeline, *n_cameras);
         let mut times = Times::default();
+        load.first(&gpu, stage)?;
         for turn in 0..=MOST_TURNS {
             if turn > 1 && own.is_over() {
                 break;

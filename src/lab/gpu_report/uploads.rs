@@ -1,11 +1,13 @@
 //! Pictures of cameras that come anew: what it takes to bring their planes to the device.
 
+use super::load::Load;
 use super::timed::Times;
 use super::views::{plan_of, renderer};
 use super::{Found, Stage};
 use crate::made_scenes::{SIZE_PX, settings, tiled};
 use anyhow::Result;
 use std::sync::Arc;
+use std::time::Duration;
 use videofields_picture::plan::{EntityStyle, Filtering};
 use videofields_vision::clock::Clock as _;
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage};
@@ -34,6 +36,9 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
         let n_bytes = fresh(0).len_bytes() as f64;
         renderer.render(&state, &picture, &plan)?;
         let (mut new, mut old) = (Times::default(), Times::default());
+        let load = Load::new(renderer.gpu());
+        load.first(renderer.gpu(), stage)?;
+        let mut last = Duration::ZERO;
         for turn in 0..N_TURNS {
             if stage.budget.is_over() {
                 break;
@@ -45,10 +50,12 @@ pub(super) fn measure(stage: &Stage<'_>) -> Result<Found> {
                 camera.observation.background = image;
             }
             for times in [&mut new, &mut old] {
+                load.between(renderer.gpu(), stage, last)?;
                 let before = renderer.gpu().counts();
                 let begun = clock.monotonic();
                 let rendered = renderer.render(&state, &picture, &plan)?;
-                times.add(&rendered.timings, clock.monotonic().saturating_sub(begun));
+                last = clock.monotonic().saturating_sub(begun);
+                times.add(&rendered.timings, last);
                 times.count(&before, &renderer.gpu().counts());
             }
         }

@@ -76,8 +76,8 @@ pub(super) fn papers(stage: &Stage<'_>) -> Result<Found> {
             });
         }
     }
-    let least = again_and_again(&mut renderer, &smallest, stage.budget.share(0.3))?;
-    let mut found = again_and_again(&mut renderer, &cases, stage.budget)?;
+    let least = again_and_again(&mut renderer, &smallest, (stage, stage.budget.share(0.3)))?;
+    let mut found = again_and_again(&mut renderer, &cases, (stage, stage.budget))?;
     for (measurement, least) in found.measurements.iter_mut().zip(&least.measurements) {
         let Some(case) = cases.iter().find(|case| case.name == measurement.name) else { continue };
         let n_pixels: f64 = case
@@ -123,7 +123,7 @@ pub(super) fn surfaces(stage: &Stage<'_>) -> Result<Found> {
             });
         }
     }
-    let mut found = again_and_again(&mut renderer, &cases, stage.budget)?;
+    let mut found = again_and_again(&mut renderer, &cases, (stage, stage.budget))?;
     let mut bare = f64::NAN;
     for measurement in &found.measurements {
         let ms =
@@ -171,7 +171,7 @@ pub(super) fn effects(stage: &Stage<'_>) -> Result<Found> {
         );
         Case { name: name.to_owned(), state, pictures: vec![(picture, plan)], paper_fps: None }
     });
-    let mut found = again_and_again(&mut renderer, &cases, stage.budget)?;
+    let mut found = again_and_again(&mut renderer, &cases, (stage, stage.budget))?;
     found.notes.push(format!(
         "The yard of the first part, {} x {} pixels, one sample a pixel.",
         size_px.0, size_px.1

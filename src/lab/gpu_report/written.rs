@@ -38,6 +38,10 @@ pub(super) fn markdown(report: &Report) -> String {
         row(&mut text, &[name, &value]);
     }
     text += "\nMedians with quartiles, milliseconds. Pictures a second are by the device's time where it tells it.\n";
+    if !device.is_software {
+        text += "Before each picture the device computes something else for as long as the last one took, but before small views from \
+                 anywhere: cards lower their clocks while they wait. Beside a daemon that draws seldom they are lower.\n";
+    }
     for of in &report.parts {
         text += &section(of);
     }
