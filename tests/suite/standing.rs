@@ -223,7 +223,7 @@ fn a_threshold_changed_while_running_shows_in_the_next_frame() {
     let faint: Thing = (60, 40, 20, 40, 130);
     assert!(share_found(&place.show(&[faint]), faint) < 0.05);
     place.pipeline.set_segment(&SegmentSettings {
-        delta: 0.04,
+        delta: Some(0.04),
         shadow_darkest: 1.0,
         ..SegmentSettings::default()
     });

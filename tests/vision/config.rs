@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt;
 use std::path::{Path, PathBuf};
 use videofields_vision::config::{
-    self, CameraUrl, Config, ConfigError, Learning, Settings, SourceSettings, Timing,
+    self, CameraUrl, Config, ConfigError, Learning, SegmentSettings, Settings, SourceSettings, Timing,
 };
 use videofields_vision::error::ErrorKind;
 
@@ -64,6 +64,7 @@ fn the_example_s_camera_has_the_defaults_too() {
     expected.source.start = "2026-03-01T12:00:00Z".parse().ok();
     expected.source.until_secs = Some(3600.0);
     expected.clock.since = expected.source.start;
+    expected.segment.delta = Some(SegmentSettings::DELTA);
     expected.segment.blur_sigma_px = Some(1.5);
     expected.background.clip = Some("/etc/videofields/north-empty.webm".into());
     assert_eq!(camera, &expected);
@@ -496,7 +497,7 @@ fn settings_of_a_program_are_validated_too() {
     let mut settings = parse(text).expect("a camera").settings().clone();
     assert_eq!(settings.camera[0].background.learning, Learning::Hold);
     settings.camera.push(settings.camera[0].clone());
-    settings.camera[1].segment.delta = f64::NAN;
+    settings.camera[1].segment.delta = Some(f64::NAN);
     let said = faults(Config::from_settings(settings, folder));
     assert_eq!(
         said,

@@ -134,8 +134,9 @@ fn segment() -> Value {
             ),
             (
                 "delta",
-                number_within(0.001, 1.0),
-                "Blurred difference that is foreground, share of full scale",
+                nullable(number_within(0.001, 1.0)),
+                "Blurred difference that is foreground everywhere, share of full scale; null: 0.12, less before dark backgrounds as far \
+                 as the noise allows, more where verdicts keep turning",
             ),
             ("delta_high", number_within(0.0, 1.0), "Hysteresis; not above `delta` it asks for nothing"),
             ("blur_sigma_px", nullable(number_within(0.0, 16.0)), "Standard deviation of the blur, pixels"),

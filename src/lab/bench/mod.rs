@@ -2,6 +2,7 @@
 //! daemon answers to many at once.
 
 mod background;
+mod corpus;
 mod deadlines;
 mod effects;
 mod fields;
@@ -26,6 +27,7 @@ pub(crate) struct Bench {
 #[derive(Debug, clap::Subcommand)]
 enum What {
     Background(background::Background),
+    Corpus(corpus::Corpus),
     Deadlines(deadlines::Deadlines),
     Effects(effects::Effects),
     Fields(fields::Fields),
@@ -41,6 +43,7 @@ impl Bench {
     pub(crate) fn run(&self) -> Result<()> {
         match &self.what {
             What::Background(background) => background.run(),
+            What::Corpus(corpus) => corpus.run(),
             What::Deadlines(deadlines) => deadlines.run(),
             What::Effects(effects) => effects.run(),
             What::Fields(fields) => fields.run(),

@@ -17,7 +17,7 @@ use videofields_vision::config::{
 };
 use videofields_vision::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
-use videofields_vision::segment::Segmenter;
+use videofields_vision::segment::{Memory, Segmenter};
 use videofields_vision::track::Tracker;
 use zoned::Zoned;
 
@@ -36,14 +36,17 @@ const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
 /// Time of a background clip from one look at its detail to the next, seconds.
 const DETAIL_INTERVAL_SECS: f64 = 1.0;
 
-/// Version of the checkpoints that this build writes, the only one that it reads.
-pub const CHECKPOINT_VERSION: u32 = 1;
+/// Version of the checkpoints that this build writes. It reads those of version 1 too, which say nothing of what segmentation remembers.
+pub const CHECKPOINT_VERSION: u32 = 2;
 
-/// Checkpoints begin with this: a name and the version.
-const MAGIC: [u8; 5] = [b'v', b'f', b'p', b'l', CHECKPOINT_VERSION as u8];
+/// Checkpoints begin with this and their version.
+const MAGIC: [u8; 4] = *b"vfpl";
 
-/// Bytes of a model in a checkpoint before the model's own: its flags and their length.
-const MODEL_HEADER_LEN: usize = 9;
+/// Flags of a model in a checkpoint: it learned a background clip; the time of its last frame is known; what segmentation remembers
+/// follows it.
+const HAS_CLIP: u8 = 1;
+const HAS_TIME: u8 = 2;
+const HAS_MEMORY: u8 = 4;
 
 /// Turns the frames of one camera into observations.
 #[derive(Debug)]
@@ -77,6 +80,8 @@ pub struct Pipeline {
 #[derive(Debug)]
 struct Model {
     mixture: GaussianMixture,
+    /// What segmentation remembers of pictures of this format, while another model is current; the current one's is the segmenter's.
+    memory: Memory,
     /// The frame it saw last; none before the first that has a time.
     seen: Option<Timestamp>,
     /// Whether it learned a background clip.
@@ -118,8 +123,9 @@ impl Pipeline {
     /// The same pipeline for frames of the past, in any order: it finds what moves before the background that was
     /// restored, does not change that, and tells no events.
     #[must_use]
-    pub const fn for_review(mut self) -> Self {
+    pub fn for_review(mut self) -> Self {
         self.is_review = true;
+        self.segmenter = self.segmenter.for_review();
         self
     }
 
@@ -414,10 +420,11 @@ impl Pipeline {
         self.picture = None;
         self.standing.reset();
         let kept = self.aside.iter().position(|model| model.mixture.format() == format);
-        let next = match kept {
+        let mut next = match kept {
             Some(index) => self.aside.remove(index),
             None => Model {
                 mixture: GaussianMixture::new(&self.settings, format),
+                memory: Memory::default(),
                 seen: None,
                 has_clip: false,
                 learned_secs: 0.0,
@@ -427,7 +434,9 @@ impl Pipeline {
                 hidden: None,
             },
         };
-        if let Some(left) = self.current.replace(next) {
+        let remembered = std::mem::replace(self.segmenter.memory_mut(), std::mem::take(&mut next.memory));
+        if let Some(mut left) = self.current.replace(next) {
+            left.memory = remembered;
             let camera = camera.map(CameraId::as_str);
             tracing::warn!(camera, from = %left.mixture.format(), to = %format, "picture format changed");
             self.aside.push(left);
@@ -446,7 +455,7 @@ impl Pipeline {
     /// Bytes that the current model takes; 0 before the first frame.
     #[must_use]
     pub fn model_bytes(&self) -> usize {
-        self.current.as_ref().map_or(0, Model::len_bytes)
+        self.current.as_ref().map_or(0, |model| model.len_bytes() + self.segmenter.memory().len_bytes())
     }
 
     /// Everything that later masks depend on, as bytes; `None` before anything was learned.
@@ -455,20 +464,30 @@ impl Pipeline {
     #[must_use]
     pub fn checkpoint(&self) -> Option<Vec<u8>> {
         let mut bytes = Vec::from(MAGIC);
-        for model in self.current.iter().chain(self.aside.iter().rev()) {
+        bytes.push(CHECKPOINT_VERSION as u8);
+        let header_len = bytes.len();
+        let current = self.current.iter().map(|model| (model, self.segmenter.memory()));
+        for (model, memory) in current.chain(self.aside.iter().rev().map(|model| (model, &model.memory))) {
             if model.mixture.n_frames() == 0 {
                 continue;
             }
-            match model.mixture.encode(model.seen.unwrap_or_default()) {
-                Ok(encoded) => {
-                    bytes.push(u8::from(model.has_clip) | u8::from(model.seen.is_some()) << 1);
-                    bytes.extend((encoded.len() as u64).to_le_bytes());
-                    bytes.extend(encoded);
+            let memory = memory.encode().map_err(BackgroundError::from);
+            let encoded = model.mixture.encode(model.seen.unwrap_or_default());
+            match encoded.and_then(|encoded| Ok((encoded, memory?))) {
+                Ok((encoded, memory)) => {
+                    let flag = |is_set: bool, flag: u8| if is_set { flag } else { 0 };
+                    bytes.push(
+                        flag(model.has_clip, HAS_CLIP) | flag(model.seen.is_some(), HAS_TIME) | HAS_MEMORY,
+                    );
+                    for part in [encoded, memory] {
+                        bytes.extend((part.len() as u64).to_le_bytes());
+                        bytes.extend(part);
+                    }
                 }
                 Err(error) => tracing::error!(%error, "background model not kept"),
             }
         }
-        (bytes.len() > MAGIC.len()).then_some(bytes)
+        (bytes.len() > header_len).then_some(bytes)
     }
 
     /// Goes on from a checkpoint. Thresholds and rates are the settings' own, so they may have changed since.
@@ -476,42 +495,47 @@ impl Pipeline {
     /// # Errors
     /// When `bytes` are not a whole checkpoint or were made with another number of modes; nothing has changed then.
     pub fn restore(&mut self, bytes: &[u8]) -> Result<(), BackgroundError> {
-        let mut rest = bytes
+        let (version, mut rest) = bytes
             .strip_prefix(&MAGIC)
-            .ok_or_else(|| refused("it is of another kind or version than this build writes"))?;
+            .and_then(<[u8]>::split_first)
+            .filter(|(version, _)| (1..=CHECKPOINT_VERSION).contains(&u32::from(**version)))
+            .ok_or_else(|| refused("it is of another kind or version than this build reads"))?;
+        let known_flags = if *version == 1 { HAS_CLIP | HAS_TIME } else { HAS_CLIP | HAS_TIME | HAS_MEMORY };
         let mut models = Vec::new();
         while !rest.is_empty() {
-            models.push(self.read_model(&mut rest)?);
+            models.push(self.read_model(&mut rest, known_flags)?);
         }
         if models.is_empty() || models.len() > 1 + MAX_ASIDE {
             return Err(refused("it has no models or too many"));
         }
         models.reverse();
         self.current = models.pop();
+        let remembered = self.current.as_mut().map(|model| std::mem::take(&mut model.memory));
+        *self.segmenter.memory_mut() = remembered.unwrap_or_default();
         self.aside = models;
         self.picture = None;
         Ok(())
     }
 
     /// Takes one model off the front of `rest`.
-    fn read_model(&self, rest: &mut &[u8]) -> Result<Model, BackgroundError> {
-        let (header, after) = rest
-            .split_first_chunk::<MODEL_HEADER_LEN>()
-            .ok_or_else(|| refused("it ends within a model's header"))?;
-        let [flags, len @ ..] = *header;
-        let encoded = usize::try_from(u64::from_le_bytes(len))
-            .ok()
-            .and_then(|len| after.split_at_checked(len))
-            .ok_or_else(|| refused("it ends within a model"))?;
-        *rest = encoded.1;
-        if flags > 3 {
+    fn read_model(&self, rest: &mut &[u8], known_flags: u8) -> Result<Model, BackgroundError> {
+        let (flags, after) = rest.split_first().ok_or_else(|| refused("it ends before a model's flags"))?;
+        *rest = after;
+        if flags & !known_flags != 0 {
             return Err(refused("a model has flags that no build writes"));
         }
-        let (mixture, time) = GaussianMixture::decode(encoded.0, &self.settings)?;
+        let (mixture, time) = GaussianMixture::decode(take_part(rest)?, &self.settings)?;
+        let memory = if flags & HAS_MEMORY == 0 {
+            Memory::default()
+        } else {
+            let format = mixture.format();
+            Memory::decode(take_part(rest)?, (format.width, format.height))?
+        };
         // A stored background was learned for long before.
-        let (has_clip, seen) = (flags & 1 != 0, (flags & 2 != 0).then_some(time));
+        let (has_clip, seen) = (flags & HAS_CLIP != 0, (flags & HAS_TIME != 0).then_some(time));
         Ok(Model {
             mixture,
+            memory,
             seen,
             has_clip,
             learned_secs: SETTLED_SECS,
@@ -522,6 +546,16 @@ impl Pipeline {
             hidden: None,
         })
     }
+}
+
+/// Takes a length and so many bytes off the front of `rest`.
+fn take_part<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], BackgroundError> {
+    let parts = rest.split_first_chunk().and_then(|(len, after)| {
+        usize::try_from(u64::from_le_bytes(*len)).ok().and_then(|len| after.split_at_checked(len))
+    });
+    let (part, after) = parts.ok_or_else(|| refused("it ends within a model"))?;
+    *rest = after;
+    Ok(part)
 }
 
 impl Model {

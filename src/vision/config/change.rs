@@ -96,7 +96,7 @@ mod tests {
     #[test]
     fn what_differs_is_kept_and_merged_again() {
         let file = camera(SourceSettings::of_path("/films/a.mp4"));
-        let segment = SegmentSettings { delta: 0.25, blur_sigma_px: Some(2.0), ..file.segment.clone() };
+        let segment = SegmentSettings { delta: Some(0.25), blur_sigma_px: Some(2.0), ..file.segment.clone() };
         let feed = json!({"enabled": false, "source": {"path": null, "url": "rtsp://10.0.0.7/live", "timing": null,
             "rate_hz": null, "end": null, "start": null, "from_secs": null, "until_secs": null},
             "clock": {"offset_secs": 2}});
@@ -109,11 +109,11 @@ mod tests {
         assert_eq!((&changed.segment, FeedSettings::of(&changed)), (&segment, feed));
         // What was not changed follows the configuration.
         let other = CameraSettings {
-            segment: SegmentSettings { delta: 0.1, max_hole_px: 7, ..file.segment.clone() },
+            segment: SegmentSettings { delta: Some(0.1), max_hole_px: 7, ..file.segment.clone() },
             ..file.clone()
         };
         let (changed, _) = read.over(&other);
-        assert_eq!((changed.segment.delta, changed.segment.max_hole_px), (0.25, 7));
+        assert_eq!((changed.segment.delta, changed.segment.max_hole_px), (Some(0.25), 7));
         let back = read.with_segment(&file, &file.segment).with_feed(&file, &FeedSettings::of(&file));
         assert!(back.is_nothing(), "{back:?}");
     }

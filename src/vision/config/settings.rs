@@ -323,8 +323,9 @@ pub struct SegmentSettings {
     /// At which size of the picture background and foreground are computed; lengths and areas below are the full
     /// picture's whichever it is. Default `auto`.
     pub resolution: Resolution,
-    /// Blurred difference that is foreground, share of full scale, 0.001 to 1. Default 0.12.
-    pub delta: f64,
+    /// Blurred difference that is foreground everywhere, share of full scale, 0.001 to 1. Default: 0.12 before backgrounds of middle
+    /// and high luma, less before darker ones as far as the noise allows, and up to three times that where the verdict keeps turning.
+    pub delta: Option<f64>,
     /// Hysteresis: a quarter of a blob's least area must differ by more than this, share of full scale, 0 to 1; what
     /// differs less everywhere is background. Not above `delta`, it asks for nothing. Default 0 (off).
     pub delta_high: f64,
@@ -362,7 +363,7 @@ impl Default for SegmentSettings {
     fn default() -> Self {
         Self {
             resolution: Resolution::Auto,
-            delta: 0.12,
+            delta: None,
             delta_high: 0.0,
             blur_sigma_px: None,
             mixture: MixtureRule::Require,
@@ -379,6 +380,15 @@ impl Default for SegmentSettings {
 }
 
 impl SegmentSettings {
+    /// Blurred difference that is foreground before backgrounds of middle and high luma, share of full scale, unless it is set.
+    pub const DELTA: f64 = 0.12;
+
+    /// Returns the blurred difference that is foreground, before what luma, noise and turning verdicts change of it.
+    #[must_use]
+    pub fn delta(&self) -> f64 {
+        self.delta.unwrap_or(Self::DELTA)
+    }
+
     /// The blur in a picture of `size_px`, pixels. What a codec and a lens blur is a share of the picture; below 0.6 a
     /// blur no longer calms the noise, above 2 it costs more than it brings.
     #[must_use]

@@ -186,7 +186,7 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
 pub(super) fn check_segment(segment: &SegmentSettings, place: &str, gatherer: &mut Gatherer) {
     let at = |key: &str| format!("{place}/{key}");
     let numbers = [
-        ("delta", segment.delta, 0.001, 1.0, "(share of full scale)"),
+        ("delta", segment.delta(), 0.001, 1.0, "(share of full scale)"),
         ("delta_high", segment.delta_high, 0.0, 1.0, "(share of full scale)"),
         ("blur_sigma_px", segment.blur_sigma_px.unwrap_or(1.5), 0.0, 16.0, "pixels"),
         ("shadow_darkest", segment.shadow_darkest, 0.05, 1.0, "(share of the background's luma)"),

@@ -10,6 +10,7 @@
 
 use super::difference::{CHROMA_TILE, ChannelGains, Difference, Pair, TILE, TileDifference};
 use super::dilate::dilate;
+use super::memory::Memory;
 use crate::config::{MixtureRule, SegmentSettings};
 use crate::frame::{BitMask, ColorMatrix, ColorRange, inside};
 use fearless_simd::{Level, Simd, dispatch};
@@ -17,6 +18,9 @@ use rayon::prelude::*;
 
 /// With fewer tiles than this to look at, handing them to other threads costs more than it saves.
 const LEAST_SHARED_TILES: usize = 4096;
+
+/// Share of the threshold by which a pixel must differ itself, without the blur.
+const OWN_SHARE: f32 = 0.5;
 
 /// One byte for every pixel of a tile.
 pub(super) type TileRamp = [u8; TILE];
@@ -34,6 +38,8 @@ pub(super) struct Judge {
     near: BitMask,
     pub(super) moving: BitMask,
     pub(super) shadow: BitMask,
+    /// Foreground by the plain threshold, wherever a pixel flickers.
+    pub(super) plain: BitMask,
     /// Moving pixels that differ by more than the high threshold.
     pub(super) strong: BitMask,
     /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
@@ -56,21 +62,34 @@ struct Rules {
     brightest: f32,
     /// Chroma codes.
     tolerance: f32,
+    /// Factors of `delta` by codes of the background's luma.
+    by_luma: [f32; 256],
+    /// Says that thresholds are raised where verdicts keep turning.
+    has_flicker: bool,
 }
 
 impl Rules {
-    fn new(matrix: ColorMatrix, range: ColorRange, settings: &SegmentSettings) -> Self {
+    fn new(
+        (matrix, range): (ColorMatrix, ColorRange),
+        settings: &SegmentSettings,
+        (memory, blur_sigma_px): (&Memory, f64),
+    ) -> Self {
         let (black_code, _luma_codes, chroma_codes) = range.luma_offset_luma_scale_chroma_scale();
         Self {
             rule: settings.mixture,
             gains: ChannelGains::new(matrix, range),
-            delta: settings.delta as f32,
-            delta_high: settings.delta_high.max(settings.delta) as f32,
+            delta: settings.delta() as f32,
+            delta_high: settings.delta_high.max(settings.delta()) as f32,
             black_code,
             has_shadows: settings.shadow_darkest < 1.0 || settings.highlight_brightest > 1.0,
             darkest: settings.shadow_darkest as f32,
             brightest: settings.highlight_brightest as f32,
             tolerance: settings.shadow_chroma as f32 * chroma_codes,
+            by_luma: match settings.delta {
+                Some(_) => [1.0; 256],
+                None => memory.noise.factors(settings.delta() as f32, blur_sigma_px, black_code),
+            },
+            has_flicker: settings.delta.is_none(),
         }
     }
 }
@@ -80,6 +99,7 @@ struct Band<'a> {
     difference: &'a mut Difference,
     moving: &'a mut [u32],
     shadow: &'a mut [u32],
+    plain: &'a mut [u32],
     strong: &'a mut [u32],
     weak: &'a mut [u32],
     ramps: &'a mut [TileRamp],
@@ -95,6 +115,7 @@ impl Judge {
             near: BitMask::default(),
             moving: BitMask::default(),
             shadow: BitMask::default(),
+            plain: BitMask::default(),
             strong: BitMask::default(),
             weak: BitMask::default(),
             ramps: Vec::new(),
@@ -109,18 +130,18 @@ impl Judge {
         }
     }
 
-    /// Judges every pixel of a frame; `unmatched` is the mixture's verdict after the majority.
+    /// Judges every pixel of a frame; `unmatched` is the mixture's verdict after the majority, `memory` has what thresholds follow.
     pub(super) fn judge(
         &mut self,
         pair: &Pair<'_>,
         (matrix, range): (ColorMatrix, ColorRange),
-        unmatched: &BitMask,
+        (unmatched, memory): (&BitMask, &Memory),
         settings: &SegmentSettings,
     ) {
-        let rules = Rules::new(matrix, range, settings);
+        let rules = Rules::new((matrix, range), settings, (memory, self.blur_sigma_px));
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
-        let Self { candidates, moving, shadow, strong, weak, .. } = self;
-        for mask in [candidates, moving, shadow, strong, weak] {
+        let Self { candidates, moving, shadow, plain, strong, weak, .. } = self;
+        for mask in [candidates, moving, shadow, plain, strong, weak] {
             mask.reset(width, height);
         }
         if rules.rule == MixtureRule::Require {
@@ -132,7 +153,19 @@ impl Judge {
             }
         }
         dilate(&self.candidates, &mut self.near);
-        self.judge_near(pair, unmatched, &rules);
+        self.judge_near(pair, (unmatched, memory), &rules);
+    }
+
+    /// Lets `memory` learn from the frame that was judged last: its noise where nothing could be foreground, and what turned.
+    pub(super) fn teach(
+        &self,
+        pair: &Pair<'_>,
+        colors: (ColorMatrix, ColorRange),
+        dt_secs: f64,
+        memory: &mut Memory,
+    ) {
+        memory.noise.observe(pair, &ChannelGains::new(colors.0, colors.1), &self.near);
+        memory.flicker.observe(&self.plain, dt_secs);
     }
 
     /// The tiles in which, or within the blur's reach of which, some difference is large enough to pass the threshold.
@@ -158,7 +191,7 @@ impl Judge {
         });
         // What luma brings and what chroma brings may come from different pixels of the neighbourhood, each of which
         // has its bound in a tile there; twice the greatest bound holds their sum.
-        let half = 0.5 * rules.delta;
+        let half = 0.5 * rules.delta * rules.by_luma.iter().copied().fold(1.0, f32::min);
         let is_hot = |y: usize, word: usize| {
             let columns = word.saturating_sub(side)..(word + side + 1).min(words_per_row);
             bounds[y * words_per_row..][columns].iter().any(|bound| *bound > half)
@@ -183,7 +216,7 @@ impl Judge {
     }
 
     /// Judges the tiles of `near`.
-    fn judge_near(&mut self, pair: &Pair<'_>, unmatched: &BitMask, rules: &Rules) {
+    fn judge_near(&mut self, pair: &Pair<'_>, by: (&BitMask, &Memory), rules: &Rules) {
         let (near, level) = (&self.near, self.level);
         let words_per_row = near.words_per_row();
         if self.ramps.len() != near.words().len() {
@@ -202,20 +235,22 @@ impl Judge {
         let judge = |band_idx: usize, band: Band<'_>| {
             band.difference.begin(width);
             let first_row = band_idx * rows_per_band;
-            dispatch!(level, simd => judge_band(simd, band, first_row, pair, near, unmatched, rules));
+            dispatch!(level, simd => judge_band(simd, band, first_row, pair, near, by, rules));
         };
         let bands = self
             .differences
             .par_iter_mut()
             .zip(self.moving.words_mut().par_chunks_mut(words_per_band))
             .zip(self.shadow.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.plain.words_mut().par_chunks_mut(words_per_band))
             .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
             .zip(self.weak.words_mut().par_chunks_mut(words_per_band))
             .zip(self.ramps.par_chunks_mut(words_per_band))
-            .map(|(((((difference, moving), shadow), strong), weak), ramps)| Band {
+            .map(|((((((difference, moving), shadow), plain), strong), weak), ramps)| Band {
                 difference,
                 moving,
                 shadow,
+                plain,
                 strong,
                 weak,
                 ramps,
@@ -227,6 +262,7 @@ impl Judge {
                 difference: &mut self.differences[0],
                 moving: self.moving.words_mut(),
                 shadow: self.shadow.words_mut(),
+                plain: self.plain.words_mut(),
                 strong: self.strong.words_mut(),
                 weak: self.weak.words_mut(),
                 ramps: &mut self.ramps,
@@ -259,11 +295,12 @@ fn judge_band<S: Simd>(
     first_row: usize,
     pair: &Pair<'_>,
     near: &BitMask,
-    unmatched: &BitMask,
+    (unmatched, memory): (&BitMask, &Memory),
     rules: &Rules,
 ) {
     let words_per_row = near.words_per_row();
     let n_rows = band.moving.len() / words_per_row;
+    let n_words = near.words().len();
     for row in 0..n_rows {
         let y = first_row + row;
         let unmatched = unmatched.row(y);
@@ -272,16 +309,33 @@ fn judge_band<S: Simd>(
                 continue;
             }
             let difference = band.difference.tile(pair, word, y);
-            let norm = rules.gains.norm(&difference);
+            let mut factors = [1.0; TILE];
+            for (factor, code) in factors.iter_mut().zip(&pair.background[0].row(y as u32)[word * TILE..]) {
+                *factor = rules.by_luma[usize::from(*code)];
+            }
+            let norm = over(&rules.gains.norm(&difference), &factors);
             let place = row * words_per_row + word;
             band.ramps[place] = ramp(&norm, rules.delta);
             band.weak[place] = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
-            let differs = bits_above(&norm, rules.delta) & near.inside(word);
-            let foreground = match rules.rule {
+            let verdict = |differs: u32| match rules.rule {
                 MixtureRule::Ignore => differs,
                 MixtureRule::Require => differs & unmatched[word],
                 MixtureRule::Add => differs | unmatched[word],
             };
+            let mut differs = bits_above(&norm, rules.delta) & near.inside(word);
+            let plain = verdict(differs);
+            band.plain[place] = plain;
+            if plain == 0 {
+                continue;
+            }
+            let raised = memory.flicker.factors(y * words_per_row + word, n_words);
+            if let Some(raised) = raised.filter(|_| rules.has_flicker) {
+                differs &= bits_above(&over(&norm, &raised), rules.delta);
+            }
+            // The blur carries differences beyond their edges: what does not differ itself is none of it.
+            let itself = over(&rules.gains.norm(&unblurred(pair, word, y)), &factors);
+            let own = bits_above(&itself, OWN_SHARE * rules.delta);
+            let foreground = verdict(differs & own);
             if foreground == 0 {
                 continue;
             }
@@ -292,6 +346,37 @@ fn judge_band<S: Simd>(
             band.strong[place] = foreground & !shadow & bits_above(&norm, rules.delta_high);
         }
     }
+}
+
+/// Returns norms over factors of their thresholds.
+#[inline(always)]
+fn over(norm: &[f32; TILE], factors: &[f32; TILE]) -> [f32; TILE] {
+    let mut out = [0.0; TILE];
+    for i in 0..TILE {
+        out[i] = norm[i] / factors[i];
+    }
+    out
+}
+
+/// Returns the differences of a tile's pixels themselves.
+#[inline(always)]
+pub(super) fn unblurred(pair: &Pair<'_>, tile: usize, y: usize) -> TileDifference {
+    let [frame, background] = [&pair.frame, &pair.background];
+    let mut luma = codes::<TILE>(frame[0].row(y as u32), tile);
+    let back = codes::<TILE>(background[0].row(y as u32), tile);
+    for i in 0..TILE {
+        luma[i] -= back[i];
+    }
+    let chroma = [1, 2].map(|plane| {
+        let mut codes_of = codes::<CHROMA_TILE>(frame[plane].row(y as u32 / 2), tile);
+        let back = codes::<CHROMA_TILE>(background[plane].row(y as u32 / 2), tile);
+        for i in 0..CHROMA_TILE {
+            codes_of[i] -= back[i];
+        }
+        codes_of
+    });
+    let [u, v] = chroma;
+    TileDifference { luma, u, v }
 }
 
 #[inline(always)]
@@ -423,15 +508,24 @@ mod tests {
         let mut judge = Judge::new();
         judge.set_blur(sigma_px);
         // What another frame left must not show.
-        judge.judge(&Pair { frame: pair.background, ..*pair }, COLORS, unmatched, settings);
-        judge.judge(pair, COLORS, unmatched, settings);
+        judge.judge(
+            &Pair { frame: pair.background, ..*pair },
+            COLORS,
+            (unmatched, &Memory::default()),
+            settings,
+        );
+        judge.judge(pair, COLORS, (unmatched, &Memory::default()), settings);
         let mut everywhere = Difference::new(sigma_px);
+        let mut itself = Difference::new(0.0);
         let (width, height) = (pair.frame[0].width, pair.frame[0].height);
         everywhere.begin(width);
+        itself.begin(width);
         let gains = ChannelGains::new(COLORS.0, COLORS.1);
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x as usize, y as usize))) {
             let norm = gains.norm(&everywhere.tile(pair, x / TILE, y))[x % TILE];
-            let (differs, is_unmatched) = (norm > settings.delta as f32, unmatched.get(x, y));
+            let own = gains.norm(&itself.tile(pair, x / TILE, y))[x % TILE];
+            let delta = settings.delta() as f32;
+            let (differs, is_unmatched) = (norm > delta && own > 0.5 * delta, unmatched.get(x, y));
             let expected = match settings.mixture {
                 MixtureRule::Ignore => differs,
                 MixtureRule::Require => differs && is_unmatched,
@@ -469,7 +563,8 @@ mod tests {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
             let mut judge = Judge::new();
             judge.set_blur(1.5);
-            pool.install(|| judge.judge(&pair, COLORS, &BitMask::new(width, height), &settings));
+            let none = BitMask::new(width, height);
+            pool.install(|| judge.judge(&pair, COLORS, (&none, &Memory::default()), &settings));
             (judge.moving, judge.shadow, judge.strong, judge.ramps)
         };
         let one = found(1);

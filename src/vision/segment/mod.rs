@@ -4,7 +4,8 @@
 //! pieces flow out. Knows nothing of how backgrounds are learned, of cameras in the world, or of time.
 //!
 //! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
-//! (`difference`), one verdict a pixel (`label`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
+//! (`difference`), one verdict a pixel (`label`) by the noise that is there (`noise`) and how
+//! often it turns (`flicker`), what of it is shadow (`shadow`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
 //! (`components`), which of them blink (`blink`) or are several (`split`), outlines (`contour`), what they are outlines of
 //! (`edges`, `gaps`), what is handed out (`soft`), their order (`segmenter`), and the way back from a reduced picture
 //! (`enlarge`). Beside them: how far pixels lie inside (`distance`).
@@ -20,11 +21,15 @@ mod drawn;
 mod edges;
 mod enlarge;
 mod fill;
+mod flicker;
 mod gaps;
 mod label;
 mod majority;
+mod memory;
+mod noise;
 mod repair;
 mod segmenter;
+mod shadow;
 mod soft;
 mod split;
 
@@ -32,6 +37,7 @@ pub use dilate::dilate;
 pub use distance::{DistanceTransform, NO_OUTSIDE};
 pub use edges::{OutlineOf, outline_of};
 pub use gaps::GapFinder;
+pub use memory::Memory;
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;

@@ -56,6 +56,67 @@ pub(super) fn restore_enclosed_shadow(moving: &mut BitMask, shadow: &mut BitMask
     }
 }
 
+/// A gap across a body is at most this share of the shorter of the body's runs above and beneath it.
+const GREATEST_BRIDGE: f32 = 0.25;
+
+/// A column on the way down: rows of body, of the gap beneath it, and of body beneath the gap.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bridge {
+    n_above: u32,
+    n_gap: u32,
+    n_below: u32,
+}
+
+/// Joins what stands above and beneath a narrow gap.
+///
+/// Where a strip of the background has the colour of somebody's clothes, a belt say, nothing is found, and a body is two.
+pub(super) fn bridge_gaps(moving: &mut BitMask) {
+    for word in 0..moving.words_per_row() {
+        let mut columns = [Bridge::default(); WORD_PIXELS];
+        let mut is_begun = false;
+        for y in 0..moving.height() {
+            let bits = moving.row(y)[word];
+            if bits == 0 && !is_begun {
+                continue;
+            }
+            is_begun = true;
+            for (x, column) in columns.iter_mut().enumerate() {
+                let (first, n_rows) = column.advance(bits & 1 << x != 0, y as u32);
+                for above in first..first + n_rows {
+                    moving.row_mut(above as usize)[word] |= 1 << x;
+                }
+            }
+        }
+    }
+}
+
+impl Bridge {
+    /// Takes the next pixel downwards, of row `y`; returns the rows of a gap that is body.
+    fn advance(&mut self, is_moving: bool, y: u32) -> (u32, u32) {
+        if !is_moving {
+            if self.n_below > 0 {
+                *self = Self { n_above: self.n_below, n_gap: 0, n_below: 0 };
+            }
+            self.n_gap += u32::from(self.n_above > 0);
+            if self.n_gap as f32 > GREATEST_BRIDGE * self.n_above as f32 {
+                *self = Self::default();
+            }
+            return (0, 0);
+        }
+        if self.n_gap == 0 {
+            self.n_above += 1;
+            return (0, 0);
+        }
+        self.n_below += 1;
+        if self.n_gap as f32 > GREATEST_BRIDGE * self.n_below as f32 {
+            return (0, 0);
+        }
+        let gap = (y + 1 - self.n_below - self.n_gap, self.n_gap);
+        *self = Self { n_above: self.n_above + self.n_gap + self.n_below, ..Self::default() };
+        gap
+    }
+}
+
 /// Shadow beneath a piece is its legs if it is at least this share of the piece's height ...
 const LEAST_LEGS: f32 = 0.25;
 
@@ -212,6 +273,27 @@ impl Column {
 mod tests {
     use super::super::drawn::{drawn, shown};
     use super::*;
+
+    #[test]
+    fn a_narrow_gap_in_a_column_of_body_is_body() {
+        let check = |column: &str, expected: &str| {
+            let upright: Vec<String> = column.chars().map(String::from).collect();
+            let (mut moving, shadow) = drawn(&upright.join(" "));
+            bridge_gaps(&mut moving);
+            assert_eq!(shown(&moving, &shadow).replace(' ', ""), expected, "{column}");
+        };
+        check("########..########", "##################");
+        // Wider than a quarter of what is above, or beneath.
+        check("########...############", "########...############");
+        check("########..#######", "########..#######");
+        check("###.####", "###.####");
+        // What was bridged counts as body for the next gap.
+        check("####.####.####", "##############");
+        // A gap that is none by what is above it begins anew beneath.
+        check("###...####.####", "###...#########");
+        check("....", "....");
+        check("####.###", "####.###");
+    }
 
     #[test]
     fn shadow_within_a_column_of_body_is_body() {

@@ -8,7 +8,9 @@ use super::enlarge::Enlarger;
 use super::fill::{Closing, Holes};
 use super::label::Judge;
 use super::majority::Majority;
-use super::repair::{Surroundings, restore_enclosed_shadow, restore_legs};
+use super::memory::Memory;
+use super::repair::{Surroundings, bridge_gaps, restore_enclosed_shadow, restore_legs};
+use super::shadow::Shadows;
 use super::soft::soften;
 use super::split::Splitter;
 use super::{Blob, PixelRect};
@@ -36,13 +38,18 @@ pub struct Segmentation {
 
 /// Finds what moves; keeps its memory from frame to frame.
 ///
-/// Nothing that a later frame finds depends on an earlier one, but where blinking pixels are suppressed.
+/// What a later frame finds depends on earlier ones by the noise that they had, by pixels whose verdict turned again and again, and by
+/// the attenuations of their shadows.
 #[derive(Debug)]
 pub struct Segmenter {
     /// As they were given.
     settings: SegmentSettings,
     majority: Majority,
     judge: Judge,
+    memory: Memory,
+    /// Says that frames are looked at in any order, so that none teaches anything.
+    is_review: bool,
+    shadows: Shadows,
     surroundings: Surroundings,
     holes: Holes,
     closing: Closing,
@@ -65,6 +72,9 @@ impl Segmenter {
             judge: Judge::new(),
             settings: settings.clone(),
             majority: Majority::default(),
+            memory: Memory::default(),
+            is_review: false,
+            shadows: Shadows::default(),
             surroundings: Surroundings::default(),
             holes: Holes::default(),
             closing: Closing::default(),
@@ -76,6 +86,24 @@ impl Segmenter {
             hidden: None,
             pool: BufferPool::new(MAX_SPARE_MASKS),
         }
+    }
+
+    /// Returns the same segmenter for frames in any order: it takes from its memory and adds nothing to it.
+    #[must_use]
+    pub const fn for_review(mut self) -> Self {
+        self.is_review = true;
+        self
+    }
+
+    /// Returns what the next verdict takes from earlier frames.
+    #[must_use]
+    pub const fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// As [`Self::memory`], to be changed or exchanged.
+    pub const fn memory_mut(&mut self) -> &mut Memory {
+        &mut self.memory
     }
 
     /// Goes on with other settings from the next frame on.
@@ -147,7 +175,7 @@ impl Segmenter {
 
     /// Finds what moves in `frame` before `background` (Y, U and V of the background picture, in the frame's own
     /// matrix and range); `unmatched` is the mixture's verdict, 1 where no background mode matched. `dt_secs` is the
-    /// time since the frame before, which only the suppression of blinking pixels asks for.
+    /// time since the frame before, which counts of turning pixels ask for.
     ///
     /// **Cost** of little but the pixels that may be foreground, with the rule `require`; linear in all pixels with the
     /// others, with closing and with the suppression of blinking pixels. Once the first frames have passed, nothing is
@@ -191,11 +219,24 @@ impl Segmenter {
             if self.settings.mixture == MixtureRule::Ignore { unmatched } else { self.majority.bits() };
         let sigma_px = self.settings.blur_sigma_px_in(size_px);
         self.judge.set_blur(sigma_px / f64::from(factor));
-        self.judge.judge(&pair, colors, majority, &self.settings);
+        self.judge.judge(&pair, colors, (majority, &self.memory), &self.settings);
         self.moving.clone_from(&self.judge.moving);
         self.shadow.clone_from(&self.judge.shadow);
         if self.settings.suppress_blinking {
             self.blinking.observe(&self.moving, dt_secs);
+        }
+        if self.settings.shadow_darkest < 1.0 {
+            let (black_code, luma_codes, _) = frame.range().luma_offset_luma_scale_chroma_scale();
+            let least_codes = 0.5 * self.settings.delta() as f32 * luma_codes;
+            let masks = (&mut self.moving, &mut self.shadow);
+            let with = (&mut self.pieces.components, &self.memory.attenuations);
+            self.shadows.judge(&pair, (black_code, least_codes), masks, with);
+        }
+        if !self.is_review {
+            self.judge.teach(&pair, colors, dt_secs, &mut self.memory);
+            if self.settings.shadow_darkest < 1.0 {
+                self.shadows.teach(&mut self.memory.attenuations);
+            }
         }
         self.repair(factor);
         self.leave_hidden_out();
@@ -224,6 +265,7 @@ impl Segmenter {
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
             self.surroundings.restore(&mut self.moving, &mut self.shadow, &mut self.pieces.components);
         }
+        bridge_gaps(&mut self.moving);
         let close_radius_px = (self.settings.close_radius_px + factor / 2) / factor;
         if close_radius_px > 0 {
             self.closing.close(&mut self.moving, close_radius_px);
@@ -240,7 +282,7 @@ impl Segmenter {
     /// Makes background of the pieces that are too small, hardly differ, or blink.
     fn drop_pieces(&mut self, limits: &Limits) {
         let (strong, blinking) = (&self.judge.strong, &self.blinking);
-        let has_hysteresis = self.settings.delta_high > self.settings.delta;
+        let has_hysteresis = self.settings.delta_high > self.settings.delta();
         for piece_idx in 0..self.pieces.components.pieces().len() {
             let runs = self.pieces.runs(piece_idx);
             let n_strong = |run: &Run| strong.count_run(run.y as usize, run.start as usize, run.end as usize);
@@ -604,8 +646,9 @@ mod tests {
     }
 
     #[test]
-    fn memory_does_not_carry_over_to_another_frame_or_size() {
-        let settings = SegmentSettings::default();
+    fn scratch_does_not_carry_over_to_another_frame_or_size() {
+        // A threshold that is set follows nothing that is remembered.
+        let settings = SegmentSettings { delta: Some(SegmentSettings::DELTA), ..SegmentSettings::default() };
         let mut used = Segmenter::new(&settings);
         let sizes = [(96, 80), (31, 29), (80, 96), (96, 80)];
         for (width, height) in sizes {

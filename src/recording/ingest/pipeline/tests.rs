@@ -251,22 +251,52 @@ fn bytes_that_are_no_checkpoint_change_nothing() {
         one.process(frame(96, 64, number));
     }
     let good = one.checkpoint().unwrap();
-    let mut other_version = good.clone();
-    other_version[4] = 2;
-    let mut other_flags = good.clone();
-    other_flags[MAGIC.len()] = 4;
+    let header_len = MAGIC.len() + 1;
+    let changed = |at: usize, value: u8| {
+        let mut bytes = good.clone();
+        bytes[at] = value;
+        bytes
+    };
     let mut endless = good.clone();
-    endless[MAGIC.len() + 1..MAGIC.len() + 9].fill(0xff);
-    let cut = good[..good.len() - 1].to_vec();
-    let longer = [good.clone(), vec![1]].concat();
-    let often = [&good[..], &good[5..], &good[5..], &good[5..]].concat();
-    for bytes in
-        [vec![], b"vfpl".to_vec(), MAGIC.to_vec(), other_version, other_flags, endless, cut, longer, often]
-    {
-        assert!(one.restore(&bytes).is_err());
+    endless[header_len + 1..header_len + 9].fill(0xff);
+    let models = &good[header_len..];
+    let bad = [
+        ("nothing", vec![]),
+        ("a name alone", MAGIC.to_vec()),
+        ("no model", good[..header_len].to_vec()),
+        ("version 0", changed(MAGIC.len(), 0)),
+        ("a later version", changed(MAGIC.len(), 3)),
+        ("flags that are none", changed(header_len, 8)),
+        ("flags of a later version", changed(MAGIC.len(), 1)),
+        ("no end", endless),
+        ("a byte too few", good[..good.len() - 1].to_vec()),
+        ("a byte too many", [good.as_slice(), &[1]].concat()),
+        ("too many models", [&good, models, models, models].concat()),
+    ];
+    for (what, bytes) in bad {
+        assert!(one.restore(&bytes).is_err(), "{what}");
     }
     assert_eq!(one.checkpoint().unwrap(), good);
     one.restore(&good).unwrap();
+}
+
+/// Builds of before wrote models without what segmentation remembers.
+#[test]
+fn checkpoints_of_version_1_are_taken_over() {
+    let mut one = pipeline();
+    for number in 0..10 {
+        one.process(frame(96, 64, number));
+    }
+    let model = one.current.as_ref().unwrap();
+    let encoded = model.mixture.encode(model.seen.unwrap()).unwrap();
+    let mut old = b"vfpl\x01\x02".to_vec();
+    old.extend((encoded.len() as u64).to_le_bytes());
+    old.extend(&encoded);
+    let mut restored = pipeline();
+    restored.restore(&old).unwrap();
+    let model = restored.current.as_ref().unwrap();
+    assert_eq!(model.mixture.encode(model.seen.unwrap()).unwrap(), encoded);
+    assert_eq!(*restored.segmenter.memory(), Memory::default());
 }
 
 #[test]

@@ -1,0 +1,175 @@
+//! Counts how often each pixel's verdict turns: where leaves, water or a shaking camera make it turn again and again, more difference is
+//! asked for.
+//!
+//! One mask of bits a frame flows in; factors of the threshold flow out. The mask is the verdict by the plain threshold, so that what is
+//! calmed by a raised one is still seen to flicker.
+//!
+//! `[HTR12]` Hofmann, Tiefenbacher and Rigoll 2012, Background segmentation with feedback: the pixel-based adaptive segmenter, section 3:
+//! thresholds that follow how dynamic a background is. Here they follow turns, and on a mixture.
+
+use super::difference::TILE;
+use super::memory::{invalid, read, write_all};
+use crate::frame::BitMask;
+use std::io::{self, Read, Write};
+
+/// What one turn adds to a pixel's count.
+const TURN: u8 = 8;
+
+/// Counts sink by this share in this time: in four seconds to a third.
+const SINKING: u8 = 8;
+const SINK_SECS: f64 = 0.5;
+
+/// Up to this count, three turns in four seconds, a pixel is as any other: those who pass turn it twice each.
+const CALM: u8 = 24;
+
+/// Each so many counts above raise the threshold by itself once more ...
+const STEP: f32 = 32.0;
+
+/// ... up to this factor.
+const GREATEST: f32 = 3.0;
+
+/// Counts of turns; 1 byte a pixel and two bits.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Flicker {
+    before: BitMask,
+    /// Whole tiles, row by row.
+    counts: Vec<u8>,
+    /// Tiles with a count above [`CALM`].
+    is_restless: Vec<bool>,
+    /// Time since the counts last sank.
+    waited_secs: f64,
+}
+
+impl Flicker {
+    /// Takes a frame's foreground, `dt_secs` after the frame before it.
+    pub(super) fn observe(&mut self, foreground: &BitMask, dt_secs: f64) {
+        let n_words = foreground.words().len();
+        if (self.before.width(), self.before.height()) != (foreground.width(), foreground.height()) {
+            self.counts.clear();
+            self.counts.resize(n_words * TILE, 0);
+            self.is_restless.clear();
+            self.is_restless.resize(n_words, false);
+            self.before = foreground.clone();
+            return;
+        }
+        self.sink(dt_secs);
+        for (word, (now, before)) in foreground.words().iter().zip(self.before.words()).enumerate() {
+            let mut turned = now ^ before;
+            while turned != 0 {
+                let count = &mut self.counts[word * TILE + turned.trailing_zeros() as usize];
+                *count = count.saturating_add(TURN);
+                self.is_restless[word] |= *count > CALM;
+                turned &= turned - 1;
+            }
+        }
+        self.before.words_mut().copy_from_slice(foreground.words());
+    }
+
+    fn sink(&mut self, dt_secs: f64) {
+        self.waited_secs += if dt_secs > 0.0 { dt_secs.min(60.0) } else { 0.0 };
+        while self.waited_secs >= SINK_SECS {
+            self.waited_secs -= SINK_SECS;
+            for count in &mut self.counts {
+                *count -= count.div_ceil(SINKING);
+            }
+            for (is_restless, counts) in self.is_restless.iter_mut().zip(self.counts.chunks_exact(TILE)) {
+                *is_restless = *is_restless && counts.iter().any(|count| *count > CALM);
+            }
+        }
+    }
+
+    pub(super) fn len_bytes(&self) -> usize {
+        self.counts.len() + self.is_restless.len() + size_of_val(self.before.words())
+    }
+
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        out.write_all(&[u8::from(!self.counts.is_empty())])?;
+        if self.counts.is_empty() {
+            return Ok(());
+        }
+        out.write_all(&self.waited_secs.to_le_bytes())?;
+        write_all(out, self.before.words().iter().map(|word| word.to_le_bytes()))?;
+        out.write_all(&self.counts)
+    }
+
+    pub(super) fn read(from: &mut impl Read, (width, height): (u32, u32)) -> io::Result<Self> {
+        match read(from)? {
+            [0] => return Ok(Self::default()),
+            [1] => {}
+            _ => return Err(invalid("turns were neither counted nor not")),
+        }
+        let waited_secs = f64::from_le_bytes(read(from)?);
+        if !(0.0..SINK_SECS).contains(&waited_secs) {
+            return Err(invalid("the time since counts of turns sank is not within half a second"));
+        }
+        let mut before = BitMask::new(width, height);
+        for word in before.words_mut() {
+            *word = u32::from_le_bytes(read(from)?);
+        }
+        let mut counts = vec![0; before.words().len() * TILE];
+        from.read_exact(&mut counts)?;
+        let is_restless = counts.chunks_exact(TILE).map(|counts| counts.iter().any(|count| *count > CALM));
+        Ok(Self { is_restless: is_restless.collect(), before, counts, waited_secs })
+    }
+
+    /// Returns the factors of the thresholds of a tile of a picture of so many words; none where all of them are 1.
+    #[inline(always)]
+    pub(super) fn factors(&self, word: usize, n_words: usize) -> Option<[f32; TILE]> {
+        if self.is_restless.len() != n_words || !self.is_restless[word] {
+            return None;
+        }
+        let counts = &self.counts[word * TILE..][..TILE];
+        let mut factors = [1.0; TILE];
+        for i in 0..TILE {
+            factors[i] = (1.0 + f32::from(counts[i].saturating_sub(CALM)) / STEP).min(GREATEST);
+        }
+        Some(factors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The factor of column 5 of a 40 x 2 picture after these frames, each whether it is foreground there, ten a second.
+    fn factor(frames: impl Iterator<Item = bool>) -> f32 {
+        let mut flicker = Flicker::default();
+        for is_foreground in frames {
+            let mut mask = BitMask::new(40, 2);
+            if is_foreground {
+                mask.set_run(1, 4, 9);
+            }
+            flicker.observe(&mask, 0.1);
+        }
+        let n_words = BitMask::new(40, 2).words().len();
+        flicker.factors(n_words / 2, n_words).map_or(1.0, |factors| factors[5])
+    }
+
+    #[test]
+    fn what_flickers_is_asked_for_more_and_who_passes_is_not() {
+        // Three times a second there and back.
+        assert!(factor((0..100).map(|frame| frame % 4 < 2)) > 1.8);
+        // Somebody every three seconds, and one who stays.
+        assert!((factor((0..300).map(|frame| frame % 30 < 8)) - 1.0).abs() < 1e-6);
+        assert!((factor((0..300).map(|frame| frame > 50)) - 1.0).abs() < 1e-6);
+        // What flickered once is as any other after half a minute.
+        assert!((factor((0..400).map(|frame| frame < 100 && frame % 4 < 2)) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn time_that_stands_or_leaps_is_harmless_and_another_size_begins_anew() {
+        let mut flicker = Flicker::default();
+        for frame in 0..1000 {
+            let mut mask = BitMask::new(40, 2);
+            if frame % 2 == 0 {
+                mask.set_run(0, 0, 40);
+            }
+            flicker.observe(&mask, [0.0, -5.0, f64::NAN][frame % 3]);
+        }
+        let n_words = BitMask::new(40, 2).words().len();
+        assert_eq!(flicker.factors(0, n_words).map(|factors| factors[0]), Some(GREATEST));
+        flicker.observe(&BitMask::new(40, 2), 1e9);
+        assert_eq!(flicker.factors(0, n_words), None);
+        assert_eq!(flicker.factors(0, n_words + 1), None);
+    }
+}

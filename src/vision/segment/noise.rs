@@ -1,0 +1,184 @@
+//! Estimates the noise by the background's luma where nothing moves, and how much difference is foreground before it.
+//!
+//! Light scales what is seen: before a dark background the same thing differs by fewer codes. So the threshold falls with luma below
+//! mid-grey, as far as the noise that is there allows.
+
+use super::difference::{ChannelGains, Pair, TILE};
+use super::label::unblurred;
+use super::memory::{invalid, read, write_all};
+use crate::frame::BitMask;
+use std::io::{self, Read, Write};
+
+/// Bins of luma, each so many codes.
+const N_BINS: usize = 8;
+const BIN_CODES: usize = 256 / N_BINS;
+
+/// Rows and tiles of a row from one that is looked at to the next.
+const ROW_STEP: usize = 7;
+const TILE_STEP: usize = 5;
+
+/// Norms are counted in steps of a 512th of full scale; what is more says nothing of noise.
+const N_STEPS: usize = 64;
+const STEP: f32 = 1.0 / 512.0;
+
+/// Fewer pixels than this in a frame say nothing of a bin.
+const LEAST_PX: u32 = 64;
+
+/// Share by which what is known of a bin follows a frame.
+const FOLLOWING: f32 = 0.05;
+
+/// Luma above black, codes, from which on the threshold is the setting's.
+const FULL_CODES: f32 = 100.0;
+
+/// The threshold is at least so many standard deviations of the noise, and at least this share of the setting.
+const DEVIATIONS: f32 = 5.0;
+const LEAST_SHARE: f32 = 0.2;
+
+/// Standard deviations by luma, share of full scale.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Noise {
+    deviations: [Option<f32>; N_BINS],
+    /// Counts frames, so that each looks at other tiles.
+    turn: u32,
+}
+
+impl Noise {
+    /// Looks at some of the pixels that are not foreground.
+    pub(super) fn observe(&mut self, pair: &Pair<'_>, gains: &ChannelGains, foreground: &BitMask) {
+        let background = pair.background[0];
+        let mut counts = [[0_u32; N_STEPS]; N_BINS];
+        self.turn = self.turn.wrapping_add(1);
+        let turn = self.turn as usize;
+        for y in (turn % ROW_STEP..background.height as usize).step_by(ROW_STEP) {
+            let (bits, codes) = (foreground.row(y), background.row(y as u32));
+            for word in ((turn + y) % TILE_STEP..bits.len()).step_by(TILE_STEP) {
+                if bits[word] != 0 {
+                    continue;
+                }
+                let norm = gains.norm(&unblurred(pair, word, y));
+                for (code, norm) in codes[word * TILE..].iter().zip(norm) {
+                    // What is more than the last step counts in none.
+                    let count = counts[usize::from(*code) / BIN_CODES].get_mut((norm / STEP) as usize);
+                    *count.unwrap_or(&mut 0) += 1;
+                }
+            }
+        }
+        for (known, counts) in self.deviations.iter_mut().zip(&counts) {
+            let n: u32 = counts.iter().sum();
+            if n < LEAST_PX {
+                continue;
+            }
+            let found = 1.4826 * median(counts, n);
+            *known = Some(known.map_or(found, |known| known + FOLLOWING * (found - known)));
+        }
+    }
+
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        write_all(out, self.deviations.map(|known| known.unwrap_or(f32::NAN).to_le_bytes()))?;
+        out.write_all(&self.turn.to_le_bytes())
+    }
+
+    pub(super) fn read(from: &mut impl Read) -> io::Result<Self> {
+        let mut noise = Self::default();
+        for known in &mut noise.deviations {
+            let deviation = f32::from_le_bytes(read(from)?);
+            *known = (!deviation.is_nan()).then_some(deviation);
+            if known.is_some_and(|deviation| !(0.0..=1.0).contains(&deviation)) {
+                return Err(invalid("a deviation of the noise is not within full scale"));
+            }
+        }
+        noise.turn = u32::from_le_bytes(read(from)?);
+        Ok(noise)
+    }
+
+    /// Returns the factors of the threshold `delta` by codes of the background's luma, where differences are blurred with a Gaussian of
+    /// `sigma_px`; black has the code `black_code`.
+    pub(super) fn factors(&self, delta: f32, sigma_px: f64, black_code: f32) -> [f32; 256] {
+        // What a Gaussian leaves of the deviation of noise that no neighbours share: 1 / (2 sqrt(pi) sigma).
+        let kept = (0.282_095 / sigma_px.max(0.282_095)) as f32;
+        let mut factors = [1.0; 256];
+        for (code, factor) in factors.iter_mut().enumerate() {
+            let Some(deviation) = self.deviations[code / BIN_CODES] else { continue };
+            let least = (DEVIATIONS * kept * deviation / delta).max(LEAST_SHARE);
+            *factor = ((code as f32 - black_code) / FULL_CODES).max(least).min(1.0);
+        }
+        factors
+    }
+}
+
+/// The median of norms by their histogram.
+fn median(counts: &[u32; N_STEPS], n: u32) -> f32 {
+    let (mut below, half) = (0.0, 0.5 * n as f32);
+    for (step, count) in counts.iter().enumerate() {
+        let count = *count as f32;
+        if below + count >= half {
+            return STEP * (step as f32 + (half - below) / count.max(1.0));
+        }
+        below += count;
+    }
+    STEP * N_STEPS as f32
+}
+
+#[cfg(test)]
+impl Noise {
+    pub(super) fn known(deviations: &[Option<f32>]) -> Self {
+        let mut noise = Self::default();
+        noise.deviations[..deviations.len()].copy_from_slice(deviations);
+        noise
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+
+    /// What is known after pictures whose luma lies off their background of `luma` by at most `off` codes.
+    fn noise(luma: u8, off: i32, n_pictures: u32) -> Noise {
+        let (width, height) = (320, 240);
+        let background =
+            YuvImage::filled(width, height, [luma, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        let gains = ChannelGains::new(ColorMatrix::Bt601, ColorRange::Limited);
+        let mut noise = Noise::default();
+        for seed in 0..n_pictures {
+            let mut data = vec![128; YuvLayout::packed_len(width, height)];
+            for (i, code) in data[..(width * height) as usize].iter_mut().enumerate() {
+                let hash = (i as u32 + seed * 7919).wrapping_mul(0x9e37_79b9) >> 8;
+                *code = (i32::from(luma) + hash as i32 % (2 * off + 1) - off) as u8;
+            }
+            let layout = YuvLayout::packed(width, height);
+            let frame = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+            let planes = |of: &'_ YuvImage| [0, 1, 2].map(|plane| of.plane(plane).width);
+            assert_eq!(planes(&frame), planes(&background));
+            let pair = Pair {
+                frame: [0, 1, 2].map(|plane| frame.plane(plane)),
+                background: [0, 1, 2].map(|plane| background.plane(plane)),
+            };
+            noise.observe(&pair, &gains, &BitMask::new(width, height));
+        }
+        noise
+    }
+
+    #[test]
+    fn dark_backgrounds_need_less_difference_and_bright_ones_what_was_set() {
+        let dark = noise(40, 1, 20).factors(0.12, 1.0, 16.0);
+        assert!((dark[41] - 0.25).abs() < 0.01, "{}", dark[41]);
+        // The bin of the darkest codes had no pixels.
+        assert_eq!((dark[17], dark[32 + 1]), (1.0, LEAST_SHARE));
+        // Nothing is known of other lumas: there it is what was set.
+        assert_eq!((dark[20 + 32 * 2], dark[255]), (1.0, 1.0));
+        let bright = noise(160, 1, 20).factors(0.12, 1.0, 16.0);
+        assert_eq!(bright[165], 1.0);
+    }
+
+    #[test]
+    fn noise_keeps_the_threshold_up_and_blur_calms_it() {
+        let noisy = noise(40, 12, 20);
+        let [plain, blurred] = [0.0, 2.0].map(|sigma_px| noisy.factors(0.12, sigma_px, 16.0)[40]);
+        // The median of 0 to 12 codes is 6: 1.4826 * 6 / 219 * 5 / 0.12 is more than 1.
+        assert_eq!(plain, 1.0);
+        let expected = 5.0 * 0.141 * 1.4826 * 6.0 / 219.0 / 0.12;
+        assert!((blurred - expected).abs() < 0.1 * expected, "{blurred}, not {expected}");
+        assert!(noisy.factors(0.001, 0.0, 16.0).iter().all(|factor| factor.is_finite() && *factor <= 1.0));
+    }
+}

@@ -1,0 +1,716 @@
+//! Tells shadows among their candidates: by the structure of what they lie on, by one attenuation, and by an owner.
+//!
+//! Candidates (pixels that are darker than their background and kept its chromaticity) flow in with the frame and its
+//! background; what is no shadow moves from their bits to those of what moves. Within a shadow, what the frame is of its
+//! background changes little from pixel to pixel, however much the background does; a thing hides the background, so there the
+//! frame itself changes less than its ratio to the background. Medians over a region's neighbours tell which. Where neither
+//! changes by more than noise, a region is shadow only at the feet of something that moves, or if its attenuation is one that
+//! shadows with structure have had here.
+//!
+//! `[SSL12]` Sanin, Sanderson and Lovell 2012, Shadow detection: a survey and comparative evaluation of recent methods, section
+//! 2.5: candidates by chromaticity, regions of them, and how well their texture is the background's.
+
+use super::components::{Components, Connectivity, Piece, Run, Wanted};
+use super::difference::Pair;
+use super::memory::{invalid, read, write_all};
+use crate::frame::{BitMask, Plane};
+use std::io::{self, Read, Write};
+
+/// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
+const CELL_PX: u32 = 6;
+
+/// Neighbouring cells whose attenuations differ by less than this (of their natural logarithms) are one region ...
+const GREATEST_STEP: f32 = 0.10;
+
+/// ... and a cell of fewer pixels says nothing of its attenuation.
+const LEAST_CELL_PX: u32 = 4;
+
+/// Bins of how much neighbours differ (of natural logarithms of luma): a hundredth each, the last for all that is more.
+const N_STEPS: usize = 32;
+
+/// Steps of the frame over its background are so much smaller than those of the frame alone where the background's structure is
+/// kept, and so much larger where it is hidden.
+const CLEARLY: f32 = 0.75;
+
+/// Medians of steps below this are no structure, or below so many times what the noise makes.
+const PLAIN: f32 = 0.065;
+const PLAIN_IN_NOISE: f32 = 1.5;
+
+/// Fewer steps than this in a region say nothing.
+const LEAST_STEPS: u32 = 12;
+
+/// Bins of attenuations, from 0 to 1.
+const N_BINS: usize = 32;
+
+/// Share by which what was learned fades with each frame in which a shadow was certain.
+const FADING: f32 = 1.0 / 256.0;
+
+/// Least learned weight for an attenuation to be believed, of all there is.
+const LEAST_SHARE: f32 = 0.08;
+
+/// Pixels of certain shadow, faded, that must have been seen before attenuations are believed at all.
+const LEAST_LEARNED_PX: f32 = 2000.0;
+
+/// A shadow without structure is at most so many times as large as what moves beside it.
+const MOST_OWNERS: u32 = 3;
+
+/// ... and lies beneath this share of its height, unless its attenuation is one that shadows have here.
+const LEAST_LOW: f32 = 0.6;
+
+/// ... and with structure of its own, as where feet touch the ground and darken it, beneath this share.
+const LEAST_LOW_OWN: f32 = 0.8;
+
+/// Standard deviations of a region's rows from their mean up to its top.
+const DEVIATIONS_TO_TOP: f64 = 1.4;
+
+/// Sums over the pixels of a cell or a region.
+#[derive(Clone, Copy, Debug)]
+struct Sums {
+    n_px: u32,
+    /// Luma above black, of the frame and of the background.
+    frame: f32,
+    background: f32,
+    /// Rows, and their squares.
+    rows: f64,
+    squared_rows: f64,
+    n_steps: u32,
+    /// Steps between neighbours by their size: of the frame, and of the frame over its background.
+    of_frame: [u16; N_STEPS],
+    of_ratio: [u16; N_STEPS],
+    of_background: [u16; N_STEPS],
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        let none = [0; N_STEPS];
+        Self {
+            n_px: 0,
+            frame: 0.0,
+            background: 0.0,
+            rows: 0.0,
+            squared_rows: 0.0,
+            n_steps: 0,
+            of_frame: none,
+            of_ratio: none,
+            of_background: none,
+        }
+    }
+}
+
+/// The median of steps, by their histogram.
+fn median(counts: &[u16; N_STEPS], n: u32) -> f32 {
+    let mut below = 0.0;
+    let half = 0.5 * n as f32;
+    for (step, count) in counts.iter().enumerate() {
+        let count = f32::from(*count);
+        if below + count >= half {
+            return 0.01 * (step as f32 + (half - below) / count.max(1.0));
+        }
+        below += count;
+    }
+    0.01 * N_STEPS as f32
+}
+
+impl Sums {
+    fn add(&mut self, other: &Self) {
+        self.n_px += other.n_px;
+        self.frame += other.frame;
+        self.background += other.background;
+        self.rows += other.rows;
+        self.squared_rows += other.squared_rows;
+        self.n_steps += other.n_steps;
+        for step in 0..N_STEPS {
+            self.of_frame[step] = self.of_frame[step].saturating_add(other.of_frame[step]);
+            self.of_ratio[step] = self.of_ratio[step].saturating_add(other.of_ratio[step]);
+            self.of_background[step] = self.of_background[step].saturating_add(other.of_background[step]);
+        }
+    }
+
+    /// Returns the row above which few pixels lie: of what is evenly long, a tenth of it.
+    fn top(&self) -> f32 {
+        let n = f64::from(self.n_px.max(1));
+        let mean = self.rows / n;
+        let variance = (self.squared_rows / n - mean * mean).max(0.0);
+        (mean - DEVIATIONS_TO_TOP * variance.sqrt()) as f32
+    }
+
+    fn attenuation(&self) -> f32 {
+        (self.frame / self.background.max(1.0)).clamp(0.0, 1.0)
+    }
+}
+
+/// What a region's structure says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Structure {
+    /// That of the background.
+    Kept,
+    /// Another than the background's.
+    Other,
+    /// One where the background has none.
+    Own,
+    /// None that the noise leaves.
+    None,
+}
+
+/// Judges by the steps of a region whose pixels have noise of `variance` (codes squared).
+fn structure(sums: &Sums, variance: f32) -> Structure {
+    if sums.n_steps < LEAST_STEPS {
+        return Structure::None;
+    }
+    let [frame, ratio, background] =
+        [&sums.of_frame, &sums.of_ratio, &sums.of_background].map(|counts| median(counts, sums.n_steps));
+    // The median of the difference of two pixels with this noise.
+    let luma = sums.frame / sums.n_px as f32;
+    let noise = 0.6745 * (2.0 * variance).sqrt() / luma.max(1.0);
+    let plain = PLAIN.max(PLAIN_IN_NOISE * noise);
+    if frame < plain && ratio < plain {
+        return Structure::None;
+    }
+    if ratio < CLEARLY * frame {
+        Structure::Kept
+    } else if background < plain {
+        Structure::Own
+    } else {
+        Structure::Other
+    }
+}
+
+/// Cells of one piece that have about one attenuation.
+#[derive(Clone, Copy, Debug)]
+struct Region {
+    sums: Sums,
+    structure: Structure,
+    /// The largest piece of what moves that it touches.
+    owner_idx: Option<u32>,
+    is_shadow: bool,
+}
+
+/// Where the cells of a piece are.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    first: usize,
+    columns: usize,
+    left: u32,
+    top: u32,
+}
+
+impl Place {
+    fn cell(&self, x: u32, y: u32) -> usize {
+        self.first + ((y - self.top) / CELL_PX) as usize * self.columns + ((x - self.left) / CELL_PX) as usize
+    }
+
+    /// Calls `of` with the cells of a run and the columns within each.
+    fn cells(&self, run: &Run, mut of: impl FnMut(usize, u32, u32)) {
+        let mut x = run.start;
+        while x < run.end {
+            let next = (self.left + ((x - self.left) / CELL_PX + 1) * CELL_PX).min(run.end);
+            of(self.cell(x, run.y), x, next);
+            x = next;
+        }
+    }
+}
+
+/// Judges candidates; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Shadows {
+    /// Candidates that are darker themselves.
+    darker: BitMask,
+    places: Vec<Place>,
+    cells: Vec<Sums>,
+    parents: Vec<u32>,
+    region_of: Vec<u32>,
+    regions: Vec<Region>,
+    /// What moves, while owners are looked for.
+    owners: Components,
+    /// Where the runs of each row begin in it; one more at the end.
+    rows: Vec<u32>,
+}
+
+/// Pixels of certain shadow by their attenuation, faded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Attenuations([f32; N_BINS]);
+
+fn bin(attenuation: f32) -> usize {
+    ((attenuation * N_BINS as f32) as usize).min(N_BINS - 1)
+}
+
+impl Attenuations {
+    /// Learns those of regions that are certainly shadow.
+    fn learn(&mut self, regions: &[Region]) {
+        let is_certain = |region: &&Region| region.structure == Structure::Kept;
+        if !regions.iter().any(|region| is_certain(&region)) {
+            return;
+        }
+        for learned in &mut self.0 {
+            *learned *= 1.0 - FADING;
+        }
+        for region in regions.iter().filter(is_certain) {
+            self.0[bin(region.sums.attenuation())] += region.sums.n_px as f32;
+        }
+    }
+
+    /// Returns whether shadows have had about this attenuation.
+    fn is_believed(&self, attenuation: f32) -> bool {
+        let all: f32 = self.0.iter().sum();
+        let at = bin(attenuation);
+        let near: f32 = self.0[at.saturating_sub(1)..(at + 2).min(N_BINS)].iter().sum();
+        all >= LEAST_LEARNED_PX && near >= LEAST_SHARE * all
+    }
+
+    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        write_all(out, self.0.map(f32::to_le_bytes))
+    }
+
+    pub(super) fn read(from: &mut impl Read) -> io::Result<Self> {
+        let mut learned = Self::default();
+        for px in &mut learned.0 {
+            *px = f32::from_le_bytes(read(from)?);
+            if !(px.is_finite() && *px >= 0.0) {
+                return Err(invalid("pixels of shadow by their attenuation are no number of pixels"));
+            }
+        }
+        Ok(learned)
+    }
+}
+
+#[cfg(test)]
+impl Attenuations {
+    pub(super) fn known(attenuation: f32, n_px: f32) -> Self {
+        let mut known = Self::default();
+        known.0[bin(attenuation)] = n_px;
+        known
+    }
+}
+
+impl Shadows {
+    /// Moves what is no shadow from `shadow` to `moving`. `black_code` is luma's code of black; pixels that are darker by less than
+    /// `least_codes` are candidates through the blur alone, and stay what they are. What is
+    /// certainly shadow, [`Self::teach`] can learn from.
+    pub(super) fn judge(
+        &mut self,
+        pair: &Pair<'_>,
+        (black_code, least_codes): (f32, f32),
+        (moving, shadow): (&mut BitMask, &mut BitMask),
+        (components, learned): (&mut Components, &Attenuations),
+    ) {
+        self.regions.clear();
+        self.darker.clone_from(shadow);
+        leave_rims_out(pair, least_codes, &mut self.darker);
+        components.find(&self.darker, Wanted::Ones, Connectivity::Four);
+        if components.pieces().is_empty() {
+            return;
+        }
+        let variance = noise_variance(pair, moving, shadow);
+        self.gather(pair, black_code, components);
+        self.join(components, variance);
+        let is_other = |region: &Region| region.structure == Structure::Other;
+        self.move_runs(components, (moving, shadow), is_other);
+        let is_open = |of: &Region| matches!(of.structure, Structure::None | Structure::Own);
+        if self.regions.iter().any(is_open) {
+            self.find_owners(moving, components);
+            self.judge_plain(learned);
+            self.move_runs(components, (moving, shadow), |of| is_open(of) && !of.is_shadow);
+        }
+    }
+
+    /// Lets `learned` learn from what was certainly shadow in the frame that was judged last.
+    pub(super) fn teach(&self, learned: &mut Attenuations) {
+        learned.learn(&self.regions);
+    }
+
+    fn gather(&mut self, pair: &Pair<'_>, black_code: f32, components: &Components) {
+        self.places.clear();
+        let mut n_cells = 0;
+        for piece in components.pieces() {
+            let columns = (piece.right - piece.left).div_ceil(CELL_PX) as usize;
+            self.places.push(Place { first: n_cells, columns, left: piece.left, top: piece.top });
+            n_cells += columns * (piece.bottom - piece.top).div_ceil(CELL_PX) as usize;
+        }
+        self.cells.clear();
+        self.cells.resize(n_cells, Sums::default());
+        let planes = (pair.frame[0], pair.background[0]);
+        for run in components.runs() {
+            let place = self.places[run.piece_idx as usize];
+            place.cells(run, |cell, start, end| {
+                for x in start..end {
+                    gather(
+                        &mut self.cells[cell],
+                        planes,
+                        black_code,
+                        &self.darker,
+                        (x as usize, run.y as usize),
+                    );
+                }
+            });
+        }
+    }
+
+    /// Joins neighbouring cells of about one attenuation to regions, and judges their structure.
+    fn join(&mut self, components: &Components, variance: f32) {
+        let cells = &self.cells;
+        self.parents.clear();
+        self.parents.extend(0..cells.len() as u32);
+        let is_alike = |a: usize, b: usize| {
+            let (a, b) = (&cells[a], &cells[b]);
+            if a.n_px == 0 || b.n_px == 0 {
+                return false;
+            }
+            // What is too small to tell goes with its neighbour.
+            a.n_px < LEAST_CELL_PX
+                || b.n_px < LEAST_CELL_PX
+                || (a.attenuation().max(0.01).ln() - b.attenuation().max(0.01).ln()).abs() < GREATEST_STEP
+        };
+        for (place, piece) in self.places.iter().zip(components.pieces()) {
+            let n_rows = (piece.bottom - piece.top).div_ceil(CELL_PX) as usize;
+            for idx in 0..place.columns * n_rows {
+                let at = place.first + idx;
+                let beside = (idx % place.columns > 0).then(|| at - 1);
+                let above = (idx >= place.columns).then(|| at - place.columns);
+                for other in [beside, above].into_iter().flatten().filter(|other| is_alike(at, *other)) {
+                    let (a, b) = (root(&mut self.parents, at as u32), root(&mut self.parents, other as u32));
+                    self.parents[a.max(b) as usize] = a.min(b);
+                }
+            }
+        }
+        self.regions.clear();
+        self.region_of.clear();
+        self.region_of.resize(cells.len(), 0);
+        for (at, cell) in cells.iter().enumerate() {
+            // Roots come before those beneath them.
+            let of = root(&mut self.parents, at as u32) as usize;
+            if of == at {
+                self.region_of[at] = self.regions.len() as u32;
+                let (sums, structure) = (Sums::default(), Structure::None);
+                self.regions.push(Region { sums, structure, owner_idx: None, is_shadow: false });
+            } else {
+                self.region_of[at] = self.region_of[of];
+            }
+            let region = &mut self.regions[self.region_of[at] as usize];
+            region.sums.add(cell);
+        }
+        for region in &mut self.regions {
+            region.structure = structure(&region.sums, variance);
+            region.is_shadow = region.structure == Structure::Kept;
+        }
+    }
+
+    /// Finds the largest piece of what moves that each region without structure touches.
+    fn find_owners(&mut self, moving: &BitMask, components: &Components) {
+        self.owners.find(moving, Wanted::Ones, Connectivity::Eight);
+        self.rows.clear();
+        self.rows.resize(moving.height() + 1, 0);
+        for run in self.owners.runs() {
+            self.rows[run.y as usize + 1] += 1;
+        }
+        for y in 0..moving.height() {
+            self.rows[y + 1] += self.rows[y];
+        }
+        let n_rows = moving.height() as u32;
+        for run in components.runs() {
+            let place = self.places[run.piece_idx as usize];
+            for y in run.y.saturating_sub(1)..(run.y + 2).min(n_rows) {
+                let runs = self.rows[y as usize] as usize..self.rows[y as usize + 1] as usize;
+                let touching = self.owners.runs()[runs].iter().map(|owner| {
+                    let start = run.start.max(owner.start.saturating_sub(1));
+                    (owner, start)
+                });
+                for (owner, start) in touching.filter(|(owner, start)| *start < run.end.min(owner.end + 1)) {
+                    let region_idx = self.region_of[place.cell(start, run.y)] as usize;
+                    touch(&mut self.regions[region_idx], owner.piece_idx, self.owners.pieces());
+                }
+            }
+        }
+        self.share_owners();
+    }
+
+    /// Gives regions that touch nothing that moves the largest owner of those of their piece.
+    fn share_owners(&mut self) {
+        let ends = self.places.iter().skip(1).map(|place| place.first).chain([self.cells.len()]);
+        for (place, end) in self.places.iter().zip(ends) {
+            let own = &self.region_of[place.first..end];
+            let owners = own.iter().filter_map(|idx| self.regions[*idx as usize].owner_idx);
+            let largest = owners.max_by_key(|owner| self.owners.pieces()[*owner as usize].area_px);
+            for idx in own {
+                let region = &mut self.regions[*idx as usize];
+                region.owner_idx = region.owner_idx.or(largest);
+            }
+        }
+    }
+
+    /// Judges regions without structure.
+    fn judge_plain(&mut self, learned: &Attenuations) {
+        for idx in 0..self.regions.len() {
+            let region = self.regions[idx];
+            let Some(owner) = region.owner_idx.map(|owner| self.owners.pieces()[owner as usize]) else {
+                continue;
+            };
+            if region.sums.n_px > MOST_OWNERS * owner.area_px {
+                continue;
+            }
+            let is_beneath = |share: f32| {
+                region.sums.top() >= owner.top as f32 + share * (owner.bottom - owner.top) as f32
+            };
+            self.regions[idx].is_shadow = match region.structure {
+                Structure::None => is_beneath(LEAST_LOW) || learned.is_believed(region.sums.attenuation()),
+                Structure::Own => is_beneath(LEAST_LOW_OWN),
+                Structure::Kept | Structure::Other => region.is_shadow,
+            };
+        }
+    }
+
+    /// Moves the pixels of some regions from `shadow` to `moving`.
+    fn move_runs(
+        &self,
+        components: &Components,
+        (moving, shadow): (&mut BitMask, &mut BitMask),
+        is_moved: impl Fn(&Region) -> bool,
+    ) {
+        for run in components.runs() {
+            self.places[run.piece_idx as usize].cells(run, |cell, start, end| {
+                if is_moved(&self.regions[self.region_of[cell] as usize]) {
+                    shadow.move_run(moving, run.y as usize, start as usize, end as usize);
+                }
+            });
+        }
+    }
+}
+
+/// Notes a piece that a region touches, if it is the largest so far.
+fn touch(region: &mut Region, owner_idx: u32, pieces: &[Piece]) {
+    let area_px = |idx: u32| pieces[idx as usize].area_px;
+    if region.owner_idx.is_none_or(|known| area_px(known) < area_px(owner_idx)) {
+        region.owner_idx = Some(owner_idx);
+    }
+}
+
+/// Leaves those out of `shadow` whose own luma, unblurred, is darker by less than `least_codes`.
+fn leave_rims_out(pair: &Pair<'_>, least_codes: f32, shadow: &mut BitMask) {
+    let [frame, background] = [pair.frame[0], pair.background[0]];
+    for y in 0..shadow.height() {
+        let (frame, background) = (frame.row(y as u32), background.row(y as u32));
+        for (word, bits) in shadow.row_mut(y).iter_mut().enumerate() {
+            let mut left = *bits;
+            while left != 0 {
+                let x = 32 * word + left.trailing_zeros() as usize;
+                if f32::from(background[x]) - f32::from(frame[x]) < least_codes {
+                    *bits &= !(1 << (x % 32));
+                }
+                left &= left - 1;
+            }
+        }
+    }
+}
+
+fn root(parents: &mut [u32], mut at: u32) -> u32 {
+    while parents[at as usize] != at {
+        let up = parents[at as usize];
+        parents[at as usize] = parents[up as usize];
+        at = up;
+    }
+    at
+}
+
+/// Adds a pixel to its cell.
+#[inline]
+fn gather(
+    cell: &mut Sums,
+    (frame, background): (Plane<'_>, Plane<'_>),
+    black_code: f32,
+    shadow: &BitMask,
+    (x, y): (usize, usize),
+) {
+    let (width, height) = (frame.width as usize, frame.height as usize);
+    let code =
+        |plane: &Plane<'_>, x: usize, y: usize| (f32::from(plane.row(y as u32)[x]) - black_code).max(1.0);
+    let own = (code(&frame, x, y), code(&background, x, y));
+    cell.n_px += 1;
+    cell.frame += own.0;
+    cell.background += own.1;
+    cell.rows += y as f64;
+    cell.squared_rows += (y * y) as f64;
+    for (other_x, other_y) in [(x + 1, y), (x, y + 1)] {
+        if other_x >= width || other_y >= height || !shadow.get(other_x, other_y) {
+            continue;
+        }
+        let of_frame = (code(&frame, other_x, other_y) / own.0).ln();
+        let of_background = (code(&background, other_x, other_y) / own.1).ln();
+        let of_ratio = of_frame - of_background;
+        let bin = |step: f32| ((step.abs() * 100.0) as usize).min(N_STEPS - 1);
+        cell.n_steps += 1;
+        cell.of_frame[bin(of_frame)] += 1;
+        cell.of_ratio[bin(of_ratio)] += 1;
+        cell.of_background[bin(of_background)] += 1;
+    }
+}
+
+/// The variance of a pixel's noise, codes squared: of differences to the background where nothing moves, by their median.
+fn noise_variance(pair: &Pair<'_>, moving: &BitMask, shadow: &BitMask) -> f32 {
+    const STEP: usize = 7;
+    let [frame, background] = [pair.frame[0], pair.background[0]];
+    let mut counts = [0_u32; 256];
+    let mut n = 0;
+    for y in (0..frame.height as usize).step_by(STEP) {
+        let (frame, background) = (frame.row(y as u32), background.row(y as u32));
+        for x in (0..frame.len()).step_by(STEP) {
+            if !moving.get(x, y) && !shadow.get(x, y) {
+                counts[usize::from(frame[x].abs_diff(background[x]))] += 1;
+                n += 1;
+            }
+        }
+    }
+    let mut below = 0;
+    let mut median = 0.0;
+    for (code, count) in counts.iter().enumerate() {
+        if 2 * (below + count) >= n {
+            // Within the code that the median falls into.
+            let share = (0.5 * n as f32 - below as f32) / (*count).max(1) as f32;
+            median = (code as f32 - 0.5 + share).max(0.0);
+            break;
+        }
+        below += count;
+    }
+    let deviation = 1.4826 * median;
+    (deviation * deviation).clamp(0.5, 400.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+
+    const SIZE: (u32, u32) = (64, 64);
+    /// Columns and rows of what is darker, and of what moves above it.
+    const DARKER: [std::ops::Range<usize>; 2] = [20..40, 30..50];
+    const OWNER: [std::ops::Range<usize>; 2] = [24..36, 6..30];
+    const BESIDE: [std::ops::Range<usize>; 2] = [40..52, 6..60];
+
+    fn picture(luma: impl Fn(usize, usize) -> f32) -> YuvImage {
+        let (width, height) = SIZE;
+        let mut data = vec![128; YuvLayout::packed_len(width, height)];
+        for y in 0..height as usize {
+            for x in 0..width as usize {
+                data[y * width as usize + x] = luma(x, y).round() as u8;
+            }
+        }
+        YuvImage::new(YuvLayout::packed(width, height), ColorMatrix::Bt601, ColorRange::Limited, data)
+            .unwrap()
+    }
+
+    /// Returns 0 to 40 codes that neighbours do not share.
+    fn texture(x: usize, y: usize) -> f32 {
+        let mut hash = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b);
+        hash = (hash ^ hash >> 15).wrapping_mul(0xc2b2_ae35);
+        40.0 * ((hash ^ hash >> 13) & 0xff) as f32 / 255.0
+    }
+
+    fn within(place: &[std::ops::Range<usize>; 2], x: usize, y: usize) -> bool {
+        place[0].contains(&x) && place[1].contains(&y)
+    }
+
+    fn mask(place: &[std::ops::Range<usize>; 2]) -> BitMask {
+        let mut mask = BitMask::new(SIZE.0, SIZE.1);
+        for y in place[1].clone() {
+            mask.set_run(y, place[0].start, place[0].end);
+        }
+        mask
+    }
+
+    fn nobody() -> BitMask {
+        BitMask::new(SIZE.0, SIZE.1)
+    }
+
+    /// Returns the share of the candidates that are shadow in the end.
+    fn shadow_share(
+        background: impl Fn(usize, usize) -> f32,
+        darker: impl Fn(usize, usize) -> f32,
+        owner: &BitMask,
+        learned: &mut Attenuations,
+    ) -> f64 {
+        let empty = picture(&background);
+        let seen = picture(|x, y| if within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
+        let pair = Pair {
+            frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+            background: [0, 1, 2].map(|plane| empty.plane(plane)),
+        };
+        let mut moving = owner.clone();
+        let mut shadow = mask(&DARKER);
+        let n = f64::from(shadow.count_ones() as u32);
+        let mut shadows = Shadows::default();
+        let with = (&mut Components::default(), &*learned);
+        shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), with);
+        shadows.teach(learned);
+        f64::from(shadow.count_ones() as u32) / n
+    }
+
+    /// As [`shadow_share`], where nothing was learned before.
+    fn share(
+        background: impl Fn(usize, usize) -> f32,
+        darker: impl Fn(usize, usize) -> f32,
+        owner: &BitMask,
+    ) -> f64 {
+        shadow_share(background, darker, owner, &mut Attenuations::default())
+    }
+
+    #[test]
+    fn a_shadow_keeps_the_structure_of_its_ground_and_a_grey_thing_hides_it() {
+        let ground = |x, y| 110.0 + texture(x, y);
+        for attenuation in [0.55, 0.7, 0.85] {
+            let cast = |x: usize, y: usize| 16.0 + attenuation * (ground(x, y) - 16.0);
+            assert_eq!(share(ground, cast, &mask(&OWNER)), 1.0, "{attenuation}");
+            // The owner may be outside of the picture.
+            assert_eq!(share(ground, cast, &nobody()), 1.0, "{attenuation}");
+        }
+        // As grey as the ground in shadow, plain or with folds of its own.
+        for attenuation in [0.55, 0.7] {
+            let plain = |_, _| 16.0 + attenuation * 114.0;
+            assert_eq!(share(ground, plain, &mask(&OWNER)), 0.0, "{attenuation}");
+            let folds = |x, y| 16.0 + attenuation * (94.0 + texture(y + 31, x + 17));
+            // A lone cell may be alike by chance.
+            assert!(share(ground, folds, &mask(&OWNER)) < 0.1, "{attenuation}");
+        }
+    }
+
+    #[test]
+    fn without_structure_only_what_lies_at_the_feet_of_an_owner_is_shadow() {
+        let ground = |_, _| 130.0;
+        let cast = |_, _| 16.0 + 0.7 * 114.0;
+        assert_eq!(share(ground, cast, &mask(&OWNER)), 1.0);
+        assert_eq!(share(ground, cast, &nobody()), 0.0);
+        // A thing with a texture, on ground without: beside somebody it is none, and under the feet it darkens the ground.
+        let folds = |x, y| 60.0 + texture(x, y);
+        assert_eq!(share(ground, folds, &nobody()), 0.0);
+        assert_eq!(share(ground, folds, &mask(&BESIDE)), 0.0);
+        assert_eq!(share(ground, folds, &mask(&OWNER)), 1.0);
+    }
+
+    #[test]
+    fn attenuations_are_learned_from_what_is_certain_and_sums_stay_finite() {
+        let ground = |x, y| 110.0 + texture(x, y);
+        let cast = |x: usize, y: usize| 16.0 + 0.6 * (ground(x, y) - 16.0);
+        let mut learned = Attenuations::default();
+        for _ in 0..2000 {
+            shadow_share(ground, cast, &mask(&OWNER), &mut learned);
+        }
+        assert!(learned.is_believed(0.6) && !learned.is_believed(0.85) && !learned.is_believed(0.3));
+        assert!(learned.0.iter().all(|px| px.is_finite() && *px < 1e6));
+    }
+
+    #[test]
+    fn what_is_darker_through_the_blur_alone_stays_what_it_is() {
+        let ground = |_, _| 130.0;
+        assert_eq!(share(ground, |_, _| 125.0, &nobody()), 1.0);
+    }
+
+    #[test]
+    fn pictures_of_one_pixel_and_black_ones_are_judged() {
+        assert!(share(|_, _| 0.0, |_, _| 0.0, &mask(&OWNER)).is_finite());
+        let image = YuvImage::filled(1, 1, [90, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        let planes = [0, 1, 2].map(|plane| image.plane(plane));
+        let pair = Pair { frame: planes, background: planes };
+        let (mut moving, mut shadow) = (BitMask::new(1, 1), BitMask::new(1, 1));
+        shadow.set_run(0, 0, 1);
+        let with = (&mut Components::default(), &Attenuations::default());
+        Shadows::default().judge(&pair, (16.0, -1.0), (&mut moving, &mut shadow), with);
+        assert_eq!((moving.count_ones(), shadow.count_ones()), (1, 0));
+    }
+}
