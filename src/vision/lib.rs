@@ -23,6 +23,8 @@ pub mod calibrate;
 
 pub mod background;
 
+pub mod shake;
+
 pub mod segment;
 
 pub mod track;

@@ -3,13 +3,14 @@
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
+mod steady;
 mod zoned;
 
 use super::standing::{SETTLED_SECS, Seen, Standing};
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind};
 use std::sync::Arc;
-use videofields_vision::background::{BackgroundError, Detail, Format, GaussianMixture, Hints};
+use videofields_vision::background::{BackgroundError, Detail, Format, GaussianMixture, Hints, gain_of};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::condition::{Condition, ConditionKind, Conditions, Phase};
 use videofields_vision::config::{
@@ -18,6 +19,7 @@ use videofields_vision::config::{
 use videofields_vision::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::{Memory, Segmenter};
+use videofields_vision::shake::{Shake, Shift, shift_of, steadied};
 use videofields_vision::track::Tracker;
 use zoned::Zoned;
 
@@ -27,8 +29,18 @@ const MAX_ASIDE: usize = 2;
 /// Events that are kept until they are taken; what happens beyond that is lost.
 const MAX_EVENTS: usize = 64;
 
-/// Reduced pictures whose memory waits for the next: one is worked on, and one stays for what it may repeat.
-const MAX_SPARE: usize = 2;
+/// Reduced or shifted pictures whose memory waits for the next: one of each is worked on, and one stays for what it may repeat.
+const MAX_SPARE: usize = 3;
+
+/// Shifted masks whose memory waits for the next, two a frame.
+const MAX_SPARE_MASKS: usize = 4;
+
+/// The light is looked at in every so manieth frame, and followed where it changed by at least this share.
+const LIGHT_FRAMES: u32 = 4;
+const LEAST_GAIN: f32 = 0.02;
+
+/// A background that learned fewer frames than this is no measure of how far a camera shakes.
+const LEAST_LEARNED_FRAMES: u64 = 50;
 
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
@@ -70,8 +82,10 @@ pub struct Pipeline {
     has_vision: bool,
     /// The mask of pictures in which nothing is looked for, which frames share.
     blank: Option<Arc<Mask>>,
-    /// Memory of reduced pictures.
+    /// Memory of reduced pictures, and of those that are shifted back.
     pool: Arc<BufferPool>,
+    /// Memory of masks that are shifted.
+    masks: Arc<BufferPool>,
     /// What nobody may see.
     zoned: Zoned,
 }
@@ -96,6 +110,10 @@ struct Model {
     since_detail_secs: f64,
     /// What was hidden of the pictures that it learned.
     hidden: Option<Arc<ZoneMask>>,
+    /// Measures how far the camera shakes.
+    shake: Shake,
+    /// Frames since the light was looked at.
+    n_since_light: u32,
 }
 
 impl Pipeline {
@@ -116,6 +134,7 @@ impl Pipeline {
             has_vision: true,
             blank: None,
             pool: BufferPool::new(MAX_SPARE),
+            masks: BufferPool::new(MAX_SPARE_MASKS),
             zoned: Zoned::none(),
         }
     }
@@ -287,8 +306,19 @@ impl Pipeline {
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
         model.seen = Some(frame.timestamp);
         let is_held = self.is_review || is_hold && model.has_clip;
+        let shift = if self.is_review { model.shift_alone(image) } else { model.shift(image, dt_secs) };
+        let steady;
+        let image = if shift.is_none() {
+            image
+        } else {
+            steady = Arc::new(steadied(image, model.mixture.background_planes(), shift, &self.pool));
+            &steady
+        };
         model.learned_secs += dt_secs.clamp(0.0, self.settings.max_step_secs);
         let mut foreground_share = 0.0;
+        if !is_held {
+            model.follow_light(image);
+        }
         if is_held {
             model.mixture.classify(image).expect(MODEL_FITS);
         } else {
@@ -317,7 +347,7 @@ impl Pipeline {
             zoned::mark_cut(&mut found.blobs, hidden);
         }
         done(Stage::Segment);
-        let tracks = self.tracker.update(frame.timestamp, size_px, &found.blobs);
+        let mut tracks = self.tracker.update(frame.timestamp, size_px, &found.blobs);
         if !is_held {
             let seen = Seen {
                 camera: &frame.camera,
@@ -337,6 +367,7 @@ impl Pipeline {
                 model.mixture.adopt(image, pixels).expect(MODEL_FITS);
             }
         }
+        steady::shift_back(&mut found, &mut tracks, shift.times(factor as i32), &self.masks);
         if !self.is_review {
             let learned_luma = model.mixture.background_planes()[0];
             for change in
@@ -356,7 +387,9 @@ impl Pipeline {
         done(Stage::Track);
         // A held background never ages; the detail that makes a full picture of it is learned on.
         let max_age_nanos = if is_held && reduced.is_none() { i64::MAX } else { PICTURE_INTERVAL_NANOS };
-        let background = self.shown_background(&frame, reduced.as_deref(), max_age_nanos);
+        // Detail is learned of pictures that are where they belong.
+        let detailed = reduced.as_deref().filter(|_| shift.is_none());
+        let background = self.shown_background(&frame, detailed, max_age_nanos);
         Observation {
             frame,
             soft_mask: Arc::new(found.soft_mask),
@@ -432,6 +465,8 @@ impl Pipeline {
                 detail: None,
                 since_detail_secs: 0.0,
                 hidden: None,
+                shake: Shake::default(),
+                n_since_light: 0,
             },
         };
         let remembered = std::mem::replace(self.segmenter.memory_mut(), std::mem::take(&mut next.memory));
@@ -544,6 +579,8 @@ impl Pipeline {
             since_detail_secs: 0.0,
             // Whatever it was: what is hidden now is taken anew from the next picture.
             hidden: None,
+            shake: Shake::default(),
+            n_since_light: 0,
         })
     }
 }
@@ -559,6 +596,42 @@ fn take_part<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], BackgroundError> {
 }
 
 impl Model {
+    /// Makes the background as light as the whole picture has become, where an exposure creeps or a cloud passes.
+    fn follow_light(&mut self, image: &YuvImage) {
+        self.n_since_light += 1;
+        if self.n_since_light < LIGHT_FRAMES || self.mixture.n_frames() == 0 {
+            return;
+        }
+        self.n_since_light = 0;
+        let (black, ..) = image.range().luma_offset_luma_scale_chroma_scale();
+        let gain = gain_of(image.plane(0), self.mixture.background_planes()[0], black as u8);
+        if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() >= LEAST_GAIN) {
+            self.mixture.scale(gain);
+            // What repeats the last picture is learned anew once: the model is another.
+            self.previous = None;
+        }
+    }
+
+    /// Measures by how much a picture is to be shifted back. What zones hide stays where it is in the picture, so with zones nothing is
+    /// shifted.
+    fn shift(&mut self, image: &YuvImage, dt_secs: f64) -> Shift {
+        if self.hidden.is_some() {
+            return Shift::default();
+        }
+        let frame = image.plane(0);
+        let is_new = self.mixture.n_frames() < LEAST_LEARNED_FRAMES;
+        let place = if is_new { frame } else { self.mixture.background_planes()[0] };
+        self.shake.observe(frame, place, dt_secs)
+    }
+
+    /// As [`Self::shift`], of a picture alone: whatever was seen before it.
+    fn shift_alone(&self, image: &YuvImage) -> Shift {
+        if self.hidden.is_some() || self.mixture.n_frames() == 0 {
+            return Shift::default();
+        }
+        shift_of(image.plane(0), self.mixture.background_planes()[0])
+    }
+
     /// Learns the detail that `reduced` leaves out of `full`, where nothing moves and the background is seen.
     fn look_at_detail(&mut self, full: &YuvImage, reduced: &YuvImage, factor: u32, moving: Option<&BitMask>) {
         let format = Format::of(full);

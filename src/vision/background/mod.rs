@@ -16,6 +16,7 @@
 mod band;
 mod checkpoint;
 mod detail;
+mod gain;
 mod kernel;
 mod light;
 mod mixture;
@@ -30,6 +31,7 @@ mod visit;
 mod pictures;
 
 pub use detail::Detail;
+pub use gain::gain_of;
 pub use mixture::{GaussianMixture, Hints, simd_levels};
 pub use reference::ReferenceMixture;
 

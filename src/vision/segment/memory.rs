@@ -1,26 +1,23 @@
 //! Holds what the verdicts on a frame take from the frames before it, and writes it as bytes.
 //!
 //! ```text
-//! one zstd frame: deviations of the noise (f32 each, NaN where nothing is known), turn (u32),
-//! pixels of certain shadow by attenuation (f32 each), whether turns were counted (u8)
+//! one zstd frame: deviations of the noise (f32 each, NaN where nothing is known), turn (u32), whether turns were counted (u8)
 //! if they were: seconds waited (f64), the last verdict's words (u32 each), counts of turns (u8 each)
 //! ```
 //! All numbers are little-endian.
 
 use super::flicker::Flicker;
 use super::noise::Noise;
-use super::shadow::Attenuations;
 use std::io::{self, Read, Write};
 
 /// The fastest level: counts are mostly zero.
 const LEVEL: i32 = 1;
 
-/// Holds the noise, the pixels whose verdict keeps turning, and the attenuations of shadows of one camera's pictures of one size.
+/// Holds the noise of one camera's pictures of one size, and the pixels whose verdict keeps turning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
     pub(super) noise: Noise,
     pub(super) flicker: Flicker,
-    pub(super) attenuations: Attenuations,
 }
 
 impl Memory {
@@ -38,7 +35,6 @@ impl Memory {
         let mut encoder = zstd::Encoder::new(Vec::new(), LEVEL)?;
         encoder.include_checksum(true)?;
         self.noise.write(&mut encoder)?;
-        self.attenuations.write(&mut encoder)?;
         self.flicker.write(&mut encoder)?;
         encoder.finish()
     }
@@ -50,13 +46,12 @@ impl Memory {
     pub fn decode(bytes: &[u8], size_px: (u32, u32)) -> io::Result<Self> {
         let mut decoder = zstd::Decoder::with_buffer(bytes)?.single_frame();
         let noise = Noise::read(&mut decoder)?;
-        let attenuations = Attenuations::read(&mut decoder)?;
         let flicker = Flicker::read(&mut decoder, size_px)?;
         let mut end = [0; 1];
         if decoder.read(&mut end)? != 0 || !decoder.finish().is_empty() {
             return Err(invalid("bytes follow what segmentation remembers"));
         }
-        Ok(Self { noise, flicker, attenuations })
+        Ok(Self { noise, flicker })
     }
 }
 
@@ -96,7 +91,6 @@ mod tests {
             memory.flicker.observe(&mask, 0.04);
         }
         memory.noise = Noise::known(&[Some(0.01), None, Some(0.5)]);
-        memory.attenuations = Attenuations::known(0.6, 3000.0);
         memory
     }
 
@@ -130,10 +124,9 @@ mod tests {
     #[test]
     fn numbers_that_no_build_writes_are_refused() {
         let mut memory = filled();
-        memory.attenuations = Attenuations::known(0.6, f32::INFINITY);
-        assert!(Memory::decode(&memory.encode().unwrap(), SIZE_PX).is_err());
-        memory = filled();
-        memory.noise = Noise::known(&[Some(-1.0)]);
-        assert!(Memory::decode(&memory.encode().unwrap(), SIZE_PX).is_err());
+        for deviation in [-1.0, 2.0, f32::INFINITY] {
+            memory.noise = Noise::known(&[Some(deviation)]);
+            assert!(Memory::decode(&memory.encode().unwrap(), SIZE_PX).is_err(), "{deviation}");
+        }
     }
 }

@@ -81,7 +81,8 @@ pub(super) fn bridge_gaps(moving: &mut BitMask) {
             }
             is_begun = true;
             for (x, column) in columns.iter_mut().enumerate() {
-                let (first, n_rows) = column.advance(bits & 1 << x != 0, y as u32);
+                let seen = if bits & 1 << x == 0 { Seen::Background } else { Seen::Moving };
+                let (first, n_rows) = column.advance(seen, y as u32);
                 for above in first..first + n_rows {
                     moving.row_mut(above as usize)[word] |= 1 << x;
                 }
@@ -92,8 +93,8 @@ pub(super) fn bridge_gaps(moving: &mut BitMask) {
 
 impl Bridge {
     /// Takes the next pixel downwards, of row `y`; returns the rows of a gap that is body.
-    fn advance(&mut self, is_moving: bool, y: u32) -> (u32, u32) {
-        if !is_moving {
+    fn advance(&mut self, seen: Seen, y: u32) -> (u32, u32) {
+        if seen != Seen::Moving {
             if self.n_below > 0 {
                 *self = Self { n_above: self.n_below, n_gap: 0, n_below: 0 };
             }

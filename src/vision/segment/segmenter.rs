@@ -38,8 +38,8 @@ pub struct Segmentation {
 
 /// Finds what moves; keeps its memory from frame to frame.
 ///
-/// What a later frame finds depends on earlier ones by the noise that they had, by pixels whose verdict turned again and again, and by
-/// the attenuations of their shadows.
+/// What a later frame finds depends on earlier ones by the noise that they had and by pixels whose verdict turned again and again:
+/// [`Memory`].
 #[derive(Debug)]
 pub struct Segmenter {
     /// As they were given.
@@ -229,14 +229,10 @@ impl Segmenter {
             let (black_code, luma_codes, _) = frame.range().luma_offset_luma_scale_chroma_scale();
             let least_codes = 0.5 * self.settings.delta() as f32 * luma_codes;
             let masks = (&mut self.moving, &mut self.shadow);
-            let with = (&mut self.pieces.components, &self.memory.attenuations);
-            self.shadows.judge(&pair, (black_code, least_codes), masks, with);
+            self.shadows.judge(&pair, (black_code, least_codes), masks, &mut self.pieces.components);
         }
         if !self.is_review {
             self.judge.teach(&pair, colors, dt_secs, &mut self.memory);
-            if self.settings.shadow_darkest < 1.0 {
-                self.shadows.teach(&mut self.memory.attenuations);
-            }
         }
         self.repair(factor);
         self.leave_hidden_out();

@@ -1,20 +1,17 @@
-//! Tells shadows among their candidates: by the structure of what they lie on, by one attenuation, and by an owner.
+//! Tells shadows among their candidates: by the structure of what they lie on, and by an owner.
 //!
 //! Candidates (pixels that are darker than their background and kept its chromaticity) flow in with the frame and its
 //! background; what is no shadow moves from their bits to those of what moves. Within a shadow, what the frame is of its
 //! background changes little from pixel to pixel, however much the background does; a thing hides the background, so there the
 //! frame itself changes less than its ratio to the background. Medians over a region's neighbours tell which. Where neither
-//! changes by more than noise, a region is shadow only at the feet of something that moves, or if its attenuation is one that
-//! shadows with structure have had here.
+//! changes by more than noise, a region is shadow only at the feet of something that moves.
 //!
 //! `[SSL12]` Sanin, Sanderson and Lovell 2012, Shadow detection: a survey and comparative evaluation of recent methods, section
 //! 2.5: candidates by chromaticity, regions of them, and how well their texture is the background's.
 
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::difference::Pair;
-use super::memory::{invalid, read, write_all};
 use crate::frame::{BitMask, Plane};
-use std::io::{self, Read, Write};
 
 /// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
 const CELL_PX: u32 = 6;
@@ -39,22 +36,10 @@ const PLAIN_IN_NOISE: f32 = 1.5;
 /// Fewer steps than this in a region say nothing.
 const LEAST_STEPS: u32 = 12;
 
-/// Bins of attenuations, from 0 to 1.
-const N_BINS: usize = 32;
-
-/// Share by which what was learned fades with each frame in which a shadow was certain.
-const FADING: f32 = 1.0 / 256.0;
-
-/// Least learned weight for an attenuation to be believed, of all there is.
-const LEAST_SHARE: f32 = 0.08;
-
-/// Pixels of certain shadow, faded, that must have been seen before attenuations are believed at all.
-const LEAST_LEARNED_PX: f32 = 2000.0;
-
 /// A shadow without structure is at most so many times as large as what moves beside it.
 const MOST_OWNERS: u32 = 3;
 
-/// ... and lies beneath this share of its height, unless its attenuation is one that shadows have here.
+/// ... and lies beneath this share of its height ...
 const LEAST_LOW: f32 = 0.6;
 
 /// ... and with structure of its own, as where feet touch the ground and darken it, beneath this share.
@@ -226,72 +211,15 @@ pub(super) struct Shadows {
     rows: Vec<u32>,
 }
 
-/// Pixels of certain shadow by their attenuation, faded.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Attenuations([f32; N_BINS]);
-
-fn bin(attenuation: f32) -> usize {
-    ((attenuation * N_BINS as f32) as usize).min(N_BINS - 1)
-}
-
-impl Attenuations {
-    /// Learns those of regions that are certainly shadow.
-    fn learn(&mut self, regions: &[Region]) {
-        let is_certain = |region: &&Region| region.structure == Structure::Kept;
-        if !regions.iter().any(|region| is_certain(&region)) {
-            return;
-        }
-        for learned in &mut self.0 {
-            *learned *= 1.0 - FADING;
-        }
-        for region in regions.iter().filter(is_certain) {
-            self.0[bin(region.sums.attenuation())] += region.sums.n_px as f32;
-        }
-    }
-
-    /// Returns whether shadows have had about this attenuation.
-    fn is_believed(&self, attenuation: f32) -> bool {
-        let all: f32 = self.0.iter().sum();
-        let at = bin(attenuation);
-        let near: f32 = self.0[at.saturating_sub(1)..(at + 2).min(N_BINS)].iter().sum();
-        all >= LEAST_LEARNED_PX && near >= LEAST_SHARE * all
-    }
-
-    pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
-        write_all(out, self.0.map(f32::to_le_bytes))
-    }
-
-    pub(super) fn read(from: &mut impl Read) -> io::Result<Self> {
-        let mut learned = Self::default();
-        for px in &mut learned.0 {
-            *px = f32::from_le_bytes(read(from)?);
-            if !(px.is_finite() && *px >= 0.0) {
-                return Err(invalid("pixels of shadow by their attenuation are no number of pixels"));
-            }
-        }
-        Ok(learned)
-    }
-}
-
-#[cfg(test)]
-impl Attenuations {
-    pub(super) fn known(attenuation: f32, n_px: f32) -> Self {
-        let mut known = Self::default();
-        known.0[bin(attenuation)] = n_px;
-        known
-    }
-}
-
 impl Shadows {
     /// Moves what is no shadow from `shadow` to `moving`. `black_code` is luma's code of black; pixels that are darker by less than
-    /// `least_codes` are candidates through the blur alone, and stay what they are. What is
-    /// certainly shadow, [`Self::teach`] can learn from.
+    /// `least_codes` are candidates through the blur alone, and stay what they are.
     pub(super) fn judge(
         &mut self,
         pair: &Pair<'_>,
         (black_code, least_codes): (f32, f32),
         (moving, shadow): (&mut BitMask, &mut BitMask),
-        (components, learned): (&mut Components, &Attenuations),
+        components: &mut Components,
     ) {
         self.regions.clear();
         self.darker.clone_from(shadow);
@@ -308,14 +236,9 @@ impl Shadows {
         let is_open = |of: &Region| matches!(of.structure, Structure::None | Structure::Own);
         if self.regions.iter().any(is_open) {
             self.find_owners(moving, components);
-            self.judge_plain(learned);
+            self.judge_plain();
             self.move_runs(components, (moving, shadow), |of| is_open(of) && !of.is_shadow);
         }
-    }
-
-    /// Lets `learned` learn from what was certainly shadow in the frame that was judged last.
-    pub(super) fn teach(&self, learned: &mut Attenuations) {
-        learned.learn(&self.regions);
     }
 
     fn gather(&mut self, pair: &Pair<'_>, black_code: f32, components: &Components) {
@@ -438,7 +361,7 @@ impl Shadows {
     }
 
     /// Judges regions without structure.
-    fn judge_plain(&mut self, learned: &Attenuations) {
+    fn judge_plain(&mut self) {
         for idx in 0..self.regions.len() {
             let region = self.regions[idx];
             let Some(owner) = region.owner_idx.map(|owner| self.owners.pieces()[owner as usize]) else {
@@ -451,7 +374,7 @@ impl Shadows {
                 region.sums.top() >= owner.top as f32 + share * (owner.bottom - owner.top) as f32
             };
             self.regions[idx].is_shadow = match region.structure {
-                Structure::None => is_beneath(LEAST_LOW) || learned.is_believed(region.sums.attenuation()),
+                Structure::None => is_beneath(LEAST_LOW),
                 Structure::Own => is_beneath(LEAST_LOW_OWN),
                 Structure::Kept | Structure::Other => region.is_shadow,
             };
@@ -620,11 +543,10 @@ mod tests {
     }
 
     /// Returns the share of the candidates that are shadow in the end.
-    fn shadow_share(
+    fn share(
         background: impl Fn(usize, usize) -> f32,
         darker: impl Fn(usize, usize) -> f32,
         owner: &BitMask,
-        learned: &mut Attenuations,
     ) -> f64 {
         let empty = picture(&background);
         let seen = picture(|x, y| if within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
@@ -636,19 +558,8 @@ mod tests {
         let mut shadow = mask(&DARKER);
         let n = f64::from(shadow.count_ones() as u32);
         let mut shadows = Shadows::default();
-        let with = (&mut Components::default(), &*learned);
-        shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), with);
-        shadows.teach(learned);
+        shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), &mut Components::default());
         f64::from(shadow.count_ones() as u32) / n
-    }
-
-    /// As [`shadow_share`], where nothing was learned before.
-    fn share(
-        background: impl Fn(usize, usize) -> f32,
-        darker: impl Fn(usize, usize) -> f32,
-        owner: &BitMask,
-    ) -> f64 {
-        shadow_share(background, darker, owner, &mut Attenuations::default())
     }
 
     #[test]
@@ -684,18 +595,6 @@ mod tests {
     }
 
     #[test]
-    fn attenuations_are_learned_from_what_is_certain_and_sums_stay_finite() {
-        let ground = |x, y| 110.0 + texture(x, y);
-        let cast = |x: usize, y: usize| 16.0 + 0.6 * (ground(x, y) - 16.0);
-        let mut learned = Attenuations::default();
-        for _ in 0..2000 {
-            shadow_share(ground, cast, &mask(&OWNER), &mut learned);
-        }
-        assert!(learned.is_believed(0.6) && !learned.is_believed(0.85) && !learned.is_believed(0.3));
-        assert!(learned.0.iter().all(|px| px.is_finite() && *px < 1e6));
-    }
-
-    #[test]
     fn what_is_darker_through_the_blur_alone_stays_what_it_is() {
         let ground = |_, _| 130.0;
         assert_eq!(share(ground, |_, _| 125.0, &nobody()), 1.0);
@@ -709,8 +608,8 @@ mod tests {
         let pair = Pair { frame: planes, background: planes };
         let (mut moving, mut shadow) = (BitMask::new(1, 1), BitMask::new(1, 1));
         shadow.set_run(0, 0, 1);
-        let with = (&mut Components::default(), &Attenuations::default());
-        Shadows::default().judge(&pair, (16.0, -1.0), (&mut moving, &mut shadow), with);
+        let masks = (&mut moving, &mut shadow);
+        Shadows::default().judge(&pair, (16.0, -1.0), masks, &mut Components::default());
         assert_eq!((moving.count_ones(), shadow.count_ones()), (1, 0));
     }
 }

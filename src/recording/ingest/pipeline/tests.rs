@@ -313,3 +313,115 @@ fn without_vision_pictures_are_passed_on_and_nothing_is_kept_or_copied() {
     let other = pipeline.process(frame(64, 48, 11));
     assert_eq!((other.labels.width, other.labels.height), (64, 48));
 }
+
+/// Returns a place of soft spots, shifted, with somebody who walks before it after a while.
+fn shaken(number: u64, shift: [i32; 2]) -> (Frame, [u32; 4]) {
+    let (width, height) = (320, 240);
+    let spot = |x: i32, y: i32| {
+        let mut hash = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b);
+        hash = (hash ^ hash >> 15).wrapping_mul(0xc2b2_ae35);
+        f64::from((hash ^ hash >> 13) & 0xff)
+    };
+    let place = |x: i32, y: i32| {
+        let (fx, fy) = (f64::from(x) / 9.0, f64::from(y) / 9.0);
+        let (dx, dy) = (fx - fx.floor(), fy - fy.floor());
+        let (x, y) = (fx.floor() as i32, fy.floor() as i32);
+        let upper = spot(x, y) * (1.0 - dx) + spot(x + 1, y) * dx;
+        let lower = spot(x, y + 1) * (1.0 - dx) + spot(x + 1, y + 1) * dx;
+        60.0 + 0.4 * (upper * (1.0 - dy) + lower * dy)
+    };
+    // Nobody is there while the place is learned.
+    let left = if number < 80 { -100 } else { 30 + 2 * (number as i32 - 80) } + shift[0];
+    let top = 80 + shift[1];
+    let mut data = vec![128; YuvLayout::packed_len(width, height)];
+    for (at, code) in data[..(width * height) as usize].iter_mut().enumerate() {
+        let (x, y) = (at as i32 % width as i32, at as i32 / width as i32);
+        let is_body = (left..left + 30).contains(&x) && (top..top + 90).contains(&y);
+        let luma = if is_body { 215.0 } else { place(x - shift[0], y - shift[1]) };
+        *code = luma as u8;
+    }
+    let image =
+        YuvImage::new(YuvLayout::packed(width, height), ColorMatrix::Bt601, ColorRange::Limited, data);
+    let frame = Frame {
+        camera: CameraId::new("cam").unwrap(),
+        timestamp: Timestamp::from_nanos(1_700_000_000_000_000_000 + number as i64 * 40_000_000),
+        number,
+        image: Arc::new(image.unwrap()),
+    };
+    (frame, [left.max(0) as u32, top as u32, 30, 90])
+}
+
+#[test]
+fn somebody_before_a_camera_that_shakes_is_found_where_the_picture_shows_them() {
+    for reach_px in [3, 15] {
+        let mut pipeline = Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default());
+        let (mut n_hit, mut n_found, mut n_true, mut n_near) = (0, 0, 0, 0);
+        for number in 0..200 {
+            let sway = |period: f64| (f64::from(reach_px) * (number as f64 / period).sin()).round() as i32;
+            let (frame, [x, y, width, height]) = shaken(number, [sway(1.7), sway(2.3)]);
+            let found = pipeline.process(frame);
+            if number < 100 {
+                continue;
+            }
+            for (at, label) in found.labels.data.iter().enumerate() {
+                let (column, row) = (at as u32 % 320, at as u32 / 320);
+                let is_body = (x..x + width).contains(&column) && (y..y + height).contains(&row);
+                n_true += u32::from(is_body);
+                n_found += u32::from(*label == 255);
+                n_hit += u32::from(is_body && *label == 255);
+            }
+            n_near += u32::from(found.tracks.iter().any(|track| {
+                track.rect.x.abs_diff(x) <= 4 && track.rect.y.abs_diff(y) <= 4 && track.blob_idx.is_some()
+            }));
+        }
+        let (precision, recall) =
+            (f64::from(n_hit) / f64::from(n_found), f64::from(n_hit) / f64::from(n_true));
+        assert!(
+            precision > 0.9 && recall > 0.9,
+            "{reach_px} px: precision {precision:.3}, recall {recall:.3}"
+        );
+        assert!(n_near > 90, "{reach_px} px: near in {n_near} of 100 frames");
+    }
+}
+
+/// An exposure that creeps up by 14 % within three seconds, as cameras do when something dark enters: nothing is found but who stands.
+#[test]
+fn an_exposure_that_creeps_makes_no_ghosts_and_loses_nobody_who_stands() {
+    let (width, height) = (320_u32, 240_u32);
+    let mut pipeline = Pipeline::new(&BackgroundSettings::default(), &SegmentSettings::default());
+    let (mut n_false, mut n_hit, mut n_true) = (0_u32, 0_u32, 0_u32);
+    for number in 0..400_u64 {
+        let gain = 1.0 + 0.14 * ((number as f32 - 200.0) / 70.0).clamp(0.0, 1.0);
+        let left = (number.max(60) - 60).min(80) as u32 * 2;
+        let is_body =
+            |x: u32, y: u32| number > 60 && (left..left + 24).contains(&x) && (80..170).contains(&y);
+        let mut data = vec![128; YuvLayout::packed_len(width, height)];
+        for (at, code) in data[..(width * height) as usize].iter_mut().enumerate() {
+            let (x, y) = (at as u32 % width, at as u32 / width);
+            // Light walls in the upper half, where 14 % are most.
+            let shade = if y < 120 { 170.0 } else { 90.0 } + ((x / 20 + y / 20) % 3) as f32 * 15.0;
+            let noise = ((at as u64 ^ (number * 7919)).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 62) as f32;
+            *code = (16.0 + gain * (if is_body(x, y) { 20.0 } else { shade }) + noise) as u8;
+        }
+        let image =
+            YuvImage::new(YuvLayout::packed(width, height), ColorMatrix::Bt601, ColorRange::Limited, data);
+        let found = pipeline.process(Frame {
+            camera: CameraId::new("cam").unwrap(),
+            timestamp: Timestamp::from_nanos(1_700_000_000_000_000_000 + number as i64 * 40_000_000),
+            number,
+            image: Arc::new(image.unwrap()),
+        });
+        if number < 200 {
+            continue;
+        }
+        for (at, label) in found.labels.data.iter().enumerate() {
+            let is_true = is_body(at as u32 % width, at as u32 / width);
+            n_true += u32::from(is_true);
+            n_hit += u32::from(is_true && *label == 255);
+            n_false += u32::from(!is_true && *label == 255);
+        }
+    }
+    let [n_false, n_hit, n_true] = [n_false, n_hit, n_true].map(f64::from);
+    assert!(n_hit > 0.95 * n_true, "{n_hit} of {n_true}");
+    assert!(n_false < 0.05 * n_true, "{n_false} beside {n_true}");
+}

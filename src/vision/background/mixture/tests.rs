@@ -532,3 +532,34 @@ fn what_is_held_as_a_whole_keeps_its_weights_through_all_its_turns() {
     assert_eq!(model.first[0].means[0][3], before.first[0].means[0][3]);
     assert!(weight(&before, 0) > 0.3);
 }
+
+#[test]
+fn a_light_that_changed_evenly_scales_every_mode_around_black_and_grey() {
+    for (width, height) in [(1, 1), (70, 5)] {
+        let mut model = GaussianMixture::new(&BackgroundSettings::default(), format(width, height));
+        // Two modes: one place and another in turn.
+        for number in 0..80_u8 {
+            model.update(&filled(width, height, [60 + number % 2 * 80, 100, 150]), 0.1).unwrap();
+        }
+        let black = format(width, height).range.luma_offset_luma_scale_chroma_scale().0;
+        let scaled = |[y, u, v]: [f32; 3], gain: f32| {
+            [black + gain * (y - black), 128.0 + gain * (u - 128.0), 128.0 + gain * (v - 128.0)]
+                .map(|code| code.round() as u8)
+        };
+        model.scale(1.2);
+        for luma in [60.0, 140.0] {
+            model.classify(&filled(width, height, scaled([luma, 100.0, 150.0], 1.2))).unwrap();
+            assert_eq!(model.unmatched().count_ones(), 0, "{luma}");
+        }
+        model.classify(&filled(width, height, [220, 100, 150])).unwrap();
+        assert_eq!(model.unmatched().count_ones(), u64::from(width * height));
+        // Beyond what codes hold, and what is no number.
+        for gain in [1e9, 0.0, -3.0, f32::NAN, f32::INFINITY] {
+            model.scale(gain);
+            model.update(&filled(width, height, [90, 128, 128]), 0.1).unwrap();
+        }
+        let mut fresh = GaussianMixture::new(&BackgroundSettings::default(), format(width, height));
+        fresh.scale(1.2);
+        assert_eq!(fresh.n_frames(), 0);
+    }
+}

@@ -1,0 +1,115 @@
+//! Measures by how much a whole picture became lighter or darker than its background: an exposure that creeps, a cloud, dusk.
+//!
+//! Luma of a frame and of its background flow in; one factor flows out. What moves changes some pixels, the light all of them by about
+//! one factor: the median tells it, and how far the ratios scatter tells whether it can be believed.
+
+use crate::frame::Plane;
+
+/// Columns and rows from one pixel that is looked at to the next.
+const COLUMN_STEP: usize = 5;
+const ROW_STEP: usize = 7;
+
+/// Luma above black that a pixel and its background must have, codes: darker ones are mostly noise.
+const LEAST_CODES: i32 = 30;
+
+/// Lighter codes may be cut off.
+const GREATEST_CODE: u8 = 230;
+
+/// Ratios are counted in steps of this, from the least to the greatest.
+const STEP: f32 = 0.005;
+const LEAST: f32 = 0.7;
+const N_STEPS: usize = 160;
+
+/// Fewer pixels than this say nothing.
+const LEAST_PX: u32 = 400;
+
+/// The middle half of all ratios must lie within this of the light's own.
+const GREATEST_SCATTER: f32 = 0.06;
+
+/// Returns the factor by which a frame's luma above black (code `black`) is that of its background; none where too few pixels tell, where
+/// they disagree, or where it is below 0.85 or above 1.18: then a lamp was switched, or something fills the picture.
+#[must_use]
+pub fn gain_of(frame: Plane<'_>, background: Plane<'_>, black: u8) -> Option<f32> {
+    let mut counts = [0_u32; N_STEPS];
+    let mut n = 0;
+    for y in (0..frame.height).step_by(ROW_STEP) {
+        let pixels = frame.row(y).iter().zip(background.row(y));
+        // Each row begins elsewhere, so that no column is left out.
+        for (seen, learned) in pixels.skip(y as usize % COLUMN_STEP).step_by(COLUMN_STEP) {
+            let [above, beneath] = [*seen, *learned].map(|code| i32::from(code) - i32::from(black));
+            if above.min(beneath) < LEAST_CODES || *seen.max(learned) > GREATEST_CODE {
+                continue;
+            }
+            let step = (above as f32 / beneath as f32 - LEAST) / STEP;
+            n += 1;
+            counts[(step.max(0.0) as usize).min(N_STEPS - 1)] += 1;
+        }
+    }
+    if n < LEAST_PX {
+        return None;
+    }
+    let [lower, median, upper] = [0.25, 0.5, 0.75].map(|share| quantile(&counts, share * n as f32));
+    let is_agreed = upper - lower <= 2.0 * GREATEST_SCATTER * median;
+    (is_agreed && (0.85..=1.18).contains(&median)).then_some(median)
+}
+
+/// Returns the ratio below which so many of the counted lie.
+fn quantile(counts: &[u32; N_STEPS], n_below: f32) -> f32 {
+    let mut below = 0.0;
+    for (step, count) in counts.iter().enumerate() {
+        let count = *count as f32;
+        if below + count >= n_below {
+            return LEAST + STEP * (step as f32 + (n_below - below) / count.max(1.0));
+        }
+        below += count;
+    }
+    LEAST + STEP * N_STEPS as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+
+    /// A place of many shades with noise, in a light of `gain`, and something of luma `thing` in so many of its columns.
+    fn picture(gain: f32, thing: Option<(u8, u32)>) -> YuvImage {
+        let (width, height) = (200, 120);
+        let mut data = vec![128; YuvLayout::packed_len(width, height)];
+        for (at, code) in data[..(width * height) as usize].iter_mut().enumerate() {
+            let hash = (at as u32).wrapping_mul(0x9e37_79b9) >> 24;
+            let noise = (at as u32).wrapping_mul(0x85eb_ca6b) >> 30;
+            let place = 16.0 + gain * (40.0 + 0.4 * hash as f32);
+            let seen = thing.filter(|(_, columns)| (at as u32 % width) < *columns);
+            *code = seen.map_or((place + 0.5) as u8 + noise as u8, |(luma, _)| luma);
+        }
+        YuvImage::new(YuvLayout::packed(width, height), ColorMatrix::Bt601, ColorRange::Limited, data)
+            .unwrap()
+    }
+
+    fn found(gain: f32, thing: Option<(u8, u32)>) -> Option<f32> {
+        gain_of(picture(gain, thing).plane(0), picture(1.0, None).plane(0), 16)
+    }
+
+    #[test]
+    fn the_light_is_told_whatever_moves_before_it() {
+        for gain in [0.87, 0.95, 1.0, 1.02, 1.14] {
+            for thing in [None, Some((200, 40)), Some((60, 40))] {
+                let told = found(gain, thing).unwrap();
+                assert!((told - gain).abs() < 0.01, "{gain} {thing:?}: {told}");
+            }
+        }
+    }
+
+    #[test]
+    fn where_pixels_disagree_or_are_too_dark_or_too_few_nothing_is_told() {
+        assert_eq!(found(1.0, Some((220, 120))), None, "most of it is a thing");
+        assert_eq!(found(0.8, None), None, "a lamp was switched");
+        assert_eq!(found(1.3, None), None);
+        let dark = YuvImage::filled(200, 120, [30, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        assert_eq!(gain_of(dark.plane(0), dark.plane(0), 16), None);
+        let tiny = YuvImage::filled(1, 1, [90, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        assert_eq!(gain_of(tiny.plane(0), tiny.plane(0), 16), None);
+        let black = YuvImage::filled(200, 120, [0, 128, 128], ColorMatrix::Bt601, ColorRange::Full);
+        assert_eq!(gain_of(black.plane(0), black.plane(0), 0), None);
+    }
+}
