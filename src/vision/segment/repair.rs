@@ -73,16 +73,18 @@ struct Bridge {
 pub(super) fn bridge_gaps(moving: &mut BitMask) {
     for word in 0..moving.words_per_row() {
         let mut columns = [Bridge::default(); WORD_PIXELS];
-        let mut is_begun = false;
+        // Columns with body above.
+        let mut begun = 0_u32;
         for y in 0..moving.height() {
             let bits = moving.row(y)[word];
-            if bits == 0 && !is_begun {
-                continue;
-            }
-            is_begun = true;
-            for (x, column) in columns.iter_mut().enumerate() {
+            let mut looked_at = bits | begun;
+            while looked_at != 0 {
+                let x = looked_at.trailing_zeros();
+                looked_at &= looked_at - 1;
                 let seen = if bits & 1 << x == 0 { Seen::Background } else { Seen::Moving };
+                let column = &mut columns[x as usize];
                 let (first, n_rows) = column.advance(seen, y as u32);
+                begun = begun & !(1 << x) | u32::from(column.n_above > 0) << x;
                 for above in first..first + n_rows {
                     moving.row_mut(above as usize)[word] |= 1 << x;
                 }

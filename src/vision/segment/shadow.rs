@@ -209,6 +209,8 @@ pub(super) struct Shadows {
     owners: Components,
     /// Where the runs of each row begin in it; one more at the end.
     rows: Vec<u32>,
+    /// None before the first frame.
+    logarithms: Option<Logarithms>,
 }
 
 impl Shadows {
@@ -251,7 +253,11 @@ impl Shadows {
         }
         self.cells.clear();
         self.cells.resize(n_cells, Sums::default());
-        let planes = (pair.frame[0], pair.background[0]);
+        let planes = [pair.frame[0], pair.background[0]];
+        if self.logarithms.as_ref().is_none_or(|of| of.black_code != black_code) {
+            self.logarithms = None;
+        }
+        let logarithms = self.logarithms.get_or_insert_with(|| Logarithms::new(black_code));
         for run in components.runs() {
             let place = self.places[run.piece_idx as usize];
             place.cells(run, |cell, start, end| {
@@ -259,7 +265,7 @@ impl Shadows {
                     gather(
                         &mut self.cells[cell],
                         planes,
-                        black_code,
+                        logarithms,
                         &self.darker,
                         (x as usize, run.y as usize),
                     );
@@ -433,36 +439,53 @@ fn root(parents: &mut [u32], mut at: u32) -> u32 {
     at
 }
 
+/// Natural logarithms of luma above black by code; black itself counts as one code.
+#[derive(Clone, Debug)]
+struct Logarithms {
+    black_code: f32,
+    of_codes: [f32; 256],
+}
+
+impl Logarithms {
+    fn new(black_code: f32) -> Self {
+        Self { black_code, of_codes: std::array::from_fn(|code| (code as f32 - black_code).max(1.0).ln()) }
+    }
+}
+
 /// Adds a pixel to its cell.
 #[inline]
 fn gather(
     cell: &mut Sums,
-    (frame, background): (Plane<'_>, Plane<'_>),
-    black_code: f32,
+    [frame, background]: [Plane<'_>; 2],
+    logarithms: &Logarithms,
     shadow: &BitMask,
     (x, y): (usize, usize),
 ) {
     let (width, height) = (frame.width as usize, frame.height as usize);
-    let code =
-        |plane: &Plane<'_>, x: usize, y: usize| (f32::from(plane.row(y as u32)[x]) - black_code).max(1.0);
-    let own = (code(&frame, x, y), code(&background, x, y));
+    let (frame_row, background_row) = (frame.row(y as u32), background.row(y as u32));
+    let own = [frame_row[x], background_row[x]];
+    let above_black = own.map(|code| (f32::from(code) - logarithms.black_code).max(1.0));
     cell.n_px += 1;
-    cell.frame += own.0;
-    cell.background += own.1;
+    cell.frame += above_black[0];
+    cell.background += above_black[1];
     cell.rows += y as f64;
     cell.squared_rows += (y * y) as f64;
-    for (other_x, other_y) in [(x + 1, y), (x, y + 1)] {
-        if other_x >= width || other_y >= height || !shadow.get(other_x, other_y) {
-            continue;
-        }
-        let of_frame = (code(&frame, other_x, other_y) / own.0).ln();
-        let of_background = (code(&background, other_x, other_y) / own.1).ln();
-        let of_ratio = of_frame - of_background;
+    let mut add = |other: [u8; 2]| {
+        let step = |idx: usize| {
+            logarithms.of_codes[usize::from(other[idx])] - logarithms.of_codes[usize::from(own[idx])]
+        };
+        let (of_frame, of_background) = (step(0), step(1));
         let bin = |step: f32| ((step.abs() * 100.0) as usize).min(N_STEPS - 1);
         cell.n_steps += 1;
         cell.of_frame[bin(of_frame)] += 1;
-        cell.of_ratio[bin(of_ratio)] += 1;
+        cell.of_ratio[bin(of_frame - of_background)] += 1;
         cell.of_background[bin(of_background)] += 1;
+    };
+    if x + 1 < width && shadow.get(x + 1, y) {
+        add([frame_row[x + 1], background_row[x + 1]]);
+    }
+    if y + 1 < height && shadow.get(x, y + 1) {
+        add([frame.row(y as u32 + 1)[x], background.row(y as u32 + 1)[x]]);
     }
 }
 
