@@ -413,7 +413,7 @@ impl SegmentSettings {
 #[serde(deny_unknown_fields, default)]
 pub struct TrackSettings {
     /// Seconds that a track lives on by prediction while nothing shows it, 0.05 to 60. All tracks end where the
-    /// frames themselves pause for longer. Default 1.
+    /// frames themselves pause for longer. Where frames come more seldom it is two and a half times from one to the next. Default 1.
     pub max_miss_secs: f64,
     /// Seconds that a thing must have been followed before it is a track, 0 to 10: what flickers for less is none.
     /// Default 0.2.

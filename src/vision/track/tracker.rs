@@ -38,6 +38,12 @@ const FRAGMENT_COVER: f64 = 0.7;
 /// How much larger than the target its fragments together may be, each way.
 const FRAGMENT_FIT: f64 = 1.25;
 
+/// Frames that a track lives on unseen, where that is longer than its setting.
+const MISSED_FRAMES: f64 = 2.5;
+
+/// Longest time from a frame to the next that is a rate and no pause, seconds.
+const GREATEST_INTERVAL_SECS: f64 = 12.0;
+
 /// Links one camera's blobs over time.
 #[derive(Debug)]
 pub struct Tracker {
@@ -47,6 +53,8 @@ pub struct Tracker {
     next_id: u64,
     /// Time and size of the frame before.
     before: Option<(Timestamp, (u32, u32))>,
+    /// Time from the frame before the last to the last, seconds; 0 where that was no time between frames.
+    interval_secs: f64,
     n_dropped: u64,
 }
 
@@ -80,6 +88,7 @@ impl Tracker {
             targets: Vec::new(),
             next_id: 1,
             before: None,
+            interval_secs: 0.0,
             n_dropped: 0,
         }
     }
@@ -100,11 +109,13 @@ impl Tracker {
     /// growing order of their ids.
     ///
     /// Time that stands still or steps back moves nothing. All tracks end where it leaps by more than
-    /// `max_miss_secs` either way, and where the picture's size changes.
+    /// `max_miss_secs` either way, and where the picture's size changes. Where frames come so seldom that this would be at every frame,
+    /// down to one in ten seconds, `max_miss_secs` is two and a half times from one to the next.
     pub fn update(&mut self, time: Timestamp, size_px: (u32, u32), blobs: &[Blob]) -> Vec<Track> {
         let passed_secs = self.before.map_or(0.0, |(before, _)| time.secs_since(before));
         let is_other_size = self.before.is_some_and(|(_, before)| before != size_px);
-        if is_other_size || passed_secs.abs() > self.settings.max_miss_secs {
+        let max_miss_secs = self.max_miss_secs(passed_secs);
+        if is_other_size || passed_secs.abs() > max_miss_secs {
             self.reset();
         }
         self.before = Some((time, size_px));
@@ -116,7 +127,7 @@ impl Tracker {
         self.follow(&mut frame, time, dt_secs);
         self.try_out(&mut frame, time, dt_secs);
         self.bear(&mut frame, time);
-        self.bury(size_px);
+        self.bury(size_px, max_miss_secs);
         let mut tracks = Vec::with_capacity(self.targets.len());
         for target in &mut self.targets {
             target.settle(time, dt_secs);
@@ -128,6 +139,17 @@ impl Tracker {
         }
         tracks.sort_unstable_by_key(|track| track.id);
         tracks
+    }
+
+    /// Returns for how long a track lives on unseen, at a frame `passed_secs` after the one before it: the setting, or more where frames
+    /// are seldom. Of two intervals in a row the shorter counts, so that a pause is no rate.
+    fn max_miss_secs(&mut self, passed_secs: f64) -> f64 {
+        let before_secs = self.interval_secs;
+        let is_interval = passed_secs > 0.0 && passed_secs <= GREATEST_INTERVAL_SECS;
+        self.interval_secs = if is_interval { passed_secs } else { 0.0 };
+        let shorter_secs =
+            if before_secs > 0.0 { before_secs.min(self.interval_secs) } else { self.interval_secs };
+        self.settings.max_miss_secs.max(MISSED_FRAMES * shorter_secs)
     }
 
     /// Deals blobs out to confirmed targets: one each, then groups, then fragments.
@@ -205,9 +227,9 @@ impl Tracker {
     }
 
     /// Ends what was missed for too long or left the picture.
-    fn bury(&mut self, size_px: (u32, u32)) {
+    fn bury(&mut self, size_px: (u32, u32), max_miss_secs: f64) {
         let picture = Extent { low: [0.0; 2], high: [f64::from(size_px.0), f64::from(size_px.1)] };
-        let TrackSettings { max_miss_secs, confirm_secs, .. } = self.settings;
+        let confirm_secs = self.settings.confirm_secs;
         self.targets.retain(|target| {
             let max_secs = if target.id.is_some() { max_miss_secs } else { confirm_secs.min(max_miss_secs) };
             let shown = target.extent().share_within(&picture);

@@ -305,6 +305,47 @@ fn time_that_stands_leaps_or_runs_back_is_survived() {
 }
 
 #[test]
+fn somebody_is_one_track_at_every_rate_that_a_camera_may_have() {
+    for rate_hz in [0.1, 0.5, 0.9, 1.0, 3.0, 10.0, 60.0] {
+        let mut tracker = Tracker::new(&TrackSettings::default());
+        let mut seen = BTreeSet::new();
+        let mut n_shown = 0;
+        for step in 0..40 {
+            let secs = f64::from(step) / rate_hz;
+            // A step to the side within each frame at the lowest rates, a slow walk at the others.
+            let x = 100.0 + f64::from(step) * (12.0 / rate_hz).min(12.0);
+            let found = if step % 7 == 5 { Vec::new() } else { blobs([person(x, 150.0)]) };
+            let tracks = tracker.update(Timestamp::from_nanos((secs * 1e9) as i64), PICTURE, &found);
+            check(&tracks, &found, PICTURE);
+            seen.extend(ids(&tracks));
+            n_shown += usize::from(!tracks.is_empty());
+        }
+        assert_eq!(seen.len(), 1, "{rate_hz} Hz: {seen:?}");
+        // It must have been followed for 0.2 s before it is a track.
+        let least = if rate_hz > 10.0 { 24 } else { 36 };
+        assert!(n_shown >= least, "{rate_hz} Hz: shown in {n_shown} of 40 frames");
+    }
+}
+
+#[test]
+fn a_pause_among_frames_that_come_fast_ends_all_tracks() {
+    let mut tracker = Tracker::new(&TrackSettings::default());
+    let mut nanos = 0;
+    let mut show = |tracker: &mut Tracker, millis: i64| {
+        nanos += millis * 1_000_000;
+        ids(&tracker.update(Timestamp::from_nanos(nanos), PICTURE, &blobs([person(300.0, 150.0)])))
+    };
+    for _ in 0..20 {
+        show(&mut tracker, 40);
+    }
+    assert!(show(&mut tracker, 1500).is_empty(), "a pause is no rate");
+    for _ in 0..20 {
+        show(&mut tracker, 40);
+    }
+    assert_eq!(show(&mut tracker, 40), [2]);
+}
+
+#[test]
 fn other_sizes_and_resets_end_tracks_and_ids_stay_unique() {
     let mut tracker = Tracker::new(&TrackSettings { confirm_secs: 0.0, ..TrackSettings::default() });
     let found = blobs([person(300.0, 150.0)]);
