@@ -103,6 +103,7 @@ mod tests {
     #[test]
     fn where_pixels_disagree_or_are_too_dark_or_too_few_nothing_is_told() {
         assert_eq!(found(1.0, Some((220, 120))), None, "most of it is a thing");
+        assert_eq!(found(1.0, Some((107, 200))), None, "all of it is a thing about as light as the place");
         assert_eq!(found(0.8, None), None, "a lamp was switched");
         assert_eq!(found(1.3, None), None);
         let dark = YuvImage::filled(200, 120, [30, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);

@@ -157,6 +157,25 @@ mod tests {
     }
 
     #[test]
+    fn the_factor_grows_with_turns_beyond_those_that_are_calm() {
+        // 8 a turn, before any is lost: 24 are calm, and each 32 beyond raise the threshold by itself.
+        for (n_turns, expected) in [(2, 1.0), (3, 1.0), (4, 1.25), (6, 1.75), (9, 2.5), (11, 3.0), (30, 3.0)]
+        {
+            let mut flicker = Flicker::default();
+            for frame in 0..=n_turns {
+                let mut mask = BitMask::new(40, 2);
+                if frame % 2 == 1 {
+                    mask.set_run(1, 4, 9);
+                }
+                flicker.observe(&mask, 0.001);
+            }
+            let n_words = BitMask::new(40, 2).words().len();
+            let found = flicker.factors(n_words / 2, n_words).map_or(1.0, |factors| factors[5]);
+            assert!((found - expected).abs() < 1e-6, "{n_turns} turns: {found}, not {expected}");
+        }
+    }
+
+    #[test]
     fn time_that_stands_or_leaps_is_harmless_and_another_size_begins_anew() {
         let mut flicker = Flicker::default();
         for frame in 0..1000 {

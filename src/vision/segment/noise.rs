@@ -173,8 +173,9 @@ mod tests {
 
     #[test]
     fn noise_keeps_the_threshold_up_and_blur_calms_it() {
-        let noisy = noise(40, 12, 20);
-        let [plain, blurred] = [0.0, 2.0].map(|sigma_px| noisy.factors(0.12, sigma_px, 16.0)[40]);
+        // So dark that luma alone would let the factor sink to a tenth.
+        let noisy = noise(28, 12, 20);
+        let [plain, blurred] = [0.0, 2.0].map(|sigma_px| noisy.factors(0.12, sigma_px, 16.0)[28]);
         // The median of 0 to 12 codes is 6: 1.4826 * 6 / 219 * 5 / 0.12 is more than 1.
         assert_eq!(plain, 1.0);
         let expected = 5.0 * 0.141 * 1.4826 * 6.0 / 219.0 / 0.12;

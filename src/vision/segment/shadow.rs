@@ -618,6 +618,23 @@ mod tests {
     }
 
     #[test]
+    fn a_strip_along_somebody_does_not_lift_the_top_of_a_region() {
+        let mut sums = Sums::default();
+        let mut add = |rows: std::ops::Range<u32>, columns: u32| {
+            for row in rows.flat_map(|row| std::iter::repeat_n(f64::from(row), columns as usize)) {
+                sums.n_px += 1;
+                sums.rows += row;
+                sums.squared_rows += row * row;
+            }
+            sums.top()
+        };
+        // Evenly long: a mean of 109.5 less 1.4 times 5.77.
+        assert!((add(100..120, 30) - 101.4).abs() < 0.1);
+        // Sixty rows above, a thirtieth as wide, lift it by a quarter of that.
+        assert!((85.0..90.0).contains(&add(40..100, 1)));
+    }
+
+    #[test]
     fn what_is_darker_through_the_blur_alone_stays_what_it_is() {
         let ground = |_, _| 130.0;
         assert_eq!(share(ground, |_, _| 125.0, &nobody()), 1.0);

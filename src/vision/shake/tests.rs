@@ -130,6 +130,26 @@ fn a_steady_camera_and_one_without_structure_are_never_on() {
 }
 
 #[test]
+fn chroma_is_shifted_by_half() {
+    let pool = BufferPool::new(4);
+    let size_px = (72, 54);
+    let layout = YuvLayout::packed(size_px.0, size_px.1);
+    let colored = |shift_x: i32, shift_y: i32| {
+        let mut data = vec![100; YuvLayout::packed_len(size_px.0, size_px.1)];
+        for (at, code) in data[layout.offsets[1]..layout.offsets[2]].iter_mut().enumerate() {
+            *code = place(at as i32 % 36 - shift_x, at as i32 / 36 - shift_y);
+        }
+        YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap()
+    };
+    let background = colored(0, 0);
+    let planes = [0, 1, 2].map(|plane| background.plane(plane));
+    for (x, y) in [(6, -4), (-10, 8)] {
+        let steady = steadied(&colored(x / 2, y / 2), planes, Shift { x, y }, &pool);
+        assert_eq!(steady.plane(1).row(13)[..36], background.plane(1).row(13)[..36], "{x} {y}");
+    }
+}
+
+#[test]
 fn pictures_are_shifted_back_and_masks_to_where_the_picture_shows_them() {
     let pool = BufferPool::new(4);
     let size_px = (71, 53);
