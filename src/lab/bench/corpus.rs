@@ -65,7 +65,7 @@ struct Counts {
     clear: u64,
     /// Move and were taken for shadow.
     shadowed: u64,
-    /// Of those whose truth is the same in two frames one after the other: all, and those whose verdict is not.
+    /// Have the same truth in two frames one after the other; and of these, those whose verdict turned.
     steady: u64,
     turned: u64,
 }
@@ -118,11 +118,11 @@ struct Scores {
     recall: f64,
     /// Harmonic mean of precision and recall.
     f: f64,
-    /// Of the pixels that do not move, those found.
+    /// Share of the pixels that do not move which was found.
     false_positive_rate: f64,
-    /// Of the pixels that move, those taken for shadow.
+    /// Share of the pixels that move which was taken for shadow.
     shadow_share: f64,
-    /// Of the pixels whose truth does not change from a frame to the next, those whose verdict does.
+    /// Share of the pixels whose truth stays from a frame to the next of which the verdict does not.
     flicker: f64,
 }
 

@@ -89,7 +89,7 @@ struct Tests<'a> {
     has_files: bool,
 }
 
-/// How one run of the program ended.
+/// End of one run of the program.
 struct Run {
     outcome: Outcome,
     /// None where its time was over.

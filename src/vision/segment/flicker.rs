@@ -12,7 +12,7 @@ use super::memory::{invalid, read, write_all};
 use crate::frame::BitMask;
 use std::io::{self, Read, Write};
 
-/// What one turn adds to a pixel's count.
+/// Amount that one turn adds to a pixel's count.
 const TURN: u8 = 8;
 
 /// Counts sink by this share in this time: in four seconds to a third.

@@ -133,7 +133,7 @@ mod tests {
     use super::*;
     use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
 
-    /// What is known after pictures whose luma lies off their background of `luma` by at most `off` codes.
+    /// Returns what is known after pictures whose luma lies off their background of `luma` by at most `off` codes.
     fn noise(luma: u8, off: i32, n_pictures: u32) -> Noise {
         let (width, height) = (320, 240);
         let background =

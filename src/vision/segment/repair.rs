@@ -69,7 +69,7 @@ struct Bridge {
 
 /// Joins what stands above and beneath a narrow gap.
 ///
-/// Where a strip of the background has the colour of somebody's clothes, a belt say, nothing is found, and a body is two.
+/// Nothing is found where a strip of the background has the colour of somebody's clothes, a belt say, and a body is two.
 pub(super) fn bridge_gaps(moving: &mut BitMask) {
     for word in 0..moving.words_per_row() {
         let mut columns = [Bridge::default(); WORD_PIXELS];

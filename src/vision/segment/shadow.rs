@@ -124,7 +124,7 @@ impl Sums {
     }
 }
 
-/// What a region's structure says.
+/// Verdict on a region's structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Structure {
     /// That of the background.
@@ -170,7 +170,7 @@ struct Region {
     is_shadow: bool,
 }
 
-/// Where the cells of a piece are.
+/// Place of a piece's cells among all.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     first: usize,
@@ -205,9 +205,9 @@ pub(super) struct Shadows {
     parents: Vec<u32>,
     region_of: Vec<u32>,
     regions: Vec<Region>,
-    /// What moves, while owners are looked for.
+    /// Pieces of what moves, while owners are looked for.
     owners: Components,
-    /// Where the runs of each row begin in it; one more at the end.
+    /// Indices of the first run of each row in it; one more at the end.
     rows: Vec<u32>,
     /// None before the first frame.
     logarithms: Option<Logarithms>,

@@ -30,7 +30,7 @@ const REMEMBERED_SECS: f64 = 5.0;
 /// Fewer shifts than this say nothing.
 const LEAST_SHIFTS: u32 = 8;
 
-/// Of a camera that does not shake every so manieth frame is looked at, more of them in its first seconds.
+/// Number of frames from one that is looked at to the next while a camera does not shake; fewer in its first seconds.
 const EVERY: u32 = 8;
 const EVERY_AT_FIRST: u32 = 2;
 const FIRST_SECS: f64 = 10.0;

@@ -43,10 +43,10 @@ const LEAST_SHARE: f64 = 0.25;
 /// Those who agree must lie as far apart as this share of the picture's columns and of its rows: a lorry's corners agree too.
 const LEAST_SPREAD: f64 = 0.5;
 
-/// Where as many as this share of those who agree on another shift see none, there is none: a lorry that fills the picture agrees too.
+/// There is no shift where as many as this share of those who agree on one see none: a lorry that fills the picture agrees too.
 const UNSHIFTED_SHARE: f64 = 0.5;
 
-/// What is left of the difference once a frame is shifted back must be below this share of what it was.
+/// Share of its difference that may be left once a frame is shifted back.
 const GREATEST_LEFT: f64 = 0.85;
 
 /// One corner's surroundings.
