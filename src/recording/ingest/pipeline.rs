@@ -94,7 +94,7 @@ pub struct Pipeline {
 #[derive(Debug)]
 struct Model {
     mixture: GaussianMixture,
-    /// What segmentation remembers of pictures of this format, while another model is current; the current one's is the segmenter's.
+    /// Memory of the segmentation of this format's pictures, while another model is current; the current one's is the segmenter's.
     memory: Memory,
     /// The frame it saw last; none before the first that has a time.
     seen: Option<Timestamp>,
@@ -607,7 +607,7 @@ impl Model {
         let gain = gain_of(image.plane(0), self.mixture.background_planes()[0], black as u8);
         if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() >= LEAST_GAIN) {
             self.mixture.scale(gain);
-            // What repeats the last picture is learned anew once: the model is another.
+            // The model is another: tiles that repeat the last picture are learned anew once.
             self.previous = None;
         }
     }

@@ -152,7 +152,7 @@ mod tests {
         // Somebody every three seconds, and one who stays.
         assert!((factor((0..300).map(|frame| frame % 30 < 8)) - 1.0).abs() < 1e-6);
         assert!((factor((0..300).map(|frame| frame > 50)) - 1.0).abs() < 1e-6);
-        // What flickered once is as any other after half a minute.
+        // A pixel that flickered once is as any other after half a minute.
         assert!((factor((0..400).map(|frame| frame < 100 && frame % 4 < 2)) - 1.0).abs() < 1e-6);
     }
 

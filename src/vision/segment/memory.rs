@@ -114,7 +114,7 @@ mod tests {
         for at in 0..bytes.len() {
             let mut damaged = bytes.clone();
             damaged[at] ^= 0x10;
-            // What the checksum lets through is what was written: reserved bits of zstd's header.
+            // The checksum lets reserved bits of zstd's header through: nothing of what was written.
             if let Ok(read) = Memory::decode(&damaged, SIZE_PX) {
                 assert_eq!(read, filled(), "byte {at}");
             }

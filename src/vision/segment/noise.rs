@@ -57,7 +57,7 @@ impl Noise {
                 }
                 let norm = gains.norm(&unblurred(pair, word, y));
                 for (code, norm) in codes[word * TILE..].iter().zip(norm) {
-                    // What is more than the last step counts in none.
+                    // Norms above the last step count in none.
                     let count = counts[usize::from(*code) / BIN_CODES].get_mut((norm / STEP) as usize);
                     *count.unwrap_or(&mut 0) += 1;
                 }
@@ -94,7 +94,7 @@ impl Noise {
     /// Returns the factors of the threshold `delta` by codes of the background's luma, where differences are blurred with a Gaussian of
     /// `sigma_px`; black has the code `black_code`.
     pub(super) fn factors(&self, delta: f32, sigma_px: f64, black_code: f32) -> [f32; 256] {
-        // What a Gaussian leaves of the deviation of noise that no neighbours share: 1 / (2 sqrt(pi) sigma).
+        // Share of the noise's deviation that a Gaussian leaves where neighbours share none: 1 / (2 sqrt(pi) sigma).
         let kept = (0.282_095 / sigma_px.max(0.282_095)) as f32;
         let mut factors = [1.0; 256];
         for (code, factor) in factors.iter_mut().enumerate() {

@@ -290,7 +290,7 @@ mod tests {
         check("########...############", "########...############");
         check("########..#######", "########..#######");
         check("###.####", "###.####");
-        // What was bridged counts as body for the next gap.
+        // A bridged gap counts as body for the next one.
         check("####.####.####", "##############");
         // A gap that is none by what is above it begins anew beneath.
         check("###...####.####", "###...#########");

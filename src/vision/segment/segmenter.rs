@@ -38,7 +38,7 @@ pub struct Segmentation {
 
 /// Finds what moves; keeps its memory from frame to frame.
 ///
-/// What a later frame finds depends on earlier ones by the noise that they had and by pixels whose verdict turned again and again:
+/// Earlier frames decide on later ones by the noise that they had and by pixels whose verdict turned again and again:
 /// [`Memory`].
 #[derive(Debug)]
 pub struct Segmenter {

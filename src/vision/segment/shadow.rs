@@ -284,7 +284,7 @@ impl Shadows {
             if a.n_px == 0 || b.n_px == 0 {
                 return false;
             }
-            // What is too small to tell goes with its neighbour.
+            // A cell too small to tell goes with its neighbour.
             a.n_px < LEAST_CELL_PX
                 || b.n_px < LEAST_CELL_PX
                 || (a.attenuation().max(0.01).ln() - b.attenuation().max(0.01).ln()).abs() < GREATEST_STEP
@@ -549,7 +549,7 @@ mod tests {
         40.0 * ((hash ^ hash >> 13) & 0xff) as f32 / 255.0
     }
 
-    fn within(place: &[std::ops::Range<usize>; 2], x: usize, y: usize) -> bool {
+    fn is_within(place: &[std::ops::Range<usize>; 2], x: usize, y: usize) -> bool {
         place[0].contains(&x) && place[1].contains(&y)
     }
 
@@ -572,7 +572,7 @@ mod tests {
         owner: &BitMask,
     ) -> f64 {
         let empty = picture(&background);
-        let seen = picture(|x, y| if within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
+        let seen = picture(|x, y| if is_within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
         let pair = Pair {
             frame: [0, 1, 2].map(|plane| seen.plane(plane)),
             background: [0, 1, 2].map(|plane| empty.plane(plane)),

@@ -31,7 +31,7 @@ fn picture((width, height): (u32, u32), luma: impl Fn(i32, i32) -> u8) -> YuvIma
 }
 
 /// Returns the place seen shifted, with noise and somebody before a sixth of it.
-fn seen(shift: Shift, person_x: i32) -> YuvImage {
+fn shaken_picture(shift: Shift, person_x: i32) -> YuvImage {
     picture(SIZE_PX, |x, y| {
         if (person_x..person_x + 70).contains(&x) && (40..220).contains(&y) {
             // Clothes with a pattern that goes along.
@@ -47,7 +47,7 @@ fn shifts_of_a_place_are_found_whoever_moves_before_it() {
     let background = picture(SIZE_PX, place);
     for (x, y) in [(0, 0), (1, 0), (3, -2), (-15, 9), (15, 15), (-32, 31), (29, -32)] {
         for person_x in [-100, 20, 130] {
-            let frame = seen(Shift { x, y }, person_x);
+            let frame = shaken_picture(Shift { x, y }, person_x);
             let found = shift_of(frame.plane(0), background.plane(0));
             assert_eq!(found, Shift { x, y }, "somebody at {person_x}");
         }
@@ -96,7 +96,7 @@ fn a_camera_that_shakes_is_noticed_within_seconds_and_no_longer_once_it_stands()
     let swing = |frame: u32| Shift { x: [0, 3, -2, 4, -3][frame as usize % 5], y: 0 };
     let mut first = None;
     for frame in 0..100 {
-        let found = shake.observe(seen(swing(frame), -100).plane(0), background.plane(0), 0.04);
+        let found = shake.observe(shaken_picture(swing(frame), -100).plane(0), background.plane(0), 0.04);
         if shake.is_on() && first.is_none() {
             first = Some(frame);
             continue;
@@ -110,7 +110,7 @@ fn a_camera_that_shakes_is_noticed_within_seconds_and_no_longer_once_it_stands()
     assert!(!shake.is_on() && shake.rms_px().unwrap() < 0.1);
     // Time that stands still, runs back or leaps leaves numbers.
     for dt_secs in [0.0, -5.0, f64::NAN, f64::INFINITY, 1e9] {
-        shake.observe(seen(Shift { x: 2, y: 1 }, -100).plane(0), background.plane(0), dt_secs);
+        shake.observe(shaken_picture(Shift { x: 2, y: 1 }, -100).plane(0), background.plane(0), dt_secs);
         assert!(shake.rms_px().unwrap().is_finite());
     }
 }
@@ -121,7 +121,7 @@ fn a_steady_camera_and_one_without_structure_are_never_on() {
     let plain = picture(SIZE_PX, |_, _| 90);
     let (mut steady, mut bare) = (Shake::default(), Shake::default());
     for frame in 0..400 {
-        let seen = seen(Shift::default(), frame % 400 - 70);
+        let seen = shaken_picture(Shift::default(), frame % 400 - 70);
         let place = if frame < 50 { &seen } else { &background };
         assert!(steady.observe(seen.plane(0), place.plane(0), 0.04).is_none());
         assert!(bare.observe(plain.plane(0), plain.plane(0), 0.04).is_none());
