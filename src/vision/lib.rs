@@ -17,6 +17,8 @@ pub mod encode;
 
 pub mod config;
 
+pub mod stage;
+
 pub mod mapping;
 
 pub mod calibrate;

@@ -13,6 +13,7 @@ mod ingest;
 mod ingest_live;
 mod recording;
 mod scene;
+mod seeing;
 mod segment;
 mod sequence;
 mod standing;

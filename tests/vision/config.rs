@@ -66,6 +66,7 @@ fn the_example_s_camera_has_the_defaults_too() {
     expected.clock.since = expected.source.start;
     expected.segment.delta = Some(SegmentSettings::DELTA);
     expected.segment.blur_sigma_px = Some(1.5);
+    expected.segment.suppress_blinking = Some(true);
     expected.background.clip = Some("/etc/videofields/north-empty.webm".into());
     assert_eq!(camera, &expected);
     assert_eq!(camera.name, "north");

@@ -2,5 +2,6 @@
 
 mod calibrate;
 mod config;
+mod constant;
 mod geometry;
 mod mapping;

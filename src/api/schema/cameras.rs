@@ -7,8 +7,9 @@ use super::{
 use serde_json::{Value, json};
 
 /// Schemas by name.
-pub(crate) const NAMED: [Named; 7] = [
+pub(crate) const NAMED: [Named; 8] = [
     ("Camera", camera),
+    ("Stage", stage),
     ("CameraDocument", document),
     ("SegmentSettings", segment),
     ("SourceSettings", source),
@@ -54,6 +55,11 @@ fn camera() -> Value {
             nullable(size()),
             "Columns and rows at which its background is learned and what moves is found",
         ),
+        (
+            "stages",
+            list(named("Stage")),
+            "Stages of detection, in the order in which they run, and why each runs or does not",
+        ),
         ("recording", nullable(recording), "How its recording goes; null where it is not recorded"),
         ("frames", count(), "Frames taken since the daemon started"),
         ("dropped", count(), "Frames dropped since the daemon started"),
@@ -62,6 +68,27 @@ fn camera() -> Value {
         ("age_secs", nullable(number()), "Seconds since the latest frame came"),
         ("privacy", privacy, "What nobody may see of its pictures"),
         ("scenes", list(id()), "Scenes that hold it"),
+    ])
+}
+
+fn stage() -> Value {
+    let kinds = ["shake", "light", "noise", "flicker", "shadow", "blinking"];
+    let quantities = ["shake_px", "gain_drift", "noise_share", "flicker_share", "shadow_share"];
+    object([
+        ("stage", word(&kinds), "Which one"),
+        ("is_on", boolean(), "Whether it runs"),
+        ("choice", choice(), "What settings say; `auto` goes by the figure"),
+        (
+            "quantity",
+            word(&quantities),
+            "Which figure decides: the root mean square of the picture's shifts, pixels; the light's last change, share; the noise's \
+             standard deviation, share of full scale; the share of pixels whose verdict keeps turning; the share of the foreground that \
+             is certain to be cast shadow",
+        ),
+        ("measured", nullable(number()), "The figure, once it was measured"),
+        ("on_above", number(), "The stage goes on above this"),
+        ("off_below", number(), "The stage goes off once the figure was below this for a while"),
+        ("frames", count(), "Frames in which it ran since the camera's pictures were first looked at"),
     ])
 }
 
@@ -156,7 +183,23 @@ fn segment() -> Value {
                 number_within(1.0, 4.0),
                 "Most times its background's luma that a highlight has",
             ),
-            ("suppress_blinking", boolean(), "Whether what mostly flutters is background"),
+            (
+                "suppress_blinking",
+                nullable(boolean()),
+                "Whether what mostly flutters is background; null: where much of the picture flickers",
+            ),
+            (
+                "shadow",
+                choice(),
+                "Whether cast shadows are told from what moves; `shadow_darkest` of 1 looks for none",
+            ),
+            (
+                "flicker",
+                choice(),
+                "Whether thresholds rise where verdicts keep turning; not if `delta` is set",
+            ),
+            ("shake", choice(), "Whether pictures of a shaking camera are shifted back"),
+            ("light", choice(), "Whether the background is made as light as the whole picture became"),
             ("close_radius_px", whole_within(0, 16), "Half the width of gaps that are closed"),
             (
                 "max_hole_px",
@@ -171,6 +214,11 @@ fn segment() -> Value {
             ("split_valley", number_within(0.0, 0.9), "When people who touch are parted"),
         ],
     )
+}
+
+/// Whether a stage runs.
+fn choice() -> Value {
+    word(&["auto", "on", "off"])
 }
 
 fn clock() -> Value {

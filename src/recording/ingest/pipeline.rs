@@ -3,14 +3,16 @@
 //! Frames of one camera flow in, in order of time; observations flow out, and checkpoints that carry everything that
 //! a later mask depends on. Knows nothing of sources, threads or databases.
 
+mod light;
 mod steady;
 mod zoned;
 
 use super::standing::{SETTLED_SECS, Seen, Standing};
 use crate::telemetry::Stage;
 use crate::timeline::{Event, EventKind};
+use light::Light;
 use std::sync::Arc;
-use videofields_vision::background::{BackgroundError, Detail, Format, GaussianMixture, Hints, gain_of};
+use videofields_vision::background::{BackgroundError, Detail, Format, GaussianMixture, Hints};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::condition::{Condition, ConditionKind, Conditions, Phase};
 use videofields_vision::config::{
@@ -19,7 +21,8 @@ use videofields_vision::config::{
 use videofields_vision::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::{Memory, Segmenter};
-use videofields_vision::shake::{Shake, Shift, shift_of, steadied};
+use videofields_vision::shake::{Shake, steadied};
+use videofields_vision::stage::StageState;
 use videofields_vision::track::Tracker;
 use zoned::Zoned;
 
@@ -34,13 +37,6 @@ const MAX_SPARE: usize = 3;
 
 /// Shifted masks whose memory waits for the next, two a frame.
 const MAX_SPARE_MASKS: usize = 4;
-
-/// The light is looked at in every so manieth frame, and followed where it changed by at least this share.
-const LIGHT_FRAMES: u32 = 4;
-const LEAST_GAIN: f32 = 0.02;
-
-/// A background that learned fewer frames than this is no measure of how far a camera shakes.
-const LEAST_LEARNED_FRAMES: u64 = 50;
 
 /// Scene time during which frames share one background picture.
 const PICTURE_INTERVAL_NANOS: i64 = 1_000_000_000;
@@ -112,8 +108,8 @@ struct Model {
     hidden: Option<Arc<ZoneMask>>,
     /// Measures how far the camera shakes.
     shake: Shake,
-    /// Frames since the light was looked at.
-    n_since_light: u32,
+    /// Follows the light.
+    light: Light,
 }
 
 impl Pipeline {
@@ -214,6 +210,17 @@ impl Pipeline {
         self.conditions.state()
     }
 
+    /// Returns which stages of detection run now and why, in the order in which they run; none before the first frame, and of cameras
+    /// whose pictures are only passed on.
+    #[must_use]
+    pub fn stages(&self) -> Option<[StageState; 6]> {
+        let model = self.current.as_ref().filter(|_| self.has_vision)?;
+        let settings = self.segmenter.settings();
+        let [noise, flicker, shadow, blinking] = self.segmenter.stages();
+        let (shake, light) = (model.shake.state(settings.shake), model.light.state(settings.light));
+        Some([shake, light, noise, flicker, shadow, blinking])
+    }
+
     /// Takes the place that a moved camera now shows for its place.
     pub fn accept_place(&mut self) {
         self.conditions.accept();
@@ -306,7 +313,10 @@ impl Pipeline {
         let dt_secs = model.seen.map_or(0.0, |seen| frame.timestamp.secs_since(seen));
         model.seen = Some(frame.timestamp);
         let is_held = self.is_review || is_hold && model.has_clip;
-        let shift = if self.is_review { model.shift_alone(image) } else { model.shift(image, dt_secs) };
+        let settings = self.segmenter.settings();
+        let (shake, light) = (settings.shake, settings.light);
+        let shift =
+            if self.is_review { model.shift_alone(image, shake) } else { model.shift(image, dt_secs, shake) };
         let steady;
         let image = if shift.is_none() {
             image
@@ -317,7 +327,7 @@ impl Pipeline {
         model.learned_secs += dt_secs.clamp(0.0, self.settings.max_step_secs);
         let mut foreground_share = 0.0;
         if !is_held {
-            model.follow_light(image);
+            model.follow_light(image, dt_secs, light);
         }
         if is_held {
             model.mixture.classify(image).expect(MODEL_FITS);
@@ -466,7 +476,7 @@ impl Pipeline {
                 since_detail_secs: 0.0,
                 hidden: None,
                 shake: Shake::default(),
-                n_since_light: 0,
+                light: Light::default(),
             },
         };
         let remembered = std::mem::replace(self.segmenter.memory_mut(), std::mem::take(&mut next.memory));
@@ -580,7 +590,7 @@ impl Pipeline {
             // Whatever it was: what is hidden now is taken anew from the next picture.
             hidden: None,
             shake: Shake::default(),
-            n_since_light: 0,
+            light: Light::default(),
         })
     }
 }
@@ -596,42 +606,6 @@ fn take_part<'a>(rest: &mut &'a [u8]) -> Result<&'a [u8], BackgroundError> {
 }
 
 impl Model {
-    /// Makes the background as light as the whole picture has become, where an exposure creeps or a cloud passes.
-    fn follow_light(&mut self, image: &YuvImage) {
-        self.n_since_light += 1;
-        if self.n_since_light < LIGHT_FRAMES || self.mixture.n_frames() == 0 {
-            return;
-        }
-        self.n_since_light = 0;
-        let (black, ..) = image.range().luma_offset_luma_scale_chroma_scale();
-        let gain = gain_of(image.plane(0), self.mixture.background_planes()[0], black as u8);
-        if let Some(gain) = gain.filter(|gain| (gain - 1.0).abs() >= LEAST_GAIN) {
-            self.mixture.scale(gain);
-            // The model is another: tiles that repeat the last picture are learned anew once.
-            self.previous = None;
-        }
-    }
-
-    /// Measures by how much a picture is to be shifted back. What zones hide stays where it is in the picture, so with zones nothing is
-    /// shifted.
-    fn shift(&mut self, image: &YuvImage, dt_secs: f64) -> Shift {
-        if self.hidden.is_some() {
-            return Shift::default();
-        }
-        let frame = image.plane(0);
-        let is_new = self.mixture.n_frames() < LEAST_LEARNED_FRAMES;
-        let place = if is_new { frame } else { self.mixture.background_planes()[0] };
-        self.shake.observe(frame, place, dt_secs)
-    }
-
-    /// As [`Self::shift`], of a picture alone: whatever was seen before it.
-    fn shift_alone(&self, image: &YuvImage) -> Shift {
-        if self.hidden.is_some() || self.mixture.n_frames() == 0 {
-            return Shift::default();
-        }
-        shift_of(image.plane(0), self.mixture.background_planes()[0])
-    }
-
     /// Learns the detail that `reduced` leaves out of `full`, where nothing moves and the background is seen.
     fn look_at_detail(&mut self, full: &YuvImage, reduced: &YuvImage, factor: u32, moving: Option<&BitMask>) {
         let format = Format::of(full);

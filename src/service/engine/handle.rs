@@ -24,6 +24,7 @@ use videofields_vision::config::{CameraSettings, FeedSettings, SegmentSettings, 
 use videofields_vision::frame::{CameraId, YuvImage};
 use videofields_vision::geometry::SurfaceId;
 use videofields_vision::observation::Observation;
+use videofields_vision::stage::StageState;
 
 /// Which time is asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
@@ -66,6 +67,8 @@ pub struct CameraSummary {
     pub size_px: Option<[u32; 2]>,
     /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
     pub vision_size_px: Option<[u32; 2]>,
+    /// Stages of detection, whether each runs and why; none before the second picture.
+    pub stages: Vec<StageState>,
     /// How its recording goes; none where it is not recorded.
     pub recording: Option<RecordingSummary>,
     /// Frames taken since the daemon started.

@@ -268,6 +268,7 @@ mod tests {
                 next_try: None,
                 size_px: Some([1280, 960]),
                 vision_size_px: None,
+                stages: Vec::new(),
                 recording: None,
                 frames: 0,
                 dropped: 0,

@@ -1,10 +1,12 @@
-//! What callers change of a camera while it runs: handed over to its thread, which takes it before its next frame.
+//! Hands what callers change of a camera while it runs over to its thread, which takes it before its next frame, and tells which stages
+//! of seeing run there.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use videofields_recording::ingest::Pipeline;
 use videofields_vision::config::SegmentSettings;
+use videofields_vision::stage::StageState;
 
-/// What is to be changed of one camera, and what it was changed to.
+/// Changes that one camera's thread is to make, and what it says of its stages.
 #[derive(Debug)]
 pub(super) struct Tuning(Mutex<State>);
 
@@ -14,12 +16,18 @@ struct State {
     segment: SegmentSettings,
     is_segment_new: bool,
     is_place_accepted: bool,
+    /// As of the camera's last frame but one; none before.
+    stages: Option<[StageState; 6]>,
 }
 
 impl Tuning {
     pub(super) fn new(segment: &SegmentSettings) -> Self {
-        let state = State { segment: segment.clone(), is_segment_new: false, is_place_accepted: false };
-        Self(Mutex::new(state))
+        Self(Mutex::new(State {
+            segment: segment.clone(),
+            is_segment_new: false,
+            is_place_accepted: false,
+            stages: None,
+        }))
     }
 
     pub(super) fn segment(&self) -> SegmentSettings {
@@ -37,13 +45,19 @@ impl Tuning {
         let mut state = self.lock();
         state.segment = segment;
         state.is_segment_new = false;
+        state.stages = None;
     }
 
     pub(super) fn accept_place(&self) {
         self.lock().is_place_accepted = true;
     }
 
-    /// Changes the pipeline by what is new.
+    /// Returns which stages of detection run and why; none before the camera's second frame.
+    pub(super) fn stages(&self) -> Option<[StageState; 6]> {
+        self.lock().stages
+    }
+
+    /// Changes the pipeline by what is new, and notes which of its stages run.
     pub(super) fn apply(&self, pipeline: &mut Pipeline) {
         let mut state = self.lock();
         if std::mem::take(&mut state.is_segment_new) {
@@ -52,6 +66,7 @@ impl Tuning {
         if std::mem::take(&mut state.is_place_accepted) {
             pipeline.accept_place();
         }
+        state.stages = pipeline.stages();
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

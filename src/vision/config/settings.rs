@@ -6,6 +6,7 @@ use super::network::{self, Network};
 use super::resolution::Resolution;
 use super::snapshot::SnapshotScheduleSettings;
 use super::source::SourceSettings;
+use super::stage_choice::StageChoice;
 use super::storage::StorageSettings;
 use super::telling::{LogSettings, TelemetrySettings};
 use crate::frame::{CameraId, Zone};
@@ -343,8 +344,19 @@ pub struct SegmentSettings {
     /// highlight, not foreground. 1 (default) looks for none.
     pub highlight_brightest: f64,
     /// Whether pieces that mostly flutter (turn from background to foreground and back again and again) are background:
-    /// leaves, flags, water, tape. Default false.
-    pub suppress_blinking: bool,
+    /// leaves, flags, water, tape. Default: where much of the picture flickers.
+    pub suppress_blinking: Option<bool>,
+    /// Whether cast shadows are told from what moves. Default `auto`: while shadows are seen. `shadow_darkest` of 1 looks for none
+    /// whatever this says.
+    pub shadow: StageChoice,
+    /// Whether thresholds rise where verdicts keep turning. Default `auto`: where enough pixels flicker. A `delta` that is set stays
+    /// what it is whatever this says.
+    pub flicker: StageChoice,
+    /// Whether pictures of a shaking camera are shifted back. Default `auto`: while it shakes.
+    pub shake: StageChoice,
+    /// Whether the background is made as light as the whole picture became. `auto`, the default, and `on` are the same: it is looked at
+    /// in every fourth frame and followed where it changed.
+    pub light: StageChoice,
     /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
     /// stands close together. Default 0.
     pub close_radius_px: u32,
@@ -370,7 +382,11 @@ impl Default for SegmentSettings {
             shadow_darkest: 0.5,
             shadow_chroma: 0.045,
             highlight_brightest: 1.0,
-            suppress_blinking: false,
+            suppress_blinking: None,
+            shadow: StageChoice::Auto,
+            flicker: StageChoice::Auto,
+            shake: StageChoice::Auto,
+            light: StageChoice::Auto,
             close_radius_px: 0,
             max_hole_px: 64,
             min_area_px: 0,
@@ -382,6 +398,39 @@ impl Default for SegmentSettings {
 impl SegmentSettings {
     /// Blurred difference that is foreground before backgrounds of middle and high luma, share of full scale, unless it is set.
     pub const DELTA: f64 = 0.12;
+
+    /// Returns whether pieces that mostly flutter are background.
+    #[must_use]
+    pub const fn blinking(&self) -> StageChoice {
+        match self.suppress_blinking {
+            None => StageChoice::Auto,
+            Some(true) => StageChoice::On,
+            Some(false) => StageChoice::Off,
+        }
+    }
+
+    /// Returns whether thresholds follow the noise.
+    #[must_use]
+    pub const fn noise(&self) -> StageChoice {
+        if self.delta.is_some() { StageChoice::Off } else { StageChoice::Auto }
+    }
+
+    /// Returns whether shadows are told from what moves, by both settings that ask for it.
+    #[must_use]
+    pub fn shadow(&self) -> StageChoice {
+        match self.shadow {
+            _ if self.shadow_darkest >= 1.0 => StageChoice::Off,
+            // Both are told by the same rules.
+            StageChoice::Auto if self.highlight_brightest > 1.0 => StageChoice::On,
+            choice => choice,
+        }
+    }
+
+    /// Returns whether thresholds rise where verdicts keep turning, by both settings that ask for it.
+    #[must_use]
+    pub const fn flicker(&self) -> StageChoice {
+        if self.delta.is_some() { StageChoice::Off } else { self.flicker }
+    }
 
     /// Returns the blurred difference that is foreground, before what luma, noise and turning verdicts change of it.
     #[must_use]

@@ -1,137 +1,262 @@
-//! Pixels that keep turning from background to foreground and back: leaves, flags, water, barrier tape in the wind.
+//! Tells pieces whose colours came and went here before: leaves, flags, water, barrier tape in the wind.
 //!
-//! One mask of bits a frame flows in; how many of a run's pixels blink flows out. Whoever walks by turns a pixel twice;
-//! what flutters does so again and again.
+//! A frame and its foreground flow in; how many of a run's pixels were seen so before flows out. Whoever walks or drives by brings
+//! colours of its own, and leaves; what flutters brings the same again and again. A pixel whose difference only wavers around the
+//! threshold has not left in between, so somebody who is hardly seen does not flutter.
 
 use super::components::Run;
-use crate::frame::BitMask;
+use super::difference::{Pair, TILE};
+use super::dilate::dilate;
+use crate::frame::{BitMask, Plane};
 
-/// What one turn adds to a pixel's count.
-const TURN: u8 = 16;
+/// Amount that a colour's return adds to a pixel's count.
+const RETURN: u8 = 32;
 
-/// A pixel blinks while its count is above this: six turns within a second, or more than two a second for long. Each of
-/// many who walk by one close behind the other turns a pixel twice, and no more than one passes in a second.
-const BLINKING: u8 = 80;
+/// Two returns at once, or three within seconds: a pixel whose colour came back this often flutters.
+const FLUTTERING: u8 = 64;
 
-/// Counts sink by one in this time, so that a turn is forgotten after half a second.
-const SINK_SECS: f64 = 1.0 / 32.0;
+/// Counts sink by this share in this time: in ten seconds to a quarter.
+const SINKING: u8 = 16;
+const SINK_SECS: f64 = 0.5;
 
-/// Counts sink by so many at once, which saves going through them at every frame.
-const LEAST_STEPS: f64 = 8.0;
+/// A colour is the one of before if they differ by at most so many codes, luma and both chroma planes together ...
+const GREATEST_CODES: i32 = 30;
 
-/// A piece of which at least this share blinks is no thing that moves through.
-const BLINKING_SHARE: f64 = 0.5;
+/// ... and by at most this share of what either differs from the background.
+const GREATEST_SHARE: f32 = 0.5;
 
-/// Counts of turns; 1 byte a pixel and two bits.
+/// A piece of which at least this share flutters is no thing that moves through.
+const FLUTTERING_SHARE: f64 = 0.5;
+
+/// Colour of a pixel when it was last seen as foreground, and how often it came back; 4 bytes a pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    color: [u8; 3],
+    count: u8,
+}
+
+/// Colours that come and go; 4 bytes a pixel and three bits.
 #[derive(Debug, Default)]
 pub(super) struct Blinking {
-    before: BitMask,
-    counts: Vec<u8>,
+    /// Pixels that are foreground, or were and still differ.
+    present: BitMask,
+    /// Whole tiles, row by row.
+    seen: Vec<Seen>,
+    /// Pixels whose count says that they flutter, and with them their neighbours.
+    counted: BitMask,
+    fluttering: BitMask,
     /// Time since the counts last sank.
     waited_secs: f64,
 }
 
 impl Blinking {
-    /// Takes a frame's foreground, `dt_secs` after the frame before it.
-    pub(super) fn observe(&mut self, foreground: &BitMask, dt_secs: f64) {
-        let (width, height) = (foreground.width(), foreground.height());
-        if (self.before.width(), self.before.height()) != (width, height) {
-            self.counts.clear();
-            self.counts.resize(width * height, 0);
-            self.before = foreground.clone();
+    /// Takes a frame's foreground and the pixels that differ by half of what makes foreground, `dt_secs` after the frame before it.
+    pub(super) fn observe(
+        &mut self,
+        pair: &Pair<'_>,
+        (foreground, weak): (&BitMask, &BitMask),
+        dt_secs: f64,
+    ) {
+        let n_words = foreground.words().len();
+        if (self.present.width(), self.present.height()) != (foreground.width(), foreground.height()) {
+            self.seen.clear();
+            self.seen.resize(n_words * TILE, Seen::default());
+            self.counted = BitMask::new(foreground.width() as u32, foreground.height() as u32);
+            self.fluttering = self.counted.clone();
+            self.present = foreground.clone();
             return;
         }
         self.sink(dt_secs);
-        for y in 0..height {
-            let counts = &mut self.counts[y * width..(y + 1) * width];
-            for (word, (now, before)) in foreground.row(y).iter().zip(self.before.row(y)).enumerate() {
-                let mut turned = now ^ before;
-                while turned != 0 {
-                    let x = 32 * word + turned.trailing_zeros() as usize;
-                    counts[x] = counts[x].saturating_add(TURN);
-                    turned &= turned - 1;
+        let words_per_row = foreground.words_per_row();
+        for (word, (now, weak)) in foreground.words().iter().zip(weak.words()).enumerate() {
+            let present = &mut self.present.words_mut()[word];
+            let mut came = now & !*present;
+            *present = (*present | now) & (now | weak);
+            let (y, first) = (word / words_per_row, word % words_per_row * TILE);
+            while came != 0 {
+                let i = came.trailing_zeros() as usize;
+                let seen = &mut self.seen[word * TILE + i];
+                let is_back = seen.take(pair, (first + i, y));
+                let counted = &mut self.counted.words_mut()[word];
+                *counted = *counted & !(1 << i) | u32::from(is_back && seen.count >= FLUTTERING) << i;
+                came &= came - 1;
+            }
+            // Somebody may have come before what flutters.
+            let mut staying = now & self.counted.words()[word];
+            while staying != 0 {
+                let i = staying.trailing_zeros() as usize;
+                if !self.seen[word * TILE + i].is_back(pair, (first + i, y)) {
+                    self.counted.words_mut()[word] &= !(1 << i);
                 }
+                staying &= staying - 1;
             }
         }
-        self.before.words_mut().copy_from_slice(foreground.words());
+        dilate(&self.counted, &mut self.fluttering);
     }
 
     fn sink(&mut self, dt_secs: f64) {
-        self.waited_secs += if dt_secs > 0.0 { dt_secs.min(255.0 * SINK_SECS) } else { 0.0 };
-        let n_steps = (self.waited_secs / SINK_SECS).floor();
-        if n_steps >= LEAST_STEPS {
-            self.waited_secs -= n_steps * SINK_SECS;
-            let n_steps = n_steps as u8;
-            for count in &mut self.counts {
-                *count = count.saturating_sub(n_steps);
+        self.waited_secs += if dt_secs > 0.0 { dt_secs.min(60.0) } else { 0.0 };
+        while self.waited_secs >= SINK_SECS {
+            self.waited_secs -= SINK_SECS;
+            for (counted, seen) in self.counted.words_mut().iter_mut().zip(self.seen.chunks_exact_mut(TILE)) {
+                for (i, seen) in seen.iter_mut().enumerate() {
+                    seen.count -= seen.count.div_ceil(SINKING);
+                    *counted &= !(u32::from(seen.count < FLUTTERING) << i);
+                }
             }
         }
     }
 
-    /// Whether most pixels of these runs blink.
-    pub(super) fn is_blinking<'a>(&self, runs: impl Iterator<Item = &'a Run>) -> bool {
-        let (mut n_blinking, mut n_pixels) = (0, 0);
-        for run in runs {
-            let row = run.y as usize * self.before.width();
-            let counts = &self.counts[row + run.start as usize..row + run.end as usize];
-            n_blinking += counts.iter().filter(|count| **count > BLINKING).count();
-            n_pixels += counts.len();
-        }
-        n_blinking as f64 >= BLINKING_SHARE * n_pixels as f64
+    /// Returns whether nothing was seen yet.
+    pub(super) const fn is_empty(&self) -> bool {
+        self.seen.is_empty()
     }
+
+    /// Returns whether most pixels of these runs flutter.
+    pub(super) fn is_blinking<'a>(&self, runs: impl Iterator<Item = &'a Run>) -> bool {
+        let (mut n_fluttering, mut n_pixels) = (0, 0);
+        for run in runs {
+            n_fluttering += self.fluttering.count_run(run.y as usize, run.start as usize, run.end as usize);
+            n_pixels += run.end - run.start;
+        }
+        f64::from(n_fluttering) >= FLUTTERING_SHARE * f64::from(n_pixels)
+    }
+}
+
+impl Seen {
+    /// Takes a pixel that became foreground, and returns whether its colour is the one of before.
+    fn take(&mut self, pair: &Pair<'_>, at: (usize, usize)) -> bool {
+        let is_back = self.is_back(pair, at);
+        *self = if is_back {
+            Self { count: self.count.saturating_add(RETURN), ..*self }
+        } else {
+            Self { color: color(&pair.frame, at), count: self.count / 2 }
+        };
+        is_back
+    }
+
+    /// Returns whether a pixel's colour is the one of before.
+    fn is_back(&self, pair: &Pair<'_>, at: (usize, usize)) -> bool {
+        let (now, background) = (color(&pair.frame, at), color(&pair.background, at));
+        let codes = |of: &[u8; 3]| now.iter().zip(of).map(|(a, b)| i32::from(a.abs_diff(*b))).sum::<i32>();
+        let before: i32 = self.color.iter().zip(&background).map(|(a, b)| i32::from(a.abs_diff(*b))).sum();
+        let (changed, differs) = (codes(&self.color), codes(&background).min(before));
+        changed <= GREATEST_CODES && changed as f32 <= GREATEST_SHARE * differs as f32
+    }
+}
+
+/// Returns the mean colour around a pixel.
+fn color(planes: &[Plane<'_>; 3], (x, y): (usize, usize)) -> [u8; 3] {
+    [mean(&planes[0], (x, y)), mean(&planes[1], (x / 2, y / 2)), mean(&planes[2], (x / 2, y / 2))]
+}
+
+/// Returns the mean of the pixels around one.
+fn mean(plane: &Plane<'_>, (x, y): (usize, usize)) -> u8 {
+    let columns = x.saturating_sub(1)..(x + 2).min(plane.width as usize);
+    let rows = y.saturating_sub(1)..(y + 2).min(plane.height as usize);
+    let n = (columns.len() * rows.len()).max(1) as u32;
+    let sum: u32 = rows
+        .map(|y| plane.row(y as u32)[columns.clone()].iter().map(|code| u32::from(*code)).sum::<u32>())
+        .sum();
+    ((sum + n / 2) / n) as u8
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::{ColorMatrix, ColorRange, YuvImage};
 
-    /// Whether the columns of a 40 x 2 picture blink after these frames, each a run of columns, ten a second.
-    fn blinks(frames: impl Iterator<Item = (usize, usize)>, columns: (u32, u32)) -> bool {
+    const SIZE_PX: (u32, u32) = (40, 6);
+
+    /// One frame: the luma of all of it, the columns that are foreground, and those that still differ.
+    type Moment = (u8, (usize, usize), (usize, usize));
+
+    /// Returns whether columns 5 to 15 flutter after these frames, ten a second, before a background of luma 100.
+    fn flutters(moments: impl Iterator<Item = Moment>) -> bool {
+        let place = picture(100);
         let mut blinking = Blinking::default();
-        for (start, end) in frames {
-            let mut mask = BitMask::new(40, 2);
-            mask.set_run(1, start, end);
-            blinking.observe(&mask, 0.1);
+        for (luma, foreground, weak) in moments {
+            let frame = picture(luma);
+            let planes = |of: &YuvImage| [of.plane(0), of.plane(1), of.plane(2)].map(|plane| plane.width);
+            assert_eq!(planes(&frame), planes(&place));
+            let pair = Pair {
+                frame: [0, 1, 2].map(|plane| frame.plane(plane)),
+                background: [0, 1, 2].map(|plane| place.plane(plane)),
+            };
+            blinking.observe(&pair, (&columns(foreground), &columns(weak)), 0.1);
         }
-        let run = Run { y: 1, start: columns.0, end: columns.1, piece_idx: 0 };
-        blinking.is_blinking([run].iter())
+        blinking.is_blinking([Run { y: 3, start: 5, end: 15, piece_idx: 0 }].iter())
+    }
+
+    fn picture(luma: u8) -> YuvImage {
+        YuvImage::filled(SIZE_PX.0, SIZE_PX.1, [luma, 128, 128], ColorMatrix::Bt601, ColorRange::Limited)
+    }
+
+    fn columns((start, end): (usize, usize)) -> BitMask {
+        let mut mask = BitMask::new(SIZE_PX.0, SIZE_PX.1);
+        for y in 0..SIZE_PX.1 as usize {
+            mask.set_run(y, start, end);
+        }
+        mask
+    }
+
+    const NONE: (usize, usize) = (0, 0);
+
+    #[test]
+    fn a_colour_that_comes_and_goes_flutters() {
+        assert!(flutters((0..60).map(|frame| if frame % 8 < 4 {
+            (160, (5, 15), (5, 15))
+        } else {
+            (100, NONE, NONE)
+        })));
+        // Twice is not enough: the first time is no return.
+        assert!(!flutters((0..14).map(|frame| if frame % 8 < 4 {
+            (160, (5, 15), (5, 15))
+        } else {
+            (100, NONE, NONE)
+        })));
     }
 
     #[test]
-    fn what_flutters_blinks_and_what_walks_by_does_not() {
-        let flutter = (0..60).map(|frame| if frame % 6 < 3 { (5, 15) } else { (0, 0) });
-        assert!(blinks(flutter, (5, 15)));
-        let walk = (0..40).map(|frame| (frame, (frame + 6).min(40)));
-        assert!(!blinks(walk, (0, 40)));
-        // Four people one after the other.
-        let crowd = (0..160).map(|frame| (frame % 40, (frame % 40 + 3).min(40)));
-        assert!(!blinks(crowd, (5, 35)));
-        // One a second, for a minute.
-        let stream = (0..600).map(|frame| ((frame * 4) % 40, ((frame * 4) % 40 + 12).min(40)));
-        assert!(!blinks(stream, (0, 40)));
+    fn those_who_pass_in_colours_of_their_own_do_not_flutter_however_many_they_are() {
+        let colors = [160, 40, 220, 60, 190, 20, 140];
+        assert!(!flutters((0..200).map(|frame: usize| {
+            if frame % 8 < 4 { (colors[frame / 8 % 7], (5, 15), (5, 15)) } else { (100, NONE, NONE) }
+        })));
     }
 
     #[test]
-    fn blinking_is_forgotten_and_time_that_stands_or_leaps_is_harmless() {
+    fn somebody_who_is_hardly_seen_and_never_leaves_does_not_flutter() {
+        assert!(!flutters(
+            (0..200)
+                .map(|frame| { if frame % 4 < 2 { (130, (5, 15), (5, 15)) } else { (125, NONE, (5, 15)) } })
+        ));
+    }
+
+    #[test]
+    fn before_a_dark_place_colours_are_compared_by_how_much_they_differ_from_it() {
+        // Others, each 12 codes from the background and up to 9 from each other: no colour that came back.
+        assert!(!flutters((0..200).map(|frame: usize| {
+            if frame % 8 < 4 { ([112, 121][frame / 8 % 2], (5, 15), (5, 15)) } else { (100, NONE, NONE) }
+        })));
+    }
+
+    #[test]
+    fn fluttering_is_forgotten_and_time_that_stands_or_leaps_is_harmless() {
+        let flutter = |frame: usize| if frame % 8 < 4 { (160, (5, 15), (5, 15)) } else { (100, NONE, NONE) };
+        assert!(!flutters((0..60).map(flutter).chain((0..300).map(|_| (100, NONE, NONE)))));
+        let place = picture(100);
+        let planes = [0, 1, 2].map(|plane| place.plane(plane));
+        let pair = Pair { frame: planes, background: planes };
         let mut blinking = Blinking::default();
-        let mut mask = BitMask::new(40, 2);
-        for frame in 0..30 {
-            if frame % 2 == 0 {
-                mask.set_run(0, 0, 8);
-            } else {
-                mask.clear_run(0, 0, 8);
-            }
-            blinking.observe(&mask, 0.1);
+        for dt_secs in [0.0, f64::NAN, -5.0, 1e9, f64::INFINITY] {
+            blinking.observe(&pair, (&columns((5, 15)), &columns(NONE)), dt_secs);
         }
-        let run = [Run { y: 0, start: 0, end: 8, piece_idx: 0 }];
-        for dt in [0.0, -5.0, f64::NAN] {
-            blinking.observe(&mask, dt);
-        }
-        assert!(blinking.is_blinking(run.iter()));
-        blinking.observe(&mask, 1e9);
-        assert!(!blinking.is_blinking(run.iter()));
         // Another size begins anew.
-        blinking.observe(&BitMask::new(3, 3), 0.1);
-        assert!(!blinking.is_blinking([Run { y: 2, start: 0, end: 3, piece_idx: 0 }].iter()));
+        let one = YuvImage::filled(1, 1, [9, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        let planes = [0, 1, 2].map(|plane| one.plane(plane));
+        let (seen, none) = (BitMask::new(1, 1), BitMask::new(1, 1));
+        blinking.observe(&Pair { frame: planes, background: planes }, (&seen, &none), 0.1);
+        assert!(!blinking.is_blinking([Run { y: 0, start: 0, end: 1, piece_idx: 0 }].iter()));
     }
 }

@@ -38,6 +38,8 @@ pub(super) struct Flicker {
     is_restless: Vec<bool>,
     /// Time since the counts last sank.
     waited_secs: f64,
+    /// Share of the pixels whose counts were above [`CALM`] when the counts last sank.
+    share: f32,
 }
 
 impl Flicker {
@@ -50,6 +52,7 @@ impl Flicker {
             self.is_restless.clear();
             self.is_restless.resize(n_words, false);
             self.before = foreground.clone();
+            self.share = 0.0;
             return;
         }
         self.sink(dt_secs);
@@ -72,10 +75,25 @@ impl Flicker {
             for count in &mut self.counts {
                 *count -= count.div_ceil(SINKING);
             }
-            for (is_restless, counts) in self.is_restless.iter_mut().zip(self.counts.chunks_exact(TILE)) {
-                *is_restless = *is_restless && counts.iter().any(|count| *count > CALM);
-            }
+            self.look();
         }
+    }
+
+    /// Finds the tiles and the share of pixels that flicker.
+    fn look(&mut self) {
+        let mut n_restless = 0;
+        for (is_restless, counts) in self.is_restless.iter_mut().zip(self.counts.chunks_exact(TILE)) {
+            let n = if *is_restless { counts.iter().filter(|count| **count > CALM).count() } else { 0 };
+            *is_restless = n > 0;
+            n_restless += n;
+        }
+        let n_px = (self.before.width() * self.before.height()).max(1);
+        self.share = n_restless as f32 / n_px as f32;
+    }
+
+    /// Returns the share of pixels that flicker, as of half a second ago at most.
+    pub(super) const fn share(&self) -> f32 {
+        self.share
     }
 
     pub(super) fn len_bytes(&self) -> usize {
@@ -108,8 +126,10 @@ impl Flicker {
         }
         let mut counts = vec![0; before.words().len() * TILE];
         from.read_exact(&mut counts)?;
-        let is_restless = counts.chunks_exact(TILE).map(|counts| counts.iter().any(|count| *count > CALM));
-        Ok(Self { is_restless: is_restless.collect(), before, counts, waited_secs })
+        let is_restless = vec![true; before.words().len()];
+        let mut flicker = Self { is_restless, before, counts, waited_secs, share: 0.0 };
+        flicker.look();
+        Ok(flicker)
     }
 
     /// Returns the factors of the thresholds of a tile of a picture of so many words; none where all of them are 1.

@@ -11,7 +11,8 @@
 use super::difference::{CHROMA_TILE, ChannelGains, Difference, Pair, TILE, TileDifference};
 use super::dilate::dilate;
 use super::memory::Memory;
-use crate::config::{MixtureRule, SegmentSettings};
+use super::stages::{Running, ShadowWork};
+use crate::config::{MixtureRule, SegmentSettings, StageChoice};
 use crate::frame::{BitMask, ColorMatrix, ColorRange, inside};
 use fearless_simd::{Level, Simd, dispatch};
 use rayon::prelude::*;
@@ -72,6 +73,7 @@ impl Rules {
     fn new(
         (matrix, range): (ColorMatrix, ColorRange),
         settings: &SegmentSettings,
+        running: Running,
         (memory, blur_sigma_px): (&Memory, f64),
     ) -> Self {
         let (black_code, _luma_codes, chroma_codes) = range.luma_offset_luma_scale_chroma_scale();
@@ -81,15 +83,16 @@ impl Rules {
             delta: settings.delta() as f32,
             delta_high: settings.delta_high.max(settings.delta()) as f32,
             black_code,
-            has_shadows: settings.shadow_darkest < 1.0 || settings.highlight_brightest > 1.0,
-            darkest: settings.shadow_darkest as f32,
+            has_shadows: running.shadow != ShadowWork::None || settings.highlight_brightest > 1.0,
+            darkest: if running.shadow == ShadowWork::None { 1.0 } else { settings.shadow_darkest as f32 },
             brightest: settings.highlight_brightest as f32,
             tolerance: settings.shadow_chroma as f32 * chroma_codes,
-            by_luma: match settings.delta {
-                Some(_) => [1.0; 256],
-                None => memory.noise.factors(settings.delta() as f32, blur_sigma_px, black_code),
+            by_luma: if running.has_noise {
+                memory.noise.factors(settings.delta() as f32, blur_sigma_px, black_code)
+            } else {
+                [1.0; 256]
             },
-            has_flicker: settings.delta.is_none(),
+            has_flicker: running.has_flicker,
         }
     }
 }
@@ -136,9 +139,9 @@ impl Judge {
         pair: &Pair<'_>,
         (matrix, range): (ColorMatrix, ColorRange),
         (unmatched, memory): (&BitMask, &Memory),
-        settings: &SegmentSettings,
+        (settings, running): (&SegmentSettings, Running),
     ) {
-        let rules = Rules::new((matrix, range), settings, (memory, self.blur_sigma_px));
+        let rules = Rules::new((matrix, range), settings, running, (memory, self.blur_sigma_px));
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
         let Self { candidates, moving, shadow, plain, strong, weak, .. } = self;
         for mask in [candidates, moving, shadow, plain, strong, weak] {
@@ -156,16 +159,22 @@ impl Judge {
         self.judge_near(pair, (unmatched, memory), &rules);
     }
 
-    /// Lets `memory` learn from the frame that was judged last: its noise where nothing could be foreground, and what turned.
+    /// Lets `memory` learn from the frame that was judged last: its noise where nothing could be foreground, and what turned, unless no
+    /// threshold is to follow that.
     pub(super) fn teach(
         &self,
         pair: &Pair<'_>,
         colors: (ColorMatrix, ColorRange),
         dt_secs: f64,
+        settings: &SegmentSettings,
         memory: &mut Memory,
     ) {
-        memory.noise.observe(pair, &ChannelGains::new(colors.0, colors.1), &self.near);
-        memory.flicker.observe(&self.plain, dt_secs);
+        if settings.noise() != StageChoice::Off {
+            memory.noise.observe(pair, &ChannelGains::new(colors.0, colors.1), &self.near);
+        }
+        if settings.flicker() != StageChoice::Off || settings.blinking() == StageChoice::Auto {
+            memory.flicker.observe(&self.plain, dt_secs);
+        }
     }
 
     /// The tiles in which, or within the blur's reach of which, some difference is large enough to pass the threshold.
@@ -333,14 +342,21 @@ fn judge_band<S: Simd>(
                 differs &= bits_above(&over(&norm, &raised), rules.delta);
             }
             // The blur carries differences beyond their edges: what does not differ itself is none of it.
-            let itself = over(&rules.gains.norm(&unblurred(pair, word, y)), &factors);
-            let own = bits_above(&itself, OWN_SHARE * rules.delta);
+            let itself = unblurred(pair, word, y);
+            let own = bits_above(&over(&rules.gains.norm(&itself), &factors), OWN_SHARE * rules.delta);
             let foreground = verdict(differs & own);
             if foreground == 0 {
                 continue;
             }
-            let shadow =
-                if rules.has_shadows { foreground & shadows(&difference, pair, word, y, rules) } else { 0 };
+            // The blur tells what noise hides; before joints and lines the pixel itself tells what the blur mixes.
+            let shadow = if rules.has_shadows {
+                let sharp = TileDifference { luma: itself.luma, ..difference };
+                let by_either =
+                    shadows(&difference, pair, word, y, rules) | shadows(&sharp, pair, word, y, rules);
+                foreground & by_either
+            } else {
+                0
+            };
             band.shadow[place] = shadow;
             band.moving[place] = foreground & !shadow;
             band.strong[place] = foreground & !shadow & bits_above(&norm, rules.delta_high);
@@ -470,6 +486,9 @@ mod tests {
 
     const COLORS: (ColorMatrix, ColorRange) = (ColorMatrix::Bt601, ColorRange::Limited);
 
+    const ALL: Running =
+        Running { shadow: ShadowWork::Told, has_noise: true, has_flicker: true, has_blinking: true };
+
     fn hash(i: usize, seed: u32) -> u32 {
         (i as u32)
             .wrapping_mul(0x9e37_79b9)
@@ -507,14 +526,15 @@ mod tests {
     fn check_every_pixel(pair: &Pair<'_>, unmatched: &BitMask, settings: &SegmentSettings, sigma_px: f64) {
         let mut judge = Judge::new();
         judge.set_blur(sigma_px);
+        let running = Running { shadow: ShadowWork::None, ..ALL };
         // What another frame left must not show.
         judge.judge(
             &Pair { frame: pair.background, ..*pair },
             COLORS,
             (unmatched, &Memory::default()),
-            settings,
+            (settings, running),
         );
-        judge.judge(pair, COLORS, (unmatched, &Memory::default()), settings);
+        judge.judge(pair, COLORS, (unmatched, &Memory::default()), (settings, running));
         let mut everywhere = Difference::new(sigma_px);
         let mut itself = Difference::new(0.0);
         let (width, height) = (pair.frame[0].width, pair.frame[0].height);
@@ -546,7 +566,7 @@ mod tests {
             for (mixture, sigma_px) in
                 rules.into_iter().flat_map(|rule| [0.0, 1.5, 12.0].map(|px| (rule, px)))
             {
-                let settings = SegmentSettings { mixture, shadow_darkest: 1.0, ..SegmentSettings::default() };
+                let settings = SegmentSettings { mixture, ..SegmentSettings::default() };
                 check_every_pixel(&pair, &unmatched, &settings, sigma_px);
             }
         }
@@ -564,7 +584,7 @@ mod tests {
             let mut judge = Judge::new();
             judge.set_blur(1.5);
             let none = BitMask::new(width, height);
-            pool.install(|| judge.judge(&pair, COLORS, (&none, &Memory::default()), &settings));
+            pool.install(|| judge.judge(&pair, COLORS, (&none, &Memory::default()), (&settings, ALL)));
             (judge.moving, judge.shadow, judge.strong, judge.ramps)
         };
         let one = found(1);

@@ -32,6 +32,7 @@ mod segmenter;
 mod shadow;
 mod soft;
 mod split;
+mod stages;
 
 pub use dilate::dilate;
 pub use distance::{DistanceTransform, NO_OUTSIDE};

@@ -73,6 +73,13 @@ impl Noise {
         }
     }
 
+    /// Returns the mean of what is known of all lumas, share of full scale.
+    pub(super) fn typical(&self) -> Option<f32> {
+        let known = self.deviations.iter().flatten();
+        let n = known.clone().count();
+        (n > 0).then(|| known.sum::<f32>() / n as f32)
+    }
+
     pub(super) fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write_all(out, self.deviations.map(|known| known.unwrap_or(f32::NAN).to_le_bytes()))?;
         out.write_all(&self.turn.to_le_bytes())

@@ -133,15 +133,22 @@ const LEAST_LEG_COLUMNS: f32 = 0.3;
 ///
 /// Dark trousers before a light ground can look like the ground in shadow, all of them: then a body ends at the waist,
 /// and shadow follows right beneath, within its columns, about as long as the body. What a body casts beneath its feet
-/// is short in comparison, or lies to the side.
+/// is short in comparison, or lies to the side; shadow that goes on to both sides is none of it.
 pub(super) fn restore_legs(moving: &mut BitMask, shadow: &mut BitMask, pieces: &[Piece]) {
     let n_rows = moving.height() as u32;
     for piece in pieces {
         let (left, right) = (piece.left as usize, piece.right as usize);
         let least_px = LEAST_LEG_COLUMNS * (right - left) as f32;
+        let strip = (right - left).div_ceil(2);
+        // Shadow that goes on to both sides is that of something larger, in which somebody stands.
+        let goes_on = |y: u32, start: usize, end: usize| {
+            2 * shadow.count_run(y as usize, start, end) as usize >= strip.min(end - start).max(1)
+        };
         let is_leg_row = |y: u32| {
             moving.count_run(y as usize, left, right) == 0
                 && shadow.count_run(y as usize, left, right) as f32 >= least_px
+                && !(goes_on(y, left.saturating_sub(strip), left)
+                    && goes_on(y, right, (right + strip).min(shadow.width())))
         };
         let (mut end, height) = (piece.bottom, (piece.bottom - piece.top) as f32);
         let length = |end: u32| (end - piece.bottom) as f32;

@@ -13,9 +13,11 @@ use super::repair::{Surroundings, bridge_gaps, restore_enclosed_shadow, restore_
 use super::shadow::Shadows;
 use super::soft::soften;
 use super::split::Splitter;
+use super::stages::{Running, ShadowWork, Stages};
 use super::{Blob, PixelRect};
 use crate::config::{MixtureRule, Resolution, SegmentSettings};
-use crate::frame::{BitMask, BufferPool, Mask, Plane, YuvImage};
+use crate::frame::{BitMask, BufferPool, ColorRange, Mask, Plane, YuvImage};
+use crate::stage::StageState;
 use std::sync::Arc;
 
 /// Masks whose memory waits for the next frame: who keeps frames lets one frame's two go as a new one comes, and may have
@@ -47,6 +49,7 @@ pub struct Segmenter {
     majority: Majority,
     judge: Judge,
     memory: Memory,
+    stages: Stages,
     /// Says that frames are looked at in any order, so that none teaches anything.
     is_review: bool,
     shadows: Shadows,
@@ -73,6 +76,7 @@ impl Segmenter {
             settings: settings.clone(),
             majority: Majority::default(),
             memory: Memory::default(),
+            stages: Stages::default(),
             is_review: false,
             shadows: Shadows::default(),
             surroundings: Surroundings::default(),
@@ -108,9 +112,6 @@ impl Segmenter {
 
     /// Goes on with other settings from the next frame on.
     pub fn set(&mut self, settings: &SegmentSettings) {
-        if !settings.suppress_blinking {
-            self.blinking = Blinking::default();
-        }
         self.settings = settings.clone();
     }
 
@@ -219,27 +220,61 @@ impl Segmenter {
             if self.settings.mixture == MixtureRule::Ignore { unmatched } else { self.majority.bits() };
         let sigma_px = self.settings.blur_sigma_px_in(size_px);
         self.judge.set_blur(sigma_px / f64::from(factor));
-        self.judge.judge(&pair, colors, (majority, &self.memory), &self.settings);
+        let running = self.stages.begin(&self.settings, &self.memory, dt_secs);
+        self.judge.judge(&pair, colors, (majority, &self.memory), (&self.settings, running));
         self.moving.clone_from(&self.judge.moving);
         self.shadow.clone_from(&self.judge.shadow);
-        if self.settings.suppress_blinking {
-            self.blinking.observe(&self.moving, dt_secs);
+        if running.has_blinking {
+            self.blinking.observe(&pair, (&self.judge.plain, &self.judge.weak), dt_secs);
+        } else if !self.blinking.is_empty() {
+            self.blinking = Blinking::default();
         }
-        if self.settings.shadow_darkest < 1.0 {
-            let (black_code, luma_codes, _) = frame.range().luma_offset_luma_scale_chroma_scale();
-            let least_codes = 0.5 * self.settings.delta() as f32 * luma_codes;
-            let masks = (&mut self.moving, &mut self.shadow);
-            self.shadows.judge(&pair, (black_code, least_codes), masks, &mut self.pieces.components);
+        let limits = Limits::reduced(&self.settings, size_px, factor);
+        if running.shadow != ShadowWork::None {
+            self.judge_shadows(&pair, frame.range(), (running.shadow, limits.min_area_px));
         }
         if !self.is_review {
-            self.judge.teach(&pair, colors, dt_secs, &mut self.memory);
+            self.judge.teach(&pair, colors, dt_secs, &self.settings, &mut self.memory);
         }
-        self.repair(factor);
+        self.repair(factor, running);
         self.leave_hidden_out();
-        let limits = Limits::reduced(&self.settings, size_px, factor);
         self.pieces.find(&self.moving);
-        self.drop_pieces(&limits);
+        self.drop_pieces(&limits, running);
         soften(&self.moving, &self.shadow, &self.judge, &self.pool)
+    }
+
+    /// Tells shadows from what moves, or only measures how much of it they are.
+    fn judge_shadows(&mut self, pair: &Pair<'_>, range: ColorRange, (work, least_px): (ShadowWork, u32)) {
+        let (black_code, luma_codes, _) = range.luma_offset_luma_scale_chroma_scale();
+        let least_codes = 0.5 * self.settings.delta() as f32 * luma_codes;
+        let n_foreground = self.moving.count_ones() + self.shadow.count_ones();
+        let (moving, shadow) = (&mut self.moving, &mut self.shadow);
+        let n_certain = self.shadows.judge(
+            pair,
+            (black_code, least_codes),
+            (moving, shadow),
+            &mut self.pieces.components,
+        );
+        if !self.is_review && n_foreground >= u64::from(least_px) {
+            self.stages.observe_shadow(f64::from(n_certain) / n_foreground as f64);
+        }
+        if work == ShadowWork::Measured {
+            for (moving, shadow) in self.moving.words_mut().iter_mut().zip(self.shadow.words_mut()) {
+                *moving |= std::mem::take(shadow);
+            }
+        }
+    }
+
+    /// Returns which stages run and why, in the order in which they run.
+    #[must_use]
+    pub fn stages(&self) -> [StageState; 4] {
+        self.stages.states(&self.settings)
+    }
+
+    /// Returns the settings.
+    #[must_use]
+    pub const fn settings(&self) -> &SegmentSettings {
+        &self.settings
     }
 
     fn leave_hidden_out(&mut self) {
@@ -254,8 +289,8 @@ impl Segmenter {
         }
     }
 
-    fn repair(&mut self, factor: u32) {
-        if self.settings.shadow_darkest < 1.0 || self.settings.highlight_brightest > 1.0 {
+    fn repair(&mut self, factor: u32, running: Running) {
+        if running.shadow == ShadowWork::Told || self.settings.highlight_brightest > 1.0 {
             restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
             self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
@@ -276,7 +311,7 @@ impl Segmenter {
     }
 
     /// Makes background of the pieces that are too small, hardly differ, or blink.
-    fn drop_pieces(&mut self, limits: &Limits) {
+    fn drop_pieces(&mut self, limits: &Limits, running: Running) {
         let (strong, blinking) = (&self.judge.strong, &self.blinking);
         let has_hysteresis = self.settings.delta_high > self.settings.delta();
         for piece_idx in 0..self.pieces.components.pieces().len() {
@@ -284,7 +319,7 @@ impl Segmenter {
             let n_strong = |run: &Run| strong.count_run(run.y as usize, run.start as usize, run.end as usize);
             let is_kept = self.pieces.components.pieces()[piece_idx].area_px >= limits.min_area_px
                 && (!has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= limits.min_strong_px)
-                && !(self.settings.suppress_blinking && blinking.is_blinking(runs.iter()));
+                && !(running.has_blinking && blinking.is_blinking(runs.iter()));
             if !is_kept {
                 for run in runs {
                     self.moving.clear_run(run.y as usize, run.start as usize, run.end as usize);

@@ -36,6 +36,13 @@ const PLAIN_IN_NOISE: f32 = 1.5;
 /// Fewer steps than this in a region say nothing.
 const LEAST_STEPS: u32 = 12;
 
+/// Where medians are plain, the strongest steps decide: those above this share, if there are so many steps in all, and if they are so
+/// many times what is plain and the others below this share of them.
+const STRONG: f32 = 0.9;
+const LEAST_SPARSE_STEPS: u32 = 40;
+const STRONG_IN_PLAIN: f32 = 2.0;
+const STRONGLY: f32 = 0.5;
+
 /// A shadow without structure is at most so many times as large as what moves beside it.
 const MOST_OWNERS: u32 = 3;
 
@@ -82,14 +89,14 @@ impl Default for Sums {
     }
 }
 
-/// The median of steps, by their histogram.
-fn median(counts: &[u16; N_STEPS], n: u32) -> f32 {
+/// Returns the step below which a share of `n` steps lie, by their histogram.
+fn quantile(counts: &[u16; N_STEPS], n: u32, share: f32) -> f32 {
     let mut below = 0.0;
-    let half = 0.5 * n as f32;
+    let wanted = share * n as f32;
     for (step, count) in counts.iter().enumerate() {
         let count = f32::from(*count);
-        if below + count >= half {
-            return 0.01 * (step as f32 + (half - below) / count.max(1.0));
+        if below + count >= wanted {
+            return 0.01 * (step as f32 + (wanted - below) / count.max(1.0));
         }
         below += count;
     }
@@ -142,14 +149,14 @@ fn structure(sums: &Sums, variance: f32) -> Structure {
     if sums.n_steps < LEAST_STEPS {
         return Structure::None;
     }
-    let [frame, ratio, background] =
-        [&sums.of_frame, &sums.of_ratio, &sums.of_background].map(|counts| median(counts, sums.n_steps));
+    let of_all = [&sums.of_frame, &sums.of_ratio, &sums.of_background];
+    let [frame, ratio, background] = of_all.map(|counts| quantile(counts, sums.n_steps, 0.5));
     // The median of the difference of two pixels with this noise.
     let luma = sums.frame / sums.n_px as f32;
     let noise = 0.6745 * (2.0 * variance).sqrt() / luma.max(1.0);
     let plain = PLAIN.max(PLAIN_IN_NOISE * noise);
     if frame < plain && ratio < plain {
-        return Structure::None;
+        return sparse_structure(sums, plain);
     }
     if ratio < CLEARLY * frame {
         Structure::Kept
@@ -157,6 +164,22 @@ fn structure(sums: &Sums, variance: f32) -> Structure {
         Structure::Own
     } else {
         Structure::Other
+    }
+}
+
+/// Judges by the few strong steps of a region that is plain elsewhere: joints, lines, edges.
+fn sparse_structure(sums: &Sums, plain: f32) -> Structure {
+    if sums.n_steps < LEAST_SPARSE_STEPS {
+        return Structure::None;
+    }
+    let [frame, ratio] =
+        [&sums.of_frame, &sums.of_ratio].map(|counts| quantile(counts, sums.n_steps, STRONG));
+    if frame >= STRONG_IN_PLAIN * plain && ratio < STRONGLY * frame {
+        Structure::Kept
+    } else if ratio >= STRONG_IN_PLAIN * plain && frame < STRONGLY * ratio {
+        Structure::Other
+    } else {
+        Structure::None
     }
 }
 
@@ -214,21 +237,22 @@ pub(super) struct Shadows {
 }
 
 impl Shadows {
-    /// Moves what is no shadow from `shadow` to `moving`. `black_code` is luma's code of black; pixels that are darker by less than
-    /// `least_codes` are candidates through the blur alone, and stay what they are.
+    /// Moves what is no shadow from `shadow` to `moving`, and returns how many pixels are certain to be shadow, since they kept the
+    /// structure of their background. `black_code` is luma's code of black; pixels that are darker by less than `least_codes` are
+    /// candidates through the blur alone, and stay what they are.
     pub(super) fn judge(
         &mut self,
         pair: &Pair<'_>,
         (black_code, least_codes): (f32, f32),
         (moving, shadow): (&mut BitMask, &mut BitMask),
         components: &mut Components,
-    ) {
+    ) -> u32 {
         self.regions.clear();
         self.darker.clone_from(shadow);
         leave_rims_out(pair, least_codes, &mut self.darker);
         components.find(&self.darker, Wanted::Ones, Connectivity::Four);
         if components.pieces().is_empty() {
-            return;
+            return 0;
         }
         let variance = noise_variance(pair, moving, shadow);
         self.gather(pair, black_code, components);
@@ -241,6 +265,8 @@ impl Shadows {
             self.judge_plain();
             self.move_runs(components, (moving, shadow), |of| is_open(of) && !of.is_shadow);
         }
+        let kept = self.regions.iter().filter(|region| region.structure == Structure::Kept);
+        kept.map(|region| region.sums.n_px).sum()
     }
 
     fn gather(&mut self, pair: &Pair<'_>, black_code: f32, components: &Components) {

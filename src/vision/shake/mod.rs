@@ -12,17 +12,13 @@ mod shifted;
 
 pub use shifted::{shifted_back, steadied};
 
+use crate::config::StageChoice;
 use crate::frame::Plane;
+use crate::stage::{RunningMean, StageKind, StageState, Switch};
 use patches::Patches;
 
 /// Greatest shift that is looked for, pixels each way.
 pub const GREATEST_PX: i32 = 32;
-
-/// A camera shakes once its shifts are this large, root mean square, pixels ...
-const SHAKING_PX: f64 = 0.9;
-
-/// ... and no longer when they are smaller than this.
-const STEADY_PX: f64 = 0.5;
 
 /// Shifts count for so long, seconds.
 const REMEMBERED_SECS: f64 = 5.0;
@@ -62,37 +58,54 @@ impl Shift {
 }
 
 /// Watches the shifts of one camera's pictures; keeps its memory from frame to frame.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Shake {
     patches: Patches,
     /// Size of the pictures that the corners are of.
     size_px: (u32, u32),
-    is_on: bool,
-    /// Mean square of the shifts, pixels squared; each counts less as time passes.
-    mean_square_px2: f64,
-    n_shifts: u32,
+    switch: Switch,
+    /// Mean square of the shifts, pixels squared.
+    mean_square_px2: RunningMean,
     n_frames: u32,
     seen_secs: f64,
     chosen_secs: f64,
 }
 
-impl Shake {
-    /// Returns whether pictures are shifted back.
-    #[must_use]
-    pub const fn is_on(&self) -> bool {
-        self.is_on
+impl Default for Shake {
+    fn default() -> Self {
+        Self {
+            patches: Patches::default(),
+            size_px: (0, 0),
+            switch: Switch::new(StageKind::Shake),
+            mean_square_px2: RunningMean::default(),
+            n_frames: 0,
+            seen_secs: 0.0,
+            chosen_secs: 0.0,
+        }
     }
+}
 
-    /// Returns the root mean square of the shifts of late, pixels; none before enough were measured.
+impl Shake {
+    /// Returns whether pictures are shifted back, and the root mean square of the shifts of late.
     #[must_use]
-    pub fn rms_px(&self) -> Option<f64> {
-        (self.n_shifts >= LEAST_SHIFTS).then(|| self.mean_square_px2.sqrt())
+    pub fn state(&self, choice: StageChoice) -> StageState {
+        self.switch.state(choice)
     }
 
     /// Takes the luma of a frame, `dt_secs` after the one before it, and of its place: the background, or where that has hardly been
     /// learned, the frame itself. Returns by how much the frame is to be shifted back: by nothing while the camera does not shake, or
     /// where too little of the place agrees.
-    pub fn observe(&mut self, frame: Plane<'_>, place: Plane<'_>, dt_secs: f64) -> Shift {
+    pub fn observe(
+        &mut self,
+        frame: Plane<'_>,
+        place: Plane<'_>,
+        dt_secs: f64,
+        choice: StageChoice,
+    ) -> Shift {
+        if choice == StageChoice::Off {
+            return Shift::default();
+        }
+        let is_on = self.switch.is_on(choice);
         let dt_secs = if dt_secs > 0.0 { dt_secs.min(CHOSEN_SECS) } else { 0.0 };
         if self.size_px != (frame.width, frame.height) {
             *self = Self { size_px: (frame.width, frame.height), ..Self::default() };
@@ -102,26 +115,30 @@ impl Shake {
         self.seen_secs += dt_secs;
         self.chosen_secs += dt_secs;
         let every = if self.seen_secs < FIRST_SECS { EVERY_AT_FIRST } else { EVERY };
-        if !self.is_on && !self.n_frames.is_multiple_of(every) {
+        if !is_on && !self.n_frames.is_multiple_of(every) {
             return Shift::default();
         }
         if self.chosen_secs >= CHOSEN_SECS {
             self.chosen_secs = 0.0;
             self.patches.choose(place);
         }
+        if is_on {
+            self.switch.count();
+        }
         let Some(shift) = self.patches.shift(frame) else { return Shift::default() };
-        let step_secs = if self.is_on { dt_secs } else { dt_secs * f64::from(every) };
+        let step_secs = if is_on { dt_secs } else { dt_secs * f64::from(every) };
         self.remember(shift, step_secs);
-        if self.is_on { shift } else { Shift::default() }
+        if self.switch.is_on(choice) { shift } else { Shift::default() }
     }
 
     fn remember(&mut self, shift: Shift, step_secs: f64) {
-        self.n_shifts = self.n_shifts.saturating_add(1);
-        let square_px2 = f64::from(shift.x * shift.x + shift.y * shift.y);
-        let share = (1.0 - (-step_secs / REMEMBERED_SECS).exp()).max(1.0 / f64::from(self.n_shifts));
-        self.mean_square_px2 += share * (square_px2 - self.mean_square_px2);
-        if let Some(rms_px) = self.rms_px() {
-            self.is_on = rms_px > if self.is_on { STEADY_PX } else { SHAKING_PX };
+        self.mean_square_px2.add(
+            f64::from(shift.x * shift.x + shift.y * shift.y),
+            step_secs,
+            REMEMBERED_SECS,
+        );
+        if let Some(mean_square_px2) = self.mean_square_px2.of_at_least(LEAST_SHIFTS) {
+            self.switch.observe(mean_square_px2.sqrt(), step_secs);
         }
     }
 }

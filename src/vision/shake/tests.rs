@@ -5,6 +5,14 @@ use crate::frame::{BitMask, BufferPool, ColorMatrix, ColorRange, Mask, YuvImage,
 
 const SIZE_PX: (u32, u32) = (320, 240);
 
+fn is_on(shake: &Shake) -> bool {
+    shake.state(StageChoice::Auto).is_on
+}
+
+fn rms_px(shake: &Shake) -> Option<f64> {
+    shake.state(StageChoice::Auto).measured
+}
+
 /// Returns luma of a place at any column and row: soft spots that neighbours share, some strong.
 fn place(x: i32, y: i32) -> u8 {
     let hash = |x: i32, y: i32| {
@@ -84,8 +92,9 @@ fn a_lorry_before_a_plain_place_is_no_shake() {
     assert_eq!(shift_of(lorry(104).plane(0), lorry(100).plane(0)), Shift::default());
     let mut shake = Shake::default();
     for frame in 0..60 {
-        let shift = shake.observe(lorry(10 + 2 * frame).plane(0), lorry(10).plane(0), 0.04);
-        assert!(shift.is_none() && !shake.is_on(), "frame {frame}");
+        let shift =
+            shake.observe(lorry(10 + 2 * frame).plane(0), lorry(10).plane(0), 0.04, StageChoice::Auto);
+        assert!(shift.is_none() && !is_on(&shake), "frame {frame}");
     }
 }
 
@@ -96,22 +105,32 @@ fn a_camera_that_shakes_is_noticed_within_seconds_and_no_longer_once_it_stands()
     let swing = |frame: u32| Shift { x: [0, 3, -2, 4, -3][frame as usize % 5], y: 0 };
     let mut first = None;
     for frame in 0..100 {
-        let found = shake.observe(shaken_picture(swing(frame), -100).plane(0), background.plane(0), 0.04);
-        if shake.is_on() && first.is_none() {
+        let found = shake.observe(
+            shaken_picture(swing(frame), -100).plane(0),
+            background.plane(0),
+            0.04,
+            StageChoice::Auto,
+        );
+        if is_on(&shake) && first.is_none() {
             first = Some(frame);
             continue;
         }
-        assert_eq!(found, if shake.is_on() { swing(frame) } else { Shift::default() }, "frame {frame}");
+        assert_eq!(found, if is_on(&shake) { swing(frame) } else { Shift::default() }, "frame {frame}");
     }
     assert!(first.is_some_and(|frame| frame < 40), "{first:?}");
     for _ in 0..1000 {
-        shake.observe(background.plane(0), background.plane(0), 0.04);
+        shake.observe(background.plane(0), background.plane(0), 0.04, StageChoice::Auto);
     }
-    assert!(!shake.is_on() && shake.rms_px().unwrap() < 0.1);
+    assert!(!is_on(&shake) && rms_px(&shake).unwrap() < 0.1);
     // Time that stands still, runs back or leaps leaves numbers.
     for dt_secs in [0.0, -5.0, f64::NAN, f64::INFINITY, 1e9] {
-        shake.observe(shaken_picture(Shift { x: 2, y: 1 }, -100).plane(0), background.plane(0), dt_secs);
-        assert!(shake.rms_px().unwrap().is_finite());
+        shake.observe(
+            shaken_picture(Shift { x: 2, y: 1 }, -100).plane(0),
+            background.plane(0),
+            dt_secs,
+            StageChoice::Auto,
+        );
+        assert!(rms_px(&shake).unwrap().is_finite());
     }
 }
 
@@ -123,10 +142,10 @@ fn a_steady_camera_and_one_without_structure_are_never_on() {
     for frame in 0..400 {
         let seen = shaken_picture(Shift::default(), frame % 400 - 70);
         let place = if frame < 50 { &seen } else { &background };
-        assert!(steady.observe(seen.plane(0), place.plane(0), 0.04).is_none());
-        assert!(bare.observe(plain.plane(0), plain.plane(0), 0.04).is_none());
+        assert!(steady.observe(seen.plane(0), place.plane(0), 0.04, StageChoice::Auto).is_none());
+        assert!(bare.observe(plain.plane(0), plain.plane(0), 0.04, StageChoice::Auto).is_none());
     }
-    assert!(!steady.is_on() && !bare.is_on() && bare.rms_px().is_none());
+    assert!(!is_on(&steady) && !is_on(&bare) && rms_px(&bare).is_none());
 }
 
 #[test]

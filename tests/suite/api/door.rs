@@ -28,12 +28,14 @@ use videofields_service::engine::{
 use videofields_vision::access::Grants;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{
-    CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, changed_segment,
+    CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, StageChoice,
+    changed_segment,
 };
 use videofields_vision::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
 use videofields_vision::geometry::Surfaces;
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::PixelRect;
+use videofields_vision::stage::{StageKind, Switch};
 
 /// First and last instant of camera `north`.
 pub(super) const FIRST: Timestamp = Timestamp::from_nanos(1_000_000_000);
@@ -118,6 +120,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         next_try: reason.map(|_| LAST.to_string()),
         size_px: Some([6, 4]),
         vision_size_px: Some([3, 2]),
+        stages: vec![Switch::new(StageKind::Shake).state(StageChoice::Auto)],
         recording: (camera == "north").then(|| RecordingSummary {
             state: "paused",
             reason: Some("cannot write: no space".to_owned()),

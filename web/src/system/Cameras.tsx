@@ -6,6 +6,7 @@ import * as state from "../operate/state";
 import { wayTo } from "../route";
 import { say, sayWord } from "../strings";
 import { bytes, clock, duration } from "../units";
+import { Detection } from "./Detection";
 import { changes } from "./health";
 import { OFTEN_MILLIS, Part, SELDOM_MILLIS, nameOf, when } from "./Part";
 
@@ -99,6 +100,7 @@ export default function Cameras() {
   return (
     <>
       <Now />
+      <Detection />
       <Past />
       <Daemon />
     </>

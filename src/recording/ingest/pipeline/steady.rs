@@ -1,10 +1,38 @@
-//! Brings what was found in a picture that was shifted back to where the picture itself shows it.
+//! Measures how far a camera's picture is shifted, and brings what was found in one that was shifted back to where the picture itself
+//! shows it.
 
+use super::Model;
 use std::sync::Arc;
-use videofields_vision::frame::BufferPool;
+use videofields_vision::config::StageChoice;
+use videofields_vision::frame::{BufferPool, YuvImage};
 use videofields_vision::segment::{Blob, PixelRect, Segmentation};
-use videofields_vision::shake::{Shift, shifted_back};
+use videofields_vision::shake::{Shift, shift_of, shifted_back};
 use videofields_vision::track::Track;
+
+/// A background that learned fewer frames than this is no measure of how far a camera shakes.
+const LEAST_LEARNED_FRAMES: u64 = 50;
+
+impl Model {
+    /// Measures by how much a picture is to be shifted back. What zones hide stays where it is in the picture, so with zones nothing is
+    /// shifted.
+    pub(super) fn shift(&mut self, image: &YuvImage, dt_secs: f64, choice: StageChoice) -> Shift {
+        if self.hidden.is_some() {
+            return Shift::default();
+        }
+        let frame = image.plane(0);
+        let is_new = self.mixture.n_frames() < LEAST_LEARNED_FRAMES;
+        let place = if is_new { frame } else { self.mixture.background_planes()[0] };
+        self.shake.observe(frame, place, dt_secs, choice)
+    }
+
+    /// As [`Self::shift`], of a picture alone: whatever was seen before it.
+    pub(super) fn shift_alone(&self, image: &YuvImage, choice: StageChoice) -> Shift {
+        if self.hidden.is_some() || self.mixture.n_frames() == 0 || choice == StageChoice::Off {
+            return Shift::default();
+        }
+        shift_of(image.plane(0), self.mixture.background_planes()[0])
+    }
+}
 
 /// Shifts masks, blobs and tracks of a full picture by `shift`.
 pub(super) fn shift_back(

@@ -71,6 +71,7 @@ impl Door for Shared {
                 next_try: status.next_try.map(|at| at.to_string()),
                 size_px: status.size.map(|(width, height)| [width, height]),
                 vision_size_px,
+                stages: camera.tuning.stages().map(Vec::from).unwrap_or_default(),
                 recording: recordings.iter().find(|of| of.camera == camera.id).map(RecordingSummary::from),
                 frames: status.frames,
                 dropped: status.dropped,
