@@ -23,7 +23,7 @@ const SINK_SECS: f64 = 0.5;
 const GREATEST_CODES: i32 = 30;
 
 /// ... and by at most this share of what either differs from the background.
-const GREATEST_SHARE: f32 = 0.5;
+const GREATEST_SHARE: f32 = 0.65;
 
 /// A piece of which at least this share flutters is no thing that moves through.
 const FLUTTERING_SHARE: f64 = 0.5;
