@@ -28,20 +28,15 @@ const GREATEST_SHARE: f32 = 0.65;
 /// A piece of which at least this share flutters is no thing that moves through.
 const FLUTTERING_SHARE: f64 = 0.5;
 
-/// Colour of a pixel when it was last seen as foreground, and how often it came back; 4 bytes a pixel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    color: [u8; 3],
-    count: u8,
-}
-
 /// Colours that come and go; 4 bytes a pixel and three bits.
 #[derive(Debug, Default)]
 pub(super) struct Blinking {
     /// Pixels that are foreground, or were and still differ.
     present: BitMask,
-    /// Whole tiles, row by row.
-    seen: Vec<Seen>,
+    /// Colours of pixels when they were last seen as foreground; whole tiles, row by row.
+    colors: Vec<[u8; 3]>,
+    /// Counts of their returns.
+    counts: Vec<u8>,
     /// Pixels whose count says that they flutter, and with them their neighbours.
     counted: BitMask,
     fluttering: BitMask,
@@ -59,8 +54,10 @@ impl Blinking {
     ) {
         let n_words = foreground.words().len();
         if (self.present.width(), self.present.height()) != (foreground.width(), foreground.height()) {
-            self.seen.clear();
-            self.seen.resize(n_words * TILE, Seen::default());
+            self.colors.clear();
+            self.colors.resize(n_words * TILE, [0; 3]);
+            self.counts.clear();
+            self.counts.resize(n_words * TILE, 0);
             self.counted = BitMask::new(foreground.width() as u32, foreground.height() as u32);
             self.fluttering = self.counted.clone();
             self.present = foreground.clone();
@@ -75,33 +72,48 @@ impl Blinking {
             let (y, first) = (word / words_per_row, word % words_per_row * TILE);
             while came != 0 {
                 let i = came.trailing_zeros() as usize;
-                let seen = &mut self.seen[word * TILE + i];
-                let is_back = seen.take(pair, (first + i, y));
+                let (color, count) = (&mut self.colors[word * TILE + i], &mut self.counts[word * TILE + i]);
+                let now = color_at(&pair.frame, (first + i, y));
+                let is_back = is_same(color, &now, || color_at(&pair.background, (first + i, y)));
+                if is_back {
+                    *count = count.saturating_add(RETURN);
+                } else {
+                    (*color, *count) = (now, *count / 2);
+                }
                 let counted = &mut self.counted.words_mut()[word];
-                *counted = *counted & !(1 << i) | u32::from(is_back && seen.count >= FLUTTERING) << i;
+                *counted = *counted & !(1 << i) | u32::from(is_back && *count >= FLUTTERING) << i;
                 came &= came - 1;
             }
             // Somebody may have come before what flutters.
             let mut staying = now & self.counted.words()[word];
             while staying != 0 {
                 let i = staying.trailing_zeros() as usize;
-                if !self.seen[word * TILE + i].is_back(pair, (first + i, y)) {
+                let now = color_at(&pair.frame, (first + i, y));
+                let background = || color_at(&pair.background, (first + i, y));
+                if !is_same(&self.colors[word * TILE + i], &now, background) {
                     self.counted.words_mut()[word] &= !(1 << i);
                 }
                 staying &= staying - 1;
             }
         }
-        dilate(&self.counted, &mut self.fluttering);
+        if self.counted.words().iter().any(|word| *word != 0) {
+            dilate(&self.counted, &mut self.fluttering);
+        } else {
+            self.fluttering.words_mut().fill(0);
+        }
     }
 
     fn sink(&mut self, dt_secs: f64) {
         self.waited_secs += if dt_secs > 0.0 { dt_secs.min(60.0) } else { 0.0 };
         while self.waited_secs >= SINK_SECS {
             self.waited_secs -= SINK_SECS;
-            for (counted, seen) in self.counted.words_mut().iter_mut().zip(self.seen.chunks_exact_mut(TILE)) {
-                for (i, seen) in seen.iter_mut().enumerate() {
-                    seen.count -= seen.count.div_ceil(SINKING);
-                    *counted &= !(u32::from(seen.count < FLUTTERING) << i);
+            for count in &mut self.counts {
+                *count -= count.div_ceil(SINKING);
+            }
+            let words = self.counted.words_mut().iter_mut().zip(self.counts.chunks_exact(TILE));
+            for (counted, counts) in words.filter(|(counted, _)| **counted != 0) {
+                for (i, count) in counts.iter().enumerate() {
+                    *counted &= !(u32::from(*count < FLUTTERING) << i);
                 }
             }
         }
@@ -109,7 +121,7 @@ impl Blinking {
 
     /// Returns whether nothing was seen yet.
     pub(super) const fn is_empty(&self) -> bool {
-        self.seen.is_empty()
+        self.counts.is_empty()
     }
 
     /// Returns whether most pixels of these runs flutter.
@@ -123,42 +135,28 @@ impl Blinking {
     }
 }
 
-impl Seen {
-    /// Takes a pixel that became foreground, and returns whether its colour is the one of before.
-    fn take(&mut self, pair: &Pair<'_>, at: (usize, usize)) -> bool {
-        let is_back = self.is_back(pair, at);
-        *self = if is_back {
-            Self { count: self.count.saturating_add(RETURN), ..*self }
-        } else {
-            Self { color: color(&pair.frame, at), count: self.count / 2 }
-        };
-        is_back
+/// Returns whether a colour is the one of before, by how much either differs from the background, which is asked for if it matters.
+fn is_same(before: &[u8; 3], now: &[u8; 3], background: impl Fn() -> [u8; 3]) -> bool {
+    let codes =
+        |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).map(|(a, b)| i32::from(a.abs_diff(*b))).sum::<i32>();
+    let changed = codes(before, now);
+    if changed > GREATEST_CODES {
+        return false;
     }
-
-    /// Returns whether a pixel's colour is the one of before.
-    fn is_back(&self, pair: &Pair<'_>, at: (usize, usize)) -> bool {
-        let (now, background) = (color(&pair.frame, at), color(&pair.background, at));
-        let codes = |of: &[u8; 3]| now.iter().zip(of).map(|(a, b)| i32::from(a.abs_diff(*b))).sum::<i32>();
-        let before: i32 = self.color.iter().zip(&background).map(|(a, b)| i32::from(a.abs_diff(*b))).sum();
-        let (changed, differs) = (codes(&self.color), codes(&background).min(before));
-        changed <= GREATEST_CODES && changed as f32 <= GREATEST_SHARE * differs as f32
-    }
+    let background = background();
+    changed as f32 <= GREATEST_SHARE * codes(now, &background).min(codes(before, &background)) as f32
 }
 
-/// Returns the mean colour around a pixel.
-fn color(planes: &[Plane<'_>; 3], (x, y): (usize, usize)) -> [u8; 3] {
-    [mean(&planes[0], (x, y)), mean(&planes[1], (x / 2, y / 2)), mean(&planes[2], (x / 2, y / 2))]
-}
-
-/// Returns the mean of the pixels around one.
-fn mean(plane: &Plane<'_>, (x, y): (usize, usize)) -> u8 {
-    let columns = x.saturating_sub(1)..(x + 2).min(plane.width as usize);
-    let rows = y.saturating_sub(1)..(y + 2).min(plane.height as usize);
+/// Returns a pixel's chroma and the mean luma of the pixels around it.
+fn color_at([luma, u, v]: &[Plane<'_>; 3], (x, y): (usize, usize)) -> [u8; 3] {
+    let chroma = |plane: &Plane<'_>| plane.row(y as u32 / 2)[x / 2];
+    let columns = x.saturating_sub(1)..(x + 2).min(luma.width as usize);
+    let rows = y.saturating_sub(1)..(y + 2).min(luma.height as usize);
     let n = (columns.len() * rows.len()).max(1) as u32;
-    let sum: u32 = rows
-        .map(|y| plane.row(y as u32)[columns.clone()].iter().map(|code| u32::from(*code)).sum::<u32>())
-        .sum();
-    ((sum + n / 2) / n) as u8
+    let of_row =
+        |y: usize| luma.row(y as u32)[columns.clone()].iter().map(|code| u32::from(*code)).sum::<u32>();
+    let sum: u32 = rows.map(of_row).sum();
+    [((sum + n / 2) / n) as u8, chroma(u), chroma(v)]
 }
 
 #[cfg(test)]
