@@ -9,6 +9,7 @@ mod buffer;
 mod color;
 mod crop;
 mod gains;
+mod histogram;
 mod light;
 mod mask;
 mod reduce;
@@ -20,6 +21,7 @@ pub use blur::{BLUR_CELLS, BLUR_MARGIN_SHARE, Blur, BlurRegion, LEAST_BLUR_CELL_
 pub use buffer::{Buffer, BufferPool};
 pub use color::{ColorMatrix, ColorRange, linear_from_srgb, srgb_from_linear};
 pub use gains::{Difference, log_gains};
+pub use histogram::quantile;
 pub use light::{Levels, codes_of, lab_of};
 pub use mask::Mask;
 pub use yuv::{Plane, YuvError, YuvImage, YuvLayout};

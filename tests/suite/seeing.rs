@@ -310,6 +310,25 @@ fn leaves_and_water_behind_a_person_are_left_out_and_the_person_is_not() {
 }
 
 #[test]
+fn lamps_that_sway_and_clouds_make_no_tracks() {
+    // The whole place, or its left part alone.
+    for width in [WIDTH as i32, 90] {
+        let mut place = Place::new();
+        place.stay(10.0, &[]);
+        let (mut n_tracks, mut n_moving) = (0, 0);
+        for frame in 0..200 {
+            // By a quarter, there and back in four seconds.
+            let share = 0.875 + 0.125 * (f64::from(frame) * std::f64::consts::TAU / 40.0).cos();
+            let found = place.show(&[Thing::Shade((0, 0, width, HEIGHT as i32), share)]);
+            n_tracks += found.tracks.len();
+            n_moving += n_outside(&found, &[]);
+        }
+        println!("LIGHT {width}: {n_tracks} {n_moving}");
+        assert_eq!(n_tracks, 0, "{width} columns: {n_moving} moving pixels in 200 pictures");
+    }
+}
+
+#[test]
 fn the_ghost_of_a_car_that_leaves_after_ten_minutes_is_gone_within_seconds() {
     let mut place = Place { rate_hz: 4.0, ..Place::new() };
     let car = (60, 70, 70, 30);

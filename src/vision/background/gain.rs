@@ -3,7 +3,7 @@
 //! Luma of a frame and of its background flow in; one factor flows out. What moves changes some pixels, the light all of them by about
 //! one factor: the median tells it, and how far the ratios scatter tells whether it can be believed.
 
-use crate::frame::Plane;
+use crate::frame::{Plane, quantile};
 
 /// Columns and rows from one pixel that is looked at to the next.
 const COLUMN_STEP: usize = 5;
@@ -48,22 +48,12 @@ pub fn gain_of(frame: Plane<'_>, background: Plane<'_>, black: u8) -> Option<f32
     if n < LEAST_PX {
         return None;
     }
-    let [lower, median, upper] = [0.25, 0.5, 0.75].map(|share| quantile(&counts, share * n as f32));
+    let [lower, median, upper] = [0.25, 0.5, 0.75].map(|share| {
+        let bins = quantile(counts.map(|count| count as f32), share * n as f32);
+        LEAST + STEP * bins.unwrap_or(N_STEPS as f32)
+    });
     let is_agreed = upper - lower <= 2.0 * GREATEST_SCATTER * median;
     (is_agreed && (0.85..=1.18).contains(&median)).then_some(median)
-}
-
-/// Returns the ratio below which so many of the counted lie.
-fn quantile(counts: &[u32; N_STEPS], n_below: f32) -> f32 {
-    let mut below = 0.0;
-    for (step, count) in counts.iter().enumerate() {
-        let count = *count as f32;
-        if below + count >= n_below {
-            return LEAST + STEP * (step as f32 + (n_below - below) / count.max(1.0));
-        }
-        below += count;
-    }
-    LEAST + STEP * N_STEPS as f32
 }
 
 #[cfg(test)]

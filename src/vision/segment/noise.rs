@@ -6,7 +6,7 @@
 use super::difference::{ChannelGains, Pair, TILE};
 use super::label::unblurred;
 use super::memory::{invalid, read, write_all};
-use crate::frame::BitMask;
+use crate::frame::{BitMask, quantile};
 use std::io::{self, Read, Write};
 
 /// Bins of luma, each so many codes.
@@ -113,17 +113,9 @@ impl Noise {
     }
 }
 
-/// The median of norms by their histogram.
+/// Returns the median of `n` norms by their histogram.
 fn median(counts: &[u32; N_STEPS], n: u32) -> f32 {
-    let (mut below, half) = (0.0, 0.5 * n as f32);
-    for (step, count) in counts.iter().enumerate() {
-        let count = *count as f32;
-        if below + count >= half {
-            return STEP * (step as f32 + (half - below) / count.max(1.0));
-        }
-        below += count;
-    }
-    STEP * N_STEPS as f32
+    STEP * quantile(counts.map(|count| count as f32), 0.5 * n as f32).unwrap_or(N_STEPS as f32)
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::difference::Pair;
-use crate::frame::{BitMask, Plane};
+use crate::frame::{BitMask, Plane, quantile};
 
 /// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
 const CELL_PX: u32 = 6;
@@ -90,17 +90,8 @@ impl Default for Sums {
 }
 
 /// Returns the step below which a share of `n` steps lie, by their histogram.
-fn quantile(counts: &[u16; N_STEPS], n: u32, share: f32) -> f32 {
-    let mut below = 0.0;
-    let wanted = share * n as f32;
-    for (step, count) in counts.iter().enumerate() {
-        let count = f32::from(*count);
-        if below + count >= wanted {
-            return 0.01 * (step as f32 + (wanted - below) / count.max(1.0));
-        }
-        below += count;
-    }
-    0.01 * N_STEPS as f32
+fn step_at(counts: &[u16; N_STEPS], n: u32, share: f32) -> f32 {
+    0.01 * quantile(counts.map(f32::from), share * n as f32).unwrap_or(N_STEPS as f32)
 }
 
 impl Sums {
@@ -150,7 +141,7 @@ fn structure(sums: &Sums, variance: f32) -> Structure {
         return Structure::None;
     }
     let of_all = [&sums.of_frame, &sums.of_ratio, &sums.of_background];
-    let [frame, ratio, background] = of_all.map(|counts| quantile(counts, sums.n_steps, 0.5));
+    let [frame, ratio, background] = of_all.map(|counts| step_at(counts, sums.n_steps, 0.5));
     // The median of the difference of two pixels with this noise.
     let luma = sums.frame / sums.n_px as f32;
     let noise = 0.6745 * (2.0 * variance).sqrt() / luma.max(1.0);
@@ -172,8 +163,7 @@ fn sparse_structure(sums: &Sums, plain: f32) -> Structure {
     if sums.n_steps < LEAST_SPARSE_STEPS {
         return Structure::None;
     }
-    let [frame, ratio] =
-        [&sums.of_frame, &sums.of_ratio].map(|counts| quantile(counts, sums.n_steps, STRONG));
+    let [frame, ratio] = [&sums.of_frame, &sums.of_ratio].map(|counts| step_at(counts, sums.n_steps, STRONG));
     if frame >= STRONG_IN_PLAIN * plain && ratio < STRONGLY * frame {
         Structure::Kept
     } else if ratio >= STRONG_IN_PLAIN * plain && frame < STRONGLY * ratio {
@@ -520,7 +510,7 @@ fn noise_variance(pair: &Pair<'_>, moving: &BitMask, shadow: &BitMask) -> f32 {
     const STEP: usize = 7;
     let [frame, background] = [pair.frame[0], pair.background[0]];
     let mut counts = [0_u32; 256];
-    let mut n = 0;
+    let mut n = 0_u32;
     for y in (0..frame.height as usize).step_by(STEP) {
         let (frame, background) = (frame.row(y as u32), background.row(y as u32));
         for x in (0..frame.len()).step_by(STEP) {
@@ -530,17 +520,9 @@ fn noise_variance(pair: &Pair<'_>, moving: &BitMask, shadow: &BitMask) -> f32 {
             }
         }
     }
-    let mut below = 0;
-    let mut median = 0.0;
-    for (code, count) in counts.iter().enumerate() {
-        if 2 * (below + count) >= n {
-            // Within the code that the median falls into.
-            let share = (0.5 * n as f32 - below as f32) / (*count).max(1) as f32;
-            median = (code as f32 - 0.5 + share).max(0.0);
-            break;
-        }
-        below += count;
-    }
+    // A code stands for what lies half a code to either side.
+    let bins = quantile(counts.map(|count| count as f32), 0.5 * n as f32).unwrap_or(0.5);
+    let median = (bins - 0.5).max(0.0);
     let deviation = 1.4826 * median;
     (deviation * deviation).clamp(0.5, 400.0)
 }
