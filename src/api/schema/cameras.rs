@@ -181,7 +181,7 @@ fn segment() -> Value {
             (
                 "highlight_brightest",
                 number_within(1.0, 4.0),
-                "Most times its background's luma that a highlight has",
+                "Most times its background's luma that what more light falls on has; 1 looks for no such",
             ),
             (
                 "suppress_blinking",

@@ -341,7 +341,8 @@ pub struct SegmentSettings {
     /// 0.045.
     pub shadow_chroma: f64,
     /// A pixel that kept its chromaticity and has at most this many times its background's luma, 1 to 4, is lit by a
-    /// highlight, not foreground. 1 (default) looks for none.
+    /// highlight, not foreground, if the background's structure is seen in it or the light beside it changed as much. 1 looks for none.
+    /// Default 2.
     pub highlight_brightest: f64,
     /// Whether pieces that mostly flutter (turn from background to foreground and back again and again) are background:
     /// leaves, flags, water, tape. Default: where much of the picture flickers.
@@ -381,7 +382,7 @@ impl Default for SegmentSettings {
             mixture: MixtureRule::Require,
             shadow_darkest: 0.5,
             shadow_chroma: 0.045,
-            highlight_brightest: 1.0,
+            highlight_brightest: 2.0,
             suppress_blinking: None,
             shadow: StageChoice::Auto,
             flicker: StageChoice::Auto,
@@ -418,11 +419,10 @@ impl SegmentSettings {
     /// Returns whether shadows are told from what moves, by both settings that ask for it.
     #[must_use]
     pub fn shadow(&self) -> StageChoice {
-        match self.shadow {
-            _ if self.shadow_darkest >= 1.0 => StageChoice::Off,
-            // Both are told by the same rules.
-            StageChoice::Auto if self.highlight_brightest > 1.0 => StageChoice::On,
-            choice => choice,
+        if self.shadow_darkest < 1.0 || self.highlight_brightest > 1.0 {
+            self.shadow
+        } else {
+            StageChoice::Off
         }
     }
 

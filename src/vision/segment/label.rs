@@ -39,6 +39,8 @@ pub(super) struct Judge {
     near: BitMask,
     pub(super) moving: BitMask,
     pub(super) shadow: BitMask,
+    /// Candidates for light that falls on their background.
+    pub(super) lit: BitMask,
     /// Foreground by the plain threshold, wherever a pixel flickers.
     pub(super) plain: BitMask,
     /// Moving pixels that differ by more than the high threshold.
@@ -83,8 +85,8 @@ impl Rules {
             delta: settings.delta() as f32,
             delta_high: settings.delta_high.max(settings.delta()) as f32,
             black_code,
-            has_shadows: running.shadow != ShadowWork::None || settings.highlight_brightest > 1.0,
-            darkest: if running.shadow == ShadowWork::None { 1.0 } else { settings.shadow_darkest as f32 },
+            has_shadows: running.shadow != ShadowWork::None,
+            darkest: settings.shadow_darkest as f32,
             brightest: settings.highlight_brightest as f32,
             tolerance: settings.shadow_chroma as f32 * chroma_codes,
             by_luma: if running.has_noise {
@@ -102,6 +104,7 @@ struct Band<'a> {
     difference: &'a mut Difference,
     moving: &'a mut [u32],
     shadow: &'a mut [u32],
+    lit: &'a mut [u32],
     plain: &'a mut [u32],
     strong: &'a mut [u32],
     weak: &'a mut [u32],
@@ -118,6 +121,7 @@ impl Judge {
             near: BitMask::default(),
             moving: BitMask::default(),
             shadow: BitMask::default(),
+            lit: BitMask::default(),
             plain: BitMask::default(),
             strong: BitMask::default(),
             weak: BitMask::default(),
@@ -143,8 +147,8 @@ impl Judge {
     ) {
         let rules = Rules::new((matrix, range), settings, running, (memory, self.blur_sigma_px));
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
-        let Self { candidates, moving, shadow, plain, strong, weak, .. } = self;
-        for mask in [candidates, moving, shadow, plain, strong, weak] {
+        let Self { candidates, moving, shadow, lit, plain, strong, weak, .. } = self;
+        for mask in [candidates, moving, shadow, lit, plain, strong, weak] {
             mask.reset(width, height);
         }
         if rules.rule == MixtureRule::Require {
@@ -251,14 +255,16 @@ impl Judge {
             .par_iter_mut()
             .zip(self.moving.words_mut().par_chunks_mut(words_per_band))
             .zip(self.shadow.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.lit.words_mut().par_chunks_mut(words_per_band))
             .zip(self.plain.words_mut().par_chunks_mut(words_per_band))
             .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
             .zip(self.weak.words_mut().par_chunks_mut(words_per_band))
             .zip(self.ramps.par_chunks_mut(words_per_band))
-            .map(|((((((difference, moving), shadow), plain), strong), weak), ramps)| Band {
+            .map(|(((((((difference, moving), shadow), lit), plain), strong), weak), ramps)| Band {
                 difference,
                 moving,
                 shadow,
+                lit,
                 plain,
                 strong,
                 weak,
@@ -271,6 +277,7 @@ impl Judge {
                 difference: &mut self.differences[0],
                 moving: self.moving.words_mut(),
                 shadow: self.shadow.words_mut(),
+                lit: self.lit.words_mut(),
                 plain: self.plain.words_mut(),
                 strong: self.strong.words_mut(),
                 weak: self.weak.words_mut(),
@@ -349,15 +356,18 @@ fn judge_band<S: Simd>(
                 continue;
             }
             // The blur tells what noise hides; before joints and lines the pixel itself tells what the blur mixes.
-            let shadow = if rules.has_shadows {
+            let [shadow, lit] = if rules.has_shadows {
                 let sharp = TileDifference { luma: itself.luma, ..difference };
-                let by_either =
-                    shadows(&difference, pair, word, y, rules) | shadows(&sharp, pair, word, y, rules);
-                foreground & by_either
+                let [by_blur, by_itself] =
+                    [&difference, &sharp].map(|of| shadows_and_lights(of, pair, word, y, rules));
+                let shadow = foreground & (by_blur[0] | by_itself[0]);
+                [shadow, foreground & (by_blur[1] | by_itself[1]) & !shadow]
             } else {
-                0
+                [0; 2]
             };
             band.shadow[place] = shadow;
+            band.lit[place] = lit;
+            let foreground = foreground & !lit;
             band.moving[place] = foreground & !shadow;
             band.strong[place] = foreground & !shadow & bits_above(&norm, rules.delta_high);
         }
@@ -428,20 +438,26 @@ fn packed(flags: &[u8; TILE]) -> u32 {
     bits
 }
 
-/// Which pixels of a tile are their background in shadow or in a highlight (the test of `[C03]`, on YUV).
+/// Returns which pixels of a tile are their background in shadow, and which in more light (the test of `[C03]`, on YUV).
 ///
 /// A shadow scales linear light, and so, up to the transfer curve's toe, the coded channels too, all by one factor;
 /// luma and chroma, being linear in the coded channels, are scaled by it as well. The factor is taken from luma, and
 /// chroma must follow it.
 #[inline(always)]
-fn shadows(difference: &TileDifference, pair: &Pair<'_>, tile: usize, y: usize, rules: &Rules) -> u32 {
+fn shadows_and_lights(
+    difference: &TileDifference,
+    pair: &Pair<'_>,
+    tile: usize,
+    y: usize,
+    rules: &Rules,
+) -> [u32; 2] {
     let luma = codes::<TILE>(pair.background[0].row(y as u32), tile);
     let chroma = [1, 2].map(|plane| {
         let codes = codes::<CHROMA_TILE>(pair.background[plane].row(y as u32 / 2), tile);
         doubled(&codes)
     });
     let changes = [doubled(&difference.u), doubled(&difference.v)];
-    let mut flags = [0_u8; TILE];
+    let mut flags = [[0_u8; TILE]; 2];
     for i in 0..TILE {
         let black_luma = luma[i] - rules.black_code;
         let change = difference.luma[i];
@@ -452,9 +468,11 @@ fn shadows(difference: &TileDifference, pair: &Pair<'_>, tile: usize, y: usize, 
         let scale = change / black_luma;
         let follows = ((changes[0][i] - scale * (chroma[0][i] - 128.0)).abs() <= rules.tolerance)
             & ((changes[1][i] - scale * (chroma[1][i] - 128.0)).abs() <= rules.tolerance);
-        flags[i] = u8::from((is_darker | is_lighter) & (black_luma > 0.0) & follows);
+        let is_same = (black_luma > 0.0) & follows;
+        flags[0][i] = u8::from(is_darker & is_same);
+        flags[1][i] = u8::from(is_lighter & is_same);
     }
-    packed(&flags)
+    [packed(&flags[0]), packed(&flags[1])]
 }
 
 /// Each value for two pixels.

@@ -59,6 +59,7 @@ pub struct Segmenter {
     blinking: Blinking,
     moving: BitMask,
     shadow: BitMask,
+    lit: BitMask,
     pieces: Pieces,
     enlarger: Enlarger,
     /// Pixels that never move, in the size of the pictures that are given.
@@ -85,6 +86,7 @@ impl Segmenter {
             blinking: Blinking::default(),
             moving: BitMask::default(),
             shadow: BitMask::default(),
+            lit: BitMask::default(),
             pieces: Pieces::default(),
             enlarger: Enlarger::default(),
             hidden: None,
@@ -224,6 +226,7 @@ impl Segmenter {
         self.judge.judge(&pair, colors, (majority, &self.memory), (&self.settings, running));
         self.moving.clone_from(&self.judge.moving);
         self.shadow.clone_from(&self.judge.shadow);
+        self.lit.clone_from(&self.judge.lit);
         if running.has_blinking {
             self.blinking.observe(&pair, (&self.judge.plain, &self.judge.weak), dt_secs);
         } else if !self.blinking.is_empty() {
@@ -247,14 +250,12 @@ impl Segmenter {
     fn judge_shadows(&mut self, pair: &Pair<'_>, range: ColorRange, (work, least_px): (ShadowWork, u32)) {
         let (black_code, luma_codes, _) = range.luma_offset_luma_scale_chroma_scale();
         let least_codes = 0.5 * self.settings.delta() as f32 * luma_codes;
-        let n_foreground = self.moving.count_ones() + self.shadow.count_ones();
-        let (moving, shadow) = (&mut self.moving, &mut self.shadow);
-        let n_certain = self.shadows.judge(
-            pair,
-            (black_code, least_codes),
-            (moving, shadow),
-            &mut self.pieces.components,
-        );
+        let n_foreground = self.moving.count_ones() + self.shadow.count_ones() + self.lit.count_ones();
+        let (moving, shadow, lit) = (&mut self.moving, &mut self.shadow, &mut self.lit);
+        let components = &mut self.pieces.components;
+        let n_lit = self.shadows.judge_lit(pair, black_code, (moving, shadow, lit), components);
+        let n_certain =
+            n_lit + self.shadows.judge(pair, (black_code, least_codes), (moving, shadow), components);
         if !self.is_review && n_foreground >= u64::from(least_px) {
             self.stages.observe_shadow(f64::from(n_certain) / n_foreground as f64);
         }
@@ -290,7 +291,7 @@ impl Segmenter {
     }
 
     fn repair(&mut self, factor: u32, running: Running) {
-        if running.shadow == ShadowWork::Told || self.settings.highlight_brightest > 1.0 {
+        if running.shadow == ShadowWork::Told {
             restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
             self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());

@@ -43,6 +43,14 @@ const LEAST_SPARSE_STEPS: u32 = 40;
 const STRONG_IN_PLAIN: f32 = 2.0;
 const STRONGLY: f32 = 0.5;
 
+/// Light beside a region is looked at so far from its ends, pixels, beyond what the blur carries there ...
+const BESIDE_PX: u32 = 5;
+
+/// ... and at no fewer pixels of a side than this. If it changed by this share of what it did within (of logarithms) to every side of
+/// which so much is known, it is the light.
+const LEAST_BESIDE: u32 = 4;
+const LIGHT_BESIDE: f32 = 0.7;
+
 /// A shadow without structure is at most so many times as large as what moves beside it.
 const MOST_OWNERS: u32 = 3;
 
@@ -118,7 +126,7 @@ impl Sums {
     }
 
     fn attenuation(&self) -> f32 {
-        (self.frame / self.background.max(1.0)).clamp(0.0, 1.0)
+        (self.frame / self.background.max(1.0)).clamp(0.0, 4.0)
     }
 }
 
@@ -181,6 +189,34 @@ struct Region {
     /// The largest piece of what moves that it touches.
     owner_idx: Option<u32>,
     is_shadow: bool,
+    /// What is background to its left and to its right.
+    beside: [Beside; 2],
+}
+
+/// Pixels to one side of a region that are background: luma above black of the frame and of the background.
+#[derive(Clone, Copy, Debug, Default)]
+struct Beside {
+    frame: f32,
+    background: f32,
+    n_px: u32,
+}
+
+impl Region {
+    /// Returns whether the light beside it changed as within it, so that its outline is only where the change reached the threshold.
+    fn is_light(&self) -> bool {
+        let within = self.sums.attenuation().max(0.01).ln();
+        let mut known = self.beside.iter().filter(|side| side.n_px >= LEAST_BESIDE).peekable();
+        known.peek().is_some()
+            && known.all(|side| {
+                let around = (side.frame.max(1.0) / side.background.max(1.0)).ln();
+                around * within > 0.0 && around.abs() >= LIGHT_BESIDE * within.abs()
+            })
+    }
+
+    /// Returns whether its structure leaves open what it is.
+    const fn is_open(&self) -> bool {
+        matches!(self.structure, Structure::None | Structure::Own)
+    }
 }
 
 /// Place of a piece's cells among all.
@@ -211,7 +247,7 @@ impl Place {
 /// Judges candidates; keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Shadows {
-    /// Candidates that are darker themselves.
+    /// Candidates that are darker themselves, or those that are lighter.
     darker: BitMask,
     places: Vec<Place>,
     cells: Vec<Sums>,
@@ -244,19 +280,59 @@ impl Shadows {
         if components.pieces().is_empty() {
             return 0;
         }
+        self.find_regions(pair, black_code, (moving, shadow), components);
+        let is_other = |region: &Region| region.structure == Structure::Other;
+        self.move_runs(components, (moving, shadow), is_other);
+        if self.regions.iter().any(Region::is_open) {
+            self.look_beside(pair, black_code, (moving, shadow), components);
+            self.find_owners(moving, components);
+            self.judge_plain();
+            self.move_runs(components, (moving, shadow), |of| of.is_open() && !of.is_shadow);
+        }
+        self.n_kept_px()
+    }
+
+    /// Moves those of `lit`, which are lighter than their background and kept its chromaticity, to `shadow` that kept its structure too,
+    /// since more light falls on them, and all others to `moving`. Returns how many those are that kept it.
+    pub(super) fn judge_lit(
+        &mut self,
+        pair: &Pair<'_>,
+        black_code: f32,
+        (moving, shadow, lit): (&mut BitMask, &mut BitMask, &mut BitMask),
+        components: &mut Components,
+    ) -> u32 {
+        components.find(lit, Wanted::Ones, Connectivity::Four);
+        if components.pieces().is_empty() {
+            return 0;
+        }
+        self.darker.clone_from(lit);
+        self.find_regions(pair, black_code, (moving, lit), components);
+        self.look_beside(pair, black_code, (moving, lit), components);
+        self.move_runs(components, (shadow, lit), |of| {
+            of.structure == Structure::Kept || of.is_open() && of.is_light()
+        });
+        for (moving, lit) in moving.words_mut().iter_mut().zip(lit.words()) {
+            *moving |= lit;
+        }
+        self.n_kept_px()
+    }
+
+    fn n_kept_px(&self) -> u32 {
+        let kept = self.regions.iter().filter(|region| region.structure == Structure::Kept);
+        kept.map(|region| region.sums.n_px).sum()
+    }
+
+    /// Finds the regions of the pieces of `self.darker`, and judges their structure.
+    fn find_regions(
+        &mut self,
+        pair: &Pair<'_>,
+        black_code: f32,
+        (moving, shadow): (&BitMask, &BitMask),
+        components: &Components,
+    ) {
         let variance = noise_variance(pair, moving, shadow);
         self.gather(pair, black_code, components);
         self.join(components, variance);
-        let is_other = |region: &Region| region.structure == Structure::Other;
-        self.move_runs(components, (moving, shadow), is_other);
-        let is_open = |of: &Region| matches!(of.structure, Structure::None | Structure::Own);
-        if self.regions.iter().any(is_open) {
-            self.find_owners(moving, components);
-            self.judge_plain();
-            self.move_runs(components, (moving, shadow), |of| is_open(of) && !of.is_shadow);
-        }
-        let kept = self.regions.iter().filter(|region| region.structure == Structure::Kept);
-        kept.map(|region| region.sums.n_px).sum()
     }
 
     fn gather(&mut self, pair: &Pair<'_>, black_code: f32, components: &Components) {
@@ -326,7 +402,13 @@ impl Shadows {
             if of == at {
                 self.region_of[at] = self.regions.len() as u32;
                 let (sums, structure) = (Sums::default(), Structure::None);
-                self.regions.push(Region { sums, structure, owner_idx: None, is_shadow: false });
+                self.regions.push(Region {
+                    sums,
+                    structure,
+                    owner_idx: None,
+                    is_shadow: false,
+                    beside: [Beside::default(); 2],
+                });
             } else {
                 self.region_of[at] = self.region_of[of];
             }
@@ -382,10 +464,43 @@ impl Shadows {
         }
     }
 
+    /// Looks at the pixels to the left and right of every region that are background.
+    fn look_beside(
+        &mut self,
+        pair: &Pair<'_>,
+        black_code: f32,
+        (moving, candidates): (&BitMask, &BitMask),
+        components: &Components,
+    ) {
+        let [frame, background] = [pair.frame[0], pair.background[0]];
+        for run in components.runs() {
+            let place = self.places[run.piece_idx as usize];
+            let left = run.start.checked_sub(BESIDE_PX).map(|x| (0, run.start, x));
+            let right =
+                (run.end + BESIDE_PX <= frame.width).then(|| (1, run.end - 1, run.end + BESIDE_PX - 1));
+            for (side, within, x) in [left, right].into_iter().flatten() {
+                let (x, y) = (x as usize, run.y as usize);
+                if moving.get(x, y) || candidates.get(x, y) {
+                    continue;
+                }
+                let region = &mut self.regions[self.region_of[place.cell(within, run.y)] as usize];
+                let above_black = |plane: Plane<'_>| (f32::from(plane.row(run.y)[x]) - black_code).max(1.0);
+                let beside = &mut region.beside[side];
+                beside.frame += above_black(frame);
+                beside.background += above_black(background);
+                beside.n_px += 1;
+            }
+        }
+    }
+
     /// Judges regions without structure.
     fn judge_plain(&mut self) {
         for idx in 0..self.regions.len() {
             let region = self.regions[idx];
+            if region.is_open() && region.is_light() {
+                self.regions[idx].is_shadow = true;
+                continue;
+            }
             let Some(owner) = region.owner_idx.map(|owner| self.owners.pieces()[owner as usize]) else {
                 continue;
             };
@@ -640,6 +755,68 @@ mod tests {
         assert!((add(100..120, 30) - 101.4).abs() < 0.1);
         // Sixty rows above, a thirtieth as wide, lift it by a quarter of that.
         assert!((85.0..90.0).contains(&add(40..100, 1)));
+    }
+
+    /// Returns the shares of the candidates for more light that are light, and that move.
+    fn lit_share(background: impl Fn(usize, usize) -> f32, seen: impl Fn(usize, usize) -> f32) -> [f64; 2] {
+        let (empty, seen) = (picture(&background), picture(seen));
+        let pair = Pair {
+            frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+            background: [0, 1, 2].map(|plane| empty.plane(plane)),
+        };
+        let (mut moving, mut shadow, mut lit) = (nobody(), nobody(), mask(&DARKER));
+        let n = lit.count_ones() as f64;
+        let masks = (&mut moving, &mut shadow, &mut lit);
+        Shadows::default().judge_lit(&pair, 16.0, masks, &mut Components::default());
+        [shadow, moving].map(|mask| mask.count_ones() as f64 / n)
+    }
+
+    #[test]
+    fn more_light_keeps_the_structure_of_its_ground_and_a_white_thing_hides_it() {
+        let ground = |x: usize, y: usize| 90.0 + texture(x, y);
+        for gain in [1.2, 1.6] {
+            let within = |x: usize, y: usize| if is_within(&DARKER, x, y) { gain } else { 1.0 };
+            let lit = lit_share(ground, |x, y| 16.0 + within(x, y) * (ground(x, y) - 16.0));
+            assert_eq!(lit, [1.0, 0.0], "{gain}");
+        }
+        let thing = |x, y| if is_within(&DARKER, x, y) { 150.0 } else { ground(x, y) };
+        assert_eq!(lit_share(ground, thing), [0.0, 1.0]);
+    }
+
+    #[test]
+    fn on_plain_ground_the_light_beside_tells_light_from_a_thing() {
+        let plain = |_: usize, _: usize| 110.0;
+        for gain in [0.75_f32, 1.3] {
+            // The light goes on beyond what passed the threshold, or a thing ends there; a thing that the light reaches is one still.
+            for (beside, expected) in [(gain, 1.0), (1.0, 0.0), (gain.powf(0.5), 0.0)] {
+                let seen =
+                    |x: usize, y: usize| 16.0 + 94.0 * if is_within(&DARKER, x, y) { gain } else { beside };
+                let found = if gain > 1.0 {
+                    lit_share(plain, seen)[0]
+                } else {
+                    let (empty, seen) = (picture(plain), picture(seen));
+                    let pair = Pair {
+                        frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+                        background: [0, 1, 2].map(|plane| empty.plane(plane)),
+                    };
+                    let (mut moving, mut shadow) = (nobody(), mask(&DARKER));
+                    let masks = (&mut moving, &mut shadow);
+                    Shadows::default().judge(&pair, (16.0, 13.0), masks, &mut Components::default());
+                    shadow.count_ones() as f64 / mask(&DARKER).count_ones() as f64
+                };
+                assert!((found - expected).abs() < 1e-9, "{gain}, {beside} beside: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn plain_ground_with_a_joint_tells_a_shadow_by_the_joint() {
+        // One column in six is much darker: medians of steps are plain.
+        let paving = |x: usize, _: usize| if x.is_multiple_of(6) { 60.0 } else { 130.0 };
+        let cast = |x: usize, y: usize| 16.0 + 0.6 * (paving(x, y) - 16.0);
+        assert_eq!(share(paving, cast, &nobody()), 1.0);
+        // A plain thing hides the joints.
+        assert_eq!(share(paving, |_, _| 40.0, &nobody()), 0.0);
     }
 
     #[test]
