@@ -5,6 +5,7 @@
 
 use crate::config::StageChoice;
 use serde::Serialize;
+use std::fmt;
 
 /// A stage of detection that is switched by what pictures show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
@@ -40,7 +41,7 @@ impl StageKind {
 
     const fn rule(self) -> Rule {
         match self {
-            // Who stands in a shadow is worse than a minute's work in vain: it is on until its figure says otherwise.
+            // It is on until its figure says otherwise.
             Self::Shadow => Rule { begins_on: true, ..Rule::new("shadow_share", [0.01, 0.003], 60.0) },
             // Costs a table, and thresholds stay what they are of lumas of which nothing is known.
             Self::Noise => Rule { begins_on: true, ..Rule::new("noise_share", [0.0, 0.0], 0.0) },
@@ -141,13 +142,13 @@ impl Switch {
 pub struct StageState {
     /// The stage.
     pub stage: StageKind,
-    /// Whether it runs.
+    /// True while it runs.
     pub is_on: bool,
-    /// What settings say.
+    /// Choice that settings make.
     pub choice: StageChoice,
     /// Name of the figure that decides where nothing is set: `shadow_share` (of the foreground that keeps its background's
     /// structure), `noise_share` (of full scale, standard deviation), `flicker_share` (of the pixels), `shake_px` (root mean square),
-    /// `gain_drift` (greatest change of the light of late, share).
+    /// `gain_drift` (last change of the light, share).
     pub quantity: &'static str,
     /// The figure; none before it was measured.
     pub measured: Option<f64>,
@@ -155,8 +156,33 @@ pub struct StageState {
     pub on_above: f64,
     /// ... and off once the figure was below this for a while.
     pub off_below: f64,
-    /// Frames in which it ran since the camera's pictures were first looked at.
+    /// Frames in which it ran, or was tried while it is off: since pictures of this size were first looked at for shake and light, of any
+    /// size for the others.
     pub frames: u64,
+}
+
+impl StageState {
+    /// Returns the state of a stage that cannot run where it is: off, with no figure.
+    #[must_use]
+    pub const fn impossible(self) -> Self {
+        Self { is_on: false, measured: None, ..self }
+    }
+}
+
+impl fmt::Display for StageState {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (name, is_on) = (self.stage.as_str(), if self.is_on { "on" } else { "off" });
+        write!(to, "{name} {is_on} ({}), {} ", self.choice.as_str(), self.quantity)?;
+        match self.measured {
+            Some(measured) => write!(to, "{measured:.5}")?,
+            None => to.write_str("not measured")?,
+        }
+        write!(
+            to,
+            ", on above {}, off below {}; ran in {} frames",
+            self.on_above, self.off_below, self.frames
+        )
+    }
 }
 
 /// A mean in which what is older counts less.

@@ -186,7 +186,7 @@ fn a_grey_person_on_grey_ground_is_found_at_every_darkness_that_the_threshold_al
         let largest = found.blobs.iter().map(|blob| blob.rect.height).max();
         assert!(largest.is_some_and(|rows| rows > 40), "{ratio}: {:?}", found.blobs);
     }
-    // What differs by less than noise and threshold is neither found nor taken for something else.
+    // Neither found nor taken for something else is what differs by less than noise and threshold.
     let mut place = Place { ground: 200.0, ..Place::new() };
     place.stay(8.0, &[]);
     let found = place.show(&[Thing::Body(person_at(120), 190.0 * 0.97)]);

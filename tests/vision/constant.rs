@@ -31,7 +31,7 @@ fn constant_pixels_for_ten_million_frames_leave_thresholds_and_models_what_they_
     for state in segmenter.stages() {
         assert!(state.measured.is_none_or(|measured| measured.abs() < 1e-6), "{state:?}");
     }
-    // What differs is found at once, and what differs by less than the threshold is not.
+    // Luma that differs is found at once; by less than the threshold it is not.
     let mut is_found = |luma: u8| {
         mixture.classify(&picture(luma)).unwrap();
         let planes = mixture.background_planes();

@@ -216,7 +216,7 @@ fn segment() -> Value {
     )
 }
 
-/// Whether a stage runs.
+/// Choice of when a stage runs.
 fn choice() -> Value {
     word(&["auto", "on", "off"])
 }

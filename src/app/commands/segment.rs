@@ -18,7 +18,8 @@ use videofields_vision::segment::PixelRect;
 
 /// Finds what moves in a video: masks, blobs, tracks and events.
 ///
-/// Without --masks, --blobs, --tracks and --events it only runs, for timing. A line on standard error says how many frames a second
+/// Without --masks, --blobs, --tracks and --events it only runs, for timing. Lines on standard error say which stages of detection
+/// ran and why, and how many frames a second
 /// were decoded, learned, segmented and tracked.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Segment {
@@ -97,6 +98,9 @@ impl Segment {
         }
         output.finish()?;
         let secs = clock.monotonic().saturating_sub(started).as_secs_f64().max(1e-9);
+        for state in pipeline.stages().into_iter().flatten() {
+            super::complain(&state.to_string());
+        }
         super::complain(&format!(
             "{n_frames} frames in {secs:.2} s, {:.1} frames a second",
             n_frames as f64 / secs

@@ -217,7 +217,14 @@ impl Pipeline {
         let model = self.current.as_ref().filter(|_| self.has_vision)?;
         let settings = self.segmenter.settings();
         let [noise, flicker, shadow, blinking] = self.segmenter.stages();
-        let (shake, light) = (model.shake.state(settings.shake), model.light.state(settings.light));
+        let (mut shake, mut light) = (model.shake.state(settings.shake), model.light.state(settings.light));
+        // What zones hide stays where it is in the picture.
+        if model.hidden.is_some() {
+            shake = shake.impossible();
+        }
+        if self.settings.learning == Learning::Hold && model.has_clip {
+            light = light.impossible();
+        }
         Some([shake, light, noise, flicker, shadow, blinking])
     }
 

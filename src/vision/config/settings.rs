@@ -347,16 +347,16 @@ pub struct SegmentSettings {
     /// Whether pieces that mostly flutter (turn from background to foreground and back again and again) are background:
     /// leaves, flags, water, tape. Default: where much of the picture flickers.
     pub suppress_blinking: Option<bool>,
-    /// Whether cast shadows are told from what moves. Default `auto`: while shadows are seen. `shadow_darkest` of 1 looks for none
+    /// Choice of telling cast shadows from what moves. Default `auto`: while shadows are seen. `shadow_darkest` of 1 looks for none
     /// whatever this says.
     pub shadow: StageChoice,
-    /// Whether thresholds rise where verdicts keep turning. Default `auto`: where enough pixels flicker. A `delta` that is set stays
+    /// Choice of raising thresholds where verdicts keep turning. Default `auto`: where enough pixels flicker. A `delta` that is set stays
     /// what it is whatever this says.
     pub flicker: StageChoice,
-    /// Whether pictures of a shaking camera are shifted back. Default `auto`: while it shakes.
+    /// Choice of shifting the pictures of a shaking camera back. Default `auto`: while it shakes.
     pub shake: StageChoice,
-    /// Whether the background is made as light as the whole picture became. `auto`, the default, and `on` are the same: it is looked at
-    /// in every fourth frame and followed where it changed.
+    /// Choice of making the background as light as the whole picture became. `auto`, the default, and `on` are the same: the light is
+    /// looked at in every fourth frame, or after 0.16 s, and followed where it changed.
     pub light: StageChoice,
     /// Gaps and notches of the mask that are closed, half their width in pixels, 0 (none) to 16. It also joins what
     /// stands close together. Default 0.
@@ -402,7 +402,7 @@ impl SegmentSettings {
 
     /// Returns whether pieces that mostly flutter are background.
     #[must_use]
-    pub const fn blinking(&self) -> StageChoice {
+    pub const fn blinking_choice(&self) -> StageChoice {
         match self.suppress_blinking {
             None => StageChoice::Auto,
             Some(true) => StageChoice::On,
@@ -412,13 +412,13 @@ impl SegmentSettings {
 
     /// Returns whether thresholds follow the noise.
     #[must_use]
-    pub const fn noise(&self) -> StageChoice {
+    pub const fn noise_choice(&self) -> StageChoice {
         if self.delta.is_some() { StageChoice::Off } else { StageChoice::Auto }
     }
 
     /// Returns whether shadows are told from what moves, by both settings that ask for it.
     #[must_use]
-    pub fn shadow(&self) -> StageChoice {
+    pub fn shadow_choice(&self) -> StageChoice {
         if self.shadow_darkest < 1.0 || self.highlight_brightest > 1.0 {
             self.shadow
         } else {
@@ -428,7 +428,7 @@ impl SegmentSettings {
 
     /// Returns whether thresholds rise where verdicts keep turning, by both settings that ask for it.
     #[must_use]
-    pub const fn flicker(&self) -> StageChoice {
+    pub const fn flicker_choice(&self) -> StageChoice {
         if self.delta.is_some() { StageChoice::Off } else { self.flicker }
     }
 

@@ -9,11 +9,23 @@ pub const WORD_PIXELS: usize = u32::BITS as usize;
 ///
 /// **Shape** `height * words_per_row` words, row-major, rows from the top; the first pixel of a word is its lowest bit.
 /// Bits beyond the right border are 0.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq, Eq)]
 pub struct BitMask {
     width: usize,
     words_per_row: usize,
     words: Vec<u32>,
+}
+
+impl Clone for BitMask {
+    fn clone(&self) -> Self {
+        Self { words: self.words.clone(), ..*self }
+    }
+
+    /// Allocates nothing where the mask was as large before.
+    fn clone_from(&mut self, source: &Self) {
+        (self.width, self.words_per_row) = (source.width, source.words_per_row);
+        self.words.clone_from(&source.words);
+    }
 }
 
 impl BitMask {
@@ -182,6 +194,19 @@ fn run_words(start: usize, end: usize) -> impl Iterator<Item = (usize, u32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mask_of_the_same_size_is_copied_into_the_memory_that_is_there() {
+        let (mut from, mut to) = (BitMask::new(70, 3), BitMask::new(70, 3));
+        from.set_run(1, 5, 66);
+        let before = to.words().as_ptr();
+        to.clone_from(&from);
+        assert_eq!((&to, to.words().as_ptr()), (&from, before));
+        // Another size is taken over too.
+        to.clone_from(&BitMask::new(3, 9));
+        assert_eq!((to.width(), to.height()), (3, 9));
+        assert_eq!(from.clone(), from);
+    }
 
     #[test]
     fn runs_are_filled_and_counted_over_words() {

@@ -68,6 +68,13 @@ impl Flicker {
         self.before.words_mut().copy_from_slice(foreground.words());
     }
 
+    /// Forgets all counts.
+    pub(super) fn forget(&mut self) {
+        if !self.counts.is_empty() {
+            *self = Self::default();
+        }
+    }
+
     fn sink(&mut self, dt_secs: f64) {
         self.waited_secs += if dt_secs > 0.0 { dt_secs.min(60.0) } else { 0.0 };
         while self.waited_secs >= SINK_SECS {
@@ -91,9 +98,9 @@ impl Flicker {
         self.share = n_restless as f32 / n_px as f32;
     }
 
-    /// Returns the share of pixels that flicker, as of half a second ago at most.
-    pub(super) const fn share(&self) -> f32 {
-        self.share
+    /// Returns the share of pixels that flickered when counts last sank, half a second ago or a frame; none before anything was counted.
+    pub(super) fn share(&self) -> Option<f32> {
+        (!self.counts.is_empty()).then_some(self.share)
     }
 
     pub(super) fn len_bytes(&self) -> usize {

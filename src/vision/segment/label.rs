@@ -43,7 +43,7 @@ pub(super) struct Judge {
     pub(super) lit: BitMask,
     /// Foreground by the plain threshold, wherever a pixel flickers.
     pub(super) plain: BitMask,
-    /// Moving pixels that differ by more than the high threshold.
+    /// Foreground that differs by more than the high threshold.
     pub(super) strong: BitMask,
     /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
     /// what may be foreground.
@@ -163,8 +163,8 @@ impl Judge {
         self.judge_near(pair, (unmatched, memory), &rules);
     }
 
-    /// Lets `memory` learn from the frame that was judged last: its noise where nothing could be foreground, and what turned, unless no
-    /// threshold is to follow that.
+    /// Lets `memory` learn from the frame that was judged last: its noise where nothing could be foreground, and what turned, unless
+    /// neither thresholds nor the search for what flutters ask for that: then it is forgotten.
     pub(super) fn teach(
         &self,
         pair: &Pair<'_>,
@@ -173,11 +173,13 @@ impl Judge {
         settings: &SegmentSettings,
         memory: &mut Memory,
     ) {
-        if settings.noise() != StageChoice::Off {
+        if settings.noise_choice() != StageChoice::Off {
             memory.noise.observe(pair, &ChannelGains::new(colors.0, colors.1), &self.near);
         }
-        if settings.flicker() != StageChoice::Off || settings.blinking() == StageChoice::Auto {
+        if settings.flicker_choice() != StageChoice::Off || settings.blinking_choice() == StageChoice::Auto {
             memory.flicker.observe(&self.plain, dt_secs);
+        } else {
+            memory.flicker.forget();
         }
     }
 
@@ -367,9 +369,9 @@ fn judge_band<S: Simd>(
             };
             band.shadow[place] = shadow;
             band.lit[place] = lit;
-            let foreground = foreground & !lit;
-            band.moving[place] = foreground & !shadow;
-            band.strong[place] = foreground & !shadow & bits_above(&norm, rules.delta_high);
+            band.moving[place] = foreground & !(shadow | lit);
+            // Of all foreground: what is no shadow in the end is given back.
+            band.strong[place] = foreground & bits_above(&norm, rules.delta_high);
         }
     }
 }

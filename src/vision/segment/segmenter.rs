@@ -222,7 +222,9 @@ impl Segmenter {
             if self.settings.mixture == MixtureRule::Ignore { unmatched } else { self.majority.bits() };
         let sigma_px = self.settings.blur_sigma_px_in(size_px);
         self.judge.set_blur(sigma_px / f64::from(factor));
-        let running = self.stages.begin(&self.settings, &self.memory, dt_secs);
+        let mut running = self.stages.begin(&self.settings, &self.memory, dt_secs);
+        // Frames in any order say nothing of colours that come and go.
+        running.has_blinking &= !self.is_review;
         self.judge.judge(&pair, colors, (majority, &self.memory), (&self.settings, running));
         self.moving.clone_from(&self.judge.moving);
         self.shadow.clone_from(&self.judge.shadow);

@@ -1,10 +1,11 @@
 //! Tells shadows among their candidates: by the structure of what they lie on, and by an owner.
 //!
-//! Candidates (pixels that are darker than their background and kept its chromaticity) flow in with the frame and its
-//! background; what is no shadow moves from their bits to those of what moves. Within a shadow, what the frame is of its
+//! Candidates (pixels that are darker or lighter than their background and kept its chromaticity) flow in with the frame and its
+//! background; what is neither shadow nor light moves from their bits to those of what moves. Within a shadow, what the frame is of its
 //! background changes little from pixel to pixel, however much the background does; a thing hides the background, so there the
-//! frame itself changes less than its ratio to the background. Medians over a region's neighbours tell which. Where neither
-//! changes by more than noise, a region is shadow only at the feet of something that moves.
+//! frame itself changes less than its ratio to the background. Medians over a region's neighbours tell which, and where
+//! these are plain the strongest of the changes. Where none is more than noise, a region is shadow only at the feet of something that
+//! moves, or where the light beside it changed as much.
 //!
 //! `[SSL12]` Sanin, Sanderson and Lovell 2012, Shadow detection: a survey and comparative evaluation of recent methods, section
 //! 2.5: candidates by chromaticity, regions of them, and how well their texture is the background's.
@@ -75,9 +76,9 @@ struct Sums {
     squared_rows: f64,
     n_steps: u32,
     /// Steps between neighbours by their size: of the frame, and of the frame over its background.
-    of_frame: [u16; N_STEPS],
-    of_ratio: [u16; N_STEPS],
-    of_background: [u16; N_STEPS],
+    of_frame: [u32; N_STEPS],
+    of_ratio: [u32; N_STEPS],
+    of_background: [u32; N_STEPS],
 }
 
 impl Default for Sums {
@@ -98,8 +99,8 @@ impl Default for Sums {
 }
 
 /// Returns the step below which a share of `n` steps lie, by their histogram.
-fn step_at(counts: &[u16; N_STEPS], n: u32, share: f32) -> f32 {
-    0.01 * quantile(counts.map(f32::from), share * n as f32).unwrap_or(N_STEPS as f32)
+fn step_at(counts: &[u32; N_STEPS], n: u32, share: f32) -> f32 {
+    0.01 * quantile(counts.map(|count| count as f32), share * n as f32).unwrap_or(N_STEPS as f32)
 }
 
 impl Sums {
@@ -189,7 +190,7 @@ struct Region {
     /// The largest piece of what moves that it touches.
     owner_idx: Option<u32>,
     is_shadow: bool,
-    /// What is background to its left and to its right.
+    /// Background to its left and to its right.
     beside: [Beside; 2],
 }
 
@@ -248,7 +249,7 @@ impl Place {
 #[derive(Debug, Default)]
 pub(super) struct Shadows {
     /// Candidates that are darker themselves, or those that are lighter.
-    darker: BitMask,
+    candidates: BitMask,
     places: Vec<Place>,
     cells: Vec<Sums>,
     parents: Vec<u32>,
@@ -274,17 +275,17 @@ impl Shadows {
         components: &mut Components,
     ) -> u32 {
         self.regions.clear();
-        self.darker.clone_from(shadow);
-        leave_rims_out(pair, least_codes, &mut self.darker);
-        components.find(&self.darker, Wanted::Ones, Connectivity::Four);
+        self.candidates.clone_from(shadow);
+        leave_rims_out(pair, least_codes, &mut self.candidates);
+        components.find(&self.candidates, Wanted::Ones, Connectivity::Four);
         if components.pieces().is_empty() {
             return 0;
         }
-        self.find_regions(pair, black_code, (moving, shadow), components);
+        self.find_regions(pair, black_code, [moving, shadow, shadow], components);
         let is_other = |region: &Region| region.structure == Structure::Other;
         self.move_runs(components, (moving, shadow), is_other);
         if self.regions.iter().any(Region::is_open) {
-            self.look_beside(pair, black_code, (moving, shadow), components);
+            self.look_beside(pair, black_code, [moving, shadow, shadow], components);
             self.find_owners(moving, components);
             self.judge_plain();
             self.move_runs(components, (moving, shadow), |of| of.is_open() && !of.is_shadow);
@@ -305,9 +306,9 @@ impl Shadows {
         if components.pieces().is_empty() {
             return 0;
         }
-        self.darker.clone_from(lit);
-        self.find_regions(pair, black_code, (moving, lit), components);
-        self.look_beside(pair, black_code, (moving, lit), components);
+        self.candidates.clone_from(lit);
+        self.find_regions(pair, black_code, [moving, shadow, lit], components);
+        self.look_beside(pair, black_code, [moving, shadow, lit], components);
         self.move_runs(components, (shadow, lit), |of| {
             of.structure == Structure::Kept || of.is_open() && of.is_light()
         });
@@ -322,15 +323,15 @@ impl Shadows {
         kept.map(|region| region.sums.n_px).sum()
     }
 
-    /// Finds the regions of the pieces of `self.darker`, and judges their structure.
+    /// Finds the regions of the pieces of the candidates, and judges their structure; `changed` is all that is not background.
     fn find_regions(
         &mut self,
         pair: &Pair<'_>,
         black_code: f32,
-        (moving, shadow): (&BitMask, &BitMask),
+        changed: [&BitMask; 3],
         components: &Components,
     ) {
-        let variance = noise_variance(pair, moving, shadow);
+        let variance = noise_variance(pair, changed);
         self.gather(pair, black_code, components);
         self.join(components, variance);
     }
@@ -358,7 +359,7 @@ impl Shadows {
                         &mut self.cells[cell],
                         planes,
                         logarithms,
-                        &self.darker,
+                        &self.candidates,
                         (x as usize, run.y as usize),
                     );
                 }
@@ -469,7 +470,7 @@ impl Shadows {
         &mut self,
         pair: &Pair<'_>,
         black_code: f32,
-        (moving, candidates): (&BitMask, &BitMask),
+        changed: [&BitMask; 3],
         components: &Components,
     ) {
         let [frame, background] = [pair.frame[0], pair.background[0]];
@@ -480,7 +481,7 @@ impl Shadows {
                 (run.end + BESIDE_PX <= frame.width).then(|| (1, run.end - 1, run.end + BESIDE_PX - 1));
             for (side, within, x) in [left, right].into_iter().flatten() {
                 let (x, y) = (x as usize, run.y as usize);
-                if moving.get(x, y) || candidates.get(x, y) {
+                if changed.iter().any(|mask| mask.get(x, y)) {
                     continue;
                 }
                 let region = &mut self.regions[self.region_of[place.cell(within, run.y)] as usize];
@@ -621,7 +622,7 @@ fn gather(
 }
 
 /// The variance of a pixel's noise, codes squared: of differences to the background where nothing moves, by their median.
-fn noise_variance(pair: &Pair<'_>, moving: &BitMask, shadow: &BitMask) -> f32 {
+fn noise_variance(pair: &Pair<'_>, changed: [&BitMask; 3]) -> f32 {
     const STEP: usize = 7;
     let [frame, background] = [pair.frame[0], pair.background[0]];
     let mut counts = [0_u32; 256];
@@ -629,7 +630,7 @@ fn noise_variance(pair: &Pair<'_>, moving: &BitMask, shadow: &BitMask) -> f32 {
     for y in (0..frame.height as usize).step_by(STEP) {
         let (frame, background) = (frame.row(y as u32), background.row(y as u32));
         for x in (0..frame.len()).step_by(STEP) {
-            if !moving.get(x, y) && !shadow.get(x, y) {
+            if !changed.iter().any(|mask| mask.get(x, y)) {
                 counts[usize::from(frame[x].abs_diff(background[x]))] += 1;
                 n += 1;
             }

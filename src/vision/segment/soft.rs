@@ -44,7 +44,8 @@ fn soften_all<S: Simd>(_simd: S, moving: &BitMask, shadow: &BitMask, judge: &Jud
             let covered = covered([above, own, below], word);
             let ramp = judge.ramp(y, word);
             let (mut soft, mut label) = ([0_u8; TILE], [0_u8; TILE]);
-            let (bits, repaired) = (own[word], own[word] & !judge.moving.row(y)[word]);
+            let found = judge.moving.row(y)[word] | judge.shadow.row(y)[word] | judge.lit.row(y)[word];
+            let (bits, repaired) = (own[word], own[word] & !found);
             for i in 0..TILE {
                 let is_moving = 0_u8.wrapping_sub(((bits >> i) & 1) as u8);
                 let is_repaired = 0_u8.wrapping_sub(((repaired >> i) & 1) as u8);

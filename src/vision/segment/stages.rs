@@ -7,16 +7,19 @@ use super::memory::Memory;
 use crate::config::{SegmentSettings, StageChoice};
 use crate::stage::{RunningMean, StageKind, StageState, Switch};
 
-/// Frames with candidates from one on which shadows are looked for to the next, while they are not told.
+/// Frames from one in which shadows are looked for to the next, while they are not told.
 const SHADOW_LOOKS: u32 = 16;
 
-/// What is older than this counts less than a third in the share of shadows.
+/// Shares of shadows older than this count less than a third.
 const SHADOW_SECS: f64 = 10.0;
+
+/// Time that a share of shadows stands for at most, seconds.
+const LONGEST_WAIT_SECS: f64 = 1.0;
 
 /// Fewer shares of shadows than this say nothing.
 const LEAST_SHADOW_SHARES: u32 = 8;
 
-/// What is done about shadows in one frame.
+/// Work on shadows in one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ShadowWork {
     /// They are told from what moves.
@@ -69,24 +72,30 @@ impl Default for Stages {
 impl Stages {
     /// Returns what runs on the next frame, `dt_secs` after the one before it, and counts it.
     pub(super) fn begin(&mut self, settings: &SegmentSettings, memory: &Memory, dt_secs: f64) -> Running {
-        let share = f64::from(memory.flicker.share());
-        self.flicker.observe(share, dt_secs);
-        self.blinking.observe(share, dt_secs);
+        if let Some(share) = memory.flicker.share() {
+            self.flicker.observe(f64::from(share), dt_secs);
+            self.blinking.observe(f64::from(share), dt_secs);
+        }
         if let Some(deviation) = memory.noise.typical() {
             self.noise.observe(f64::from(deviation), dt_secs);
         }
-        self.since_share_secs += if dt_secs > 0.0 { dt_secs } else { 0.0 };
+        // Time in which nobody is seen tells nothing of shadows.
+        self.since_share_secs = if dt_secs > 0.0 {
+            (self.since_share_secs + dt_secs).min(LONGEST_WAIT_SECS)
+        } else {
+            self.since_share_secs
+        };
         let running = Running {
-            shadow: if self.shadow.is_on(settings.shadow()) {
+            shadow: if self.shadow.is_on(settings.shadow_choice()) {
                 ShadowWork::Told
-            } else if settings.shadow() == StageChoice::Auto && self.n_since_look >= SHADOW_LOOKS {
+            } else if settings.shadow_choice() == StageChoice::Auto && self.n_since_look >= SHADOW_LOOKS {
                 ShadowWork::Measured
             } else {
                 ShadowWork::None
             },
-            has_noise: self.noise.is_on(settings.noise()),
-            has_flicker: self.flicker.is_on(settings.flicker()),
-            has_blinking: self.blinking.is_on(settings.blinking()),
+            has_noise: self.noise.is_on(settings.noise_choice()),
+            has_flicker: self.flicker.is_on(settings.flicker_choice()),
+            has_blinking: self.blinking.is_on(settings.blinking_choice()),
         };
         self.n_since_look =
             if running.shadow == ShadowWork::None { self.n_since_look.saturating_add(1) } else { 0 };
@@ -114,10 +123,36 @@ impl Stages {
     /// Returns the states of all, in the order in which they run.
     pub(super) fn states(&self, settings: &SegmentSettings) -> [StageState; 4] {
         [
-            self.noise.state(settings.noise()),
-            self.flicker.state(settings.flicker()),
-            self.shadow.state(settings.shadow()),
-            self.blinking.state(settings.blinking()),
+            self.noise.state(settings.noise_choice()),
+            self.flicker.state(settings.flicker_choice()),
+            self.shadow.state(settings.shadow_choice()),
+            self.blinking.state(settings.blinking_choice()),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_without_a_shadow_after_a_quiet_hour_does_not_switch_shadows_off() {
+        let (settings, memory) = (SegmentSettings::default(), Memory::default());
+        let mut stages = Stages::default();
+        for _ in 0..20 {
+            stages.begin(&settings, &memory, 0.1);
+            stages.observe_shadow(0.2);
+        }
+        for _ in 0..36_000 {
+            stages.begin(&settings, &memory, 0.1);
+        }
+        stages.observe_shadow(0.0);
+        assert_eq!(stages.begin(&settings, &memory, 0.1).shadow, ShadowWork::Told);
+        // Two minutes of people without shadows do: half of one until the mean is low, and one of waiting.
+        for _ in 0..1200 {
+            stages.begin(&settings, &memory, 0.1);
+            stages.observe_shadow(0.0);
+        }
+        assert_ne!(stages.begin(&settings, &memory, 0.1).shadow, ShadowWork::Told);
     }
 }

@@ -103,6 +103,10 @@ impl Shake {
         choice: StageChoice,
     ) -> Shift {
         if choice == StageChoice::Off {
+            // Nothing of before the pause is to be believed after it.
+            if self.n_frames > 0 {
+                *self = Self::default();
+            }
             return Shift::default();
         }
         let is_on = self.switch.is_on(choice);

@@ -50,7 +50,7 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
     }
     // Every pipeline on the front is none that another beats; the knee is one of them.
     let pipelines = &report.stage(Stage::Pipeline).unwrap().rows;
-    // How many there are depends on which forms the machine's times leave on the stages' fronts.
+    // The machine's times decide which forms stay on the stages' fronts, and so how many there are.
     assert!((1..=SCOPE.max_pipelines).contains(&pipelines.len()), "{}", pipelines.len());
     for name in &report.front {
         let own = pipelines.iter().find(|row| row.value == *name).unwrap();

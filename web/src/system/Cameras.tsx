@@ -100,8 +100,8 @@ export default function Cameras() {
   return (
     <>
       <Now />
-      <Detection />
       <Past />
+      <Detection />
       <Daemon />
     </>
   );

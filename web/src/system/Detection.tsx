@@ -12,6 +12,9 @@ import { Part } from "./Part";
 type Stage = components["schemas"]["Stage"];
 type Choice = Stage["choice"];
 
+/** Time in which a camera that was set says what then holds. */
+const SETTLE_MILLIS = 6_000;
+
 const CHOICES: readonly Choice[] = ["auto", "on", "off"];
 
 /** Stages whose figures are shares, shown in percent. */
@@ -19,10 +22,10 @@ const isShare = (quantity: string) => quantity !== "shake_px";
 const figure = (value: number, quantity: string) =>
   isShare(quantity) ? say("detection.percent", { n: Number((100 * value).toPrecision(2)) }) : say("detection.pixels", { n: Number(value.toPrecision(2)) });
 
-function reason({ measured, on_above, off_below, quantity }: Stage): string {
+function reason({ measured, on_above, off_below, quantity, choice }: Stage): string {
   const found = measured === null ? say("detection.unmeasured") : `${sayWord("detection.quantity", quantity)}: ${figure(measured, quantity)}`;
-  // Noise has no limits: thresholds follow whatever it is.
-  if (quantity === "noise_share") return found;
+  // Noise has no limits: thresholds follow whatever it is. Where somebody chose, the figure decides nothing.
+  if (quantity === "noise_share" || choice !== "auto") return found;
   return say("detection.reason", { found, on: figure(on_above, quantity), off: figure(off_below, quantity) });
 }
 
@@ -36,6 +39,11 @@ function patch(stage: Stage["stage"], choice: Choice): object | null {
 function Chosen({ camera, stage: { stage, choice } }: { camera: state.Camera; stage: Stage }) {
   const [asked, setAsked] = useState<Choice | null>(null);
   const [trouble, setTrouble] = useState("");
+  // One threshold for the whole picture leaves nothing to choose.
+  const isFixed = camera.stages.some((of) => of.stage === "noise" && of.choice === "off");
+  if (isFixed && (stage === "noise" || stage === "flicker")) return <>{say("detection.fixed")}</>;
+  // What was asked for is shown until the camera says so itself.
+  if (asked === choice) setAsked(null);
   if (patch(stage, "auto") === null || !isOperator() || !may("manage", camera.id)) return <>{sayWord("detection.choice", choice)}</>;
   const choose = async (next: Choice) => {
     setAsked(next);
@@ -43,6 +51,8 @@ function Chosen({ camera, stage: { stage, choice } }: { camera: state.Camera; st
       setTrouble("");
       // Whatever else was changed of the camera meanwhile stays.
       await change("PATCH", `/api/v1/cameras/${encodeURIComponent(camera.id)}/segment`, patch(stage, next), { tag: "*" });
+      // Where another setting forbids it, the camera never says so.
+      setTimeout(() => setAsked(null), SETTLE_MILLIS);
     } catch (error) {
       setAsked(null);
       setTrouble(told(error));
@@ -50,7 +60,7 @@ function Chosen({ camera, stage: { stage, choice } }: { camera: state.Camera; st
   };
   return (
     <>
-      <select aria-label={say("detection.choose", { stage: sayWord("detection.stage", stage), camera: camera.name })} value={asked ?? choice}
+      <select disabled={asked !== null} aria-label={say("detection.choose", { stage: sayWord("detection.stage", stage), camera: camera.name })} value={asked ?? choice}
         onChange={(event) => void choose(event.currentTarget.value as Choice)}>
         {CHOICES.map((word) => <option key={word} value={word}>{sayWord("detection.choice", word)}</option>)}
       </select>

@@ -13,7 +13,7 @@ const LOOK_SECS: f64 = 0.16;
 /// The light is followed where it changed by at least this share.
 const LEAST_GAIN: f32 = 0.02;
 
-/// When the light was looked at, and how much it changes.
+/// Time since the light was looked at, and how much it changes.
 #[derive(Debug)]
 pub(super) struct Light {
     switch: Switch,
@@ -35,9 +35,13 @@ impl Light {
 
     /// Counts a frame and returns whether its light is to be looked at.
     fn is_due(&mut self, dt_secs: f64, choice: StageChoice) -> bool {
-        self.n_since += 1;
+        if choice == StageChoice::Off {
+            *self = Self::default();
+            return false;
+        }
+        self.n_since = self.n_since.saturating_add(1);
         self.since_secs += if dt_secs > 0.0 { dt_secs } else { 0.0 };
-        choice != StageChoice::Off && (self.n_since >= FRAMES || self.since_secs >= LOOK_SECS)
+        self.n_since >= FRAMES || self.since_secs >= LOOK_SECS
     }
 }
 
