@@ -224,6 +224,21 @@ mod tests {
     }
 
     #[test]
+    fn other_colours_make_what_came_back_before_forgotten() {
+        let colors = [40, 220, 20, 200, 60, 240, 30, 210];
+        let luma = |frame: usize| match frame {
+            0..64 => 160,
+            64..128 => colors[frame / 8 - 8],
+            _ => 160,
+        };
+        let seen =
+            |frame: usize| if frame % 8 < 4 { (luma(frame), (5, 15), (5, 15)) } else { (100, NONE, NONE) };
+        assert!(flutters((0..60).map(seen)));
+        // The first colour is back once.
+        assert!(!flutters((0..140).map(seen)));
+    }
+
+    #[test]
     fn somebody_who_is_hardly_seen_and_never_leaves_does_not_flutter() {
         assert!(!flutters(
             (0..200)
