@@ -319,7 +319,7 @@ fn leaves_and_water_behind_a_person_are_left_out_and_the_person_is_not() {
 
 #[test]
 fn lamps_that_sway_and_clouds_make_no_tracks() {
-    // That lights the whole place, or a part of it alone.
+    // A lamp lights the whole place, or a part of it alone.
     for reach_px in [1e9, 60.0] {
         let mut place = Place::new();
         place.stay(10.0, &[Thing::Lamp((70, 80), reach_px, 1.0)]);

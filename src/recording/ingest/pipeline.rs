@@ -218,7 +218,7 @@ impl Pipeline {
         let settings = self.segmenter.settings();
         let [noise, flicker, shadow, blinking] = self.segmenter.stages();
         let (mut shake, mut light) = (model.shake.state(settings.shake), model.light.state(settings.light));
-        // What zones hide stays where it is in the picture.
+        // Pictures with zones are never shifted back, since zones stay where they are.
         if model.hidden.is_some() {
             shake = shake.impossible();
         }

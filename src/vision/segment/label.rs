@@ -370,7 +370,7 @@ fn judge_band<S: Simd>(
             band.shadow[place] = shadow;
             band.lit[place] = lit;
             band.moving[place] = foreground & !(shadow | lit);
-            // Of all foreground: what is no shadow in the end is given back.
+            // Counts all foreground, since pixels that are no shadow in the end move again.
             band.strong[place] = foreground & bits_above(&norm, rules.delta_high);
         }
     }

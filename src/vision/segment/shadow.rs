@@ -37,8 +37,8 @@ const PLAIN_IN_NOISE: f32 = 1.5;
 /// Fewer steps than this in a region say nothing.
 const LEAST_STEPS: u32 = 12;
 
-/// Where medians are plain, the strongest steps decide: those above this share, if there are so many steps in all, and if they are so
-/// many times what is plain and the others below this share of them.
+/// Strongest steps decide where medians are plain: those above this share, if there are so many steps in all, and if they are so many
+/// times what is plain and the others below this share of them.
 const STRONG: f32 = 0.9;
 const LEAST_SPARSE_STEPS: u32 = 40;
 const STRONG_IN_PLAIN: f32 = 2.0;

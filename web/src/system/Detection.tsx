@@ -42,16 +42,16 @@ function Chosen({ camera, stage: { stage, choice } }: { camera: state.Camera; st
   // One threshold for the whole picture leaves nothing to choose.
   const isFixed = camera.stages.some((of) => of.stage === "noise" && of.choice === "off");
   if (isFixed && (stage === "noise" || stage === "flicker")) return <>{say("detection.fixed")}</>;
-  // What was asked for is shown until the camera says so itself.
+  // The choice just made is shown until the camera confirms it.
   if (asked === choice) setAsked(null);
   if (patch(stage, "auto") === null || !isOperator() || !may("manage", camera.id)) return <>{sayWord("detection.choice", choice)}</>;
   const choose = async (next: Choice) => {
     setAsked(next);
     try {
       setTrouble("");
-      // Whatever else was changed of the camera meanwhile stays.
+      // Other settings that were changed meanwhile stay.
       await change("PATCH", `/api/v1/cameras/${encodeURIComponent(camera.id)}/segment`, patch(stage, next), { tag: "*" });
-      // Where another setting forbids it, the camera never says so.
+      // A camera on which another setting forbids the choice never confirms it.
       setTimeout(() => setAsked(null), SETTLE_MILLIS);
     } catch (error) {
       setAsked(null);
