@@ -28,8 +28,8 @@ setup:
 	@deploy/setup.sh
 
 # The pages' tools are fetched again only when what is locked of them changed.
-web/node_modules/.installed: web/package-lock.json web/package.json web/.npmrc | setup
-	cd web && npm ci --no-progress
+web/node_modules/.installed: web/package-lock.json web/package.json web/.npmrc web/install.sh web/node/package-lock.json | setup
+	web/install.sh
 	touch $@
 
 # Built only where something changed: the daemon, which embeds the pages, is built anew after that.

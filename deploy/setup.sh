@@ -16,7 +16,7 @@ packages=(
   # What the README's commands call.
   curl ca-certificates git
 )
-# The web pages' tools bring the Node that they need; the system's has to run npm. Debian's own is enough, and one that came from
+# The web pages' tools bring the Node that they need (web/install.sh); the system's fetches it. Debian's own is enough, one from
 # elsewhere is left alone.
 node_major=$(node --version 2>/dev/null | sed -n 's/^v\([0-9]*\).*/\1/p' || true)
 if [ "${node_major:-0}" -lt 18 ] || ! command -v npm >/dev/null 2>&1; then
