@@ -2,13 +2,14 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 CARGO := cargo
+LINT = env -u MAKEFLAGS CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-target}/lint $(CARGO)
 # Where rustup puts it, for shells that were opened before.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test check contract bench bundle drivers load pictures clips
+.PHONY: help setup web demo test test-pages test-lints test-programs check contract bench bundle drivers load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -43,17 +44,28 @@ demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
-# Warnings are errors here, but not in an editor. Many tests wait: one more than there are processors runs at once.
-test: setup web
-	cd web && npm run --silent check && npm run --silent test
-	$(CARGO) fmt --check
-	$(CARGO) clippy --workspace --locked --all-targets -- -D warnings
-	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --locked --no-deps --document-private-items --quiet
-	RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))} $(CARGO) test --workspace --locked
+# Builds pages, lints and the tests' programs at the same time. Cargo lets one command at a time into a target folder, so lints have
+# their own. `env -u MAKEFLAGS` keeps make's limit of jobs from cargo, which would compile one file at a time under it. Tests often
+# wait, so that one more than there are processors run at once; each of them draws by itself, with one thread of Mesa's rasteriser.
+test: setup
+	$(MAKE) --jobs=3 test-pages test-lints test-programs
+	LP_NUM_THREADS=1 RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))} $(CARGO) test --workspace --locked
 	cd web && npm run --silent e2e
 
+test-pages: web
+	cd web && npm run --silent check && npm run --silent test
+
+# Warnings are errors here, but not in an editor.
+test-lints: setup
+	$(CARGO) fmt --check
+	$(LINT) clippy --workspace --locked --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(LINT) doc --workspace --locked --no-deps --document-private-items --quiet
+
+test-programs: setup
+	env -u MAKEFLAGS $(CARGO) test --workspace --locked --no-run
+
 check: setup
-	$(CARGO) clippy --workspace --locked --all-targets
+	$(LINT) clippy --workspace --locked --all-targets
 
 # CASES=..., ROLES="admin operator viewer stranger" and SEED=... as tests/contract/run.sh has them; it needs Python with venv,
 # and the network once.
