@@ -16,8 +16,8 @@ packages=(
   # What the README's commands call.
   curl ca-certificates git
 )
-# The web pages' tools bring the Node that they need (web/install.sh); the system's fetches it. Debian's own is enough, one from
-# elsewhere is left alone.
+# The system's Node and npm fetch the tools of the web pages, and the newer Node that those need (web/install.sh). Debian's own are
+# enough. Those that came from elsewhere are left alone.
 node_major=$(node --version 2>/dev/null | sed -n 's/^v\([0-9]*\).*/\1/p' || true)
 if [ "${node_major:-0}" -lt 18 ] || ! command -v npm >/dev/null 2>&1; then
   packages+=(nodejs npm)
