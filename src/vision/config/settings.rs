@@ -12,6 +12,7 @@ use super::telling::{LogSettings, TelemetrySettings};
 use crate::frame::{CameraId, Zone};
 use serde::de::{self, Deserializer};
 use serde::{Deserialize, Serialize};
+use std::f64::consts::PI;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -365,7 +366,8 @@ pub struct SegmentSettings {
     /// most of their pixels differ by half of `delta`, if this is not 0. Default 64.
     pub max_hole_px: u32,
     /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. 0 (default) is a 1500th of the picture's
-    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720.
+    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720; what is smaller is no blob then, but stays in the mask where
+    /// noise does not explain it.
     pub min_area_px: u32,
     /// A piece is parted into upright things where it has fewer pixels in a column than this share of what it has on
     /// either side, 0 (never) to 0.9: people who touch. Masks are the same. Default 0.5.
@@ -452,6 +454,16 @@ impl SegmentSettings {
         const LEAST_SHARE: u64 = 1500;
         match self.min_area_px {
             0 => (u64::from(size_px.0) * u64::from(size_px.1) / LEAST_SHARE).max(16) as u32,
+            px => px,
+        }
+    }
+
+    /// Returns the least area of what a mask shows in a picture of `size_px`, pixels: `min_area_px` where it is set, else the area
+    /// over which the blur makes noise alike, 4 pi times the square of its sigma, and as if this were at least 0.6 pixels.
+    #[must_use]
+    pub fn min_mask_area_px_in(&self, size_px: (u32, u32)) -> u32 {
+        match self.min_area_px {
+            0 => (4.0 * PI * self.blur_sigma_px_in(size_px).max(0.6).powi(2)).ceil() as u32,
             px => px,
         }
     }

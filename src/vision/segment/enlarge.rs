@@ -82,7 +82,7 @@ impl Enlarger {
             _ => panic!("pictures are halved or quartered"),
         }
         pieces.find(&self.moving);
-        pieces.drop_small(limits.min_area_px, |run| {
+        pieces.drop_small(limits, |run| {
             let row = run.y as usize * size_px.0 as usize;
             let span = row + run.start as usize..row + run.end as usize;
             full_labels.data[span.clone()].fill(BACKGROUND);
@@ -277,6 +277,19 @@ mod tests {
         assert_eq!((full.labels.get(5, 5), full.soft_mask.get(5, 5)), (BACKGROUND, 0));
         let edge: Vec<u8> = (13..19).map(|x| full.soft_mask.get(x, 10)).collect();
         assert_eq!(edge, [0, 0, 64, 191, 255, 255]);
+    }
+
+    #[test]
+    fn pieces_too_small_for_a_blob_stay_in_the_mask_where_no_least_area_is_set() {
+        let found = reduced(
+            160,
+            120,
+            &[(2, 2, 3, 3, 255, MOVING), (20, 20, 8, 8, 255, MOVING), (60, 60, 1, 1, 255, MOVING)],
+        );
+        let full = enlarge(&found, (320, 240), 2, &Limits::full(&SegmentSettings::default(), (320, 240)));
+        assert_eq!(full.blobs.len(), 1);
+        assert_eq!((full.labels.get(6, 6), full.soft_mask.get(6, 6)), (MOVING, 255));
+        assert_eq!((full.labels.get(120, 120), full.soft_mask.get(120, 120)), (BACKGROUND, 0));
     }
 
     /// The soft value of a full-size pixel by the formula.

@@ -68,6 +68,13 @@ impl Flicker {
         self.before.words_mut().copy_from_slice(foreground.words());
     }
 
+    /// Returns how many pixels of row `y` flicker, of the columns from `start` on and before `end`; none before anything was counted.
+    pub(super) fn n_restless(&self, y: u32, start: u32, end: u32) -> u32 {
+        let row = y as usize * self.before.words_per_row() * TILE;
+        let counts = self.counts.get(row + start as usize..row + end as usize).unwrap_or_default();
+        counts.iter().filter(|count| **count > CALM).count() as u32
+    }
+
     /// Forgets all counts.
     pub(super) fn forget(&mut self) {
         if !self.counts.is_empty() {
@@ -200,6 +207,22 @@ mod tests {
             let found = flicker.factors(n_words / 2, n_words).map_or(1.0, |factors| factors[5]);
             assert!((found - expected).abs() < 1e-6, "{n_turns} turns: {found}, not {expected}");
         }
+    }
+
+    #[test]
+    fn pixels_that_flicker_are_counted_by_columns_of_a_row() {
+        let mut flicker = Flicker::default();
+        assert_eq!(flicker.n_restless(1, 0, 40), 0, "nothing was counted yet");
+        for frame in 0..10 {
+            let mut mask = BitMask::new(40, 2);
+            if frame % 2 == 1 {
+                mask.set_run(1, 30, 36);
+            }
+            flicker.observe(&mask, 0.001);
+        }
+        let counted = [(1, 0, 40), (1, 33, 40), (1, 0, 30), (0, 0, 40)]
+            .map(|(y, start, end)| flicker.n_restless(y, start, end));
+        assert_eq!(counted, [6, 3, 0, 0]);
     }
 
     #[test]

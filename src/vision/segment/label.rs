@@ -23,6 +23,9 @@ const LEAST_SHARED_TILES: usize = 4096;
 /// Share of the threshold by which a pixel must differ itself, without the blur.
 const OWN_SHARE: f32 = 0.5;
 
+/// Multiple of the threshold from which on a difference is distinct.
+const DISTINCT: f32 = 1.5;
+
 /// One byte for every pixel of a tile.
 pub(super) type TileRamp = [u8; TILE];
 
@@ -45,6 +48,8 @@ pub(super) struct Judge {
     pub(super) plain: BitMask,
     /// Foreground that differs by more than the high threshold.
     pub(super) strong: BitMask,
+    /// Foreground that differs by [`DISTINCT`] times its threshold.
+    pub(super) distinct: BitMask,
     /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
     /// what may be foreground.
     pub(super) weak: BitMask,
@@ -107,6 +112,7 @@ struct Band<'a> {
     lit: &'a mut [u32],
     plain: &'a mut [u32],
     strong: &'a mut [u32],
+    distinct: &'a mut [u32],
     weak: &'a mut [u32],
     ramps: &'a mut [TileRamp],
 }
@@ -124,6 +130,7 @@ impl Judge {
             lit: BitMask::default(),
             plain: BitMask::default(),
             strong: BitMask::default(),
+            distinct: BitMask::default(),
             weak: BitMask::default(),
             ramps: Vec::new(),
         }
@@ -147,8 +154,8 @@ impl Judge {
     ) {
         let rules = Rules::new((matrix, range), settings, running, (memory, self.blur_sigma_px));
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
-        let Self { candidates, moving, shadow, lit, plain, strong, weak, .. } = self;
-        for mask in [candidates, moving, shadow, lit, plain, strong, weak] {
+        let Self { candidates, moving, shadow, lit, plain, strong, distinct, weak, .. } = self;
+        for mask in [candidates, moving, shadow, lit, plain, strong, distinct, weak] {
             mask.reset(width, height);
         }
         if rules.rule == MixtureRule::Require {
@@ -260,17 +267,11 @@ impl Judge {
             .zip(self.lit.words_mut().par_chunks_mut(words_per_band))
             .zip(self.plain.words_mut().par_chunks_mut(words_per_band))
             .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.distinct.words_mut().par_chunks_mut(words_per_band))
             .zip(self.weak.words_mut().par_chunks_mut(words_per_band))
             .zip(self.ramps.par_chunks_mut(words_per_band))
-            .map(|(((((((difference, moving), shadow), lit), plain), strong), weak), ramps)| Band {
-                difference,
-                moving,
-                shadow,
-                lit,
-                plain,
-                strong,
-                weak,
-                ramps,
+            .map(|((((((((difference, moving), shadow), lit), plain), strong), distinct), weak), ramps)| {
+                Band { difference, moving, shadow, lit, plain, strong, distinct, weak, ramps }
             })
             .enumerate();
         if n_bands == 1 {
@@ -282,6 +283,7 @@ impl Judge {
                 lit: self.lit.words_mut(),
                 plain: self.plain.words_mut(),
                 strong: self.strong.words_mut(),
+                distinct: self.distinct.words_mut(),
                 weak: self.weak.words_mut(),
                 ramps: &mut self.ramps,
             };
@@ -372,6 +374,7 @@ fn judge_band<S: Simd>(
             band.moving[place] = foreground & !(shadow | lit);
             // Counts all foreground, since pixels that are no shadow in the end move again.
             band.strong[place] = foreground & bits_above(&norm, rules.delta_high);
+            band.distinct[place] = foreground & bits_above(&norm, DISTINCT * rules.delta);
         }
     }
 }

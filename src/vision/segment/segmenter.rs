@@ -6,6 +6,7 @@ use super::contour::contour;
 use super::difference::Pair;
 use super::enlarge::Enlarger;
 use super::fill::{Closing, Holes};
+use super::flicker::Flicker;
 use super::label::Judge;
 use super::majority::Majority;
 use super::memory::Memory;
@@ -313,24 +314,40 @@ impl Segmenter {
         }
     }
 
-    /// Makes background of the pieces that are too small, hardly differ, or blink.
+    /// Makes background of the pieces that are too small, hardly differ, or blink. Pieces too small for a blob stay in the mask where
+    /// they are distinct.
     fn drop_pieces(&mut self, limits: &Limits, running: Running) {
         let (strong, blinking) = (&self.judge.strong, &self.blinking);
         let has_hysteresis = self.settings.delta_high > self.settings.delta();
         for piece_idx in 0..self.pieces.components.pieces().len() {
             let runs = self.pieces.runs(piece_idx);
             let n_strong = |run: &Run| strong.count_run(run.y as usize, run.start as usize, run.end as usize);
-            let is_kept = self.pieces.components.pieces()[piece_idx].area_px >= limits.min_area_px
-                && (!has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= limits.min_strong_px)
-                && !(running.has_blinking && blinking.is_blinking(runs.iter()));
+            let area_px = self.pieces.components.pieces()[piece_idx].area_px;
+            let is_blob = area_px >= limits.min_area_px
+                && (!has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= limits.min_strong_px);
+            let is_in_mask = is_blob
+                || (limits.min_mask_area_px..limits.min_area_px).contains(&area_px)
+                    && is_distinct(runs, area_px, &self.judge.distinct, &self.memory.flicker);
+            let is_kept = is_in_mask && !(running.has_blinking && blinking.is_blinking(runs.iter()));
             if !is_kept {
                 for run in runs {
                     self.moving.clear_run(run.y as usize, run.start as usize, run.end as usize);
                 }
-                self.pieces.is_kept[piece_idx] = false;
             }
+            self.pieces.is_blob[piece_idx] = is_kept && is_blob;
         }
     }
+}
+
+/// Returns true if noise does not explain a piece of `area_px` pixels that is too small for a blob: half of it is `distinct`,
+/// and at most an eighth flickers.
+fn is_distinct(runs: &[Run], area_px: u32, distinct: &BitMask, flicker: &Flicker) -> bool {
+    let n_distinct = runs
+        .iter()
+        .map(|run| distinct.count_run(run.y as usize, run.start as usize, run.end as usize))
+        .sum::<u32>();
+    2 * n_distinct >= area_px
+        && 8 * runs.iter().map(|run| flicker.n_restless(run.y, run.start, run.end)).sum::<u32>() <= area_px
 }
 
 /// Pieces of moving pixels with their runs; keeps its memory from frame to frame.
@@ -341,7 +358,7 @@ pub(super) struct Pieces {
     sorted: Vec<Run>,
     /// Where a piece's runs begin in `sorted`; one more at the end.
     begins: Vec<u32>,
-    is_kept: Vec<bool>,
+    is_blob: Vec<bool>,
     splitter: Splitter,
     parts: Vec<(u32, u32)>,
     /// Of a part that may have come apart.
@@ -349,12 +366,12 @@ pub(super) struct Pieces {
 }
 
 impl Pieces {
-    /// Finds the pieces of `moving`; all are kept at first.
+    /// Finds the pieces of `moving`; all are blobs at first.
     pub(super) fn find(&mut self, moving: &BitMask) {
         self.components.find(moving, Wanted::Ones, Connectivity::Eight);
         let (n_pieces, runs) = (self.components.pieces().len(), self.components.runs());
-        self.is_kept.clear();
-        self.is_kept.resize(n_pieces, true);
+        self.is_blob.clear();
+        self.is_blob.resize(n_pieces, true);
         self.begins.clear();
         self.begins.resize(n_pieces + 1, 0);
         for run in runs {
@@ -383,22 +400,22 @@ impl Pieces {
         &self.sorted[self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize]
     }
 
-    /// Drops the pieces of fewer than `min_area_px` pixels; calls `gone` with each of their runs.
-    pub(super) fn drop_small(&mut self, min_area_px: u32, mut gone: impl FnMut(&Run)) {
+    /// Makes no blobs of the pieces below the least area of a blob; calls `gone` with each run of those below the mask's.
+    pub(super) fn drop_small(&mut self, limits: &Limits, mut gone: impl FnMut(&Run)) {
         for (piece_idx, piece) in self.components.pieces().iter().enumerate() {
-            if piece.area_px < min_area_px {
-                self.is_kept[piece_idx] = false;
+            self.is_blob[piece_idx] &= piece.area_px >= limits.min_area_px;
+            if piece.area_px < limits.min_mask_area_px {
                 let place = self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize;
                 self.sorted[place].iter().for_each(&mut gone);
             }
         }
     }
 
-    /// The pieces that are kept as blobs, those of several upright things parted.
+    /// Returns the pieces that are blobs, those of several upright things parted.
     pub(super) fn blobs(&mut self, moving: &BitMask, limits: &Limits) -> Vec<Blob> {
         let mut blobs = Vec::new();
         let size = (moving.width() as u32, moving.height() as u32);
-        for piece_idx in (0..self.is_kept.len()).filter(|piece_idx| self.is_kept[*piece_idx]) {
+        for piece_idx in (0..self.is_blob.len()).filter(|piece_idx| self.is_blob[*piece_idx]) {
             let piece = self.components.pieces()[piece_idx];
             let runs = &self.sorted[self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize];
             self.parts.clear();
@@ -460,6 +477,8 @@ fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> B
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) min_area_px: u32,
+    /// Least area of what a mask shows.
+    min_mask_area_px: u32,
     /// Pixels above the high threshold.
     min_strong_px: u32,
     split_valley: f64,
@@ -473,6 +492,7 @@ impl Limits {
         let min_area_px = settings.min_area_px_in(size_px);
         Self {
             min_area_px,
+            min_mask_area_px: settings.min_mask_area_px_in(size_px).min(min_area_px),
             min_strong_px: (min_area_px / STRONG_DIVISOR).max(1),
             split_valley: settings.split_valley,
             min_part_px: min_area_px,
@@ -486,6 +506,7 @@ impl Limits {
         let area = factor * factor;
         Self {
             min_area_px: (full.min_area_px / area).max(1),
+            min_mask_area_px: (full.min_mask_area_px / area).max(1),
             min_strong_px: (full.min_strong_px / area).max(1),
             min_part_px: (full.min_part_px / area).max(1),
             ..full
@@ -499,6 +520,7 @@ const STRONG_DIVISOR: u32 = 4;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::StageChoice;
     use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
     use crate::segment::{MOVING, SHADOW};
 
@@ -544,7 +566,7 @@ mod tests {
     fn check_consistency(found: &Segmentation) {
         let n_moving = found.labels.data.iter().filter(|label| **label == MOVING).count() as u64;
         let areas: u64 = found.blobs.iter().map(|blob| u64::from(blob.area_px)).sum();
-        assert_eq!(n_moving, areas, "every moving pixel belongs to a blob");
+        assert!(n_moving >= areas, "every pixel of a blob is moving: {n_moving}, {areas}");
         for (soft, label) in found.soft_mask.data.iter().zip(&found.labels.data) {
             assert_eq!(*soft >= 128, *label == MOVING);
         }
@@ -620,6 +642,58 @@ mod tests {
         let found = segment(&settings, &picture(40, 30, &things));
         assert_eq!(found.blobs.iter().map(|blob| blob.area_px).collect::<Vec<_>>(), [20]);
         assert_eq!((found.labels.get(5, 5), found.soft_mask.get(5, 5)), (0, 0));
+    }
+
+    /// Returns the mask's pixels and the blobs of the last frame of a floor of 320 x 240, on which a thing of `size_px` differs by so
+    /// many codes of luma wherever `is_there` says so, ten frames a second.
+    fn show(
+        settings: &SegmentSettings,
+        (size_px, codes): ((u32, u32), u8),
+        is_there: impl Iterator<Item = bool>,
+    ) -> (usize, usize) {
+        let background = picture(320, 240, &[]);
+        let mut segmenter = Segmenter::new(settings);
+        let mut found = None;
+        for is_there in is_there {
+            let things = [(100, 100, size_px.0, size_px.1, 140 - codes, 120, 116)];
+            let frame = picture(320, 240, if is_there { &things } else { &[] });
+            let now = segmenter.segment(&frame, planes(&background), &all(320, 240), 0.1);
+            check_consistency(&now);
+            found = Some(now);
+        }
+        let found = found.unwrap();
+        (found.labels.data.iter().filter(|label| **label == MOVING).count(), found.blobs.len())
+    }
+
+    #[test]
+    fn distinct_pieces_too_small_for_a_blob_stay_in_the_mask() {
+        let settings = SegmentSettings { shadow: StageChoice::Off, ..SegmentSettings::default() };
+        let once = || std::iter::once(true);
+        let in_mask = |size_px, codes| show(&settings, (size_px, codes), once());
+        let (n_moving, n_blobs) = in_mask((6, 5), 100);
+        assert!((24..=36).contains(&n_moving) && n_blobs == 0, "{n_moving} {n_blobs}");
+        let (n_moving, n_blobs) = in_mask((9, 9), 100);
+        assert!((70..=90).contains(&n_moving) && n_blobs == 1, "{n_moving} {n_blobs}");
+        // Smaller than what the blur makes of a single sample's noise.
+        assert_eq!(in_mask((2, 2), 100), (0, 0));
+        // A faint thing of this size could be noise; a large one could not.
+        let faint = (settings.delta() * 219.0 * 1.25) as u8;
+        assert_eq!(in_mask((6, 5), faint), (0, 0));
+        assert_eq!(in_mask((20, 20), faint).1, 1);
+        let set = SegmentSettings { min_area_px: 51, ..settings.clone() };
+        assert_eq!(show(&set, ((6, 5), 100), once()), (0, 0), "what is set is meant");
+    }
+
+    #[test]
+    fn small_pieces_leave_the_mask_where_verdicts_keep_turning() {
+        let settings = SegmentSettings {
+            shadow: StageChoice::Off,
+            suppress_blinking: Some(false),
+            ..SegmentSettings::default()
+        };
+        let thing = ((6, 5), 100);
+        assert_eq!(show(&settings, thing, (0..41).map(|frame| frame % 4 < 2)).0, 0);
+        assert!(show(&settings, thing, (0..41).map(|frame| frame > 30)).0 > 20, "who stays does not flicker");
     }
 
     /// A thing, and beside it its shadow: every channel of the floor at 65 %.
