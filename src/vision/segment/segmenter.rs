@@ -29,13 +29,13 @@ pub(super) const MAX_SPARE_MASKS: usize = 4;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Segmentation {
     /// Foreground share of every pixel, 0 to 255, to cut moving things out with smooth edges: at least one half
-    /// within a blob, less than that in the pixels around it, and 0 beyond.
+    /// where `labels` says moving, less than that in the pixels around it, and 0 beyond.
     pub soft_mask: Mask,
-    /// [`MOVING`](super::MOVING), [`SHADOW`](super::SHADOW) or [`BACKGROUND`](super::BACKGROUND); every moving pixel
-    /// belongs to a blob.
+    /// [`MOVING`](super::MOVING), [`SHADOW`](super::SHADOW) or [`BACKGROUND`](super::BACKGROUND); every pixel of a blob is
+    /// moving, and so are pieces that are too small for a blob but that noise does not explain.
     pub labels: Mask,
-    /// The 8-connected pieces of the moving pixels, those of several upright things parted, in the order of their first
-    /// pixels.
+    /// The 8-connected pieces of the moving pixels that are large enough, those of several upright things parted, in the order of
+    /// their first pixels.
     pub blobs: Vec<Blob>,
 }
 
