@@ -10,6 +10,7 @@ mod effects_document;
 pub mod exchange;
 mod import;
 mod json;
+mod least_areas;
 mod model;
 mod paint;
 mod paint_document;
@@ -30,6 +31,7 @@ pub use effects_document::{
 };
 pub use import::{ASSETS, FolderImports, Imports, load_file, no_imports};
 pub use json::tree as json_tree;
+pub use least_areas::least_areas;
 pub use model::read_gltf;
 pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
 pub use paint::{MappedTriangle, Paint, Painted, Repeated};

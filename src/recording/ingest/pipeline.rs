@@ -20,7 +20,7 @@ use videofields_vision::config::{
 };
 use videofields_vision::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
-use videofields_vision::segment::{Memory, Segmenter};
+use videofields_vision::segment::{LeastAreas, Memory, Segmenter};
 use videofields_vision::shake::{Shake, steadied};
 use videofields_vision::stage::StageState;
 use videofields_vision::track::Tracker;
@@ -236,6 +236,11 @@ impl Pipeline {
     /// Finds foreground by other settings from the next frame on. The resolution is kept: it shapes the model.
     pub fn set_segment(&mut self, segment: &SegmentSettings) {
         self.segmenter.set(&SegmentSettings { resolution: self.segmenter.resolution(), ..segment.clone() });
+    }
+
+    /// From the next frame on, objects may be as small as these areas say; none where no scene has the camera.
+    pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
+        self.segmenter.set_least_areas(least_areas);
     }
 
     /// What happened since this was last asked: at most 64, the oldest first.

@@ -2,6 +2,7 @@
 
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
+use super::object_areas::ObjectAreas;
 use super::privacy::{CameraPrivacy, Privacy};
 use super::sightings::Sightings;
 use super::tracks::Tracks;
@@ -45,6 +46,8 @@ pub(super) struct CameraConsumer {
     privacy: Arc<CameraPrivacy>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
+    /// How small objects may be.
+    object_areas: Arc<ObjectAreas>,
     /// Whether what was recorded last was not what the camera sent, since part of that is hidden.
     records_hidden: bool,
     /// What is wrong with the background although frames come.
@@ -86,6 +89,7 @@ impl CameraConsumer {
             set_back: None,
             privacy,
             recorder: None,
+            object_areas: Arc::default(),
             records_hidden: false,
             background_concern: None,
             concern: None,
@@ -95,6 +99,11 @@ impl CameraConsumer {
     /// The same consumer, which also records what the camera sends.
     pub(super) fn with_recorder(self, recorder: Option<Recorder>) -> Self {
         Self { recorder, ..self }
+    }
+
+    /// Returns the same consumer, which takes from `object_areas` how small objects may be.
+    pub(super) fn with_object_areas(self, object_areas: Arc<ObjectAreas>) -> Self {
+        Self { object_areas, ..self }
     }
 
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
@@ -220,6 +229,7 @@ impl FrameConsumer for CameraConsumer {
             self.is_prepared = true;
         }
         self.tuning.apply(&mut self.pipeline);
+        self.pipeline.set_least_areas(self.object_areas.of(&self.settings.id));
         let id = self.settings.id.as_str();
         let mut started = self.clock.monotonic();
         let observation = self.pipeline.process_staged(frame, |stage| {

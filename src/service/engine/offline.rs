@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use videofields_picture::fuse::{HullMemory, SceneState};
 use videofields_picture::plan::Plan;
-use videofields_picture::scene::Scene;
+use videofields_picture::scene::{Scene, least_areas};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline};
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::config::{CameraSettings, Config, End};
@@ -59,7 +59,7 @@ pub fn view_once(
     if let Some(until) = until {
         check_reach(&members, until)?;
     }
-    let (found, mut failures) = play_all(&members, &roots, until)?;
+    let (found, mut failures) = play_all(&members, scene, &roots, until)?;
     failures.extend(unknown);
     for (camera, reason) in &failures {
         tracing::warn!(%camera, reason, "camera left out");
@@ -107,6 +107,7 @@ fn check_reach(members: &[&CameraSettings], until: Timestamp) -> Result<(), Engi
 /// Plays every camera on a thread of its own.
 fn play_all(
     members: &[&CameraSettings],
+    scene: &Scene,
     roots: &MediaRoots,
     until: Option<Timestamp>,
 ) -> Result<(Observations, Failures), EngineError> {
@@ -115,7 +116,7 @@ fn play_all(
         for camera in members {
             let builder = std::thread::Builder::new().name(format!("camera-{}", camera.id));
             let thread = builder
-                .spawn_scoped(scope, || play(camera, roots, until))
+                .spawn_scoped(scope, || play(camera, scene, roots, until))
                 .map_err(|error| EngineError::Internal(format!("cannot start a thread: {error}")))?;
             threads.push((camera.id.clone(), thread));
         }
@@ -134,12 +135,15 @@ fn play_all(
 /// A camera's newest observation at or before `until`.
 fn play(
     camera: &CameraSettings,
+    scene: &Scene,
     roots: &MediaRoots,
     until: Option<Timestamp>,
 ) -> Result<Observation, String> {
     let mut source = camera.source.clone();
     let mut pipeline = Pipeline::new(&camera.background, &camera.segment).with_track(&camera.track);
     pipeline.set_zones(&camera.privacy_zones.clone().into());
+    let member = scene.cameras.iter().find(|member| member.id == camera.id);
+    pipeline.set_least_areas(member.map(|member| Arc::new(least_areas(scene, member))));
     if let Some(clip) = &camera.background.clip {
         // As a running camera does: its background adapts.
         if let Err(error) = ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots) {

@@ -2,6 +2,7 @@
 //!
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
+use super::object_areas::ObjectAreas;
 use super::playheads::Step;
 use super::privacy::Privacies;
 use std::collections::{BTreeMap, HashMap};
@@ -31,6 +32,8 @@ pub(super) struct Past {
     cameras: RwLock<HashMap<CameraId, Arc<Mutex<PastCamera>>>>,
     /// What nobody may see of them.
     privacies: Arc<Privacies>,
+    /// How small objects may be in their pictures.
+    object_areas: Arc<ObjectAreas>,
     /// When the oldest recorded frame of each camera was seen.
     firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
 }
@@ -80,12 +83,16 @@ impl Past {
         replay: Option<Replay>,
         store: Store,
         runtime: Runtime,
-        (cameras, privacies): (impl Iterator<Item = CameraSettings>, &Arc<Privacies>),
+        (cameras, privacies, object_areas): (
+            impl Iterator<Item = CameraSettings>,
+            &Arc<Privacies>,
+            &Arc<ObjectAreas>,
+        ),
     ) -> Self {
         let camera = |settings: CameraSettings| (settings.id.clone(), PastCamera::shared(settings));
         let cameras = RwLock::new(cameras.map(camera).collect());
-        let privacies = Arc::clone(privacies);
-        Self { replay, store, runtime, cameras, privacies, firsts: Mutex::default() }
+        let (privacies, object_areas) = (Arc::clone(privacies), Arc::clone(object_areas));
+        Self { replay, store, runtime, cameras, privacies, object_areas, firsts: Mutex::default() }
     }
 
     /// From now on these cameras are recorded, and their past is looked at with these settings.
@@ -284,6 +291,7 @@ impl Past {
             camera.zones = Arc::clone(&zones);
         }
         camera.pipeline.set_zones(&zones);
+        camera.pipeline.set_least_areas(self.object_areas.of(&camera.settings.id));
         let id = camera.settings.id.clone();
         let has_background = self.load_background(camera, &frame).unwrap_or_else(|error| {
             tracing::error!(camera = %id, %error, "no background of that time");

@@ -477,7 +477,7 @@ mod tests {
             Arc::new(Metrics::new()),
             (Vec::new(), Arc::new(Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
-            (Vec::new(), settings),
+            (Vec::new(), Arc::default(), settings),
             Arc::default(),
         );
         (clock, shared)

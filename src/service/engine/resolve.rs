@@ -159,7 +159,7 @@ mod tests {
             Arc::new(Metrics::new()),
             (cameras, Arc::new(crate::engine::privacy::Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
-            (vec![scene], RenderSettings::default()),
+            (vec![scene], Arc::default(), RenderSettings::default()),
             Arc::default(),
         );
         (shared, timelines)

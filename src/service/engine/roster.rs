@@ -9,6 +9,7 @@ use super::activity::Activity;
 use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
+use super::object_areas::ObjectAreas;
 use super::privacy::{Privacies, Privacy, Remains};
 use super::shared::CameraEntry;
 use super::sightings::{Seen, Sightings};
@@ -43,6 +44,8 @@ pub(super) struct Surroundings {
     pub(super) events: Arc<EventLog>,
     /// What nobody may see of the cameras.
     pub(super) privacies: Arc<Privacies>,
+    /// How small objects may be in their pictures.
+    pub(super) object_areas: Arc<ObjectAreas>,
     /// Ends what cameras do that takes long.
     pub(super) stop: StopFlag,
     /// Scene time and monotonic time of the zero of all cameras that name no start, so that clips which belong together
@@ -567,7 +570,8 @@ impl Surroundings {
             Arc::clone(&self.clock),
             self.stop.clone(),
         )
-        .with_recorder(recorder.map(|archive| archive.recorder(&camera.id)));
+        .with_recorder(recorder.map(|archive| archive.recorder(&camera.id)))
+        .with_object_areas(Arc::clone(&self.object_areas));
         let status = anew.as_ref().map(|anew| anew.status.clone());
         let feed = Feed { source: camera.source.clone(), clock: camera.clock, status };
         CameraWorker::spawn(

@@ -9,6 +9,7 @@ use super::checkpoint::StoreHealth;
 use super::forecaster::Forecaster;
 use super::handle::{At, DeviceSummary, Door};
 use super::past::Past;
+use super::object_areas::ObjectAreas;
 use super::playheads::Playheads;
 use super::presence::Presences;
 use super::privacy::Privacies;
@@ -85,6 +86,8 @@ pub(super) struct Shared {
     /// What was recorded, if anything is.
     pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
+    /// How small objects may be in the cameras' pictures.
+    object_areas: Arc<ObjectAreas>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
@@ -119,7 +122,7 @@ impl Shared {
         metrics: Arc<Metrics>,
         (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
         (events, past): (Arc<EventLog>, Option<Arc<Past>>),
-        (scenes, render_settings): (Vec<Arc<Scene>>, RenderSettings),
+        (scenes, object_areas, render_settings): (Vec<Arc<Scene>>, Arc<ObjectAreas>, RenderSettings),
         store_health: Arc<StoreHealth>,
     ) -> Self {
         let maps = scenes
@@ -145,6 +148,7 @@ impl Shared {
             roster,
             past,
             scenes,
+            object_areas,
             render_settings,
             store_health,
             playheads: Playheads::new(),
@@ -224,6 +228,7 @@ impl Shared {
         maps.extend(members.into_iter().map(|camera| ((id.clone(), camera), MapState::Building)));
         drop(maps);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
+        self.object_areas.refresh(|| self.scenes.all());
     }
 
     pub(super) fn take_scene_out(&self, id: &str) -> bool {
@@ -231,6 +236,7 @@ impl Shared {
         lock(&self.maps).retain(|(of, _), _| of != id);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
         self.playheads.remove_of(id);
+        self.object_areas.refresh(|| self.scenes.all());
         was_there
     }
 

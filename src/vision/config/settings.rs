@@ -366,8 +366,8 @@ pub struct SegmentSettings {
     /// most of their pixels differ by half of `delta`, if this is not 0. Default 64.
     pub max_hole_px: u32,
     /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. 0 (default) is a 1500th of the picture's
-    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720; what is smaller is no blob then, but stays in the mask where
-    /// noise does not explain it.
+    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720; what is smaller stays in the mask then where noise does not
+    /// explain it, and is a blob where a scene has the camera and half a metre looks as small there (`entities.min_size_m`).
     pub min_area_px: u32,
     /// A piece is parted into upright things where it has fewer pixels in a column than this share of what it has on
     /// either side, 0 (never) to 0.9: people who touch. Masks are the same. Default 0.5.

@@ -8,7 +8,7 @@
 //! often it turns (`flicker`), what of it is shadow (`shadow`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
 //! (`components`), which of them blink (`blink`) or are several (`split`), outlines (`contour`), what they are outlines of
 //! (`edges`, `gaps`), what is handed out (`soft`), their order (`segmenter`), and the way back from a reduced picture
-//! (`enlarge`). Beside them: how far pixels lie inside (`distance`).
+//! (`enlarge`). Beside them: how far pixels lie inside (`distance`), and how large objects are by where they stand (`least_areas`).
 
 mod blink;
 mod components;
@@ -24,6 +24,7 @@ mod fill;
 mod flicker;
 mod gaps;
 mod label;
+mod least_areas;
 mod majority;
 mod memory;
 mod noise;
@@ -38,6 +39,7 @@ pub use dilate::dilate;
 pub use distance::{DistanceTransform, NO_OUTSIDE};
 pub use edges::{OutlineOf, outline_of};
 pub use gaps::GapFinder;
+pub use least_areas::LeastAreas;
 pub use memory::Memory;
 pub use segmenter::{Segmentation, Segmenter};
 

@@ -8,6 +8,7 @@ use super::enlarge::Enlarger;
 use super::fill::{Closing, Holes};
 use super::flicker::Flicker;
 use super::label::Judge;
+use super::least_areas::LeastAreas;
 use super::majority::Majority;
 use super::memory::Memory;
 use super::repair::{Surroundings, bridge_gaps, restore_enclosed_shadow, restore_legs};
@@ -65,6 +66,8 @@ pub struct Segmenter {
     enlarger: Enlarger,
     /// Pixels that never move, in the size of the pictures that are given.
     hidden: Option<BitMask>,
+    /// How large objects are by where they stand, where a scene says so.
+    least_areas: Option<Arc<LeastAreas>>,
     /// Memory of the masks, in the size of the pictures that are given.
     pool: Arc<BufferPool>,
 }
@@ -91,6 +94,7 @@ impl Segmenter {
             pieces: Pieces::default(),
             enlarger: Enlarger::default(),
             hidden: None,
+            least_areas: None,
             pool: BufferPool::new(MAX_SPARE_MASKS),
         }
     }
@@ -116,6 +120,12 @@ impl Segmenter {
     /// Goes on with other settings from the next frame on.
     pub fn set(&mut self, settings: &SegmentSettings) {
         self.settings = settings.clone();
+    }
+
+    /// From now on a piece too small for a blob is one where it has at least the area that an object has which stands there, and
+    /// is no part of a larger blob beside it; not where `min_area_px` is set. None: no scene says how large objects are.
+    pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
+        self.least_areas = least_areas;
     }
 
     /// From now on nothing moves at these pixels of the pictures that are given (reduced, if the resolution is): nobody may
@@ -174,7 +184,8 @@ impl Segmenter {
             let blobs = self.pieces.blobs(&self.moving, &limits);
             return Segmentation { soft_mask, labels, blobs };
         }
-        self.enlarger.enlarge((&soft_mask, &labels), size_px, factor, &limits, &mut self.pieces)
+        let least_areas = self.least_areas.as_deref();
+        self.enlarger.enlarge((&soft_mask, &labels), size_px, factor, (&limits, least_areas), &mut self.pieces)
     }
 
     /// Finds what moves in `frame` before `background` (Y, U and V of the background picture, in the frame's own
@@ -335,6 +346,11 @@ impl Segmenter {
                 }
             }
             self.pieces.is_blob[piece_idx] = is_kept && is_blob;
+            self.pieces.is_kept[piece_idx] = is_kept;
+        }
+        let size_px = (self.moving.width() as u32, self.moving.height() as u32);
+        if let Some(least_areas) = &self.least_areas {
+            self.pieces.add_objects(limits, least_areas, size_px);
         }
     }
 }
@@ -358,7 +374,12 @@ pub(super) struct Pieces {
     sorted: Vec<Run>,
     /// Where a piece's runs begin in `sorted`; one more at the end.
     begins: Vec<u32>,
+    /// Says of each piece whether it stays in the mask.
+    is_kept: Vec<bool>,
+    /// Says of each piece whether it is a blob.
     is_blob: Vec<bool>,
+    /// Numbers of the pieces that are large enough to be blobs wherever they are.
+    large: Vec<u32>,
     splitter: Splitter,
     parts: Vec<(u32, u32)>,
     /// Of a part that may have come apart.
@@ -370,8 +391,10 @@ impl Pieces {
     pub(super) fn find(&mut self, moving: &BitMask) {
         self.components.find(moving, Wanted::Ones, Connectivity::Eight);
         let (n_pieces, runs) = (self.components.pieces().len(), self.components.runs());
-        self.is_blob.clear();
-        self.is_blob.resize(n_pieces, true);
+        for flags in [&mut self.is_kept, &mut self.is_blob] {
+            flags.clear();
+            flags.resize(n_pieces, true);
+        }
         self.begins.clear();
         self.begins.resize(n_pieces + 1, 0);
         for run in runs {
@@ -405,9 +428,29 @@ impl Pieces {
         for (piece_idx, piece) in self.components.pieces().iter().enumerate() {
             self.is_blob[piece_idx] &= piece.area_px >= limits.min_area_px;
             if piece.area_px < limits.min_mask_area_px {
+                self.is_kept[piece_idx] = false;
                 let place = self.begins[piece_idx] as usize..self.begins[piece_idx + 1] as usize;
                 self.sorted[place].iter().for_each(&mut gone);
             }
+        }
+    }
+
+    /// Makes blobs of the kept pieces that are smaller than the least area of a blob, but as large as an object which stands where
+    /// they do in a picture of `size_px`, and no parts of a larger blob: beyond a quarter of its sides.
+    pub(super) fn add_objects(&mut self, limits: &Limits, least_areas: &LeastAreas, size_px: (u32, u32)) {
+        if limits.min_mask_area_px >= limits.min_area_px {
+            return;
+        }
+        let Self { components, is_kept, is_blob, large, .. } = self;
+        let pieces = components.pieces();
+        large.clear();
+        large.extend((0..pieces.len() as u32).filter(|idx| is_blob[*idx as usize]));
+        for (piece_idx, piece) in pieces.iter().enumerate() {
+            if !is_kept[piece_idx] || is_blob[piece_idx] || piece.area_px >= limits.min_area_px {
+                continue;
+            }
+            is_blob[piece_idx] = f64::from(piece.area_px) >= least_areas.at(foot_of(piece), size_px)
+                && !large.iter().any(|idx| is_beside(piece, &pieces[*idx as usize]));
         }
     }
 
@@ -457,8 +500,24 @@ fn part(apart: &Components, moving: &BitMask, columns: (u32, u32)) -> Option<Blo
     Some(blob(&whole, (moving.width() as u32, moving.height() as u32), corners))
 }
 
-fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> Blob {
+/// Returns the middle of a piece's lowest row, pixels.
+fn foot_of(piece: &Piece) -> [f64; 2] {
     let (columns, n_columns) = piece.foot;
+    [columns as f64 / f64::from(n_columns) + 0.5, f64::from(piece.bottom) - 0.5]
+}
+
+/// Returns true if a piece lies within a quarter of the sides of another's rectangle, or in it: so near lie parts of one thing that
+/// came apart.
+fn is_beside(piece: &Piece, other: &Piece) -> bool {
+    let (margin_x, margin_y) = ((other.right - other.left) / 4, (other.bottom - other.top) / 4);
+    piece.left < other.right + margin_x
+        && piece.right + margin_x > other.left
+        && piece.top < other.bottom + margin_y
+        && piece.bottom + margin_y > other.top
+}
+
+fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> Blob {
+    let [foot_x, _] = foot_of(piece);
     Blob {
         rect: PixelRect {
             x: piece.left,
@@ -467,7 +526,7 @@ fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> B
             height: piece.bottom - piece.top,
         },
         area_px: piece.area_px,
-        foot_in_image: [columns as f64 / f64::from(n_columns) + 0.5, f64::from(piece.bottom)],
+        foot_in_image: [foot_x, f64::from(piece.bottom)],
         is_truncated: piece.left == 0 || piece.right == width || piece.bottom == height,
         contour: Arc::from(corners),
     }
@@ -524,8 +583,11 @@ mod tests {
     use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
     use crate::segment::{MOVING, SHADOW};
 
-    /// A grey-green floor with rectangles `(left, top, width, height, luma, u, v)` on it.
-    fn picture(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8, u8)]) -> YuvImage {
+    /// A rectangle's left column, upper row, width, height, luma, U and V.
+    type Thing = (u32, u32, u32, u32, u8, u8, u8);
+
+    /// A grey-green floor with things on it.
+    fn picture(width: u32, height: u32, things: &[Thing]) -> YuvImage {
         let layout = YuvLayout::packed(width, height);
         let mut data = vec![140; YuvLayout::packed_len(width, height)];
         data[layout.offsets[1]..layout.offsets[2]].fill(120);
@@ -682,6 +744,45 @@ mod tests {
         assert_eq!(in_mask((20, 20), faint).1, 1);
         let set = SegmentSettings { min_area_px: 51, ..settings.clone() };
         assert_eq!(show(&set, ((6, 5), 100), once()), (0, 0), "what is set is meant");
+    }
+
+    /// Returns the areas of the blobs that are found of `things` on a floor of 320 x 240, halved or not, where objects cover at
+    /// least `share` of the picture in its lower half.
+    fn areas_where_objects_cover(share: f64, resolution: Resolution, things: &[Thing]) -> Vec<u32> {
+        let settings =
+            SegmentSettings { shadow: StageChoice::Off, resolution, ..SegmentSettings::default() };
+        let mut segmenter = Segmenter::new(&settings);
+        let areas = LeastAreas::new(|[_, y]| (y > 0.5).then_some(share));
+        segmenter.set_least_areas(Some(Arc::new(areas)));
+        let factor = resolution.factor_in((320, 240));
+        let [frame, background] = [things, &[]].map(|things| {
+            let full = picture(320, 240, things);
+            if factor == 1 { full } else { full.reduced(factor) }
+        });
+        let unmatched = all(frame.width(), frame.height());
+        let found = segmenter.segment_reduced(&frame, planes(&background), &unmatched, 0.1, (320, 240));
+        check_consistency(&found);
+        found.blobs.iter().map(|blob| blob.area_px).collect()
+    }
+
+    #[test]
+    fn what_is_as_large_as_an_object_there_is_a_blob_however_small() {
+        let share = |px: f64| px / (320.0 * 240.0);
+        let (far, high) = ((100, 180, 6, 6, 40, 120, 116), (100, 60, 6, 6, 40, 120, 116));
+        let areas = |px: f64, things: &[Thing]| areas_where_objects_cover(share(px), Resolution::Full, things);
+        assert_eq!(areas(25.0, &[far]), [36]);
+        assert_eq!(areas(45.0, &[far]), [0; 0], "smaller than an object there");
+        assert_eq!(areas(25.0, &[high]), [0; 0], "nothing stands there");
+        assert_eq!(areas(2000.0, &[(100, 180, 12, 12, 40, 120, 116)]), [144], "what was a blob stays one");
+        let lowest = (100, 234, 6, 6, 40, 120, 116);
+        assert_eq!(areas(25.0, &[lowest]), [36], "at the lower border too");
+        // Parts of a larger thing, and somebody else farther away.
+        let body = (100, 140, 20, 60, 40, 120, 116);
+        let head = |y: u32| (106, y, 6, 6, 40, 120, 116);
+        assert_eq!(areas(25.0, &[body, head(130)]), [1200]);
+        assert_eq!(areas(25.0, &[(100, 140, 20, 40, 40, 120, 116), head(220)]), [800, 36]);
+        let halved = |px: f64| areas_where_objects_cover(share(px), Resolution::Half, &[far]).len();
+        assert_eq!((halved(25.0), halved(60.0)), (1, 0));
     }
 
     #[test]

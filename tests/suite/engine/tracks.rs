@@ -8,7 +8,7 @@ use videofields_picture::scene;
 use videofields_recording::store::TrackRecord;
 use videofields_service::engine::{EngineError, FoundTrack, FoundTracks, TrackQuery};
 use videofields_vision::clock::Timestamp;
-use videofields_vision::config::{End, Settings};
+use videofields_vision::config::{End, SegmentSettings, Settings};
 use videofields_vision::frame::CameraId;
 use videofields_vision::geometry::GroundPolygon;
 use videofields_vision::mapping;
@@ -19,6 +19,9 @@ const RATE_HZ: f64 = 25.0;
 
 /// Columns and rows of what walks.
 const WALKER: (u32, u32) = (12, 16);
+
+/// The same of what is smaller than a blob elsewhere in such a picture: 15 pixels, where a blob has 16.
+const SMALL_WALKER: (u32, u32) = (3, 5);
 
 /// First frame of a walk from the left to the right, and the row of the feet: two walk far off, one walks near.
 const WALKS: [(u32, u32); 3] = [(30, 18), (130, 44), (230, 18)];
@@ -35,20 +38,21 @@ fn at(secs: f64) -> Timestamp {
 }
 
 /// Column of the left edge of what walks, `frame` frames after it began.
-fn left(frame: u32) -> u32 {
-    (SIZE.0 - WALKER.0) * frame / WALK
+fn left(frame: u32, walker: (u32, u32)) -> u32 {
+    (SIZE.0 - walker.0) * frame / WALK
 }
 
-/// A folder of pictures of a noisy floor over which the walks go.
-fn walks(folder: &Path) -> PathBuf {
+/// Makes a folder of pictures of a noisy floor over which a walker goes, as often as `walks` says; their pattern.
+fn pictures_of(folder: &Path, walks: &[(u32, u32)], walker: (u32, u32)) -> PathBuf {
     let folder = folder.join("walks");
     std::fs::create_dir(&folder).unwrap();
-    for number in 0..330_u32 {
-        let walking = WALKS.iter().find(|(first, _)| (*first..first + WALK).contains(&number));
+    let end = walks.last().map_or(0, |(first, _)| first + WALK + 20);
+    for number in 0..end {
+        let walking = walks.iter().find(|(first, _)| (*first..first + WALK).contains(&number));
         let picture = image::GrayImage::from_fn(SIZE.0, SIZE.1, |x, y| {
             let is_walker = walking.is_some_and(|(first, foot)| {
-                let left = left(number - first);
-                (left..left + WALKER.0).contains(&x) && (foot - WALKER.1..*foot).contains(&y)
+                let left = left(number - first, walker);
+                (left..left + walker.0).contains(&x) && (foot - walker.1..*foot).contains(&y)
             });
             let hash = (u64::from(x) | u64::from(y) << 16 | u64::from(number) << 32)
                 .wrapping_mul(0x9e37_79b9_7f4a_7c15)
@@ -95,7 +99,7 @@ fn is_of(track: &FoundTrack, (first, foot): (u32, u32)) -> bool {
 #[test]
 fn who_crossed_a_region_is_found_and_nobody_else() {
     let folder = tempfile::tempdir().unwrap();
-    let path = walks(folder.path());
+    let path = pictures_of(folder.path(), &WALKS, WALKER);
     let mut camera = vec![camera("north", &path, End::Stop), camera("south", &path, End::Stop)];
     camera.iter_mut().for_each(|camera| camera.source.rate_hz = RATE_HZ);
     let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &[("yard", SCENE)]);
@@ -131,6 +135,35 @@ fn who_crossed_a_region_is_found_and_nobody_else() {
     assert!(matches!(error, EngineError::NoScene { .. }), "{error}");
     bench.stop();
     another_calibration_places_what_was_seen_before(folder.path(), &all);
+}
+
+/// Returns the yard as a scene of one of its cameras, in which objects are at least so large.
+fn yard_of(camera: &str, min_size_m: f64) -> String {
+    let mut document: serde_json::Value = serde_json::from_str(SCENE).unwrap();
+    document["entities"] = serde_json::json!({"min_size_m": min_size_m});
+    document["cameras"].as_array_mut().unwrap().retain(|of| of["id"] == camera);
+    document.to_string()
+}
+
+#[test]
+fn who_is_smaller_than_a_blob_has_a_track_where_the_scene_says_that_people_are_small_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = pictures_of(folder.path(), &[(30, 18)], SMALL_WALKER);
+    let mut camera = vec![camera("north", &path, End::Stop), camera("south", &path, End::Stop)];
+    for camera in &mut camera {
+        camera.source.rate_hz = RATE_HZ;
+        camera.segment = SegmentSettings::default();
+    }
+    let scenes = [("people", &*yard_of("north", 0.0)), ("trucks", &*yard_of("south", 3.0))];
+    let bench = Bench::start(folder.path(), Settings { camera, ..Settings::default() }, &scenes);
+    for id in ["north", "south"] {
+        bench.wait_for_state(id, "ended");
+    }
+    let tracks_of = |scene: &str| bench.handle.search_tracks(scene, &asked(None)).unwrap().tracks;
+    let found = wait_for("the track", || Some(tracks_of("people")).filter(|tracks| !tracks.is_empty()));
+    assert!(found.len() == 1 && is_of(&found[0], (30, 18)), "{found:#?}");
+    assert_eq!(tracks_of("trucks").len(), 0);
+    bench.stop();
 }
 
 fn rows_of_the_ground_tell_walks_apart(bench: &Bench) {

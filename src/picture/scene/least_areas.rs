@@ -1,0 +1,66 @@
+//! How large the smallest object is in a camera's picture, by where in the scene it stands.
+
+use super::{Scene, SceneCamera};
+use glam::{DVec2, DVec3};
+use videofields_vision::geometry::Face;
+use videofields_vision::segment::LeastAreas;
+
+/// Sides of the smallest object where the scene names no least size, metres: half of a child that is hidden to the waist.
+const LEAST_SIZE_M: f64 = 0.5;
+
+/// Returns the least areas of objects in the picture of one of a scene's cameras: what a square of the scene's least size (half a metre
+/// where it names none) covers that stands upright on the ground or a roof there and faces the camera, or lies there, whichever is
+/// more.
+#[must_use]
+pub fn least_areas(scene: &Scene, member: &SceneCamera) -> LeastAreas {
+    let size_m = if scene.min_entity_size_m > 0.0 { scene.min_entity_size_m } else { LEAST_SIZE_M };
+    let camera = &*member.camera;
+    LeastAreas::new(|texture| {
+        let hit = scene.surfaces.hit(&camera.ray(DVec2::from_array(texture))?, 0.0)?;
+        if hit.face != Face::Top {
+            return None;
+        }
+        let foot = hit.point_in_world;
+        // Straight beneath the camera any direction is as good.
+        let away = (foot - camera.pose().position_in_world).truncate().try_normalize().unwrap_or(DVec2::Y);
+        let side = |direction: DVec3| {
+            let half = 0.5 * size_m * direction;
+            Some(camera.project(foot + half)?.texture - camera.project(foot - half)?.texture)
+        };
+        let across = side(away.perp().extend(0.0))?;
+        let area_of = |other: DVec2| across.perp_dot(other).abs();
+        Some(area_of(side(DVec3::Z)?).max(area_of(side(away.extend(0.0))?)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{no_imports, parse};
+
+    /// Returns the least area (pixels of a picture of 640 x 480) at a pixel of a camera 6 m up that looks north, 45 degrees down, at
+    /// level ground.
+    fn area_px(entities: &str, pixel: [f64; 2]) -> f64 {
+        let text = format!(
+            r#"{{"version": 1, "ground": [{{"polygon": [[-90, -90], [90, -90], [90, 90], [-90, 90]]}}], {entities} "cameras": [{{"id": "a", "calibration": {{
+            "image_size_px": [640, 480], "focal_px": [600, 600], "center_px": [320, 240], "position_m": [0, 0, 6],
+            "world_from_camera": [0, -0.9238795325112867, 0.3826834323650898, 0]}}}}]}}"#
+        );
+        let scene = parse("a", &text, no_imports).unwrap().scene;
+        least_areas(&scene, &scene.cameras[0]).at(pixel, (640, 480))
+    }
+
+    #[test]
+    fn areas_are_those_of_a_square_that_stands_there() {
+        // The axis meets the ground 6 sqrt(2) m away; half a metre is 600 / 8.485 x 0.5 pixels across, and as seen from 45 degrees
+        // above cos(45) of it upwards.
+        let expected = (600.0 / 72f64.sqrt() * 0.5).powi(2) * 0.5f64.sqrt();
+        let found = area_px("", [320.0, 240.0]);
+        assert!((found / expected - 1.0).abs() < 0.03, "{found}, {expected}");
+        let larger = area_px(r#""entities": {"min_size_m": 1.0},"#, [320.0, 240.0]);
+        assert!((larger / found - 4.0).abs() < 0.05, "{larger}, {found}");
+        // Farther away it is smaller: four rows from the upper border the ground is 21 m away.
+        let far = area_px("", [320.0, 2.0]);
+        assert!(far < 0.4 * found && far > 0.0, "{far}, {found}");
+    }
+}

@@ -1,0 +1,86 @@
+//! How small an object may be in each camera's pictures, as the scenes that have the camera say.
+//!
+//! Scenes flow in whenever they are exchanged; a camera's thread takes its camera's areas before each frame. Of several scenes the
+//! smallest area decides.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use videofields_picture::scene::{Scene, least_areas};
+use videofields_vision::frame::CameraId;
+use videofields_vision::segment::LeastAreas;
+
+/// Keeps the least areas of objects of all cameras that a scene has.
+#[derive(Debug, Default)]
+pub(super) struct ObjectAreas {
+    by_camera: RwLock<HashMap<CameraId, Arc<LeastAreas>>>,
+    /// Scenes whose areas are known, with the areas in the order of their cameras; held while they are brought up to date.
+    known: Mutex<Vec<(Arc<Scene>, Vec<Arc<LeastAreas>>)>>,
+}
+
+impl ObjectAreas {
+    /// Returns the areas of a camera; none where no scene has it.
+    pub(super) fn of(&self, camera: &CameraId) -> Option<Arc<LeastAreas>> {
+        self.by_camera.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
+    }
+
+    /// Brings the areas up to date with the scenes that `now` returns. Of callers at once the last one's scenes stay, since `now` is
+    /// asked when it is its turn.
+    pub(super) fn refresh(&self, now: impl FnOnce() -> Arc<[Arc<Scene>]>) {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let before = std::mem::take(&mut *known);
+        for scene in &*now() {
+            let areas = match before.iter().find(|(of, _)| Arc::ptr_eq(of, scene)) {
+                Some((_, areas)) => areas.clone(),
+                None => scene.cameras.iter().map(|member| Arc::new(least_areas(scene, member))).collect(),
+            };
+            known.push((Arc::clone(scene), areas));
+        }
+        let mut by_camera: HashMap<CameraId, Arc<LeastAreas>> = HashMap::new();
+        for (scene, areas) in &*known {
+            for (member, areas) in scene.cameras.iter().zip(areas) {
+                let smallest = match by_camera.get(&member.id) {
+                    Some(others) => Arc::new(areas.smaller_of(others)),
+                    None => Arc::clone(areas),
+                };
+                by_camera.insert(member.id.clone(), smallest);
+            }
+        }
+        *self.by_camera.write().unwrap_or_else(PoisonError::into_inner) = by_camera;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use videofields_picture::scene::{no_imports, parse};
+
+    /// Returns a scene of one camera that looks down at level ground, with objects of at least `size_m` metres.
+    fn scene(id: &str, size_m: f64) -> Arc<Scene> {
+        let text = format!(
+            r#"{{"version": 1, "ground": [{{"polygon": [[-50, -50], [50, -50], [50, 50], [-50, 50]]}}],
+            "entities": {{"min_size_m": {size_m}}}, "cameras": [{{"id": "north", "calibration": {{"image_size_px": [64, 48],
+            "focal_px": [60, 60], "center_px": [32, 24], "position_m": [0, 8, 6],
+            "world_from_camera": [0, -0.9238795325112867, 0.3826834323650898, 0]}}}}]}}"#
+        );
+        Arc::new(parse(id, &text, no_imports).unwrap().scene)
+    }
+
+    #[test]
+    fn the_smallest_area_of_all_scenes_that_have_a_camera_decides_and_goes_with_its_scene() {
+        let areas = ObjectAreas::default();
+        let north = CameraId::new("north").unwrap();
+        let middle = || areas.of(&north).map(|areas| areas.at([32.0, 24.0], (64, 48)));
+        assert_eq!(middle(), None);
+        let (large, small) = (scene("a", 2.0), scene("b", 0.5));
+        areas.refresh(|| [Arc::clone(&large)].into());
+        let of_large = middle().unwrap();
+        areas.refresh(|| [Arc::clone(&large), small].into());
+        let of_both = middle().unwrap();
+        assert!((of_large / of_both - 16.0).abs() < 0.5, "{of_large} {of_both}");
+        areas.refresh(|| [large].into());
+        assert_eq!(middle(), Some(of_large));
+        areas.refresh(|| [].into());
+        assert_eq!(middle(), None);
+        assert_eq!(areas.of(&CameraId::new("south").unwrap()), None);
+    }
+}
