@@ -2,7 +2,8 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 CARGO := cargo
-LINT = env -u MAKEFLAGS CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-target}/lint $(CARGO)
+# Nothing that lints build ever runs but build scripts, so C libraries need no optimising there.
+LINT = env -u MAKEFLAGS CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-target}/lint CARGO_PROFILE_DEV_OPT_LEVEL=0 $(CARGO)
 # Where rustup puts it, for shells that were opened before.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 LISTEN ?= 127.0.0.1:8080

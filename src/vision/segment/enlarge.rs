@@ -236,7 +236,13 @@ mod tests {
     }
 
     fn enlarge(found: &(Mask, Mask), size_px: (u32, u32), factor: u32, limits: &Limits) -> Segmentation {
-        Enlarger::default().enlarge((&found.0, &found.1), size_px, factor, (limits, None), &mut Pieces::default())
+        Enlarger::default().enlarge(
+            (&found.0, &found.1),
+            size_px,
+            factor,
+            (limits, None),
+            &mut Pieces::default(),
+        )
     }
 
     fn reduced(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8)]) -> (Mask, Mask) {

@@ -43,7 +43,9 @@ impl LeastAreas {
         if !(x >= 0.0 && x < columns as f64 && y >= 0.0 && y < rows as f64) {
             return f64::INFINITY;
         }
-        f64::from(self.shares[y as usize * columns + x as usize]) * f64::from(size_px.0) * f64::from(size_px.1)
+        f64::from(self.shares[y as usize * columns + x as usize])
+            * f64::from(size_px.0)
+            * f64::from(size_px.1)
     }
 }
 

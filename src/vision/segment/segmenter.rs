@@ -185,7 +185,13 @@ impl Segmenter {
             return Segmentation { soft_mask, labels, blobs };
         }
         let least_areas = self.least_areas.as_deref();
-        self.enlarger.enlarge((&soft_mask, &labels), size_px, factor, (&limits, least_areas), &mut self.pieces)
+        self.enlarger.enlarge(
+            (&soft_mask, &labels),
+            size_px,
+            factor,
+            (&limits, least_areas),
+            &mut self.pieces,
+        )
     }
 
     /// Finds what moves in `frame` before `background` (Y, U and V of the background picture, in the frame's own
@@ -749,8 +755,7 @@ mod tests {
     /// Returns the areas of the blobs that are found of `things` on a floor of 320 x 240, halved or not, where objects cover at
     /// least `share` of the picture in its lower half.
     fn areas_where_objects_cover(share: f64, resolution: Resolution, things: &[Thing]) -> Vec<u32> {
-        let settings =
-            SegmentSettings { shadow: StageChoice::Off, resolution, ..SegmentSettings::default() };
+        let settings = SegmentSettings { shadow: StageChoice::Off, resolution, ..SegmentSettings::default() };
         let mut segmenter = Segmenter::new(&settings);
         let areas = LeastAreas::new(|[_, y]| (y > 0.5).then_some(share));
         segmenter.set_least_areas(Some(Arc::new(areas)));
@@ -769,7 +774,8 @@ mod tests {
     fn what_is_as_large_as_an_object_there_is_a_blob_however_small() {
         let share = |px: f64| px / (320.0 * 240.0);
         let (far, high) = ((100, 180, 6, 6, 40, 120, 116), (100, 60, 6, 6, 40, 120, 116));
-        let areas = |px: f64, things: &[Thing]| areas_where_objects_cover(share(px), Resolution::Full, things);
+        let areas =
+            |px: f64, things: &[Thing]| areas_where_objects_cover(share(px), Resolution::Full, things);
         assert_eq!(areas(25.0, &[far]), [36]);
         assert_eq!(areas(45.0, &[far]), [0; 0], "smaller than an object there");
         assert_eq!(areas(25.0, &[high]), [0; 0], "nothing stands there");

@@ -20,8 +20,8 @@ const RATE_HZ: f64 = 25.0;
 /// Columns and rows of what walks.
 const WALKER: (u32, u32) = (12, 16);
 
-/// The same of what is smaller than a blob elsewhere in such a picture: 15 pixels, where a blob has 16.
-const SMALL_WALKER: (u32, u32) = (3, 5);
+/// The same of what is smaller than a blob elsewhere in such a picture: 13 pixels of it are found, and a blob has 16.
+const SMALL_WALKER: (u32, u32) = (5, 5);
 
 /// First frame of a walk from the left to the right, and the row of the feet: two walk far off, one walks near.
 const WALKS: [(u32, u32); 3] = [(30, 18), (130, 44), (230, 18)];
