@@ -3,14 +3,14 @@ SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 CARGO := cargo
 # Nothing that lints build ever runs but build scripts, so C libraries need no optimising there.
-LINT = env -u MAKEFLAGS CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-target}/lint CARGO_PROFILE_DEV_OPT_LEVEL=0 $(CARGO)
+LINT = nice -n 19 env -u MAKEFLAGS CARGO_TARGET_DIR=$${CARGO_TARGET_DIR:-target}/lint CARGO_PROFILE_DEV_OPT_LEVEL=0 $(CARGO)
 # Where rustup puts it, for shells that were opened before.
 export PATH := $(PATH):$(HOME)/.cargo/bin
 LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test test-pages test-lints test-programs check contract bench bundle drivers load pictures clips
+.PHONY: help setup web demo test test-pages test-lints test-crates check contract bench bundle drivers load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -45,12 +45,11 @@ demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
-# Builds pages, lints and the tests' programs at the same time. Cargo lets one command at a time into a target folder, so lints have
-# their own. `env -u MAKEFLAGS` keeps make's limit of jobs from cargo, which would compile one file at a time under it. Tests often
-# wait, so that one more than there are processors run at once; each of them draws by itself, with one thread of Mesa's rasteriser.
+# Builds pages and the tests' programs at the same time, and runs these, while lints take what processors are idle: while programs are
+# linked and tests wait. Cargo lets one command at a time into a target folder, so lints have their own. `env -u MAKEFLAGS` keeps
+# make's limit of jobs from cargo, which would compile one file at a time under it.
 test: setup
-	$(MAKE) --jobs=3 test-pages test-lints test-programs
-	LP_NUM_THREADS=1 RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))} $(CARGO) test --workspace --locked
+	$(MAKE) --jobs=3 test-pages test-crates test-lints
 	cd web && npm run --silent e2e
 
 test-pages: web
@@ -62,8 +61,10 @@ test-lints: setup
 	$(LINT) clippy --workspace --locked --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(LINT) doc --workspace --locked --no-deps --document-private-items --quiet
 
-test-programs: setup
-	env -u MAKEFLAGS $(CARGO) test --workspace --locked --no-run
+# Tests often wait, so that one more than there are processors run at once; each of them draws by itself, with one thread of Mesa's
+# rasteriser.
+test-crates: web
+	env -u MAKEFLAGS LP_NUM_THREADS=1 RUST_TEST_THREADS=$${RUST_TEST_THREADS:-$$(($$(nproc) + 1))} $(CARGO) test --workspace --locked
 
 check: setup
 	$(LINT) clippy --workspace --locked --all-targets

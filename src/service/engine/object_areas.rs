@@ -13,9 +13,12 @@ use videofields_vision::segment::LeastAreas;
 #[derive(Debug, Default)]
 pub(super) struct ObjectAreas {
     by_camera: RwLock<HashMap<CameraId, Arc<LeastAreas>>>,
-    /// Scenes whose areas are known, with the areas in the order of their cameras; held while they are brought up to date.
-    known: Mutex<Vec<(Arc<Scene>, Vec<Arc<LeastAreas>>)>>,
+    /// Scenes whose areas are known; held while they are brought up to date.
+    known: Mutex<Vec<Known>>,
 }
+
+/// A scene, and the areas in the order of its cameras.
+type Known = (Arc<Scene>, Vec<Arc<LeastAreas>>);
 
 impl ObjectAreas {
     /// Returns the areas of a camera; none where no scene has it.
