@@ -38,13 +38,16 @@ mod tests {
     use super::*;
     use crate::scene::{no_imports, parse};
 
-    /// Returns the least area (pixels of a picture of 640 x 480) at a pixel of a camera 6 m up that looks north, 45 degrees down, at
-    /// level ground.
-    fn area_px(entities: &str, pixel: [f64; 2]) -> f64 {
+    /// Directions in which a camera looks: 45 degrees down, and straight down.
+    const SLANTED: &str = "[0, -0.9238795325112867, 0.3826834323650898, 0]";
+    const DOWN: &str = "[1, 0, 0, 0]";
+
+    /// Returns the least area (pixels of a picture of 640 x 480) at a pixel of a camera 6 m above level ground.
+    fn area_px(world_from_camera: &str, entities: &str, pixel: [f64; 2]) -> f64 {
         let text = format!(
-            r#"{{"version": 1, "ground": [{{"polygon": [[-90, -90], [90, -90], [90, 90], [-90, 90]]}}], {entities} "cameras": [{{"id": "a", "calibration": {{
-            "image_size_px": [640, 480], "focal_px": [600, 600], "center_px": [320, 240], "position_m": [0, 0, 6],
-            "world_from_camera": [0, -0.9238795325112867, 0.3826834323650898, 0]}}}}]}}"#
+            r#"{{"version": 1, "ground": [{{"polygon": [[-90, -90], [90, -90], [90, 90], [-90, 90]]}}], {entities}
+            "cameras": [{{"id": "a", "calibration": {{"image_size_px": [640, 480], "focal_px": [600, 600],
+            "center_px": [320, 240], "position_m": [0, 0, 6], "world_from_camera": {world_from_camera}}}}}]}}"#
         );
         let scene = parse("a", &text, no_imports).unwrap().scene;
         least_areas(&scene, &scene.cameras[0]).at(pixel, (640, 480))
@@ -55,12 +58,22 @@ mod tests {
         // The axis meets the ground 6 sqrt(2) m away; half a metre is 600 / 8.485 x 0.5 pixels across, and as seen from 45 degrees
         // above cos(45) of it upwards.
         let expected = (600.0 / 72f64.sqrt() * 0.5).powi(2) * 0.5f64.sqrt();
-        let found = area_px("", [320.0, 240.0]);
+        let found = area_px(SLANTED, "", [320.0, 240.0]);
         assert!((found / expected - 1.0).abs() < 0.03, "{found}, {expected}");
-        let larger = area_px(r#""entities": {"min_size_m": 1.0},"#, [320.0, 240.0]);
+        let larger = area_px(SLANTED, r#""entities": {"min_size_m": 1.0},"#, [320.0, 240.0]);
         assert!((larger / found - 4.0).abs() < 0.05, "{larger}, {found}");
-        // Farther away it is smaller: four rows from the upper border the ground is 21 m away.
-        let far = area_px("", [320.0, 2.0]);
-        assert!(far < 0.6 * found && far > 0.0, "{far}, {found}");
+        // At the upper border the ground is 15 m away, and what stands there covers more than what lies there.
+        let far = area_px(SLANTED, "", [320.0, 2.0]);
+        assert!(far > 0.4 * found && far < 0.6 * found, "{far}, {found}");
+        // From right above, whatever stands there covers what lies there.
+        let above = area_px(DOWN, "", [320.0, 240.0]);
+        assert!((above / (600.0f64 / 6.0 * 0.5).powi(2) - 1.0).abs() < 0.03, "{above}");
+    }
+
+    #[test]
+    fn nothing_stands_where_no_ground_is_seen() {
+        let level = "[-0.7071067811865476, 0, 0, 0.7071067811865476]";
+        assert_eq!(area_px(level, "", [320.0, 100.0]), f64::INFINITY);
+        assert!(area_px(level, "", [320.0, 400.0]).is_finite());
     }
 }
