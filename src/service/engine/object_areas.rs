@@ -77,9 +77,11 @@ mod tests {
         let (large, small) = (scene("a", 2.0), scene("b", 0.5));
         areas.refresh(|| [Arc::clone(&large)].into());
         let of_large = middle().unwrap();
-        areas.refresh(|| [Arc::clone(&large), small].into());
-        let of_both = middle().unwrap();
-        assert!((of_large / of_both - 16.0).abs() < 0.5, "{of_large} {of_both}");
+        for both in [[&large, &small], [&small, &large]] {
+            areas.refresh(|| both.map(Arc::clone).into());
+            let of_both = middle().unwrap();
+            assert!((of_large / of_both - 16.0).abs() < 0.5, "{of_large} {of_both}");
+        }
         areas.refresh(|| [large].into());
         assert_eq!(middle(), Some(of_large));
         areas.refresh(|| [].into());

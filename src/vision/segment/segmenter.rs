@@ -787,6 +787,11 @@ mod tests {
         let head = |y: u32| (106, y, 6, 6, 40, 120, 116);
         assert_eq!(areas(25.0, &[body, head(130)]), [1200]);
         assert_eq!(areas(25.0, &[(100, 140, 20, 40, 40, 120, 116), head(220)]), [800, 36]);
+        for beside in [(20, 180, 6, 6, 40, 120, 116), (200, 180, 6, 6, 40, 120, 116)] {
+            let mut found = areas(25.0, &[body, beside]);
+            found.sort_unstable();
+            assert_eq!(found, [36, 1200], "{beside:?}");
+        }
         let halved = |px: f64| areas_where_objects_cover(share(px), Resolution::Half, &[far]).len();
         assert_eq!((halved(25.0), halved(60.0)), (1, 0));
     }
