@@ -787,6 +787,7 @@ mod tests {
         let head = |y: u32| (106, y, 6, 6, 40, 120, 116);
         assert_eq!(areas(25.0, &[body, head(130)]), [1200]);
         assert_eq!(areas(25.0, &[(100, 140, 20, 40, 40, 120, 116), head(220)]), [800, 36]);
+        assert_eq!(areas(25.0, &[head(130), (100, 170, 20, 60, 40, 120, 116)]), [36, 1200]);
         for beside in [(20, 180, 6, 6, 40, 120, 116), (200, 180, 6, 6, 40, 120, 116)] {
             let mut found = areas(25.0, &[body, beside]);
             found.sort_unstable();
