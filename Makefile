@@ -45,10 +45,11 @@ demo: setup web
 	$(CARGO) build --release --locked
 	target/release/videofields demo --listen $(LISTEN)
 
-# Builds pages and the tests' programs at the same time, and runs these, while lints take what processors are idle: while programs are
-# linked and tests wait. Cargo lets one command at a time into a target folder, so lints have their own. `env -u MAKEFLAGS` keeps
+# Builds the pages, then the tests' programs, and runs these; lints run beside all of it with the lowest priority, so that they use the
+# processors while programs are linked and tests wait. Cargo lets one command at a time into a target folder, so lints have their own. `env -u MAKEFLAGS` keeps
 # make's limit of jobs from cargo, which would compile one file at a time under it.
 test: setup
+	$(CARGO) fmt --check
 	$(MAKE) --jobs=3 test-pages test-crates test-lints
 	cd web && npm run --silent e2e
 
@@ -57,7 +58,6 @@ test-pages: web
 
 # Warnings are errors here, but not in an editor.
 test-lints: setup
-	$(CARGO) fmt --check
 	$(LINT) clippy --workspace --locked --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(LINT) doc --workspace --locked --no-deps --document-private-items --quiet
 

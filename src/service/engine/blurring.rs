@@ -143,6 +143,9 @@ impl Shown {
     }
 }
 
+/// Side of the squares by which moving pixels outside of all blobs are gathered, pixels.
+const CELL_PX: u32 = 16;
+
 /// Whether the tracks of an observation have the numbers under which they are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Numbers {
@@ -164,7 +167,37 @@ pub(super) fn blur_of(seen: &Observation, shown: &[Shown], numbers: Numbers) -> 
         let known: Vec<_> = known.collect();
         parts.extend(known);
     }
+    parts.extend(loose_parts(seen));
     (Blur::Parts(parts), left.len())
+}
+
+/// Returns rectangles around the moving pixels that lie in no blob's rectangle: pieces that are too small for a blob.
+fn loose_parts(seen: &Observation) -> Vec<BlurRegion> {
+    let labels = &*seen.labels;
+    let is_in = |rect: &PixelRect, x: u32, y: u32| {
+        (rect.x..rect.x + rect.width).contains(&x) && (rect.y..rect.y + rect.height).contains(&y)
+    };
+    let mut is_loose = vec![false; labels.width.div_ceil(CELL_PX) as usize];
+    let mut parts = Vec::new();
+    for top in (0..labels.height).step_by(CELL_PX as usize) {
+        let bottom = (top + CELL_PX).min(labels.height);
+        is_loose.fill(false);
+        for y in top..bottom {
+            let moving = (0..).zip(labels.row(y)).filter(|(_, label)| **label == MOVING);
+            for (x, _) in moving.filter(|(x, _)| !seen.blobs.iter().any(|blob| is_in(&blob.rect, *x, y))) {
+                is_loose[(x / CELL_PX) as usize] = true;
+            }
+        }
+        let mut left = 0;
+        for cells in is_loose.chunk_by(|one, other| one == other) {
+            let right = (left + cells.len() as u32 * CELL_PX).min(labels.width);
+            if cells[0] {
+                parts.push(BlurRegion { left_top: [left, top], size_px: [right - left, bottom - top] });
+            }
+            left = right;
+        }
+    }
+    parts
 }
 
 const fn region(rect: &PixelRect) -> BlurRegion {
@@ -379,6 +412,40 @@ mod tests {
         let place = DVec2::new(24.0 / 64.0, 30.0 / 48.0);
         let placed = Shown { path: vec![(Timestamp::from_nanos(9), place)], ..followed(7) };
         assert_eq!(columns(&blur_of(&seen, &[placed], Numbers::Others).0), [4]);
+    }
+
+    #[test]
+    fn what_moves_outside_of_all_blobs_is_blurred_too() {
+        let mut seen = seen();
+        let mut labels = Mask::filled(64, 48, 0);
+        // In the blobs of one who is blurred and of one who is shown; beside them; across two squares; and a shadow.
+        for (x, y, label) in [
+            (5, 15, MOVING),
+            (21, 12, MOVING),
+            (50, 3, MOVING),
+            (47, 40, MOVING),
+            (48, 40, MOVING),
+            (2, 40, 50),
+        ] {
+            labels.data[y * 64 + x] = label;
+        }
+        seen.labels = Arc::new(labels);
+        let (Blur::Parts(parts), _) = blur_of(&seen, &[followed(2)], Numbers::Others) else {
+            panic!("known")
+        };
+        let loose = [([48, 0], [16, 16]), ([32, 32], [32, 16])];
+        let expected: Vec<_> = [([4, 10], [8, 20]), ([20, 10], [8, 20])].into_iter().chain(loose).collect();
+        let found: Vec<_> = parts.iter().map(|part| (part.left_top, part.size_px)).collect();
+        assert_eq!(found, expected);
+        let (Blur::Parts(parts), _) = blur_of(&seen, &[followed(2)], Numbers::Own) else { panic!("known") };
+        assert!(parts.iter().all(|part| part.left_top != [20, 10]), "who may be seen is: {parts:?}");
+        // The picture's last squares are cut by its borders.
+        let mut seen = seen;
+        let mut labels = Mask::filled(60, 40, 0);
+        labels.data[39 * 60 + 59] = MOVING;
+        seen.labels = Arc::new(labels);
+        let parts = loose_parts(&seen);
+        assert_eq!(parts, [BlurRegion { left_top: [48, 32], size_px: [12, 8] }]);
     }
 
     #[test]

@@ -26,8 +26,8 @@ impl ObjectAreas {
         self.by_camera.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
     }
 
-    /// Brings the areas up to date with the scenes that `now` returns. Of callers at once the last one's scenes stay, since `now` is
-    /// asked when it is its turn.
+    /// Brings the areas up to date with the scenes that `now` returns. `now` is asked under the
+    /// lock, so that of several callers none puts older scenes back.
     pub(super) fn refresh(&self, now: impl FnOnce() -> Arc<[Arc<Scene>]>) {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let before = std::mem::take(&mut *known);

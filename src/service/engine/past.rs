@@ -19,6 +19,7 @@ use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{CameraSettings, SegmentSettings};
 use videofields_vision::frame::{CameraId, Frame, Mask, Zone};
 use videofields_vision::observation::Observation;
+use videofields_vision::segment::LeastAreas;
 
 /// How far the row of a segment may be behind what is written of it; a longer gap would have ended the segment.
 const ROW_LAG_NANOS: i64 = 5_000_000_000;
@@ -46,6 +47,8 @@ struct PastCamera {
     background_of: Option<Timestamp>,
     /// What was hidden of the frame before.
     zones: Arc<[Zone]>,
+    /// How small objects could be in the frame before.
+    least_areas: Option<Arc<LeastAreas>>,
     /// What was asked for last, under the zones of that number, and whether it is known what moved: several views of one
     /// instant ask for the same.
     last: Option<(u64, Observation, bool)>,
@@ -56,7 +59,14 @@ impl PastCamera {
         let pipeline = Pipeline::new(&settings.background, &settings.segment).for_review();
         let pipeline = if settings.vision { pipeline } else { pipeline.without_vision() };
         let zones = Arc::from([]);
-        Arc::new(Mutex::new(Self { settings, pipeline, background_of: None, zones, last: None }))
+        Arc::new(Mutex::new(Self {
+            settings,
+            pipeline,
+            background_of: None,
+            zones,
+            least_areas: None,
+            last: None,
+        }))
     }
 
     /// Whether its past would look the same with other settings.
@@ -277,6 +287,12 @@ impl Past {
     fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> (Observation, bool) {
         let of = self.privacies.of_known(&camera.settings.id);
         let (privacy, number) = of.numbered();
+        let least_areas = self.object_areas.of(&camera.settings.id);
+        if camera.least_areas != least_areas {
+            camera.last = None;
+            camera.pipeline.set_least_areas(least_areas.clone());
+            camera.least_areas = least_areas;
+        }
         let is_it = |(of, last, _): &&(u64, Observation, bool)| {
             *of == number && last.frame.timestamp == frame.timestamp
         };
@@ -291,7 +307,6 @@ impl Past {
             camera.zones = Arc::clone(&zones);
         }
         camera.pipeline.set_zones(&zones);
-        camera.pipeline.set_least_areas(self.object_areas.of(&camera.settings.id));
         let id = camera.settings.id.clone();
         let has_background = self.load_background(camera, &frame).unwrap_or_else(|error| {
             tracing::error!(camera = %id, %error, "no background of that time");

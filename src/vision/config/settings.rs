@@ -365,9 +365,10 @@ pub struct SegmentSettings {
     /// Greatest hole in a blob that is filled whatever is seen in it, pixels, 0 (none) to 1e9. Larger ones are filled where
     /// most of their pixels differ by half of `delta`, if this is not 0. Default 64.
     pub max_hole_px: u32,
-    /// Least area of a blob, pixels, 1 to 1e9; what is smaller is background. 0 (default) is a 1500th of the picture's
-    /// pixels, at least 16: 51 at 320 x 240, 614 at 1280 x 720; what is smaller stays in the mask then where noise does not
-    /// explain it, and is a blob where a scene has the camera and half a metre looks as small there (`entities.min_size_m`).
+    /// Least area of a blob, pixels, 1 to 1e9; smaller pieces are background. 0 (default): a blob needs a 1500th of the
+    /// picture's pixels, at least 16 (51 at 320 x 240, 614 at 1280 x 720); smaller pieces stay in the mask if noise cannot
+    /// explain them, and are blobs too where a scene's calibration says that a square of half a metre (or of its
+    /// `entities.min_size_m`) covers no more pixels there.
     pub min_area_px: u32,
     /// A piece is parted into upright things where it has fewer pixels in a column than this share of what it has on
     /// either side, 0 (never) to 0.9: people who touch. Masks are the same. Default 0.5.
@@ -458,13 +459,21 @@ impl SegmentSettings {
         }
     }
 
-    /// Returns the least area of what a mask shows in a picture of `size_px`, pixels: `min_area_px` where it is set, else the area
-    /// over which the blur makes noise alike, 4 pi times the square of its sigma, and as if this were at least 0.6 pixels.
+    /// Returns true if it is counted how often each pixel's verdict turns.
+    #[must_use]
+    pub fn counts_turns(&self) -> bool {
+        self.flicker_choice() != StageChoice::Off || self.blinking_choice() == StageChoice::Auto
+    }
+
+    /// Returns the least area of what a mask shows in a picture of `size_px`, pixels: that of a blob where `min_area_px` is set or
+    /// turning verdicts are not counted, since these tell leaves from small things; else the area over which the blur makes noise alike, 4 pi times the square of its sigma, and as if this were at least 0.6 pixels.
     #[must_use]
     pub fn min_mask_area_px_in(&self, size_px: (u32, u32)) -> u32 {
         match self.min_area_px {
-            0 => (4.0 * PI * self.blur_sigma_px_in(size_px).max(0.6).powi(2)).ceil() as u32,
-            px => px,
+            0 if self.counts_turns() => {
+                (4.0 * PI * self.blur_sigma_px_in(size_px).max(0.6).powi(2)).ceil() as u32
+            }
+            _ => self.min_area_px_in(size_px),
         }
     }
 }

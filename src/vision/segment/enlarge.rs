@@ -61,7 +61,7 @@ impl Default for Enlarger {
 
 impl Enlarger {
     /// `soft_mask` and `labels` of a picture whose sides are reduced by 2 or 4, as of a picture of `size_px`; pieces
-    /// that fall short of the full picture's `limits` are background, or no blobs but by `least_areas`.
+    /// that fall short of the full picture's `limits` are background, or in the mask but no blobs; `least_areas` makes blobs of some of these.
     ///
     /// # Panics
     /// When `factor` is neither 2 nor 4.

@@ -23,7 +23,7 @@ const LEAST_SHARED_TILES: usize = 4096;
 /// Share of the threshold by which a pixel must differ itself, without the blur.
 const OWN_SHARE: f32 = 0.5;
 
-/// Multiple of the threshold from which on a difference is distinct.
+/// Multiple of `delta` by luma and noise, as it is before turning verdicts raise it, from which on a difference is distinct.
 const DISTINCT: f32 = 1.5;
 
 /// One byte for every pixel of a tile.
@@ -183,7 +183,7 @@ impl Judge {
         if settings.noise_choice() != StageChoice::Off {
             memory.noise.observe(pair, &ChannelGains::new(colors.0, colors.1), &self.near);
         }
-        if settings.flicker_choice() != StageChoice::Off || settings.blinking_choice() == StageChoice::Auto {
+        if settings.counts_turns() {
             memory.flicker.observe(&self.plain, dt_secs);
         } else {
             memory.flicker.forget();

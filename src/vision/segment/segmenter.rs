@@ -340,10 +340,12 @@ impl Segmenter {
             let runs = self.pieces.runs(piece_idx);
             let n_strong = |run: &Run| strong.count_run(run.y as usize, run.start as usize, run.end as usize);
             let area_px = self.pieces.components.pieces()[piece_idx].area_px;
-            let is_blob = area_px >= limits.min_area_px
-                && (!has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= limits.min_strong_px);
+            let is_strong =
+                |least: u32| !has_hysteresis || runs.iter().map(n_strong).sum::<u32>() >= least.max(1);
+            let is_blob = area_px >= limits.min_area_px && is_strong(limits.min_strong_px);
             let is_in_mask = is_blob
                 || (limits.min_mask_area_px..limits.min_area_px).contains(&area_px)
+                    && is_strong(area_px / STRONG_DIVISOR)
                     && is_distinct(runs, area_px, &self.judge.distinct, &self.memory.flicker);
             let is_kept = is_in_mask && !(running.has_blinking && blinking.is_blinking(runs.iter()));
             if !is_kept {
@@ -442,7 +444,7 @@ impl Pieces {
     }
 
     /// Makes blobs of the kept pieces that are smaller than the least area of a blob, but as large as an object which stands where
-    /// they do in a picture of `size_px`, and no parts of a larger blob: beyond a quarter of its sides.
+    /// they do in a picture of `size_px`, and no parts of a larger blob: beyond a quarter of its longer side.
     pub(super) fn add_objects(&mut self, limits: &Limits, least_areas: &LeastAreas, size_px: (u32, u32)) {
         if limits.min_mask_area_px >= limits.min_area_px {
             return;
@@ -512,14 +514,14 @@ fn foot_of(piece: &Piece) -> [f64; 2] {
     [columns as f64 / f64::from(n_columns) + 0.5, f64::from(piece.bottom) - 0.5]
 }
 
-/// Returns true if a piece lies within a quarter of the sides of another's rectangle, or in it: so near lie parts of one thing that
-/// came apart.
+/// Returns true if a piece lies within a quarter of the longer side of another's rectangle, or in it: so near lie parts of one thing
+/// that came apart.
 fn is_beside(piece: &Piece, other: &Piece) -> bool {
-    let (margin_x, margin_y) = ((other.right - other.left) / 4, (other.bottom - other.top) / 4);
-    piece.left < other.right + margin_x
-        && piece.right + margin_x > other.left
-        && piece.top < other.bottom + margin_y
-        && piece.bottom + margin_y > other.top
+    let margin = (other.right - other.left).max(other.bottom - other.top) / 4;
+    piece.left < other.right + margin
+        && piece.right + margin > other.left
+        && piece.top < other.bottom + margin
+        && piece.bottom + margin > other.top
 }
 
 fn blob(piece: &Piece, (width, height): (u32, u32), corners: Vec<[u16; 2]>) -> Blob {
@@ -748,6 +750,14 @@ mod tests {
         let faint = (settings.delta() * 219.0 * 1.25) as u8;
         assert_eq!(in_mask((6, 5), faint), (0, 0));
         assert_eq!(in_mask((20, 20), faint).1, 1);
+        // What differs less than the high threshold everywhere is no more in the mask than a large thing is.
+        let high = SegmentSettings { delta_high: 0.4, ..settings.clone() };
+        assert_eq!([((6, 5), 70), ((20, 20), 70)].map(|thing| show(&high, thing, once())), [(0, 0); 2]);
+        assert!(show(&high, ((6, 5), 120), once()).0 > 20);
+        // Where nothing counts how often verdicts turn, nothing tells leaves from things.
+        let uncounted =
+            SegmentSettings { flicker: StageChoice::Off, suppress_blinking: Some(false), ..settings.clone() };
+        assert_eq!(show(&uncounted, ((6, 5), 100), once()), (0, 0));
         let set = SegmentSettings { min_area_px: 51, ..settings.clone() };
         assert_eq!(show(&set, ((6, 5), 100), once()), (0, 0), "what is set is meant");
     }
@@ -788,6 +798,8 @@ mod tests {
         assert_eq!(areas(25.0, &[body, head(130)]), [1200]);
         assert_eq!(areas(25.0, &[(100, 140, 20, 40, 40, 120, 116), head(220)]), [800, 36]);
         assert_eq!(areas(25.0, &[head(130), (100, 170, 20, 60, 40, 120, 116)]), [36, 1200]);
+        let hand = (128, 160, 6, 6, 40, 120, 116);
+        assert_eq!(areas(25.0, &[body, hand]), [1200]);
         for beside in [(20, 180, 6, 6, 40, 120, 116), (200, 180, 6, 6, 40, 120, 116)] {
             let mut found = areas(25.0, &[body, beside]);
             found.sort_unstable();
