@@ -59,7 +59,7 @@ pub(super) fn runs<'a>(
     })
 }
 
-/// Whether a texel moves for certain: by the hard mask, which leaves noise out, and by the soft one, which knows edges.
+/// Returns true if a texel moves for certain: by the hard mask, which leaves noise out, and by the soft one, which knows edges.
 fn is_shown(labels: &Mask, soft: &Mask, (x, y): (u32, u32)) -> bool {
     labels.get(x, y) == MOVING && soft.get(x, y) >= LEAST_SOFT
 }

@@ -1,4 +1,4 @@
-//! How large the smallest object is in a camera's picture, by where in the scene it stands.
+//! Least areas of objects in a camera's picture, by where in the scene they stand.
 
 use super::{Scene, SceneCamera};
 use glam::{DVec2, DVec3};
@@ -65,7 +65,7 @@ mod tests {
         // At the upper border the ground is 15 m away, and what stands there covers more than what lies there.
         let far = area_px(SLANTED, "", [320.0, 2.0]);
         assert!(far > 0.4 * found && far < 0.6 * found, "{far}, {found}");
-        // From right above, whatever stands there covers what lies there.
+        // Seen from right above, something that stands covers as much as if it lay there.
         let above = area_px(DOWN, "", [320.0, 240.0]);
         assert!((above / (600.0f64 / 6.0 * 0.5).powi(2) - 1.0).abs() < 0.03, "{above}");
     }

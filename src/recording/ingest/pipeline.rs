@@ -238,7 +238,7 @@ impl Pipeline {
         self.segmenter.set(&SegmentSettings { resolution: self.segmenter.resolution(), ..segment.clone() });
     }
 
-    /// From the next frame on, objects may be as small as these areas say; none where no scene has the camera.
+    /// Sets how small objects may be from the next frame on; none where no scene has the camera.
     pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
         self.segmenter.set_least_areas(least_areas);
     }

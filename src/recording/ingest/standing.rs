@@ -162,7 +162,7 @@ impl Standing {
             let known = self.known.entry(track.id).or_insert_with(|| Known::new(track));
             known.has_moved |= known.is_far(track);
             let n_pixels = f64::from(seen.size_px.0) * f64::from(seen.size_px.1);
-            // Of a smaller thing than elsewhere is a blob the outline tells nothing.
+            // The outline of a blob smaller than the ordinary least area tells nothing.
             let is_small = blob.area_px < seen.min_area_px * seen.factor * seen.factor;
             if is_small || f64::from(blob.area_px) > GREATEST_SHARE * n_pixels {
                 continue;

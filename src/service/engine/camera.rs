@@ -46,7 +46,7 @@ pub(super) struct CameraConsumer {
     privacy: Arc<CameraPrivacy>,
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
-    /// How small objects may be.
+    /// Least areas of objects in the camera's pictures.
     object_areas: Arc<ObjectAreas>,
     /// Whether what was recorded last was not what the camera sent, since part of that is hidden.
     records_hidden: bool,

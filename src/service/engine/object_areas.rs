@@ -1,4 +1,4 @@
-//! How small an object may be in each camera's pictures, as the scenes that have the camera say.
+//! Least areas of objects in each camera's pictures, as the scenes that have the camera say.
 //!
 //! Scenes flow in whenever they are exchanged; a camera's thread takes its camera's areas before each frame. Of several scenes the
 //! smallest area decides.

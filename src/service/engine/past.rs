@@ -33,7 +33,7 @@ pub(super) struct Past {
     cameras: RwLock<HashMap<CameraId, Arc<Mutex<PastCamera>>>>,
     /// What nobody may see of them.
     privacies: Arc<Privacies>,
-    /// How small objects may be in their pictures.
+    /// Least areas of objects in the cameras' pictures.
     object_areas: Arc<ObjectAreas>,
     /// When the oldest recorded frame of each camera was seen.
     firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
@@ -47,7 +47,7 @@ struct PastCamera {
     background_of: Option<Timestamp>,
     /// What was hidden of the frame before.
     zones: Arc<[Zone]>,
-    /// How small objects could be in the frame before.
+    /// Least areas of objects in the frame before.
     least_areas: Option<Arc<LeastAreas>>,
     /// What was asked for last, under the zones of that number, and whether it is known what moved: several views of one
     /// instant ask for the same.

@@ -44,7 +44,7 @@ pub(super) struct Surroundings {
     pub(super) events: Arc<EventLog>,
     /// What nobody may see of the cameras.
     pub(super) privacies: Arc<Privacies>,
-    /// How small objects may be in their pictures.
+    /// Least areas of objects in the cameras' pictures.
     pub(super) object_areas: Arc<ObjectAreas>,
     /// Ends what cameras do that takes long.
     pub(super) stop: StopFlag,

@@ -86,7 +86,7 @@ pub(super) struct Shared {
     /// What was recorded, if anything is.
     pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
-    /// How small objects may be in the cameras' pictures.
+    /// Least areas of objects in the cameras' pictures.
     object_areas: Arc<ObjectAreas>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,

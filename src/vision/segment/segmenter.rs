@@ -66,7 +66,7 @@ pub struct Segmenter {
     enlarger: Enlarger,
     /// Pixels that never move, in the size of the pictures that are given.
     hidden: Option<BitMask>,
-    /// How large objects are by where they stand, where a scene says so.
+    /// Least areas of objects by where they stand, if a scene has the camera.
     least_areas: Option<Arc<LeastAreas>>,
     /// Memory of the masks, in the size of the pictures that are given.
     pool: Arc<BufferPool>,
@@ -122,8 +122,9 @@ impl Segmenter {
         self.settings = settings.clone();
     }
 
-    /// From now on a piece too small for a blob is one where it has at least the area that an object has which stands there, and
-    /// is no part of a larger blob beside it; not where `min_area_px` is set. None: no scene says how large objects are.
+    /// Sets the least areas of objects. A piece too small for a blob is one from the next frame on if it has at least the area of an
+    /// object that stands there and is no part of a larger blob beside it; not if `min_area_px` is set. None: no scene says how
+    /// large objects are.
     pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
         self.least_areas = least_areas;
     }
@@ -382,9 +383,9 @@ pub(super) struct Pieces {
     sorted: Vec<Run>,
     /// Where a piece's runs begin in `sorted`; one more at the end.
     begins: Vec<u32>,
-    /// Says of each piece whether it stays in the mask.
+    /// Flags of the pieces that stay in the mask.
     is_kept: Vec<bool>,
-    /// Says of each piece whether it is a blob.
+    /// Flags of the pieces that are blobs.
     is_blob: Vec<bool>,
     /// Numbers of the pieces that are large enough to be blobs wherever they are.
     large: Vec<u32>,
@@ -750,11 +751,11 @@ mod tests {
         let faint = (settings.delta() * 219.0 * 1.25) as u8;
         assert_eq!(in_mask((6, 5), faint), (0, 0));
         assert_eq!(in_mask((20, 20), faint).1, 1);
-        // What differs less than the high threshold everywhere is no more in the mask than a large thing is.
+        // A small thing that differs less than the high threshold everywhere is background, as a large one is.
         let high = SegmentSettings { delta_high: 0.4, ..settings.clone() };
         assert_eq!([((6, 5), 70), ((20, 20), 70)].map(|thing| show(&high, thing, once())), [(0, 0); 2]);
         assert!(show(&high, ((6, 5), 120), once()).0 > 20);
-        // Where nothing counts how often verdicts turn, nothing tells leaves from things.
+        // Leaves cannot be told from things if turning verdicts are not counted.
         let uncounted =
             SegmentSettings { flicker: StageChoice::Off, suppress_blinking: Some(false), ..settings.clone() };
         assert_eq!(show(&uncounted, ((6, 5), 100), once()), (0, 0));
