@@ -11,12 +11,22 @@
 //! `[VF16]` Du, Bista and Varshney 2016, Video Fields, equations 4 and 5.
 
 use crate::frame::{ColorMatrix, ColorRange, Plane, WORD_PIXELS};
+use fearless_simd::prelude::*;
+#[cfg(test)]
+use fearless_simd::{Level, dispatch};
+use fearless_simd::{f32x16, i16x16, i32x16, u8x16};
 
 /// Pixels of a tile, in one row.
 pub(super) const TILE: usize = WORD_PIXELS;
 
 /// Chroma values of a tile.
 pub(super) const CHROMA_TILE: usize = TILE / 2;
+
+/// Vectors of a tile's pixels.
+pub(super) const HALVES: usize = 2;
+
+/// A value for each pixel of half a tile, or for each of its chroma values.
+pub(super) type Values<S> = f32x16<S>;
 
 /// Farthest that a blur reaches, pixels: 3 sigma of the widest.
 const GREATEST_RADIUS: usize = 48;
@@ -28,24 +38,61 @@ pub(crate) struct Pair<'a> {
     pub(super) background: [Plane<'a>; 3],
 }
 
-/// The blurred signed difference of one tile, in 8-bit levels.
-#[derive(Clone, Debug)]
-pub(super) struct TileDifference {
-    pub(super) luma: [f32; TILE],
-    pub(super) u: [f32; CHROMA_TILE],
-    pub(super) v: [f32; CHROMA_TILE],
+/// The signed difference of one tile, in 8-bit levels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TileDifference<S: Simd> {
+    pub(super) luma: [Values<S>; HALVES],
+    pub(super) u: Values<S>,
+    pub(super) v: Values<S>,
 }
 
-/// One plane's differences blurred along its rows, as many rows as the blur across them needs; keeps its memory.
+/// Returns values from `at` on of a row.
+#[inline(always)]
+pub(super) fn load<S: Simd>(simd: S, row: &[f32], at: usize) -> Values<S> {
+    Values::from_slice(simd, &row[at..at + CHROMA_TILE])
+}
+
+/// Returns how far codes are from others, exactly.
+#[inline(always)]
+pub(super) fn difference_of<S: Simd>(
+    simd: S,
+    codes: &[u8; CHROMA_TILE],
+    others: &[u8; CHROMA_TILE],
+) -> Values<S> {
+    whole(widened(simd, codes) - widened(simd, others))
+}
+
+/// Returns codes as values.
+#[inline(always)]
+pub(super) fn values_of<S: Simd>(simd: S, codes: &[u8; CHROMA_TILE]) -> Values<S> {
+    whole(widened(simd, codes))
+}
+
+#[inline(always)]
+fn widened<S: Simd>(simd: S, codes: &[u8; CHROMA_TILE]) -> i16x16<S> {
+    let (low, high) = u8x16::from_slice(simd, codes).widen();
+    low.combine(high).bitcast()
+}
+
+#[inline(always)]
+fn whole<S: Simd>(numbers: i16x16<S>) -> Values<S> {
+    let (low, high) = numbers.widen();
+    let numbers: i32x16<S> = low.combine(high);
+    numbers.to_float()
+}
+
+/// One plane's differences blurred along its rows, as many rows as the blur across them needs, `N` vectors a tile; keeps its memory.
 #[derive(Clone, Debug, Default)]
 struct PlaneRows<const N: usize> {
     kernel: Vec<f32>,
     tiles_per_row: usize,
-    /// Row `y` is at `y & slot_mask`.
+    /// Row `y` is at `y & slot_mask` of those of its tile, which stand together.
     slot_mask: usize,
-    rows: Vec<[f32; N]>,
+    rows: Vec<[[f32; CHROMA_TILE]; N]>,
     /// Which row of which frame a tile of `rows` holds.
     stamps: Vec<u64>,
+    /// Stamps of the rows that were asked for last, by tiles.
+    asked: Vec<u64>,
 }
 
 impl<const N: usize> PlaneRows<N> {
@@ -55,86 +102,114 @@ impl<const N: usize> PlaneRows<N> {
     }
 
     fn begin(&mut self, width: u32) {
-        let tiles_per_row = (width as usize).div_ceil(N);
+        let tiles_per_row = (width as usize).div_ceil(N * CHROMA_TILE);
         if tiles_per_row != self.tiles_per_row {
             self.tiles_per_row = tiles_per_row;
             let n_tiles = tiles_per_row * (self.slot_mask + 1);
             self.rows.clear();
-            self.rows.resize(n_tiles, [0.0; N]);
+            self.rows.resize(n_tiles, [[0.0; CHROMA_TILE]; N]);
             self.stamps.clear();
             self.stamps.resize(n_tiles, u64::MAX);
+            self.asked.clear();
+            self.asked.resize(tiles_per_row, u64::MAX);
         }
     }
 
     /// The tile at row `y`, blurred both ways.
     #[inline(always)]
-    fn blurred(
+    fn blurred<S: Simd>(
         &mut self,
-        frame: Plane<'_>,
-        background: Plane<'_>,
+        simd: S,
+        [frame, background]: [Plane<'_>; 2],
         tile: usize,
         y: usize,
         now: u32,
-    ) -> [f32; N] {
+    ) -> [Values<S>; N] {
         let (radius, last) = (self.kernel.len() / 2, frame.height as usize - 1);
-        let mut out = [0.0; N];
-        for offset in 0..self.kernel.len() {
-            let from = (y + offset).saturating_sub(radius).min(last);
-            let place = (from & self.slot_mask) * self.tiles_per_row + tile;
-            let stamp = u64::from(now) << 32 | from as u64;
-            if self.stamps[place] != stamp {
-                self.stamps[place] = stamp;
-                let (frame, background) = (frame.row(from as u32), background.row(from as u32));
-                blur_along(&self.kernel, frame, background, tile * N, &mut self.rows[place]);
+        let (n_slots, below) = (self.slot_mask + 1, (y + radius).min(last));
+        let tiles = tile * n_slots..(tile + 1) * n_slots;
+        // Mostly the row above was asked for, and one more is needed.
+        let has_above = y > 0 && self.asked[tile] == stamp(now, y - 1);
+        self.asked[tile] = stamp(now, y);
+        for from in if has_above { below } else { y.saturating_sub(radius) }..=below {
+            let place = tiles.start + (from & self.slot_mask);
+            if self.stamps[place] != stamp(now, from) {
+                self.stamps[place] = stamp(now, from);
+                let rows = [frame.row(from as u32), background.row(from as u32)];
+                blur_along(simd, &self.kernel, rows, tile * N * CHROMA_TILE, &mut self.rows[place]);
             }
-            let weight = self.kernel[offset];
-            let row = &self.rows[place];
-            for i in 0..N {
-                out[i] += weight * row[i];
+        }
+        let rows = &self.rows[tiles];
+        let mut out = [Values::splat(simd, 0.0); N];
+        for (offset, weight) in self.kernel.iter().enumerate() {
+            let from = (y + offset).saturating_sub(radius).min(last);
+            let row = &rows[from & self.slot_mask];
+            for part in 0..N {
+                out[part] += load(simd, &row[part], 0) * *weight;
             }
         }
         out
     }
 }
 
-/// Blurs `N` differences of a row from column `first` on; the border's values repeat beyond it.
+/// Returns the stamp of a row of a frame.
 #[inline(always)]
-fn blur_along<const N: usize>(
+fn stamp(now: u32, y: usize) -> u64 {
+    u64::from(now) << 32 | y as u64
+}
+
+/// Blurs `N` vectors of differences of a row from column `first` on; the border's values repeat beyond it.
+#[inline(always)]
+fn blur_along<S: Simd, const N: usize>(
+    simd: S,
     kernel: &[f32],
-    frame: &[u8],
-    background: &[u8],
+    [frame, background]: [&[u8]; 2],
     first: usize,
-    out: &mut [f32; N],
+    out: &mut [[f32; CHROMA_TILE]; N],
 ) {
     let (radius, width) = (kernel.len() / 2, frame.len());
     let mut padded = [0.0_f32; TILE + 2 * GREATEST_RADIUS];
-    let padded = &mut padded[..N + 2 * radius];
-    if first >= radius && first + N + radius <= width {
-        let place = first - radius..first + N + radius;
-        let (frame, background) = (&frame[place.clone()], &background[place]);
-        for i in 0..padded.len() {
-            padded[i] = f32::from(frame[i]) - f32::from(background[i]);
+    // Whole vectors, of which the last may have more than is asked for.
+    let n_vectors = (N * CHROMA_TILE + 2 * radius).div_ceil(CHROMA_TILE);
+    if first >= radius && first - radius + n_vectors * CHROMA_TILE <= width {
+        let (frame, background) = (&frame[first - radius..], &background[first - radius..]);
+        let (frame, background) = (frame.as_chunks().0, background.as_chunks().0);
+        for at in 0..n_vectors {
+            let difference = difference_of(simd, &frame[at], &background[at]);
+            difference.store_slice(&mut padded[at * CHROMA_TILE..(at + 1) * CHROMA_TILE]);
         }
     } else {
-        for (i, value) in padded.iter_mut().enumerate() {
+        for (i, value) in padded[..N * CHROMA_TILE + 2 * radius].iter_mut().enumerate() {
             let x = (first + i).saturating_sub(radius).min(width - 1);
             *value = f32::from(frame[x]) - f32::from(background[x]);
         }
     }
-    *out = [0.0; N];
+    let mut sums = [Values::splat(simd, 0.0); N];
     for (offset, weight) in kernel.iter().enumerate() {
-        let shifted = &padded[offset..offset + N];
-        for i in 0..N {
-            out[i] += weight * shifted[i];
+        for (part, sum) in sums.iter_mut().enumerate() {
+            *sum += load(simd, &padded, offset + part * CHROMA_TILE) * *weight;
         }
     }
+    for (sum, out) in sums.iter().zip(out) {
+        sum.store_slice(out);
+    }
+}
+
+/// Chroma's differences, blurred both ways, of the tiles that were asked for last: two rows of luma share them.
+#[derive(Clone, Debug, Default)]
+struct ChromaTiles {
+    /// Differences of U and of V.
+    tiles: Vec<[[f32; CHROMA_TILE]; 2]>,
+    /// Stamps of the rows that tiles hold.
+    stamps: Vec<u64>,
 }
 
 /// Differences of tiles, asked for from the top down; keeps its memory from frame to frame.
 #[derive(Clone, Debug)]
 pub(crate) struct Difference {
-    luma: PlaneRows<TILE>,
-    chroma: [PlaneRows<CHROMA_TILE>; 2],
+    luma: PlaneRows<HALVES>,
+    chroma: [PlaneRows<1>; 2],
+    chroma_tiles: ChromaTiles,
     /// Counts frames.
     now: u32,
 }
@@ -143,7 +218,12 @@ impl Difference {
     /// A difference blurred with a Gaussian of `sigma_px`, at most 16; 0 does not blur.
     pub(super) fn new(sigma_px: f64) -> Self {
         let chroma = PlaneRows::new(gaussian(0.5 * sigma_px));
-        Self { luma: PlaneRows::new(gaussian(sigma_px)), chroma: [chroma.clone(), chroma], now: 0 }
+        Self {
+            luma: PlaneRows::new(gaussian(sigma_px)),
+            chroma: [chroma.clone(), chroma],
+            chroma_tiles: ChromaTiles::default(),
+            now: 0,
+        }
     }
 
     /// Begins a frame of this width: what was known is forgotten.
@@ -154,6 +234,12 @@ impl Difference {
         for chroma in &mut self.chroma {
             chroma.begin(width.div_ceil(2));
         }
+        let (n_tiles, known) = (self.chroma[0].tiles_per_row, &mut self.chroma_tiles);
+        if known.tiles.len() != n_tiles {
+            known.tiles.resize(n_tiles, [[0.0; CHROMA_TILE]; 2]);
+            known.stamps.clear();
+            known.stamps.resize(n_tiles, u64::MAX);
+        }
     }
 
     /// Rows above and below a pixel, and columns to either side, that count for it at most.
@@ -163,16 +249,31 @@ impl Difference {
         luma.max(2 * chroma + 1)
     }
 
-    /// The difference at row `y`, columns from `32 tile` on; beyond the border it means nothing.
+    /// The blurred difference at row `y`, columns from `32 tile` on; beyond the border it means nothing.
     #[inline(always)]
-    pub(super) fn tile(&mut self, pair: &Pair<'_>, tile: usize, y: usize) -> TileDifference {
+    pub(super) fn tile<S: Simd>(
+        &mut self,
+        simd: S,
+        pair: &Pair<'_>,
+        tile: usize,
+        y: usize,
+    ) -> TileDifference<S> {
         let [luma, u, v] = pair.frame;
         let [back_luma, back_u, back_v] = pair.background;
-        let [rows_u, rows_v] = &mut self.chroma;
+        let known = &mut self.chroma_tiles;
+        let stamp = stamp(self.now, y / 2);
+        if known.stamps[tile] != stamp {
+            known.stamps[tile] = stamp;
+            let [rows_u, rows_v] = &mut self.chroma;
+            let [of_u] = rows_u.blurred(simd, [u, back_u], tile, y / 2, self.now);
+            let [of_v] = rows_v.blurred(simd, [v, back_v], tile, y / 2, self.now);
+            of_u.store_slice(&mut known.tiles[tile][0]);
+            of_v.store_slice(&mut known.tiles[tile][1]);
+        }
         TileDifference {
-            luma: self.luma.blurred(luma, back_luma, tile, y, self.now),
-            u: rows_u.blurred(u, back_u, tile, y / 2, self.now),
-            v: rows_v.blurred(v, back_v, tile, y / 2, self.now),
+            luma: self.luma.blurred(simd, [luma, back_luma], tile, y, self.now),
+            u: load(simd, &known.tiles[tile][0], 0),
+            v: load(simd, &known.tiles[tile][1], 0),
         }
     }
 }
@@ -202,21 +303,23 @@ impl ChannelGains {
 
     /// The norm of every pixel of a tile, 1 is full scale.
     #[inline(always)]
-    pub(super) fn norm(&self, difference: &TileDifference) -> [f32; TILE] {
-        let mut norm = [0.0_f32; TILE];
+    pub(super) fn norm<S: Simd>(&self, simd: S, difference: &TileDifference<S>) -> [Values<S>; HALVES] {
+        let mut norm = [Values::splat(simd, 0.0); HALVES];
+        let luma = [difference.luma[0] * self.luma, difference.luma[1] * self.luma];
         for [from_u, from_v] in self.chroma {
-            let mut chroma = [0.0_f32; TILE];
-            for i in 0..CHROMA_TILE {
-                let value = from_u * difference.u[i] + from_v * difference.v[i];
-                chroma[2 * i] = value;
-                chroma[2 * i + 1] = value;
-            }
-            for i in 0..TILE {
-                norm[i] = norm[i].max((self.luma * difference.luma[i] + chroma[i]).abs());
+            let chroma = doubled(difference.u * from_u + difference.v * from_v);
+            for half in 0..HALVES {
+                norm[half] = norm[half].max((luma[half] + chroma[half]).abs());
             }
         }
         norm
     }
+}
+
+/// Returns each value for two pixels.
+#[inline(always)]
+pub(super) fn doubled<S: Simd>(values: Values<S>) -> [Values<S>; HALVES] {
+    [values.zip_low(values), values.zip_high(values)]
 }
 
 /// Weights of a Gaussian out to 3 sigma, an odd number of them, summing to 1.
@@ -229,9 +332,44 @@ fn gaussian(sigma_px: f64) -> Vec<f32> {
     weights.into_iter().map(|weight| (weight / sum) as f32).collect()
 }
 
+/// Returns a tile's differences of luma and its norms.
+#[cfg(test)]
+#[inline(always)]
+fn seen<S: Simd>(
+    simd: S,
+    difference: &mut Difference,
+    pair: &Pair<'_>,
+    gains: &ChannelGains,
+    (tile, y): (usize, usize),
+) -> [[f32; TILE]; 2] {
+    let found = difference.tile(simd, pair, tile, y);
+    let norm = gains.norm(simd, &found);
+    let mut out = [[0.0; TILE]; 2];
+    for (values, out) in [found.luma, norm].into_iter().zip(&mut out) {
+        values[0].store_slice(&mut out[..CHROMA_TILE]);
+        values[1].store_slice(&mut out[CHROMA_TILE..]);
+    }
+    out
+}
+
+#[cfg(test)]
+impl Difference {
+    /// Returns the differences of luma and the norms of the tile at a tile's column and a row.
+    pub(super) fn seen(
+        &mut self,
+        level: Level,
+        pair: &Pair<'_>,
+        gains: &ChannelGains,
+        place: (usize, usize),
+    ) -> [[f32; TILE]; 2] {
+        dispatch!(level, simd => seen(simd, self, pair, gains, place))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::background::simd_levels;
     use crate::frame::{YuvImage, YuvLayout};
 
     fn image(width: u32, height: u32, pixel: impl Fn(usize, u32, u32) -> u8) -> YuvImage {
@@ -262,6 +400,15 @@ mod tests {
 
     /// Luma difference and norm of every pixel.
     fn all(difference: &mut Difference, frame: &YuvImage, background: &YuvImage) -> (Vec<f32>, Vec<f32>) {
+        all_on(Level::new(), difference, frame, background)
+    }
+
+    fn all_on(
+        level: Level,
+        difference: &mut Difference,
+        frame: &YuvImage,
+        background: &YuvImage,
+    ) -> (Vec<f32>, Vec<f32>) {
         difference.begin(frame.width());
         let gains = ChannelGains::new(frame.matrix(), frame.range());
         let pair = pair(frame, background);
@@ -269,12 +416,58 @@ mod tests {
         for y in 0..frame.height() as usize {
             for tile in 0..(frame.width() as usize).div_ceil(TILE) {
                 let n_pixels = (frame.width() as usize - tile * TILE).min(TILE);
-                let found = difference.tile(&pair, tile, y);
-                luma.extend(&found.luma[..n_pixels]);
-                norm.extend(&gains.norm(&found)[..n_pixels]);
+                let [of_luma, of_norm] = difference.seen(level, &pair, &gains, (tile, y));
+                luma.extend(&of_luma[..n_pixels]);
+                norm.extend(&of_norm[..n_pixels]);
             }
         }
         (luma, norm)
+    }
+
+    /// Luma difference and norm of every pixel, each by itself, along its row and then across.
+    fn plain(sigma_px: f64, frame: &YuvImage, background: &YuvImage) -> (Vec<f32>, Vec<f32>) {
+        let gains = ChannelGains::new(frame.matrix(), frame.range());
+        let pair = pair(frame, background);
+        let blurred = |plane: usize, x: usize, y: usize| {
+            let kernel = gaussian(if plane == 0 { sigma_px } else { 0.5 * sigma_px });
+            let (of, back, radius) = (pair.frame[plane], pair.background[plane], kernel.len() / 2);
+            let near = |at: usize, offset: usize, length: u32| {
+                (at + offset).saturating_sub(radius).min(length as usize - 1)
+            };
+            let along = |y: usize| {
+                kernel.iter().enumerate().fold(0.0, |sum, (offset, weight)| {
+                    let x = near(x, offset, of.width);
+                    sum + weight * (f32::from(of.row(y as u32)[x]) - f32::from(back.row(y as u32)[x]))
+                })
+            };
+            let rows = kernel.iter().enumerate();
+            rows.fold(0.0, |sum, (offset, weight)| sum + weight * along(near(y, offset, of.height)))
+        };
+        let pixels = (0..frame.height() as usize)
+            .flat_map(|y| (0..frame.width() as usize).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let [luma, u, v] = [blurred(0, x, y), blurred(1, x / 2, y / 2), blurred(2, x / 2, y / 2)];
+                let norm = gains.chroma.iter().fold(0.0_f32, |norm, [from_u, from_v]| {
+                    norm.max((gains.luma * luma + (from_u * u + from_v * v)).abs())
+                });
+                (luma, norm)
+            });
+        pixels.unzip()
+    }
+
+    #[test]
+    fn all_instruction_sets_find_what_is_found_pixel_by_pixel() {
+        for (width, height) in [(1, 1), (31, 3), (50, 9), (97, 5), (130, 20), (200, 6)] {
+            let [frame, background] =
+                [1, 2].map(|seed| image(width, height, |plane, x, y| scattered(plane, x, y, seed)));
+            for sigma_px in [0.0, 0.6, 1.5, 2.0, 5.0] {
+                let expected = plain(sigma_px, &frame, &background);
+                for (name, level) in simd_levels() {
+                    let found = all_on(level, &mut Difference::new(sigma_px), &frame, &background);
+                    assert!(found == expected, "{name}, {width} x {height}, {sigma_px} px");
+                }
+            }
+        }
     }
 
     fn scattered(plane: usize, x: u32, y: u32, seed: u32) -> u8 {

@@ -8,13 +8,17 @@
 //! `[C03]` Cucchiara, Grana, Piccardi and Prati 2003, Detecting moving objects, ghosts, and shadows in video streams:
 //! a shadow darkens a pixel and leaves its chromaticity; a highlight lightens it so.
 
-use super::difference::{CHROMA_TILE, ChannelGains, Difference, Pair, TILE, TileDifference};
+use super::difference::{
+    CHROMA_TILE, ChannelGains, Difference, HALVES, Pair, TILE, TileDifference, Values, difference_of,
+    doubled, load, values_of,
+};
 use super::dilate::dilate;
 use super::memory::Memory;
 use super::stages::{Running, ShadowWork};
 use crate::config::{MixtureRule, SegmentSettings, StageChoice};
 use crate::frame::{BitMask, ColorMatrix, ColorRange, inside};
-use fearless_simd::{Level, Simd, dispatch};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, i8x32, i32x16, mask8x32, u8x32};
 use rayon::prelude::*;
 
 /// With fewer tiles than this to look at, handing them to other threads costs more than it saves.
@@ -27,7 +31,7 @@ const OWN_SHARE: f32 = 0.5;
 const DISTINCT: f32 = 1.5;
 
 /// One byte for every pixel of a tile.
-pub(super) type TileRamp = [u8; TILE];
+type TileRamp = [u8; TILE];
 
 /// Judges pixels; keeps its memory from frame to frame.
 #[derive(Debug)]
@@ -70,8 +74,7 @@ struct Rules {
     brightest: f32,
     /// Chroma codes.
     tolerance: f32,
-    /// Factors of `delta` by codes of the background's luma.
-    by_luma: [f32; 256],
+    by_luma: LumaFactors,
     /// Says that thresholds are raised where verdicts keep turning.
     has_flicker: bool,
 }
@@ -94,13 +97,47 @@ impl Rules {
             darkest: settings.shadow_darkest as f32,
             brightest: settings.highlight_brightest as f32,
             tolerance: settings.shadow_chroma as f32 * chroma_codes,
-            by_luma: if running.has_noise {
+            by_luma: LumaFactors::new(if running.has_noise {
                 memory.noise.factors(settings.delta() as f32, blur_sigma_px, black_code)
             } else {
                 [1.0; 256]
-            },
+            }),
             has_flicker: running.has_flicker,
         }
+    }
+}
+
+/// Factors of `delta` by codes of the background's luma.
+#[derive(Clone, Copy, Debug)]
+struct LumaFactors {
+    of_codes: [f32; 256],
+    /// The code from which on all are 1, if there is one.
+    bright_code: Option<u8>,
+}
+
+impl LumaFactors {
+    fn new(of_codes: [f32; 256]) -> Self {
+        let n_bright = of_codes.iter().rev().take_while(|factor| **factor == 1.0).count();
+        Self { of_codes, bright_code: u8::try_from(of_codes.len() - n_bright).ok() }
+    }
+
+    fn least(&self) -> f32 {
+        self.of_codes.iter().copied().fold(1.0, f32::min)
+    }
+
+    /// Returns the factors of a tile's pixels by a row of the background from the tile on; none where all of them are 1.
+    #[inline(always)]
+    fn of<S: Simd>(&self, simd: S, row: &[u8]) -> Option<[f32; TILE]> {
+        if let (Some(codes), Some(bright_code)) = (row.first_chunk::<TILE>(), self.bright_code)
+            && u8x32::from_slice(simd, codes).simd_ge(u8x32::splat(simd, bright_code)).all_true()
+        {
+            return None;
+        }
+        let mut factors = [1.0; TILE];
+        for (factor, code) in factors.iter_mut().zip(row) {
+            *factor = self.of_codes[usize::from(*code)];
+        }
+        Some(factors)
     }
 }
 
@@ -213,7 +250,7 @@ impl Judge {
         });
         // What luma brings and what chroma brings may come from different pixels of the neighbourhood, each of which
         // has its bound in a tile there; twice the greatest bound holds their sum.
-        let half = 0.5 * rules.delta * rules.by_luma.iter().copied().fold(1.0, f32::min);
+        let half = 0.5 * rules.delta * rules.by_luma.least();
         let is_hot = |y: usize, word: usize| {
             let columns = word.saturating_sub(side)..(word + side + 1).min(words_per_row);
             bounds[y * words_per_row..][columns].iter().any(|bound| *bound > half)
@@ -295,22 +332,17 @@ impl Judge {
 
     /// The ramp of a tile: 0 below half of delta, one half at delta, 255 from one and a half of it; 0 too where nothing
     /// near could be foreground.
-    pub(super) fn ramp(&self, y: usize, word: usize) -> TileRamp {
-        let near = self.near.row(y)[word];
-        if near == 0 {
-            return [0; TILE];
-        }
-        let mut ramp = self.ramps[y * self.near.words_per_row() + word];
-        for (i, value) in ramp.iter_mut().enumerate() {
-            *value *= ((near >> i) & 1) as u8;
-        }
-        ramp
+    #[inline(always)]
+    pub(super) fn ramp<S: Simd>(&self, simd: S, y: usize, word: usize) -> u8x32<S> {
+        let near = mask8x32::from_bitmask(simd, u64::from(self.near.row(y)[word]));
+        let ramp = u8x32::from_slice(simd, &self.ramps[y * self.near.words_per_row() + word]);
+        near.select(ramp, u8x32::splat(simd, 0))
     }
 }
 
 #[inline(always)]
 fn judge_band<S: Simd>(
-    _simd: S,
+    simd: S,
     band: Band<'_>,
     first_row: usize,
     pair: &Pair<'_>,
@@ -324,18 +356,16 @@ fn judge_band<S: Simd>(
     for row in 0..n_rows {
         let y = first_row + row;
         let unmatched = unmatched.row(y);
+        let background = pair.background[0].row(y as u32);
         for (word, near_bits) in near.row(y).iter().enumerate() {
             if *near_bits == 0 {
                 continue;
             }
-            let difference = band.difference.tile(pair, word, y);
-            let mut factors = [1.0; TILE];
-            for (factor, code) in factors.iter_mut().zip(&pair.background[0].row(y as u32)[word * TILE..]) {
-                *factor = rules.by_luma[usize::from(*code)];
-            }
-            let norm = over(&rules.gains.norm(&difference), &factors);
+            let difference = band.difference.tile(simd, pair, word, y);
+            let factors = rules.by_luma.of(simd, &background[word * TILE..]);
+            let norm = over(simd, rules.gains.norm(simd, &difference), factors.as_ref());
             let place = row * words_per_row + word;
-            band.ramps[place] = ramp(&norm, rules.delta);
+            ramp(&norm, rules.delta, &mut band.ramps[place]);
             band.weak[place] = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
             let verdict = |differs: u32| match rules.rule {
                 MixtureRule::Ignore => differs,
@@ -350,20 +380,21 @@ fn judge_band<S: Simd>(
             }
             let raised = memory.flicker.factors(y * words_per_row + word, n_words);
             if let Some(raised) = raised.filter(|_| rules.has_flicker) {
-                differs &= bits_above(&over(&norm, &raised), rules.delta);
+                differs &= bits_above(&over(simd, norm, Some(&raised)), rules.delta);
             }
             // The blur carries differences beyond their edges: what does not differ itself is none of it.
-            let itself = unblurred(pair, word, y);
-            let own = bits_above(&over(&rules.gains.norm(&itself), &factors), OWN_SHARE * rules.delta);
-            let foreground = verdict(differs & own);
+            let itself = unblurred(simd, pair, word, y);
+            let own_norm = over(simd, rules.gains.norm(simd, &itself), factors.as_ref());
+            let foreground = verdict(differs & bits_above(&own_norm, OWN_SHARE * rules.delta));
             if foreground == 0 {
                 continue;
             }
             // The blur tells what noise hides; before joints and lines the pixel itself tells what the blur mixes.
             let [shadow, lit] = if rules.has_shadows {
                 let sharp = TileDifference { luma: itself.luma, ..difference };
-                let [by_blur, by_itself] =
-                    [&difference, &sharp].map(|of| shadows_and_lights(of, pair, word, y, rules));
+                let seen = Background::of(simd, pair, word, y, rules);
+                let by_blur = shadows_and_lights(simd, &difference, &seen, rules);
+                let by_itself = shadows_and_lights(simd, &sharp, &seen, rules);
                 let shadow = foreground & (by_blur[0] | by_itself[0]);
                 [shadow, foreground & (by_blur[1] | by_itself[1]) & !shadow]
             } else {
@@ -379,68 +410,80 @@ fn judge_band<S: Simd>(
     }
 }
 
-/// Returns norms over factors of their thresholds.
+/// Returns norms over factors of their thresholds, if these are not all 1.
 #[inline(always)]
-fn over(norm: &[f32; TILE], factors: &[f32; TILE]) -> [f32; TILE] {
-    let mut out = [0.0; TILE];
-    for i in 0..TILE {
-        out[i] = norm[i] / factors[i];
-    }
-    out
+fn over<S: Simd>(simd: S, norm: [Values<S>; HALVES], factors: Option<&[f32; TILE]>) -> [Values<S>; HALVES] {
+    let Some(factors) = factors else { return norm };
+    [norm[0] / load(simd, factors, 0), norm[1] / load(simd, factors, CHROMA_TILE)]
 }
 
 /// Returns the differences of a tile's pixels themselves.
 #[inline(always)]
-pub(super) fn unblurred(pair: &Pair<'_>, tile: usize, y: usize) -> TileDifference {
+pub(super) fn unblurred<S: Simd>(simd: S, pair: &Pair<'_>, tile: usize, y: usize) -> TileDifference<S> {
     let [frame, background] = [&pair.frame, &pair.background];
-    let mut luma = codes::<TILE>(frame[0].row(y as u32), tile);
-    let back = codes::<TILE>(background[0].row(y as u32), tile);
-    for i in 0..TILE {
-        luma[i] -= back[i];
+    let luma = [frame[0].row(y as u32), background[0].row(y as u32)];
+    let u = [frame[1].row(y as u32 / 2), background[1].row(y as u32 / 2)];
+    let v = [frame[2].row(y as u32 / 2), background[2].row(y as u32 / 2)];
+    TileDifference {
+        luma: [
+            unblurred_part(simd, luma, tile * TILE),
+            unblurred_part(simd, luma, tile * TILE + CHROMA_TILE),
+        ],
+        u: unblurred_part(simd, u, tile * CHROMA_TILE),
+        v: unblurred_part(simd, v, tile * CHROMA_TILE),
     }
-    let chroma = [1, 2].map(|plane| {
-        let mut codes_of = codes::<CHROMA_TILE>(frame[plane].row(y as u32 / 2), tile);
-        let back = codes::<CHROMA_TILE>(background[plane].row(y as u32 / 2), tile);
-        for i in 0..CHROMA_TILE {
-            codes_of[i] -= back[i];
+}
+
+#[inline(always)]
+fn unblurred_part<S: Simd>(simd: S, [frame, background]: [&[u8]; 2], first: usize) -> Values<S> {
+    difference_of(simd, &codes(frame, first), &codes(background, first))
+}
+
+/// Stores how far norms are on the way from half to one and a half of `delta`.
+#[inline(always)]
+fn ramp<S: Simd>(norm: &[Values<S>; HALVES], delta: f32, out: &mut TileRamp) {
+    let low: i32x16<S> = ((norm[0] / delta - 0.5) * 255.0).max(0.0).min(255.0).to_int();
+    let high: i32x16<S> = ((norm[1] / delta - 0.5) * 255.0).max(0.0).min(255.0).to_int();
+    let (low, high) = low.saturating_narrow(high).split();
+    let bytes: i8x32<S> = low.narrow(high);
+    let bytes: u8x32<S> = bytes.bitcast();
+    bytes.store_slice(out);
+}
+
+#[inline(always)]
+fn bits_above<S: Simd>(values: &[Values<S>; HALVES], threshold: f32) -> u32 {
+    bits_of(values[0].simd_gt(threshold).to_bitmask(), values[1].simd_gt(threshold).to_bitmask())
+}
+
+/// Returns the bits of a tile from those of its halves.
+#[inline(always)]
+fn bits_of(low: u64, high: u64) -> u32 {
+    (low | high << CHROMA_TILE) as u32
+}
+
+/// A tile of the background: luma above black, chroma above grey.
+#[derive(Clone, Copy)]
+struct Background<S: Simd> {
+    luma: [Values<S>; HALVES],
+    u: [Values<S>; HALVES],
+    v: [Values<S>; HALVES],
+}
+
+impl<S: Simd> Background<S> {
+    #[inline(always)]
+    fn of(simd: S, pair: &Pair<'_>, tile: usize, y: usize, rules: &Rules) -> Self {
+        let luma = pair.background[0].row(y as u32);
+        let [u, v] = [1, 2].map(|plane| pair.background[plane].row(y as u32 / 2));
+        let first = tile * TILE;
+        Self {
+            luma: [
+                values_of(simd, &codes(luma, first)) - rules.black_code,
+                values_of(simd, &codes(luma, first + CHROMA_TILE)) - rules.black_code,
+            ],
+            u: doubled(values_of(simd, &codes(u, tile * CHROMA_TILE)) - 128.0),
+            v: doubled(values_of(simd, &codes(v, tile * CHROMA_TILE)) - 128.0),
         }
-        codes_of
-    });
-    let [u, v] = chroma;
-    TileDifference { luma, u, v }
-}
-
-#[inline(always)]
-fn ramp(norm: &[f32; TILE], delta: f32) -> TileRamp {
-    let mut out = [0; TILE];
-    for i in 0..TILE {
-        out[i] = ((norm[i] / delta - 0.5) * 255.0).clamp(0.0, 255.0) as u8;
     }
-    out
-}
-
-#[inline(always)]
-fn bits_above(values: &[f32; TILE], threshold: f32) -> u32 {
-    let mut flags = [0_u8; TILE];
-    for i in 0..TILE {
-        flags[i] = u8::from(values[i] > threshold);
-    }
-    packed(&flags)
-}
-
-/// Bytes of 0 and 1 as bits.
-#[inline(always)]
-fn packed(flags: &[u8; TILE]) -> u32 {
-    let mut bits = 0;
-    for (at, eight) in flags.chunks_exact(8).enumerate() {
-        let bytes = u64::from_le_bytes([
-            eight[0], eight[1], eight[2], eight[3], eight[4], eight[5], eight[6], eight[7],
-        ]);
-        // The product gathers the lowest bits of eight bytes in its highest byte.
-        let gathered = bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56;
-        bits |= (gathered as u32) << (8 * at);
-    }
-    bits
 }
 
 /// Returns which pixels of a tile are their background in shadow, and which in more light (the test of `[C03]`, on YUV).
@@ -449,62 +492,48 @@ fn packed(flags: &[u8; TILE]) -> u32 {
 /// luma and chroma, being linear in the coded channels, are scaled by it as well. The factor is taken from luma, and
 /// chroma must follow it.
 #[inline(always)]
-fn shadows_and_lights(
-    difference: &TileDifference,
-    pair: &Pair<'_>,
-    tile: usize,
-    y: usize,
+fn shadows_and_lights<S: Simd>(
+    simd: S,
+    difference: &TileDifference<S>,
+    background: &Background<S>,
     rules: &Rules,
 ) -> [u32; 2] {
-    let luma = codes::<TILE>(pair.background[0].row(y as u32), tile);
-    let chroma = [1, 2].map(|plane| {
-        let codes = codes::<CHROMA_TILE>(pair.background[plane].row(y as u32 / 2), tile);
-        doubled(&codes)
-    });
-    let changes = [doubled(&difference.u), doubled(&difference.v)];
-    let mut flags = [[0_u8; TILE]; 2];
-    for i in 0..TILE {
-        let black_luma = luma[i] - rules.black_code;
-        let change = difference.luma[i];
+    let zero = Values::splat(simd, 0.0);
+    let changes = [doubled(difference.u), doubled(difference.v)];
+    let (mut darker, mut lighter) = ([0; HALVES], [0; HALVES]);
+    for half in 0..HALVES {
+        let (black_luma, change) = (background.luma[half], difference.luma[half]);
         let seen = black_luma + change;
-        let is_darker = (change < 0.0) & (seen >= rules.darkest * black_luma);
-        let is_lighter = (change > 0.0) & (seen <= rules.brightest * black_luma);
+        let is_darker = change.simd_lt(zero) & seen.simd_ge(black_luma * rules.darkest);
+        let is_lighter = change.simd_gt(zero) & seen.simd_le(black_luma * rules.brightest);
         // A black background has no shadow; dividing by it gives what compares as false.
         let scale = change / black_luma;
-        let follows = ((changes[0][i] - scale * (chroma[0][i] - 128.0)).abs() <= rules.tolerance)
-            & ((changes[1][i] - scale * (chroma[1][i] - 128.0)).abs() <= rules.tolerance);
-        let is_same = (black_luma > 0.0) & follows;
-        flags[0][i] = u8::from(is_darker & is_same);
-        flags[1][i] = u8::from(is_lighter & is_same);
+        let follows = (changes[0][half] - scale * background.u[half]).abs().simd_le(rules.tolerance)
+            & (changes[1][half] - scale * background.v[half]).abs().simd_le(rules.tolerance);
+        let is_same = black_luma.simd_gt(zero) & follows;
+        darker[half] = (is_darker & is_same).to_bitmask();
+        lighter[half] = (is_lighter & is_same).to_bitmask();
     }
-    [packed(&flags[0]), packed(&flags[1])]
+    [bits_of(darker[0], darker[1]), bits_of(lighter[0], lighter[1])]
 }
 
-/// Each value for two pixels.
+/// Returns the codes of a row from column `first` on; 0 beyond the border.
 #[inline(always)]
-fn doubled(values: &[f32; CHROMA_TILE]) -> [f32; TILE] {
-    let mut out = [0.0; TILE];
-    for i in 0..CHROMA_TILE {
-        out[2 * i] = values[i];
-        out[2 * i + 1] = values[i];
+fn codes(row: &[u8], first: usize) -> [u8; CHROMA_TILE] {
+    let row = row.get(first..).unwrap_or_default();
+    if let Some(codes) = row.first_chunk() {
+        return *codes;
     }
-    out
-}
-
-/// `N` codes of a row from `N tile` on; 0 beyond the border.
-#[inline(always)]
-fn codes<const N: usize>(row: &[u8], tile: usize) -> [f32; N] {
-    let mut out = [0.0; N];
-    let row = &row[tile * N..];
-    for i in 0..N.min(row.len()) {
-        out[i] = f32::from(row[i]);
-    }
-    out
+    let mut codes = [0; CHROMA_TILE];
+    codes[..row.len()].copy_from_slice(row);
+    codes
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::noise::Noise;
     use super::*;
+    use crate::background::simd_levels;
     use crate::frame::{Plane, YuvImage, YuvLayout};
 
     const COLORS: (ColorMatrix, ColorRange) = (ColorMatrix::Bt601, ColorRange::Limited);
@@ -565,8 +594,9 @@ mod tests {
         itself.begin(width);
         let gains = ChannelGains::new(COLORS.0, COLORS.1);
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x as usize, y as usize))) {
-            let norm = gains.norm(&everywhere.tile(pair, x / TILE, y))[x % TILE];
-            let own = gains.norm(&itself.tile(pair, x / TILE, y))[x % TILE];
+            let place = (x / TILE, y);
+            let norm = everywhere.seen(Level::new(), pair, &gains, place)[1][x % TILE];
+            let own = itself.seen(Level::new(), pair, &gains, place)[1][x % TILE];
             let delta = settings.delta() as f32;
             let (differs, is_unmatched) = (norm > delta && own > 0.5 * delta, unmatched.get(x, y));
             let expected = match settings.mixture {
@@ -593,6 +623,115 @@ mod tests {
                 check_every_pixel(&pair, &unmatched, &settings, sigma_px);
             }
         }
+    }
+
+    /// One tile of a difference and the norms that are made of it, to be judged.
+    struct Tile {
+        norm: [f32; TILE],
+        luma: [f32; TILE],
+        chroma: [[f32; CHROMA_TILE]; 2],
+    }
+
+    /// Returns the bits above a threshold, the ramp, and the pixels in shadow and in more light, of norms over factors.
+    #[inline(always)]
+    fn judged<S: Simd>(
+        simd: S,
+        tile: &Tile,
+        pair: &Pair<'_>,
+        (word, y): (usize, usize),
+        rules: &Rules,
+    ) -> (u32, TileRamp, [u32; 2]) {
+        let halves = |values: &[f32; TILE]| [load(simd, values, 0), load(simd, values, CHROMA_TILE)];
+        let factors = rules.by_luma.of(simd, &pair.background[0].row(y as u32)[word * TILE..]);
+        let norm = over(simd, halves(&tile.norm), factors.as_ref());
+        let mut steps = [0; TILE];
+        ramp(&norm, rules.delta, &mut steps);
+        let [u, v] = tile.chroma.map(|values| load(simd, &values, 0));
+        let difference = TileDifference { luma: halves(&tile.luma), u, v };
+        let background = Background::of(simd, pair, word, y, rules);
+        (bits_above(&norm, rules.delta), steps, shadows_and_lights(simd, &difference, &background, rules))
+    }
+
+    /// Returns the same, pixel by pixel; of pixels beyond the border nothing.
+    fn judged_plainly(
+        tile: &Tile,
+        pair: &Pair<'_>,
+        (word, y): (usize, usize),
+        rules: &Rules,
+    ) -> (u32, TileRamp, [u32; 2]) {
+        let (mut above, mut steps, mut darker, mut lighter) = (0, [0; TILE], 0, 0);
+        let rows = [(0, y), (1, y / 2), (2, y / 2)].map(|(plane, y)| pair.background[plane].row(y as u32));
+        let n_pixels = TILE.min(rows[0].len() - word * TILE);
+        for (i, step) in steps[..n_pixels].iter_mut().enumerate() {
+            let x = word * TILE + i;
+            let code = rows[0][x];
+            let norm = tile.norm[i] / rules.by_luma.of_codes[usize::from(code)];
+            above |= u32::from(norm > rules.delta) << i;
+            *step = ((norm / rules.delta - 0.5) * 255.0).clamp(0.0, 255.0) as u8;
+            let (black_luma, change) = (f32::from(code) - rules.black_code, tile.luma[i]);
+            let seen = black_luma + change;
+            let scale = change / black_luma;
+            let follows = [1, 2].iter().all(|plane| {
+                let chroma = f32::from(rows[*plane][x / 2]) - 128.0;
+                (tile.chroma[plane - 1][i / 2] - scale * chroma).abs() <= rules.tolerance
+            });
+            let is_same = black_luma > 0.0 && follows;
+            let is_darker = change < 0.0 && seen >= rules.darkest * black_luma;
+            let is_lighter = change > 0.0 && seen <= rules.brightest * black_luma;
+            darker |= u32::from(is_darker && is_same) << i;
+            lighter |= u32::from(is_lighter && is_same) << i;
+        }
+        (above, steps, [darker, lighter])
+    }
+
+    #[test]
+    fn all_instruction_sets_judge_as_pixel_by_pixel() {
+        let memory = Memory { noise: Noise::known(&[Some(0.01); 8]), ..Memory::default() };
+        let settings = SegmentSettings::default();
+        let rules = Rules::new(COLORS, &settings, ALL, (&memory, 1.5));
+        assert_eq!(rules.by_luma.bright_code, Some(116));
+        let (width, height) = (107, 40);
+        let (mut n_darker, mut n_lighter, mut n_plain) = (0, 0, 0);
+        for seed in 0..30 {
+            // Dark, around the code from which thresholds are the setting's, and bright; chroma near grey.
+            let data: Vec<u8> = (0..YuvLayout::packed_len(width, height))
+                .map(|i| match i as u32 / (width * height) {
+                    0 => [14, 100, 116][seed as usize % 3] + (hash(i, seed) >> 27) as u8,
+                    _ => 120 + (hash(i, seed) >> 28) as u8,
+                })
+                .collect();
+            let layout = YuvLayout::packed(width, height);
+            let background = YuvImage::new(layout, COLORS.0, COLORS.1, data).unwrap();
+            let pair = Pair { frame: planes(&background), background: planes(&background) };
+            let random = |i: usize, greatest: f32| greatest * (hash(i, seed + 99) >> 8) as f32 / 8_388_608.0;
+            for place in (0..4).flat_map(|word| (0..height as usize).map(move |y| (word, y))) {
+                let first = 100 * (place.0 * 40 + place.1);
+                let tile = Tile {
+                    norm: std::array::from_fn(|i| random(first + i, rules.delta)),
+                    luma: std::array::from_fn(|i| random(first + i + 32, 30.0) - 30.0),
+                    chroma: std::array::from_fn(|plane| {
+                        std::array::from_fn(|i| random(first + i + 64 + 16 * plane, 9.0) - 9.0)
+                    }),
+                };
+                let expected = judged_plainly(&tile, &pair, place, &rules);
+                n_darker += expected.2[0].count_ones();
+                n_lighter += expected.2[1].count_ones();
+                let is_inside = |i: &usize| place.0 * TILE + i < width as usize;
+                let inside = (0..TILE).filter(is_inside).fold(0, |bits, i| bits | 1 << i);
+                for (name, level) in simd_levels() {
+                    let (above, mut steps, [darker, lighter]) =
+                        dispatch!(level, simd => judged(simd, &tile, &pair, place, &rules));
+                    (0..TILE).filter(|i| !is_inside(i)).for_each(|i| steps[i] = 0);
+                    let found = (above & inside, steps, [darker & inside, lighter & inside]);
+                    assert_eq!(found, expected, "{name}, {seed}, {place:?}");
+                }
+                let row = &pair.background[0].row(place.1 as u32)[place.0 * TILE..];
+                n_plain += u32::from(dispatch!(Level::new(), simd => rules.by_luma.of(simd, row)).is_none());
+            }
+        }
+        // All that is to be compared was there.
+        assert!(n_darker > 1000 && n_lighter > 1000, "{n_darker} {n_lighter}");
+        assert_eq!(n_plain, 10 * 3 * height);
     }
 
     #[test]

@@ -3,10 +3,12 @@
 //! Light scales what is seen: before a dark background the same thing differs by fewer codes. So the threshold falls with luma below
 //! mid-grey, as far as the noise that is there allows.
 
-use super::difference::{ChannelGains, Pair, TILE};
+use super::difference::{CHROMA_TILE, ChannelGains, Pair, TILE};
 use super::label::unblurred;
 use super::memory::{invalid, read, write_all};
 use crate::frame::{BitMask, quantile};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, i32x16};
 use std::io::{self, Read, Write};
 
 /// Bins of luma, each so many codes.
@@ -20,6 +22,9 @@ const TILE_STEP: usize = 5;
 /// Norms are counted in steps of a 512th of full scale; what is more says nothing of noise.
 const N_STEPS: usize = 64;
 const STEP: f32 = 1.0 / 512.0;
+
+/// Norms by bins of luma; the last step is what counts in none.
+type Counts = [[u32; N_STEPS + 1]; N_BINS];
 
 /// Fewer pixels than this in a frame say nothing of a bin.
 const LEAST_PX: u32 = 64;
@@ -45,25 +50,11 @@ pub(super) struct Noise {
 impl Noise {
     /// Looks at some of the pixels that are not foreground.
     pub(super) fn observe(&mut self, pair: &Pair<'_>, gains: &ChannelGains, foreground: &BitMask) {
-        let background = pair.background[0];
-        let mut counts = [[0_u32; N_STEPS]; N_BINS];
         self.turn = self.turn.wrapping_add(1);
-        let turn = self.turn as usize;
-        for y in (turn % ROW_STEP..background.height as usize).step_by(ROW_STEP) {
-            let (bits, codes) = (foreground.row(y), background.row(y as u32));
-            for word in ((turn + y) % TILE_STEP..bits.len()).step_by(TILE_STEP) {
-                if bits[word] != 0 {
-                    continue;
-                }
-                let norm = gains.norm(&unblurred(pair, word, y));
-                for (code, norm) in codes[word * TILE..].iter().zip(norm) {
-                    // Norms above the last step count in none.
-                    let count = counts[usize::from(*code) / BIN_CODES].get_mut((norm / STEP) as usize);
-                    *count.unwrap_or(&mut 0) += 1;
-                }
-            }
-        }
+        let (turn, mut counts) = (self.turn as usize, [[0; N_STEPS + 1]; N_BINS]);
+        dispatch!(Level::new(), simd => count(simd, pair, gains, foreground, turn, &mut counts));
         for (known, counts) in self.deviations.iter_mut().zip(&counts) {
+            let counts = counts.first_chunk().expect("the last step is one more");
             let n: u32 = counts.iter().sum();
             if n < LEAST_PX {
                 continue;
@@ -113,6 +104,36 @@ impl Noise {
     }
 }
 
+/// Counts the norms of the tiles whose turn it is and that hold no foreground.
+#[inline(always)]
+fn count<S: Simd>(
+    simd: S,
+    pair: &Pair<'_>,
+    gains: &ChannelGains,
+    foreground: &BitMask,
+    turn: usize,
+    counts: &mut Counts,
+) {
+    let background = pair.background[0];
+    for y in (turn % ROW_STEP..background.height as usize).step_by(ROW_STEP) {
+        let (bits, codes) = (foreground.row(y), background.row(y as u32));
+        for word in ((turn + y) % TILE_STEP..bits.len()).step_by(TILE_STEP) {
+            if bits[word] != 0 {
+                continue;
+            }
+            let norm = gains.norm(simd, &unblurred(simd, pair, word, y));
+            let mut steps = [0_i32; TILE];
+            for (norm, steps) in norm.iter().zip(steps.as_chunks_mut::<CHROMA_TILE>().0) {
+                let whole: i32x16<S> = (*norm / STEP).min(N_STEPS as f32).to_int();
+                whole.store_slice(steps);
+            }
+            for (code, step) in codes[word * TILE..].iter().zip(steps) {
+                counts[usize::from(*code) / BIN_CODES][step as usize] += 1;
+            }
+        }
+    }
+}
+
 /// Returns the median of `n` norms by their histogram.
 fn median(counts: &[u32; N_STEPS], n: u32) -> f32 {
     STEP * quantile(counts.map(|count| count as f32), 0.5 * n as f32).unwrap_or(N_STEPS as f32)
@@ -129,7 +150,9 @@ impl Noise {
 
 #[cfg(test)]
 mod tests {
+    use super::super::difference::Difference;
     use super::*;
+    use crate::background::simd_levels;
     use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
 
     /// Returns what is known after pictures whose luma lies off their background of `luma` by at most `off` codes.
@@ -156,6 +179,63 @@ mod tests {
             noise.observe(&pair, &gains, &BitMask::new(width, height));
         }
         noise
+    }
+
+    #[test]
+    fn all_instruction_sets_count_as_one_by_one() {
+        let (width, height) = (370, 60);
+        let [frame, background] = [1_u32, 2].map(|seed| {
+            let data: Vec<u8> = (0..YuvLayout::packed_len(width, height) as u32)
+                .map(|i| {
+                    90 + 20 * (i / 9000) as u8
+                        + ((i.wrapping_mul(0x9e37_79b9) ^ i >> 7)
+                            .wrapping_mul(0x85eb_ca6b + 0x0101_0100 * seed)
+                            >> 27) as u8
+                })
+                .collect();
+            let layout = YuvLayout::packed(width, height);
+            YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap()
+        });
+        let planes = |of: &'_ YuvImage| [0, 1, 2].map(|plane| of.plane(plane).width);
+        assert_eq!(planes(&frame), planes(&background));
+        let pair = Pair {
+            frame: [0, 1, 2].map(|plane| frame.plane(plane)),
+            background: [0, 1, 2].map(|plane| background.plane(plane)),
+        };
+        let gains = ChannelGains::new(ColorMatrix::Bt601, ColorRange::Limited);
+        let mut foreground = BitMask::new(width, height);
+        (0..40).for_each(|y| foreground.set_run(y, 70, 75));
+        for turn in 0..20 {
+            let mut expected = [[0; N_STEPS + 1]; N_BINS];
+            let mut itself = Difference::new(0.0);
+            itself.begin(width);
+            let places = (0..height as usize)
+                .flat_map(|y| (0..foreground.words_per_row()).map(move |word| (word, y)))
+                .filter(|(word, y)| {
+                    y % ROW_STEP == turn % ROW_STEP
+                        && word % TILE_STEP == (turn + y) % TILE_STEP
+                        && foreground.row(*y)[*word] == 0
+                });
+            for (word, y) in places {
+                let norm = itself.seen(Level::new(), &pair, &gains, (word, y))[1];
+                for (code, norm) in pair.background[0].row(y as u32)[word * TILE..].iter().zip(norm) {
+                    let step = ((norm / STEP) as usize).min(N_STEPS);
+                    expected[usize::from(*code) / BIN_CODES][step] += 1;
+                }
+            }
+            assert!(expected.iter().flatten().filter(|n| **n > 0).count() > 20);
+            for (name, level) in simd_levels() {
+                let mut counts = [[0; N_STEPS + 1]; N_BINS];
+                dispatch!(level, simd => count(simd, &pair, &gains, &foreground, turn, &mut counts));
+                assert!(counts == expected, "{name}, {turn}");
+            }
+        }
+        // What is more than the last step counts in nothing that is known.
+        let mut noise = Noise::default();
+        let white = YuvImage::filled(width, height, [235, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        let pair = Pair { frame: [0, 1, 2].map(|plane| white.plane(plane)), ..pair };
+        (0..20).for_each(|_| noise.observe(&pair, &gains, &foreground));
+        assert_eq!(noise.typical(), None);
     }
 
     #[test]
