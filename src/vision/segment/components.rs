@@ -65,7 +65,11 @@ impl Components {
         let mut above = 0..0;
         for y in 0..mask.height() {
             let begin = self.runs.len();
-            self.append_runs(mask, y, wanted);
+            match wanted {
+                _ if !mask.is_row_empty(y) => self.append_runs(mask, y, wanted),
+                Wanted::Ones => {}
+                Wanted::Zeros => self.push(y as u32, 0, mask.width() as u32),
+            }
             self.join(above, begin, connectivity);
             above = begin..self.runs.len();
         }

@@ -56,13 +56,16 @@ impl Flicker {
             return;
         }
         self.sink(dt_secs);
-        for (word, (now, before)) in foreground.words().iter().zip(self.before.words()).enumerate() {
-            let mut turned = now ^ before;
-            while turned != 0 {
-                let count = &mut self.counts[word * TILE + turned.trailing_zeros() as usize];
-                *count = count.saturating_add(TURN);
-                self.is_restless[word] |= *count > CALM;
-                turned &= turned - 1;
+        for y in (0..foreground.height()).filter(|y| foreground.row(*y) != self.before.row(*y)) {
+            let first = y * foreground.words_per_row();
+            for (idx, (now, before)) in foreground.row(y).iter().zip(self.before.row(y)).enumerate() {
+                let (word, mut turned) = (first + idx, now ^ before);
+                while turned != 0 {
+                    let count = &mut self.counts[word * TILE + turned.trailing_zeros() as usize];
+                    *count = count.saturating_add(TURN);
+                    self.is_restless[word] |= *count > CALM;
+                    turned &= turned - 1;
+                }
             }
         }
         self.before.words_mut().copy_from_slice(foreground.words());
