@@ -9,114 +9,145 @@ use crate::frame::{BitMask, WORD_PIXELS};
 /// two people is long compared with the feet and the head that it joins.
 const GREATEST_GAP: f32 = 0.5;
 
-/// Where a column stands, from the top down.
-#[derive(Clone, Copy, Debug, Default)]
-struct Column {
-    /// Moving pixels in a row above the gap; 0 when there are none.
-    n_above: u32,
-    /// Shadow pixels in a row beneath them.
-    n_gap: u32,
-    /// Moving pixels in a row beneath the gap, while it is not decided.
-    n_below: u32,
-}
-
-/// Makes shadow that lies within a body part of it again.
-///
-/// Dark clothes can look like the shadow of what is behind them. A cast shadow lies beneath or beside its owner, so
-/// shadow with moving pixels above and below it in its column, close to each other, is body.
-pub(super) fn restore_enclosed_shadow(moving: &mut BitMask, shadow: &mut BitMask) {
-    for word in 0..moving.words_per_row() {
-        let mut columns = [Column::default(); WORD_PIXELS];
-        let mut is_begun = false;
-        for y in 0..moving.height() {
-            let (moving_bits, shadow_bits) = (moving.row(y)[word], shadow.row(y)[word]);
-            if moving_bits | shadow_bits == 0 {
-                if is_begun {
-                    columns = [Column::default(); WORD_PIXELS];
-                    is_begun = false;
-                }
-                continue;
-            }
-            is_begun = true;
-            for (x, column) in columns.iter_mut().enumerate() {
-                let bit = 1 << x;
-                let seen = if moving_bits & bit != 0 {
-                    Seen::Moving
-                } else if shadow_bits & bit != 0 {
-                    Seen::Shadow
-                } else {
-                    Seen::Background
-                };
-                for above in y - column.advance(seen) as usize..y {
-                    moving.row_mut(above)[word] |= bit;
-                    shadow.row_mut(above)[word] &= !bit;
-                }
-            }
-        }
-    }
-}
-
 /// A gap across a body is at most this share of the shorter of the body's runs above and beneath it.
 const GREATEST_BRIDGE: f32 = 0.25;
 
-/// A column on the way down: rows of body, of the gap beneath it, and of body beneath the gap.
+/// Repairs columns, each by itself, from the top down; keeps its memory from frame to frame.
+///
+/// Something begins or ends only where a row differs from the one above it: other pixels are not looked at.
+#[derive(Debug, Default)]
+pub(super) struct Columns {
+    columns: Vec<Column>,
+    /// Moving and shadow pixels of the row above.
+    above: Vec<[u32; 2]>,
+}
+
+/// State of a column on the way down.
 #[derive(Clone, Copy, Debug, Default)]
-struct Bridge {
+struct Column {
+    /// First row of what goes on.
+    since: u32,
+    /// Moving pixels in a row above the gap; 0 when there are none.
     n_above: u32,
+    /// Pixels of the gap beneath them.
     n_gap: u32,
+    /// Moving pixels in a row beneath the gap, if they are too few to decide.
     n_below: u32,
 }
 
-/// Joins what stands above and beneath a narrow gap.
-///
-/// Nothing is found where a strip of the background has the colour of somebody's clothes, a belt say, and a body is two.
-pub(super) fn bridge_gaps(moving: &mut BitMask) {
-    for word in 0..moving.words_per_row() {
-        let mut columns = [Bridge::default(); WORD_PIXELS];
-        // Columns with body above.
-        let mut begun = 0_u32;
-        for y in 0..moving.height() {
-            let bits = moving.row(y)[word];
-            let mut looked_at = bits | begun;
-            while looked_at != 0 {
-                let x = looked_at.trailing_zeros();
-                looked_at &= looked_at - 1;
-                let seen = if bits & 1 << x == 0 { Seen::Background } else { Seen::Moving };
-                let column = &mut columns[x as usize];
-                let (first, n_rows) = column.advance(seen, y as u32);
-                begun = begun & !(1 << x) | u32::from(column.n_above > 0) << x;
-                for above in first..first + n_rows {
-                    moving.row_mut(above as usize)[word] |= 1 << x;
+impl Columns {
+    /// Makes shadow that lies within a body part of it again; no pixel is both at first.
+    ///
+    /// Dark clothes can look like the shadow of what is behind them. A cast shadow lies beneath or beside its owner, so
+    /// shadow with moving pixels above and below it in its column, close to each other, is body.
+    pub(super) fn restore_enclosed_shadow(&mut self, moving: &mut BitMask, shadow: &mut BitMask) {
+        self.walk(moving, Some(shadow), Column::take_shadowed);
+    }
+
+    /// Joins what stands above and beneath a narrow gap.
+    ///
+    /// Nothing is found where a strip of the background has the colour of somebody's clothes, a belt say, and a body is two.
+    pub(super) fn bridge_gaps(&mut self, moving: &mut BitMask) {
+        self.walk(moving, None, Column::take_parted);
+    }
+
+    /// Calls `take` with what ends in each column and how many rows it had; makes so many rows above these moving as it returns.
+    fn walk(
+        &mut self,
+        moving: &mut BitMask,
+        mut shadow: Option<&mut BitMask>,
+        take: fn(&mut Column, Seen, u32) -> u32,
+    ) {
+        let (words_per_row, height) = (moving.words_per_row(), moving.height());
+        self.columns.clear();
+        self.columns.resize(words_per_row * WORD_PIXELS, Column::default());
+        self.above.clear();
+        self.above.resize(words_per_row, [0; 2]);
+        let mut is_empty_above = true;
+        for y in 0..=height {
+            let is_empty = |mask: &BitMask| y == height || mask.is_row_empty(y);
+            let was_empty = is_empty_above;
+            is_empty_above = is_empty(moving) && shadow.as_deref().is_none_or(is_empty);
+            if was_empty && is_empty_above {
+                continue;
+            }
+            for word in 0..words_per_row {
+                let bits = |mask: &BitMask| if y == height { 0 } else { mask.row(y)[word] };
+                let now = [bits(moving), shadow.as_deref().map_or(0, bits)];
+                let above = std::mem::replace(&mut self.above[word], now);
+                let mut ending = (now[0] ^ above[0]) | (now[1] ^ above[1]);
+                while ending != 0 {
+                    let bit = ending & ending.wrapping_neg();
+                    let column = &mut self.columns[word * WORD_PIXELS + ending.trailing_zeros() as usize];
+                    ending ^= bit;
+                    let first = std::mem::replace(&mut column.since, y as u32);
+                    let n_rows = take(column, Seen::of(above, bit), y as u32 - first);
+                    let rows = (first - n_rows) as usize..first as usize;
+                    fill(moving, shadow.as_deref_mut(), rows, (word, bit));
                 }
             }
         }
     }
 }
 
-impl Bridge {
-    /// Takes the next pixel downwards, of row `y`; returns the rows of a gap that is body.
-    fn advance(&mut self, seen: Seen, y: u32) -> (u32, u32) {
+/// Makes rows of a column moving.
+fn fill(
+    moving: &mut BitMask,
+    shadow: Option<&mut BitMask>,
+    rows: std::ops::Range<usize>,
+    (word, bit): (usize, u32),
+) {
+    for row in rows.clone() {
+        moving.row_mut(row)[word] |= bit;
+    }
+    if let Some(shadow) = shadow {
+        for row in rows {
+            shadow.row_mut(row)[word] &= !bit;
+        }
+    }
+}
+
+impl Column {
+    /// Takes rows of a column of body and shadow; returns the rows above them that become moving, mostly none.
+    fn take_shadowed(&mut self, seen: Seen, n_rows: u32) -> u32 {
+        match seen {
+            Seen::Moving if self.n_gap == 0 => self.n_above += n_rows,
+            Seen::Moving if self.n_gap as f32 <= GREATEST_GAP * (self.n_above + n_rows) as f32 => {
+                return self.join(n_rows);
+            }
+            Seen::Moving => self.n_below = n_rows,
+            Seen::Shadow if self.n_below > 0 => self.begin(self.n_below, n_rows),
+            Seen::Shadow if self.n_above > 0 => self.n_gap = n_rows,
+            _ => self.begin(0, 0),
+        }
+        0
+    }
+
+    /// Takes rows of a column of body and gaps; returns the rows above them that become moving, mostly none.
+    fn take_parted(&mut self, seen: Seen, n_rows: u32) -> u32 {
         if seen != Seen::Moving {
-            if self.n_below > 0 {
-                *self = Self { n_above: self.n_below, n_gap: 0, n_below: 0 };
-            }
-            self.n_gap += u32::from(self.n_above > 0);
-            if self.n_gap as f32 > GREATEST_BRIDGE * self.n_above as f32 {
-                *self = Self::default();
-            }
-            return (0, 0);
+            let n_above = if self.n_below > 0 { self.n_below } else { self.n_above };
+            let is_narrow = n_rows as f32 <= GREATEST_BRIDGE * n_above as f32;
+            self.begin(if is_narrow { n_above } else { 0 }, if is_narrow { n_rows } else { 0 });
+        } else if self.n_gap == 0 {
+            self.n_above += n_rows;
+        } else if self.n_gap as f32 <= GREATEST_BRIDGE * n_rows as f32 {
+            return self.join(n_rows);
+        } else {
+            self.n_below = n_rows;
         }
-        if self.n_gap == 0 {
-            self.n_above += 1;
-            return (0, 0);
-        }
-        self.n_below += 1;
-        if self.n_gap as f32 > GREATEST_BRIDGE * self.n_below as f32 {
-            return (0, 0);
-        }
-        let gap = (y + 1 - self.n_below - self.n_gap, self.n_gap);
-        *self = Self { n_above: self.n_above + self.n_gap + self.n_below, ..Self::default() };
-        gap
+        0
+    }
+
+    fn begin(&mut self, n_above: u32, n_gap: u32) {
+        *self = Self { n_above, n_gap, n_below: 0, ..*self };
+    }
+
+    /// Makes one of what is above the gap and `n_rows` beneath it; returns the gap's rows.
+    fn join(&mut self, n_rows: u32) -> u32 {
+        let n_gap = self.n_gap;
+        self.begin(self.n_above + n_gap + n_rows, 0);
+        n_gap
     }
 }
 
@@ -258,24 +289,16 @@ enum Seen {
     Shadow,
 }
 
-impl Column {
-    /// Takes the next pixel downwards; the number of rows above it that become moving, mostly none.
-    fn advance(&mut self, seen: Seen) -> u32 {
-        match seen {
-            Seen::Moving if self.n_gap == 0 => self.n_above += 1,
-            Seen::Moving => {
-                self.n_below += 1;
-                if self.n_gap as f32 <= GREATEST_GAP * (self.n_above + self.n_below) as f32 {
-                    let n_rows = self.n_gap + self.n_below - 1;
-                    *self = Self { n_above: self.n_above + n_rows + 1, ..Self::default() };
-                    return n_rows;
-                }
-            }
-            Seen::Shadow if self.n_below > 0 => *self = Self { n_above: self.n_below, n_gap: 1, n_below: 0 },
-            Seen::Shadow if self.n_above > 0 => self.n_gap += 1,
-            _ => *self = Self::default(),
+impl Seen {
+    /// Returns what a bit of words of moving and shadow pixels says.
+    const fn of([moving, shadow]: [u32; 2], bit: u32) -> Self {
+        if moving & bit != 0 {
+            Self::Moving
+        } else if shadow & bit != 0 {
+            Self::Shadow
+        } else {
+            Self::Background
         }
-        0
     }
 }
 
@@ -283,13 +306,125 @@ impl Column {
 mod tests {
     use super::super::drawn::{drawn, shown};
     use super::*;
+    use proptest::prelude::*;
+
+    /// A column as it is judged pixel by pixel.
+    #[derive(Clone, Copy, Default)]
+    struct Plain {
+        n_above: usize,
+        n_gap: usize,
+        n_below: usize,
+    }
+
+    impl Plain {
+        /// Takes the next pixel downwards of body and shadow; returns the number of rows above it that become moving.
+        fn advance_shadowed(&mut self, seen: Seen) -> usize {
+            match seen {
+                Seen::Moving if self.n_gap == 0 => self.n_above += 1,
+                Seen::Moving => {
+                    self.n_below += 1;
+                    if self.n_gap as f32 <= GREATEST_GAP * (self.n_above + self.n_below) as f32 {
+                        let n_rows = self.n_gap + self.n_below - 1;
+                        *self = Self { n_above: self.n_above + n_rows + 1, ..Self::default() };
+                        return n_rows;
+                    }
+                }
+                Seen::Shadow if self.n_below > 0 => {
+                    *self = Self { n_above: self.n_below, n_gap: 1, n_below: 0 };
+                }
+                Seen::Shadow if self.n_above > 0 => self.n_gap += 1,
+                _ => *self = Self::default(),
+            }
+            0
+        }
+
+        /// Takes the next pixel downwards of body and gaps; returns the number of rows above it that become moving.
+        fn advance_parted(&mut self, seen: Seen) -> usize {
+            if seen != Seen::Moving {
+                if self.n_below > 0 {
+                    *self = Self { n_above: self.n_below, n_gap: 0, n_below: 0 };
+                }
+                self.n_gap += usize::from(self.n_above > 0);
+                if self.n_gap as f32 > GREATEST_BRIDGE * self.n_above as f32 {
+                    *self = Self::default();
+                }
+                return 0;
+            }
+            if self.n_gap == 0 {
+                self.n_above += 1;
+                return 0;
+            }
+            self.n_below += 1;
+            if self.n_gap as f32 > GREATEST_BRIDGE * self.n_below as f32 {
+                return 0;
+            }
+            let n_rows = self.n_gap + self.n_below - 1;
+            *self = Self { n_above: self.n_above + n_rows + 1, ..Self::default() };
+            n_rows
+        }
+    }
+
+    /// Repairs every column pixel by pixel.
+    fn repaired(
+        moving: &BitMask,
+        shadow: &BitMask,
+        advance: fn(&mut Plain, Seen) -> usize,
+    ) -> (BitMask, BitMask) {
+        let (mut out_moving, mut out_shadow) = (moving.clone(), shadow.clone());
+        for x in 0..moving.width() {
+            let mut column = Plain::default();
+            for y in 0..moving.height() {
+                let seen = match (moving.get(x, y), shadow.get(x, y)) {
+                    (true, _) => Seen::Moving,
+                    (false, true) => Seen::Shadow,
+                    (false, false) => Seen::Background,
+                };
+                for above in y - advance(&mut column, seen)..y {
+                    out_moving.set_run(above, x, x + 1);
+                    out_shadow.clear_run(above, x, x + 1);
+                }
+            }
+        }
+        (out_moving, out_shadow)
+    }
+
+    proptest! {
+        #[test]
+        fn columns_by_what_ends_are_columns_pixel_by_pixel(
+            columns in prop::collection::vec(prop::collection::vec((0..5_u8, 1..12_usize), 1..14), 1..70),
+            height in 1..90_usize,
+        ) {
+            let [mut moving, mut shadow] = [(); 2].map(|()| BitMask::new(columns.len() as u32, height as u32));
+            for (x, runs) in columns.iter().enumerate() {
+                let letters = runs.iter().flat_map(|(kind, n_rows)| std::iter::repeat_n(*kind, *n_rows));
+                for (y, kind) in letters.take(height).enumerate() {
+                    let of = match kind {
+                        0 | 1 => &mut moving,
+                        2 | 3 => &mut shadow,
+                        _ => continue,
+                    };
+                    of.set_run(y, x, x + 1);
+                }
+            }
+            let mut columns = Columns::default();
+            // What was there before must not show.
+            columns.bridge_gaps(&mut repaired(&shadow, &moving, Plain::advance_shadowed).0);
+            let expected = repaired(&moving, &shadow, Plain::advance_parted).0;
+            let mut found = moving.clone();
+            columns.bridge_gaps(&mut found);
+            prop_assert_eq!(found, expected);
+            let expected = repaired(&moving, &shadow, Plain::advance_shadowed);
+            columns.restore_enclosed_shadow(&mut moving, &mut shadow);
+            prop_assert_eq!((moving, shadow), expected);
+        }
+    }
 
     #[test]
     fn a_narrow_gap_in_a_column_of_body_is_body() {
         let check = |column: &str, expected: &str| {
             let upright: Vec<String> = column.chars().map(String::from).collect();
             let (mut moving, shadow) = drawn(&upright.join(" "));
-            bridge_gaps(&mut moving);
+            Columns::default().bridge_gaps(&mut moving);
             assert_eq!(shown(&moving, &shadow).replace(' ', ""), expected, "{column}");
         };
         check("########..########", "##################");
@@ -310,7 +445,7 @@ mod tests {
         let check = |column: &str, expected: &str| {
             let upright: Vec<String> = column.chars().map(String::from).collect();
             let (mut moving, mut shadow) = drawn(&upright.join(" "));
-            restore_enclosed_shadow(&mut moving, &mut shadow);
+            Columns::default().restore_enclosed_shadow(&mut moving, &mut shadow);
             assert_eq!(shown(&moving, &shadow).replace(' ', ""), expected, "{column}");
         };
         check("####ss####", "##########");
@@ -328,7 +463,7 @@ mod tests {
     #[test]
     fn columns_are_judged_by_themselves() {
         let (mut moving, mut shadow) = drawn("#.# #s# s## ###");
-        restore_enclosed_shadow(&mut moving, &mut shadow);
+        Columns::default().restore_enclosed_shadow(&mut moving, &mut shadow);
         assert_eq!(shown(&moving, &shadow), "#.# #s# ### ###");
     }
 

@@ -11,7 +11,7 @@ use super::label::Judge;
 use super::least_areas::LeastAreas;
 use super::majority::Majority;
 use super::memory::Memory;
-use super::repair::{Surroundings, bridge_gaps, restore_enclosed_shadow, restore_legs};
+use super::repair::{Columns, Surroundings, restore_legs};
 use super::shadow::Shadows;
 use super::soft::soften;
 use super::split::Splitter;
@@ -55,6 +55,7 @@ pub struct Segmenter {
     /// Says that frames are looked at in any order, so that none teaches anything.
     is_review: bool,
     shadows: Shadows,
+    columns: Columns,
     surroundings: Surroundings,
     holes: Holes,
     closing: Closing,
@@ -84,6 +85,7 @@ impl Segmenter {
             stages: Stages::default(),
             is_review: false,
             shadows: Shadows::default(),
+            columns: Columns::default(),
             surroundings: Surroundings::default(),
             holes: Holes::default(),
             closing: Closing::default(),
@@ -274,6 +276,7 @@ impl Segmenter {
         let n_foreground = self.moving.count_ones() + self.shadow.count_ones() + self.lit.count_ones();
         let (moving, shadow, lit) = (&mut self.moving, &mut self.shadow, &mut self.lit);
         let components = &mut self.pieces.components;
+        self.shadows.begin();
         let n_lit = self.shadows.judge_lit(pair, black_code, (moving, shadow, lit), components);
         let n_certain =
             n_lit + self.shadows.judge(pair, (black_code, least_codes), (moving, shadow), components);
@@ -313,12 +316,12 @@ impl Segmenter {
 
     fn repair(&mut self, factor: u32, running: Running) {
         if running.shadow == ShadowWork::Told {
-            restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
+            self.columns.restore_enclosed_shadow(&mut self.moving, &mut self.shadow);
             self.pieces.components.find(&self.moving, Wanted::Ones, Connectivity::Eight);
             restore_legs(&mut self.moving, &mut self.shadow, self.pieces.components.pieces());
             self.surroundings.restore(&mut self.moving, &mut self.shadow, &mut self.pieces.components);
         }
-        bridge_gaps(&mut self.moving);
+        self.columns.bridge_gaps(&mut self.moving);
         let close_radius_px = (self.settings.close_radius_px + factor / 2) / factor;
         if close_radius_px > 0 {
             self.closing.close(&mut self.moving, close_radius_px);

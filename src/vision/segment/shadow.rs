@@ -12,7 +12,7 @@
 
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::difference::Pair;
-use crate::frame::{BitMask, Plane, quantile};
+use crate::frame::{BitMask, Plane, WORD_PIXELS, quantile};
 
 /// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
 const CELL_PX: u32 = 6;
@@ -261,9 +261,16 @@ pub(super) struct Shadows {
     rows: Vec<u32>,
     /// None before the first frame.
     logarithms: Option<Logarithms>,
+    /// Variance of the noise in this frame, once it was asked for.
+    variance: Option<f32>,
 }
 
 impl Shadows {
+    /// Begins a frame: what was known of its noise is forgotten.
+    pub(super) const fn begin(&mut self) {
+        self.variance = None;
+    }
+
     /// Moves what is no shadow from `shadow` to `moving`, and returns how many pixels are certain to be shadow, since they kept the
     /// structure of their background. `black_code` is luma's code of black; pixels that are darker by less than `least_codes` are
     /// candidates through the blur alone, and stay what they are.
@@ -331,7 +338,8 @@ impl Shadows {
         changed: [&BitMask; 3],
         components: &Components,
     ) {
-        let variance = noise_variance(pair, changed);
+        // Candidates become this or that, and all of them together stay the same.
+        let variance = *self.variance.get_or_insert_with(|| noise_variance(pair, changed));
         self.gather(pair, black_code, components);
         self.join(components, variance);
     }
@@ -625,17 +633,21 @@ fn gather(
 fn noise_variance(pair: &Pair<'_>, changed: [&BitMask; 3]) -> f32 {
     const STEP: usize = 7;
     let [frame, background] = [pair.frame[0], pair.background[0]];
-    let mut counts = [0_u32; 256];
-    let mut n = 0_u32;
+    // Counted in turn in one of four, since one count waits for the last in the same place.
+    let mut counts = [[0_u32; 256]; 4];
     for y in (0..frame.height as usize).step_by(STEP) {
         let (frame, background) = (frame.row(y as u32), background.row(y as u32));
+        let changed = changed.map(|mask| mask.row(y));
         for x in (0..frame.len()).step_by(STEP) {
-            if !changed.iter().any(|mask| mask.get(x, y)) {
-                counts[usize::from(frame[x].abs_diff(background[x]))] += 1;
-                n += 1;
+            let word = x / WORD_PIXELS;
+            let changed = changed[0][word] | changed[1][word] | changed[2][word];
+            if (changed >> (x % WORD_PIXELS)) & 1 == 0 {
+                counts[x / STEP % 4][usize::from(frame[x].abs_diff(background[x]))] += 1;
             }
         }
     }
+    let counts: [u32; 256] = std::array::from_fn(|code| counts.iter().map(|counts| counts[code]).sum());
+    let n: u32 = counts.iter().sum();
     // A code stands for what lies half a code to either side.
     let bins = quantile(counts.map(|count| count as f32), 0.5 * n as f32).unwrap_or(0.5);
     let median = (bins - 0.5).max(0.0);
@@ -808,6 +820,31 @@ mod tests {
                 assert!((found - expected).abs() < 1e-9, "{gain}, {beside} beside: {found}");
             }
         }
+    }
+
+    #[test]
+    fn noise_is_measured_once_a_frame_and_anew_in_the_next() {
+        let mut shadows = Shadows::default();
+        let empty = picture(|_, _| 110.0);
+        let mut found = Vec::new();
+        for codes in [4.0, 24.0] {
+            let seen = picture(|x, y| {
+                let light = if is_within(&DARKER, x, y) { 150.0 } else { 110.0 };
+                light + codes * ((x * 7 + y * 3) % 5) as f32 / 4.0
+            });
+            let pair = Pair {
+                frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+                background: [0, 1, 2].map(|plane| empty.plane(plane)),
+            };
+            let (mut moving, mut shadow, mut lit) = (mask(&OWNER), mask(&BESIDE), mask(&DARKER));
+            shadows.begin();
+            let masks = (&mut moving, &mut shadow, &mut lit);
+            shadows.judge_lit(&pair, 16.0, masks, &mut Components::default());
+            let variance = noise_variance(&pair, [&moving, &shadow, &shadow]);
+            assert_eq!(shadows.variance, Some(variance), "candidates changed sides, and none is new");
+            found.push(variance);
+        }
+        assert!(found[1] > 2.0 * found[0], "{found:?}");
     }
 
     #[test]
