@@ -67,6 +67,9 @@ impl Blinking {
         let words_per_row = foreground.words_per_row();
         for (word, (now, weak)) in foreground.words().iter().zip(weak.words()).enumerate() {
             let present = &mut self.present.words_mut()[word];
+            if *now | *present == 0 {
+                continue;
+            }
             let mut came = now & !*present;
             *present = (*present | now) & (now | weak);
             let (y, first) = (word / words_per_row, word % words_per_row * TILE);
@@ -137,8 +140,9 @@ impl Blinking {
 
 /// Returns whether a colour is the one of before, by how much either differs from the background, which is asked for if it matters.
 fn is_same(before: &[u8; 3], now: &[u8; 3], background: impl Fn() -> [u8; 3]) -> bool {
-    let codes =
-        |a: &[u8; 3], b: &[u8; 3]| a.iter().zip(b).map(|(a, b)| i32::from(a.abs_diff(*b))).sum::<i32>();
+    let codes = |[a, b, c]: &[u8; 3], [d, e, f]: &[u8; 3]| {
+        i32::from(a.abs_diff(*d)) + i32::from(b.abs_diff(*e)) + i32::from(c.abs_diff(*f))
+    };
     let changed = codes(before, now);
     if changed > GREATEST_CODES {
         return false;
@@ -150,6 +154,11 @@ fn is_same(before: &[u8; 3], now: &[u8; 3], background: impl Fn() -> [u8; 3]) ->
 /// Returns a pixel's chroma and the mean luma of the pixels around it.
 fn color_at([luma, u, v]: &[Plane<'_>; 3], (x, y): (usize, usize)) -> [u8; 3] {
     let chroma = |plane: &Plane<'_>| plane.row(y as u32 / 2)[x / 2];
+    if x > 0 && y > 0 && x + 1 < luma.width as usize && y + 1 < luma.height as usize {
+        let of_row =
+            |y: usize| luma.row(y as u32)[x - 1..x + 2].iter().map(|code| u32::from(*code)).sum::<u32>();
+        return [((of_row(y - 1) + of_row(y) + of_row(y + 1) + 4) / 9) as u8, chroma(u), chroma(v)];
+    }
     let columns = x.saturating_sub(1)..(x + 2).min(luma.width as usize);
     let rows = y.saturating_sub(1)..(y + 2).min(luma.height as usize);
     let n = (columns.len() * rows.len()).max(1) as u32;
@@ -162,7 +171,7 @@ fn color_at([luma, u, v]: &[Plane<'_>; 3], (x, y): (usize, usize)) -> [u8; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{ColorMatrix, ColorRange, YuvImage};
+    use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
 
     const SIZE_PX: (u32, u32) = (40, 6);
 
@@ -199,6 +208,27 @@ mod tests {
     }
 
     const NONE: (usize, usize) = (0, 0);
+
+    #[test]
+    fn colours_are_the_mean_luma_around_a_pixel_and_its_chroma() {
+        let (width, height) = (9, 7);
+        let data: Vec<u8> = (0..YuvLayout::packed_len(width, height) as u32)
+            .map(|i| (i.wrapping_mul(0x9e37_79b9) >> 24) as u8)
+            .collect();
+        let layout = YuvLayout::packed(width, height);
+        let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+        let planes = [0, 1, 2].map(|plane| image.plane(plane));
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let around = (0..height)
+                .flat_map(|j| (0..width).map(move |i| (i, j)))
+                .filter(|(i, j)| i.abs_diff(x) <= 1 && j.abs_diff(y) <= 1);
+            let codes: Vec<u32> = around.map(|(i, j)| u32::from(planes[0].row(j)[i as usize])).collect();
+            let (sum, n) = (codes.iter().sum::<u32>(), codes.len() as u32);
+            let chroma = [1, 2].map(|plane: usize| planes[plane].row(y / 2)[x as usize / 2]);
+            let expected = [((sum + n / 2) / n) as u8, chroma[0], chroma[1]];
+            assert_eq!(color_at(&planes, (x as usize, y as usize)), expected, "{x} {y}");
+        }
+    }
 
     #[test]
     fn a_colour_that_comes_and_goes_flutters() {
