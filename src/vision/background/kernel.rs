@@ -17,8 +17,8 @@
 
 use super::pixel::Parameters;
 use super::tile::{
-    BOTH_HALVES, HALF_TILE, Halves, MEAN_STEPS, REST_STEPS, TILE, TileGaussians, TileMode, TileRest,
-    TileSamples, VARIANCE_STEPS,
+    HALF_TILE, Halves, MEAN_STEPS, REST_STEPS, TILE, TileGaussians, TileMode, TileRest, TileSamples,
+    VARIANCE_STEPS,
 };
 use fearless_simd::Level;
 use fearless_simd::prelude::*;
@@ -254,10 +254,9 @@ pub(super) fn learn_settled<S: Simd>(
     step: &Step,
     halves: Halves,
 ) {
-    // Where one vector holds both halves, what the other one learned is taken back.
-    let is_taken_back = S::i16s::LEN > HALF_TILE && halves != BOTH_HALVES;
-    let before = if is_taken_back { Some(first.clone()) } else { None };
-    let learning = if is_taken_back { BOTH_HALVES } else { halves };
+    // Where one vector of 16-bit numbers holds both halves, each of its two vectors of f32 holds one.
+    let are_both = S::i16s::LEN > HALF_TILE;
+    let wanted = if are_both { [halves & 1 != 0, halves & 2 != 0] } else { [true; HALVES] };
     let rate = step.rate;
     let least = S::f32s::splat(simd, step.variance_min);
     let greatest = S::f32s::splat(simd, step.variance_max);
@@ -265,7 +264,7 @@ pub(super) fn learn_settled<S: Simd>(
     let rates = S::f32s::splat(simd, rate);
     let is_alone = rest.step * REST_STEPS * step.decay_before <= SETTLED_REST;
     for at in (0..TILE).step_by(S::i16s::LEN) {
-        if learning >> (at / HALF_TILE) & 1 == 0 {
+        if !are_both && halves >> (at / HALF_TILE) & 1 == 0 {
             continue;
         }
         let mut shares = [rates; HALVES];
@@ -281,6 +280,11 @@ pub(super) fn learn_settled<S: Simd>(
         let v = differences(simd, first, tile, 2, at);
         let mut variances = load(simd, &first.variances, at);
         for half in 0..HALVES {
+            if !wanted[half] {
+                // No share of the way is the dither alone, which rounds down to nothing.
+                shares[half] = S::f32s::splat(simd, 0.0);
+                continue;
+            }
             let distance = squared_distance::<S>(y[half], u[half], v[half], step);
             let observed = distance * step.observed_from_distance;
             let by = floor(simd, shares[half] * (observed - variances[half]) + step.dither);
@@ -290,9 +294,6 @@ pub(super) fn learn_settled<S: Simd>(
         move_means(simd, &mut first.means[0], at, y, shares, step.dither);
         move_means(simd, &mut first.means[1], at, u, shares, step.dither);
         move_means(simd, &mut first.means[2], at, v, shares, step.dither);
-    }
-    if let Some(before) = before {
-        first.take_half(&before, if halves == 1 { 1 } else { 0 });
     }
 }
 

@@ -41,15 +41,6 @@ pub(super) struct TileGaussians {
 
 impl TileGaussians {
     pub(super) const EMPTY: Self = Self { means: [[0; TILE]; 3], variances: [1; TILE] };
-
-    /// Takes half 0 or half 1 from another.
-    pub(super) fn take_half(&mut self, other: &Self, half: usize) {
-        let place = half * HALF_TILE..(half + 1) * HALF_TILE;
-        for (means, others) in self.means.iter_mut().zip(&other.means) {
-            means[place.clone()].copy_from_slice(&others[place.clone()]);
-        }
-        self.variances[place.clone()].copy_from_slice(&other.variances[place]);
-    }
 }
 
 /// A mode other than the first: 12 bytes a pixel.
@@ -157,7 +148,18 @@ fn stage<S: Simd>(codes: u8x32<S>, out: &mut [i16; TILE]) {
 /// Means as codes, rounded: the luma of a tile.
 #[inline(always)]
 pub(super) fn paint_luma<S: Simd>(simd: S, gaussians: &TileGaussians, out: &mut [u8]) {
-    let mut codes = [0; TILE];
+    match out.first_chunk_mut() {
+        Some(out) => paint_all_luma(simd, gaussians, out),
+        None => {
+            let mut codes = [0; TILE];
+            paint_all_luma(simd, gaussians, &mut codes);
+            out.copy_from_slice(&codes[..out.len()]);
+        }
+    }
+}
+
+#[inline(always)]
+fn paint_all_luma<S: Simd>(simd: S, gaussians: &TileGaussians, codes: &mut [u8; TILE]) {
     for at in (0..TILE).step_by(16) {
         let low = i16x8::from_slice(simd, &gaussians.means[0][at..at + 8]);
         let high = i16x8::from_slice(simd, &gaussians.means[0][at + 8..at + 16]);
@@ -166,10 +168,6 @@ pub(super) fn paint_luma<S: Simd>(simd: S, gaussians: &TileGaussians, out: &mut 
         let high = (high + (1 << (MEAN_BITS - 1))) >> MEAN_BITS;
         let codes_here: u8x16<S> = low.narrow(high).bitcast();
         codes_here.store_slice(&mut codes[at..at + 16]);
-    }
-    match out.first_chunk_mut() {
-        Some(out) => *out = codes,
-        None => out.copy_from_slice(&codes[..out.len()]),
     }
 }
 
@@ -183,27 +181,49 @@ pub(super) fn paint_chroma<S: Simd>(
     channel: usize,
     out: &mut [u8],
 ) {
-    let shift = MEAN_BITS + if second.is_some() { 2 } else { 1 };
-    let mut codes = [0; TILE / 2];
-    for at in (0..TILE).step_by(16) {
-        let mut low: i32x4<S> =
-            i16x8::from_slice(simd, &first.means[channel][at..at + 8]).pairwise_widening_add();
-        let mut high: i32x4<S> =
-            i16x8::from_slice(simd, &first.means[channel][at + 8..at + 16]).pairwise_widening_add();
-        if let Some(second) = second {
-            low += i16x8::from_slice(simd, &second.means[channel][at..at + 8]).pairwise_widening_add();
-            high += i16x8::from_slice(simd, &second.means[channel][at + 8..at + 16]).pairwise_widening_add();
-        }
-        let low = (low + (1 << (shift - 1))) >> shift;
-        let high = (high + (1 << (shift - 1))) >> shift;
-        let both: i16x8<S> = low.narrow(high);
-        let both: u8x16<S> = both.narrow(both).bitcast();
-        let mut bytes = [0; 16];
-        both.store_slice(&mut bytes);
-        codes[at / 2..at / 2 + 8].copy_from_slice(&bytes[..8]);
-    }
     match out.first_chunk_mut() {
-        Some(out) => *out = codes,
-        None => out.copy_from_slice(&codes[..out.len()]),
+        Some(out) => paint_all_chroma(simd, first, second, channel, out),
+        None => {
+            let mut codes = [0; TILE / 2];
+            paint_all_chroma(simd, first, second, channel, &mut codes);
+            out.copy_from_slice(&codes[..out.len()]);
+        }
     }
+}
+
+#[inline(always)]
+fn paint_all_chroma<S: Simd>(
+    simd: S,
+    first: &TileGaussians,
+    second: Option<&TileGaussians>,
+    channel: usize,
+    codes: &mut [u8; TILE / 2],
+) {
+    let low = mean_chroma(simd, first, second, channel, 0);
+    let high = mean_chroma(simd, first, second, channel, TILE / 2);
+    let bytes: u8x16<S> = low.narrow(high).bitcast();
+    bytes.store_slice(codes);
+}
+
+/// Returns the eight codes of sixteen pixels from `at` on.
+#[inline(always)]
+fn mean_chroma<S: Simd>(
+    simd: S,
+    first: &TileGaussians,
+    second: Option<&TileGaussians>,
+    channel: usize,
+    at: usize,
+) -> i16x8<S> {
+    let shift = MEAN_BITS + if second.is_some() { 2 } else { 1 };
+    let mut low: i32x4<S> =
+        i16x8::from_slice(simd, &first.means[channel][at..at + 8]).pairwise_widening_add();
+    let mut high: i32x4<S> =
+        i16x8::from_slice(simd, &first.means[channel][at + 8..at + 16]).pairwise_widening_add();
+    if let Some(second) = second {
+        low += i16x8::from_slice(simd, &second.means[channel][at..at + 8]).pairwise_widening_add();
+        high += i16x8::from_slice(simd, &second.means[channel][at + 8..at + 16]).pairwise_widening_add();
+    }
+    let low = (low + (1 << (shift - 1))) >> shift;
+    let high = (high + (1 << (shift - 1))) >> shift;
+    low.narrow(high)
 }
