@@ -12,7 +12,7 @@ use videofields_vision::measures::distance_figures;
 use videofields_vision::segment::{MOVING, PixelRect};
 
 /// Pixels of somebody that a camera must show to count as one that sees them.
-const LEAST_PX: usize = 40;
+pub const LEAST_PX: usize = 40;
 
 /// A source shows a figure whole if so many of its pixels of figures are that one's, if its rectangle and the figure's share so
 /// much, and if the figure is seen from where it stands up to its head, but for this share of its height at either end.
@@ -115,6 +115,42 @@ impl EntityScore {
                 self.n_switches += usize::from(self.last_ids.insert(of, *id).is_some_and(|was| was != *id));
             }
         }
+    }
+
+    /// Heads of the columns that [`Self::cells`] fills.
+    pub const HEADS: [&str; 11] = [
+        "seen",
+        "missed",
+        "seen by two",
+        "two entities",
+        "whole by two",
+        "parted",
+        "new id",
+        "mixed",
+        "nobody",
+        "place: mean, m",
+        "95 %, m",
+    ];
+
+    /// Its row of a table.
+    #[must_use]
+    pub fn cells(&self) -> [String; 11] {
+        let [seen, missed, twice, duplicates, possible, parted, switches, mixed, ghosts] = [
+            self.n_seen,
+            self.n_missed,
+            self.n_seen_twice,
+            self.n_duplicates,
+            self.n_possible,
+            self.n_parted,
+            self.n_switches,
+            self.n_mixed,
+            self.n_ghosts,
+        ]
+        .map(|count| count.to_string());
+        let place_error_m = self.place_error_m();
+        let [mean, most] = [0, 1]
+            .map(|of| place_error_m.map_or_else(|| "-".to_owned(), |error_m| format!("{:.3}", error_m[of])));
+        [seen, missed, twice, duplicates, possible, parted, switches, mixed, ghosts, mean, most]
     }
 
     /// Mean, 95 % point and largest distance from where an entity stands to the one figure that it shows, on the

@@ -10,6 +10,7 @@ mod hull_costs;
 pub(crate) mod hulls;
 mod load;
 pub(crate) mod meshes;
+mod placing;
 mod playing;
 mod quality;
 mod views;
@@ -34,6 +35,7 @@ enum What {
     Hulls(hulls::Hulls),
     Load(load::Load),
     Meshes(meshes::Meshes),
+    Placing(placing::Placing),
     Quality(quality::Quality),
     Views(views::Views),
     Vision(vision::Vision),
@@ -50,6 +52,7 @@ impl Bench {
             What::Hulls(hulls) => hulls.run(),
             What::Load(load) => load.run(),
             What::Meshes(meshes) => meshes.run(),
+            What::Placing(placing) => placing.run(),
             What::Quality(quality) => quality.run(),
             What::Views(views) => views.run(),
             What::Vision(vision) => vision.run(),

@@ -263,35 +263,13 @@ fn write_entities<'a>(
     out: &mut impl std::io::Write,
     worlds: impl Iterator<Item = (&'a str, &'a [Lineup])>,
 ) -> Result<()> {
-    writeln!(
-        out,
-        "| world | cameras | seen | missed | seen by two | two entities | whole by two | parted | new id | mixed | nobody | place: mean, m | 95 %, m |"
-    )?;
-    writeln!(
-        out,
-        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"
-    )?;
+    writeln!(out, "| world | cameras | {} |", EntityScore::HEADS.join(" | "))?;
+    writeln!(out, "| --- | --- |{}", " ---: |".repeat(EntityScore::HEADS.len()))?;
     for (world, lineups) in worlds {
         for lineup in lineups {
-            let of = &lineup.entities;
             let cameras =
                 lineup.left_out.as_ref().map_or_else(|| "all".to_owned(), |id| format!("without {id}"));
-            let counts = [
-                of.n_seen,
-                of.n_missed,
-                of.n_seen_twice,
-                of.n_duplicates,
-                of.n_possible,
-                of.n_parted,
-                of.n_switches,
-                of.n_mixed,
-                of.n_ghosts,
-            ];
-            let counts = counts.map(|count| count.to_string()).join(" | ");
-            let place = of
-                .place_error_m()
-                .map_or_else(|| "- | -".to_owned(), |[mean, most, _]| format!("{mean:.3} | {most:.3}"));
-            writeln!(out, "| {world} | {cameras} | {counts} | {place} |")?;
+            writeln!(out, "| {world} | {cameras} | {} |", lineup.entities.cells().join(" | "))?;
         }
     }
     Ok(())

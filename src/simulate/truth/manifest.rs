@@ -58,7 +58,8 @@ fn formats() -> serde_json::Value {
         "axes": "right-handed, metres, z up; pixel (0, 0) is at the top left and its centre at (0.5, 0.5); frames are \
                  numbered from 0, time is in seconds from the first frame",
         "files": {
-            "positions.jsonl": "a line a frame of the fastest camera: every figure's instance, name, foot (the ground below its hips), \
+            "positions.jsonl": "a line a frame of the fastest camera: every figure's instance, name, kind (walker, cyclist, car), foot \
+                 (the ground below its hips; of someone who sits, halfway between hips and feet), \
                  heading (radians from east towards north), height, box along the world's axes, and by camera the \
                  rectangle (left, top, right, bottom) around the box's corners, cut to the picture; no rectangle where \
                  the box is outside the picture or has a corner behind the camera",

@@ -5,6 +5,7 @@
 
 use super::JsonLines;
 use crate::SimulateError;
+use crate::actor::ActorKind;
 use crate::options::Device;
 use crate::world::World;
 use glam::{DVec2, DVec3};
@@ -26,6 +27,7 @@ struct PositionsDocument<'a> {
 struct FigureDocument<'a> {
     instance: u8,
     name: &'a str,
+    kind: ActorKind,
     foot_m: [f64; 3],
     heading_rad: f64,
     height_m: f64,
@@ -56,6 +58,7 @@ pub(crate) fn write_positions(
             FigureDocument {
                 instance: figure.instance,
                 name: &figure.name,
+                kind: figure.kind,
                 foot_m: figure.foot_in_world.to_array(),
                 heading_rad: figure.heading_rad,
                 height_m: figure.height_m,

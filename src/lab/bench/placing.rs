@@ -1,0 +1,93 @@
+//! `bench placing`: whether everybody is found, once, where they stand and under one id, and how long that takes.
+
+mod identity;
+mod judge;
+mod recording;
+mod score;
+mod table;
+mod truth;
+mod world;
+
+use anyhow::{Context as _, Result, ensure};
+use judge::Judge;
+use recording::Recording;
+use std::path::PathBuf;
+use std::sync::Arc;
+use table::{Outcome, write_tables};
+use videofields_recording::telemetry::{self, LogFormat};
+use videofields_simulate::World;
+use videofields_vision::clock::SystemClock;
+
+/// Judges where entities stand against where everybody is in truth, and prints a table.
+///
+/// A world is played for one period to learn and for the same period to be judged, as its cameras' sensors see it. At every
+/// instant entities are matched with people one to one, up to --gate-m apart on the ground; a match of the instant before is
+/// kept while it is within that. Somebody counts while a camera shows 40 pixels of them or more (of recordings: while their
+/// truth says so); of others nothing is expected. MODA is 1 less the share of missed and false ones, MODP how near the matches are (1 where they stand exactly, 0
+/// at the gate), IDF1 how much of everybody's time belongs to one id.
+#[derive(Debug, clap::Args)]
+pub(super) struct Placing {
+    /// A world: a name of the catalogue or the path of its document. Repeatable.
+    #[arg(long, value_name = "NAME|FILE", required_unless_present = "recording")]
+    world: Vec<String>,
+    /// A folder with clips, one configuration (*.toml) that names them and a scene, and positions.jsonl, as
+    /// `videofields-lab simulate` writes it (docs/truth.md). Its clips are played twice, and judged the second time.
+    /// Repeatable.
+    #[arg(long, value_name = "DIR")]
+    recording: Vec<PathBuf>,
+    /// Farthest that an entity may stand from whom it is, on the ground, metres, 0.01 to 100. Cars and cyclists are met
+    /// anywhere over the ground that they cover.
+    #[arg(long, value_name = "METRES", default_value_t = 0.5)]
+    gate_m: f64,
+    /// Instants a second, 0.1 to 240: of worlds, their cameras' frames (default 10); of recordings, of their truth at most
+    /// (default all).
+    #[arg(long, value_name = "RATE")]
+    rate_hz: Option<f64>,
+    /// Writes all figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Placing {
+    pub(super) fn run(&self) -> Result<()> {
+        telemetry::init(LogFormat::Text, Some("warn"))?;
+        ensure!((0.01..=100.0).contains(&self.gate_m), "--gate-m: expected 0.01 to 100, got {}", self.gate_m);
+        if let Some(rate_hz) = self.rate_hz {
+            ensure!((0.1..=240.0).contains(&rate_hz), "--rate-hz: expected 0.1 to 240, got {rate_hz}");
+        }
+        let worlds: Vec<World> = self.world.iter().map(|name| World::load(name)).collect::<Result<_, _>>()?;
+        let open = |folder: &PathBuf| Recording::open(folder, self.rate_hz);
+        let recordings: Vec<Recording> = self.recording.iter().map(open).collect::<Result<_>>()?;
+        let mut outcomes = Vec::new();
+        for (name, world) in self.world.iter().zip(&worlds) {
+            outcomes.push(self.judge_world(name, world).with_context(|| format!("world {name}"))?);
+        }
+        for (folder, recording) in self.recording.iter().zip(&recordings) {
+            let name = folder.display().to_string();
+            outcomes.push(self.judge_recording(&name, recording).with_context(|| name.clone())?);
+        }
+        write_tables(&mut std::io::stdout().lock(), &outcomes)?;
+        if let Some(path) = &self.json {
+            let document = serde_json::json!({"gate_m": self.gate_m, "outcomes": outcomes});
+            let text = serde_json::to_string_pretty(&document)? + "\n";
+            std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
+        }
+        Ok(())
+    }
+
+    fn judge_world(&self, name: &str, world: &World) -> Result<Outcome> {
+        let clock = SystemClock::new();
+        let mut judge = Judge::new(&clock, self.gate_m);
+        let rate_hz = self.rate_hz.unwrap_or(10.0);
+        let (n_cameras, entities) =
+            world::judge_world(world, rate_hz, &mut judge, &clock, |scene| Ok(Arc::clone(scene)))?;
+        Ok(Outcome::of(name, n_cameras, &judge, Some(entities)))
+    }
+
+    fn judge_recording(&self, name: &str, recording: &Recording) -> Result<Outcome> {
+        let clock = SystemClock::new();
+        let mut judge = Judge::new(&clock, self.gate_m);
+        recording.judge(&mut judge, |scene| Ok(Arc::clone(scene)))?;
+        Ok(Outcome::of(name, recording.n_cameras(), &judge, None))
+    }
+}

@@ -1,0 +1,170 @@
+//! What cameras see at an instant, associated and timed, and held against who is there in truth.
+//!
+//! Owns one association of a scene, and which row an entity counts in; the arithmetic is `score`'s.
+
+use super::score::{FoundPlace, PlacingScore, TruePlace};
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use videofields_picture::fuse::{Association, SceneState, assemble_within};
+use videofields_picture::scene::Scene;
+use videofields_simulate::ActorKind;
+use videofields_vision::clock::{Clock, Timestamp};
+use videofields_vision::frame::CameraId;
+use videofields_vision::observation::Observation;
+
+/// Kinds of figures, each a row of the table.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Kind {
+    /// Somebody on foot.
+    #[default]
+    Walker,
+    /// Somebody on a bicycle.
+    Cyclist,
+    /// A car or van.
+    Car,
+}
+
+impl Kind {
+    /// Its plural for people.
+    pub(super) const fn plural(self) -> &'static str {
+        match self {
+            Self::Walker => "people",
+            Self::Cyclist => "cyclists",
+            Self::Car => "cars",
+        }
+    }
+}
+
+impl From<ActorKind> for Kind {
+    fn from(kind: ActorKind) -> Self {
+        match kind {
+            ActorKind::Walker => Self::Walker,
+            ActorKind::Cyclist => Self::Cyclist,
+            ActorKind::Car => Self::Car,
+        }
+    }
+}
+
+/// Somebody or something that moves, where it truly is at an instant.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Figure {
+    pub(super) id: u64,
+    pub(super) kind: Kind,
+    pub(super) foot_in_world: DVec3,
+    /// Low and high corner of the rectangle along the world's axes that it covers on the ground, metres.
+    pub(super) ground_m: [DVec2; 2],
+    /// Says whether a camera shows it.
+    pub(super) is_seen: bool,
+}
+
+impl Figure {
+    fn place(&self) -> TruePlace {
+        let foot = self.foot_in_world.truncate();
+        let [low_m, high_m] = if self.kind == Kind::Walker { [foot, foot] } else { self.ground_m };
+        TruePlace { id: self.id, low_m, high_m, is_scored: self.is_seen }
+    }
+}
+
+/// A scene's instants, associated and scored one after the other.
+pub(super) struct Judge<'a> {
+    clock: &'a dyn Clock,
+    gate_m: f64,
+    association: Association,
+    /// By kind of figure, of those that there ever were.
+    scores: BTreeMap<Kind, PlacingScore>,
+    placing_ms: Vec<f64>,
+    n_instants: usize,
+}
+
+impl<'a> Judge<'a> {
+    pub(super) fn new(clock: &'a dyn Clock, gate_m: f64) -> Self {
+        Self {
+            clock,
+            gate_m,
+            association: Association::default(),
+            scores: [(Kind::Walker, PlacingScore::new(gate_m))].into(),
+            placing_ms: Vec::new(),
+            n_instants: 0,
+        }
+    }
+
+    /// Puts together what the cameras saw, and takes the time that it needs.
+    pub(super) fn place(
+        &mut self,
+        scene: &Arc<Scene>,
+        instant: Timestamp,
+        seen: &[Observation],
+    ) -> SceneState {
+        let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
+        let started = self.clock.monotonic();
+        let state = assemble_within(&mut self.association, scene, instant, find, None);
+        let took = self.clock.monotonic().saturating_sub(started);
+        self.placing_ms.push(took.as_secs_f64() * 1000.0);
+        state
+    }
+
+    /// Scores the entities of a state against the figures of its instant.
+    pub(super) fn score(&mut self, state: &SceneState, figures: &[Figure]) {
+        let mut rows: BTreeMap<Kind, (Vec<TruePlace>, Vec<FoundPlace>)> =
+            self.scores.keys().map(|kind| (*kind, Default::default())).collect();
+        for figure in figures {
+            rows.entry(figure.kind).or_default().0.push(figure.place());
+        }
+        for entity in &state.entities {
+            let of = FoundPlace { id: entity.id, place_m: entity.foot_in_world.truncate() };
+            rows.entry(row_of(of.place_m, figures, self.gate_m)).or_default().1.push(of);
+        }
+        for (kind, (truths, found)) in rows {
+            let score = self.scores.entry(kind).or_insert_with(|| PlacingScore::new(self.gate_m));
+            score.add(&truths, &found);
+        }
+        self.n_instants += 1;
+    }
+
+    pub(super) const fn scores(&self) -> &BTreeMap<Kind, PlacingScore> {
+        &self.scores
+    }
+
+    /// Time of placing at each instant, milliseconds.
+    pub(super) fn placing_ms(&self) -> &[f64] {
+        &self.placing_ms
+    }
+
+    pub(super) const fn n_instants(&self) -> usize {
+        self.n_instants
+    }
+}
+
+/// The row in which an entity counts, found or false: that of the nearest figure within the gate, or else of people.
+fn row_of(place_m: DVec2, figures: &[Figure], gate_m: f64) -> Kind {
+    let near = figures.iter().map(|figure| (figure.place().distance_m(place_m), figure.kind));
+    let nearest = near.filter(|(distance_m, _)| *distance_m <= gate_m).min_by(|a, b| a.0.total_cmp(&b.0));
+    nearest.map_or(Kind::Walker, |(_, kind)| kind)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_entity_counts_with_whom_it_is_nearest() {
+        let figure = |id: u64, kind: Kind, x: f64, half_m: f64| Figure {
+            id,
+            kind,
+            foot_in_world: DVec3::new(x, 0.0, 0.0),
+            ground_m: [DVec2::new(x - half_m, -half_m), DVec2::new(x + half_m, half_m)],
+            is_seen: true,
+        };
+        let figures = [figure(1, Kind::Walker, 0.0, 0.3), figure(2, Kind::Car, 5.0, 2.0)];
+        let row = |x: f64| row_of(DVec2::new(x, 0.0), &figures, 0.5);
+        assert_eq!(row(0.4), Kind::Walker);
+        assert_eq!(row(3.5), Kind::Car, "within the car");
+        assert_eq!(row(2.6), Kind::Car, "by the car's edge");
+        assert_eq!(row(2.4), Kind::Walker, "by nobody");
+        // People are met at their foot, not anywhere that their arms reach.
+        assert_eq!(figures[0].place().distance_m(DVec2::new(0.3, 0.0)), 0.3);
+    }
+}
