@@ -119,7 +119,8 @@ pub struct FigurePosition {
     pub name: String,
     /// What it is.
     pub kind: ActorKind,
-    /// The ground below its middle (of someone on foot, below the hips), metres.
+    /// The ground below its middle (of someone on foot, below the hips; of someone who sits, halfway between hips and feet),
+    /// metres.
     pub foot_in_world: DVec3,
     /// Direction of travel, from east towards north.
     pub heading_rad: f64,

@@ -5,7 +5,7 @@
 //! its left foot; there it brings its feet together in three quarters of a stride on the spot, and makes the last quarter
 //! before it goes on. Owns that function of time; knows no limbs.
 
-use super::motion::Motion;
+use super::motion::{Motion, Posture};
 
 /// Strides of a round.
 #[derive(Clone, Debug)]
@@ -23,8 +23,8 @@ struct Knot {
     secs: f64,
     cycles: f64,
     travelled_m: f64,
-    /// Whether the walker stands from here to the next knot, its feet together.
-    stands: bool,
+    /// How the walker halts from here to the next knot, its feet together; `None` where it walks.
+    halts: Option<Posture>,
 }
 
 /// Share of a stride on the spot that brings the feet together at a stop, and how long it takes at most, seconds.
@@ -34,6 +34,8 @@ const CLOSING_SECS: f64 = 0.9;
 const OPENING_SECS: f64 = 0.3;
 /// Seconds that arms take to come to rest, or out of it.
 const REST_SECS: f64 = 0.5;
+/// Seconds that sitting down takes, or standing up.
+const SITTING_SECS: f64 = 1.2;
 
 impl Gait {
     /// The steps of `motion` (without ramps) with strides of about `stride_m`, or this many in a round without stops.
@@ -47,20 +49,24 @@ impl Gait {
         let mut knots = Vec::new();
         let mut cycles = 0.0;
         for leg in motion.legs() {
-            let knot =
-                |secs: f64, cycles: f64, stands: bool| Knot { secs, cycles, travelled_m: leg.from_m, stands };
-            knots.push(knot(leg.from_secs, cycles, false));
+            let knot = |secs: f64, cycles: f64, halts: Option<Posture>| Knot {
+                secs,
+                cycles,
+                travelled_m: leg.from_m,
+                halts,
+            };
+            knots.push(knot(leg.from_secs, cycles, None));
             if leg.is_stop() {
                 let closing = CLOSING_SECS.min(0.6 * leg.secs);
                 let opening = OPENING_SECS.min(0.2 * leg.secs);
-                knots.push(knot(leg.from_secs + closing, cycles + CLOSING_CYCLES, true));
-                knots.push(knot(leg.from_secs + leg.secs - opening, cycles + CLOSING_CYCLES, false));
+                knots.push(knot(leg.from_secs + closing, cycles + CLOSING_CYCLES, Some(leg.posture)));
+                knots.push(knot(leg.from_secs + leg.secs - opening, cycles + CLOSING_CYCLES, None));
                 cycles += 1.0;
             } else {
                 cycles += n_between(leg.speed * leg.secs);
             }
         }
-        knots.push(Knot { secs: round_secs, cycles, travelled_m: length_m, stands: false });
+        knots.push(Knot { secs: round_secs, cycles, travelled_m: length_m, halts: None });
         Self { n_cycles: cycles, length_m, round_secs, knots }
     }
 
@@ -88,17 +94,27 @@ impl Gait {
         from.travelled_m + (to.travelled_m - from.travelled_m) * part.clamp(0.0, 1.0) + round * self.length_m
     }
 
-    /// How much at rest the walker is, 0 (walking) to 1 (standing).
+    /// How much at rest the walker is, 0 (walking) to 1 (standing or sitting).
     pub(super) fn rest(&self, share: f64) -> f64 {
+        self.halted(share, REST_SECS, |_| true)
+    }
+
+    /// How far the walker has sat down, 0 (upright) to 1 (sitting).
+    pub(super) fn seated(&self, share: f64) -> f64 {
+        self.halted(share, SITTING_SECS, |posture| posture == Posture::Sit)
+    }
+
+    /// How far into a halt in such a posture the walker is, where that takes `ease_secs`, 0 to 1.
+    fn halted(&self, share: f64, ease_secs: f64, is_meant: impl Fn(Posture) -> bool) -> f64 {
         if self.knots.is_empty() {
             return 0.0;
         }
         let secs = share * self.round_secs;
         let (from, to) = self.span(|knot| knot.secs <= secs);
-        if !from.stands {
+        if !from.halts.is_some_and(is_meant) {
             return 0.0;
         }
-        let near = (secs - from.secs).min(to.secs - secs).max(0.0) / REST_SECS;
+        let near = (secs - from.secs).min(to.secs - secs).max(0.0) / ease_secs;
         let near = near.min(1.0);
         near * near * (3.0 - 2.0 * near)
     }
@@ -120,7 +136,10 @@ mod tests {
     #[test]
     fn feet_are_planted_where_the_body_passes_and_come_together_at_stops() {
         let path = Arc::new(Path::open(vec![DVec2::ZERO, DVec2::new(20.0, 0.0)]).unwrap());
-        let stops = [Stop { at_m: 6.0, secs: 3.0 }, Stop { at_m: 11.0, secs: 0.4 }];
+        let stops = [
+            Stop { at_m: 6.0, secs: 3.0, posture: Posture::Stand },
+            Stop { at_m: 11.0, secs: 0.4, posture: Posture::Stand },
+        ];
         let motion = Motion::new(path, Pace::Speed(1.3), &stops, f64::INFINITY, Ending::Repeat).unwrap();
         let gait = Gait::new(&motion, 1.4, None);
         let n = 20_000;

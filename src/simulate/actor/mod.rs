@@ -19,7 +19,7 @@ mod walker;
 
 pub(super) use car::{Car, CarStyle};
 pub(super) use cyclist::Cyclist;
-pub(super) use motion::{Ending, Motion, MotionFault, Pace, Stop, WorldTime};
+pub(super) use motion::{Ending, Motion, MotionFault, Pace, Posture, Stop, WorldTime};
 pub(super) use path::{Path, PathPoint};
 pub(super) use walker::{Clothes, Walker};
 

@@ -23,6 +23,18 @@ pub(crate) struct Stop {
     /// How far along the path, metres.
     pub(crate) at_m: f64,
     pub(crate) secs: f64,
+    pub(crate) posture: Posture,
+}
+
+/// How somebody halts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Posture {
+    /// Upright.
+    #[default]
+    Stand,
+    /// Upon what is behind them.
+    Sit,
 }
 
 /// How fast a round goes.
@@ -78,6 +90,8 @@ pub(super) struct Leg {
     pub(super) from_m: f64,
     pub(super) speed: f64,
     pub(super) acceleration: f64,
+    /// Of a piece in which nothing moves.
+    pub(super) posture: Posture,
 }
 
 impl Leg {
@@ -205,15 +219,10 @@ impl Motion {
 fn legs(length: f64, speed: f64, stops: &[Stop], acceleration: f64) -> Vec<Leg> {
     let mut legs = Vec::new();
     let (mut secs, mut at_m) = (0.0, 0.0);
-    let mut push = |duration: f64, distance: f64, start_speed: f64, acceleration: f64| {
+    let mut push = |duration: f64, distance: f64, start_speed: f64, acceleration: f64, posture: Posture| {
         if duration > 0.0 {
-            legs.push(Leg {
-                from_secs: secs,
-                secs: duration,
-                from_m: at_m,
-                speed: start_speed,
-                acceleration,
-            });
+            let (from_secs, from_m) = (secs, at_m);
+            legs.push(Leg { from_secs, secs: duration, from_m, speed: start_speed, acceleration, posture });
         }
         secs += duration;
         at_m += distance;
@@ -234,24 +243,25 @@ fn legs(length: f64, speed: f64, stops: &[Stop], acceleration: f64) -> Vec<Leg> 
             };
             let (ramp_secs, ramp_m) = (top / acceleration, top * top / (2.0 * acceleration));
             if ramps_up {
-                push(ramp_secs, ramp_m, 0.0, acceleration);
+                push(ramp_secs, ramp_m, 0.0, acceleration, Posture::Stand);
             }
             let rest = distance - n_ramps * ramp_m;
             if rest > 1e-9 {
-                push(rest / top, rest, top, 0.0);
+                push(rest / top, rest, top, 0.0, Posture::Stand);
             }
             if ramps_down {
-                push(ramp_secs, ramp_m, top, -acceleration);
+                push(ramp_secs, ramp_m, top, -acceleration, Posture::Stand);
             }
         } else {
-            push(distance / speed, distance, speed, 0.0);
+            push(distance / speed, distance, speed, 0.0, Posture::Stand);
         }
         if let Some(stop) = stop {
-            push(stop.secs, 0.0, 0.0, 0.0);
+            push(stop.secs, 0.0, 0.0, 0.0, stop.posture);
         }
     }
     if legs.is_empty() {
-        legs.push(Leg { from_secs: 0.0, secs: 0.0, from_m: 0.0, speed, acceleration: 0.0 });
+        let posture = Posture::Stand;
+        legs.push(Leg { from_secs: 0.0, secs: 0.0, from_m: 0.0, speed, acceleration: 0.0, posture });
     }
     legs
 }
@@ -298,7 +308,7 @@ mod tests {
 
     #[test]
     fn speed_and_stops_are_exact() {
-        let stops = [Stop { at_m: 10.0, secs: 4.0 }];
+        let stops = [Stop { at_m: 10.0, secs: 4.0, posture: Posture::Stand }];
         let make = |ending| {
             Motion::new(straight(30.0), Pace::Speed(2.0), &stops, f64::INFINITY, ending)
                 .unwrap()
@@ -320,7 +330,7 @@ mod tests {
 
     #[test]
     fn ramps_have_the_acceleration_that_was_asked_for() {
-        let stops = [Stop { at_m: 50.0, secs: 2.0 }];
+        let stops = [Stop { at_m: 50.0, secs: 2.0, posture: Posture::Stand }];
         let motion = Motion::new(straight(100.0), Pace::Speed(10.0), &stops, 2.0, Ending::Stay).unwrap();
         // 25 m at 10 m/s, 25 m of ramp in 5 s, 2 s of rest, and the same the other way.
         assert!((motion.round_secs() - 17.0).abs() < 1e-9);
@@ -336,7 +346,10 @@ mod tests {
             check(&timed, secs, expected);
         }
         // Too short to reach the speed: half the way up, half down.
-        let close = [Stop { at_m: 10.0, secs: 1.0 }, Stop { at_m: 18.0, secs: 1.0 }];
+        let close = [
+            Stop { at_m: 10.0, secs: 1.0, posture: Posture::Stand },
+            Stop { at_m: 18.0, secs: 1.0, posture: Posture::Stand },
+        ];
         let motion = Motion::new(straight(30.0), Pace::Speed(10.0), &close, 2.0, Ending::Stay).unwrap();
         let mut before = 0.0;
         for i in 0..2000 {
@@ -348,7 +361,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_done_in_time_is_refused() {
-        let stops = [Stop { at_m: 50.0, secs: 8.0 }];
+        let stops = [Stop { at_m: 50.0, secs: 8.0, posture: Posture::Stand }];
         let make = |secs, acceleration| {
             Motion::new(straight(100.0), Pace::Round(secs), &stops, acceleration, Ending::Repeat).map(|_| ())
         };

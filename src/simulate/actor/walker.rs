@@ -23,6 +23,9 @@ const ANKLE_M: f64 = 0.08;
 const SOLE_RADIUS_M: f64 = 0.045;
 /// Length of a stride of someone as tall as the model, metres.
 const STRIDE_M: f64 = 1.4;
+/// Where the hips of someone are who sits: above the ground, and behind where their feet stand, metres.
+const SEAT_M: f64 = 0.56;
+const SEAT_BEHIND_M: f64 = 0.42;
 /// How far before and behind a body the ground's height is smoothed, so that a kerb does not jolt it, metres.
 const STEP_REACH_M: f64 = 0.35;
 
@@ -52,8 +55,9 @@ struct Pose {
     axes: Axes,
     hips: DVec3,
     cycles: f64,
-    /// How much at rest it is, 0 to 1.
+    /// How much at rest it is, and how far it has sat down, 0 to 1.
     rest: f64,
+    seated: f64,
     scale: f64,
 }
 
@@ -71,13 +75,18 @@ impl Walker {
         let scale = self.height_m / MODEL_HEIGHT_M;
         let axes = Axes::along(here.heading);
         let cycles = self.gait.cycles(share);
-        let foot = here.position.extend(ground(here.position));
+        let seated = self.gait.seated(share);
+        // Of someone who sits, the ground halfway between hips and feet.
+        let behind_m = SEAT_BEHIND_M * seated * scale;
+        let middle = here.position - here.heading * (0.5 * behind_m);
+        let foot = middle.extend(ground(middle));
         let base = here.position.extend(smoothed(here, ground));
         // The hips are highest when a leg passes under them, twice a stride.
         let rest = self.gait.rest(share);
         let bob = 0.012 * (2.0 * TAU * cycles).cos();
-        let hips = base + DVec3::Z * (0.894 + bob) * scale;
-        let pose = Pose { axes, hips, cycles, rest, scale };
+        let up_m = 0.894 + bob + (SEAT_M - 0.894 - bob) * seated;
+        let hips = base + DVec3::Z * (up_m * scale) - axes.forward * behind_m;
+        let pose = Pose { axes, hips, cycles, rest, seated, scale };
         let mut parts = Vec::with_capacity(24);
         for (side, offset) in [(1.0, 0.0), (-1.0, 0.5)] {
             self.leg(&mut parts, &pose, side, offset, ground);
@@ -144,7 +153,7 @@ impl Walker {
 
     fn trunk(&self, parts: &mut Vec<Part>, pose: &Pose) {
         let Clothes { jacket, trousers, skin, hair, backpack, .. } = self.clothes;
-        let Pose { axes, hips, cycles, rest, scale } = *pose;
+        let Pose { axes, hips, cycles, rest, seated, scale } = *pose;
         let at = |forward: f64, left: f64, up: f64| {
             hips + (axes.forward * forward + axes.left * left + DVec3::Z * up) * scale
         };
@@ -175,9 +184,12 @@ impl Walker {
             let shoulder = at(0.0, side * 0.215, 0.51);
             let limb =
                 |angle: f64| axes.forward * angle.sin() - DVec3::Z * angle.cos() + axes.left * (side * 0.08);
+            // Hands of someone who sits lie on the thighs.
+            let swing = swing + 0.25 * seated;
+            let bent = swing + 0.5 * seated;
             let elbow = shoulder + limb(swing) * (0.28 * scale);
-            let wrist = elbow + limb(swing + 0.35) * (0.24 * scale);
-            let hand = wrist + limb(swing + 0.4) * (0.07 * scale);
+            let wrist = elbow + limb(bent + 0.35) * (0.24 * scale);
+            let hand = wrist + limb(bent + 0.4) * (0.07 * scale);
             let capsule = |from, to, radius_m: f64| Shape::Capsule { from, to, radius_m: radius_m * scale };
             parts.extend([
                 Part { shape: capsule(shoulder, elbow, 0.058), color: jacket },
@@ -225,6 +237,39 @@ mod tests {
                 assert!((middle - body.foot.truncate()).length() < 0.25, "{id} at {i}");
             }
         }
+    }
+
+    #[test]
+    fn who_sits_down_has_hips_on_the_seat_and_feet_where_they_stood() {
+        let text = r#"{"version": 1, "period_secs": 20, "actors": [{"kind": "walker", "id": "a", "path":
+            {"corners_m": [[0, 0], [10, 0]], "closed": false, "speed_m_per_sec": 1, "end": "stay",
+             "stops": [{"at_m": 4, "secs": 8, "posture": "sit"}]}}]}"#;
+        let world = World::from_json("bench", text).unwrap();
+        let (_, walker) = walkers(&world).remove(0);
+        let at = |secs: f64| walker.body(WorldTime { secs, phase: None }, &|_| 0.0).unwrap();
+        let limb = |body: &Body, part: usize| match body.parts[part].shape {
+            Shape::Capsule { from, to, .. } => (from, to),
+            _ => panic!("legs are capsules"),
+        };
+        let (walking, sitting) = (at(2.0), at(8.0));
+        assert!((walking.bounds.1.z - MODEL_HEIGHT_M).abs() < 0.04 && walking.foot.x == 2.0);
+        assert!((1.3..1.45).contains(&sitting.bounds.1.z), "{} m tall", sitting.bounds.1.z);
+        assert!((sitting.foot.x - 3.79).abs() < 1e-9, "{}", sitting.foot);
+        for leg in [0, 3] {
+            let ((hip, knee), (_, ankle), (heel, _)) =
+                (limb(&sitting, leg), limb(&sitting, leg + 1), limb(&sitting, leg + 2));
+            assert!((hip.x - 3.58).abs() < 1e-9 && (hip.z - SEAT_M).abs() < 1e-9, "{hip}");
+            assert!((knee.z - hip.z).abs() < 0.12 && knee.x > hip.x + 0.4, "{hip} {knee}");
+            assert!((ankle - knee).length() < SHIN_M + 1e-3 && (heel.x - 3.945).abs() < 1e-6, "{heel}");
+        }
+        // Upright again before it goes on, and never in between a jump.
+        let mut before = at(0.0).bounds.1.z;
+        for step in 1..2000 {
+            let height = at(f64::from(step) * 0.01).bounds.1.z;
+            assert!((height - before).abs() < 0.01, "{step}: {before} to {height}");
+            before = height;
+        }
+        assert!((before - MODEL_HEIGHT_M).abs() < 0.04);
     }
 
     #[test]

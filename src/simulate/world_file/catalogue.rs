@@ -16,12 +16,15 @@ macro_rules! worlds {
 }
 
 /// Every world of the catalogue: id and document.
-const WORLDS: [(&str, &str); 28] = worlds![
+const WORLDS: [(&str, &str); 31] = worlds![
     "plaza",
     "corner",
     "station",
     "carpark12",
     "campus100",
+    "crowd40",
+    "queue",
+    "corridor",
     "yard",
     "effect-light-drift",
     "effect-light-switching",

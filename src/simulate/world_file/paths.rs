@@ -1,6 +1,6 @@
 //! The paths of a world document's actors, and how they are travelled.
 
-use super::super::actor::{Ending, Motion, MotionFault, Pace, Path, Stop};
+use super::super::actor::{Ending, Motion, MotionFault, Pace, Path, Posture, Stop};
 use super::reader::{Reader, two};
 use serde::Deserialize;
 use std::sync::Arc;
@@ -43,6 +43,8 @@ impl PathDocument {
 pub(super) struct StopDocument {
     at_m: f64,
     secs: f64,
+    #[serde(default)]
+    posture: Posture,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, Deserialize)]
@@ -78,6 +80,12 @@ pub(super) fn motion(
     reader.number(place, "start_secs", document.start_secs, -1e6..=1e6, "seconds");
     reader.number(place, "start_share", document.start_share, 0.0..=1.0, "");
     let stops = stops(&document.stops, length, place, reader);
+    for (i, _) in
+        stops.iter().enumerate().filter(|(_, stop)| legs == Legs::None && stop.posture == Posture::Sit)
+    {
+        let place = format!("{}/{i}", pointer_to(place, "stops"));
+        reader.fault(pointer_to(&place, "posture"), "only walkers sit down");
+    }
     if let Some(acceleration) = document.acceleration_m_per_sec2 {
         if legs == Legs::Two {
             reader
@@ -186,5 +194,6 @@ fn stops(documents: &[StopDocument], length: f64, place: &str, reader: &mut Read
         }
         before = stop.at_m;
     }
-    documents.iter().map(|stop| Stop { at_m: stop.at_m, secs: stop.secs }).collect()
+    let stop = |stop: &StopDocument| Stop { at_m: stop.at_m, secs: stop.secs, posture: stop.posture };
+    documents.iter().map(stop).collect()
 }
