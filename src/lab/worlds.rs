@@ -155,7 +155,7 @@ fn subject_camera(
     let (mut frames, mut instances) = (Vec::new(), Vec::new());
     for number in 0..scope.n_frames.max(2) {
         watch.enter()?;
-        let time_secs = f64::from(number) * interval_secs;
+        let time_secs = f64::from(number) * interval_secs + world.late_secs(id);
         let shot = station.shoot(u64::from(number), time_secs, Wanted::Picture).map_err(of_world)?;
         let image = YuvImage::from_rgb(shot.picture(), ColorMatrix::Bt601, ColorRange::Limited)
             .map_err(|error| SweepError::Picture(error.to_string()))?;

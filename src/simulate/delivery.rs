@@ -42,6 +42,12 @@ pub struct Arrival {
 }
 
 impl Arrival {
+    /// Makes it of a frame that is captured so much later than its camera's times say, and arrives so much later, seconds.
+    pub(super) fn shift(&mut self, late_secs: f64) {
+        self.captured_secs += late_secs;
+        self.arrived_secs = self.arrived_secs.map(|secs| secs + late_secs);
+    }
+
     /// Whether this became of it.
     #[must_use]
     pub fn has(&self, fate: Fate) -> bool {

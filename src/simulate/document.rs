@@ -60,7 +60,7 @@ fn whole_mm(value: f64) -> f64 {
 }
 
 impl World {
-    /// The scene document (JSON) with the cameras calibrated for pictures of `size_px` (where none is given, of each
+    /// The scene document (JSON) with the cameras as they are calibrated, errors included, for pictures of `size_px` (where none is given, of each
     /// camera's own size), one line for each polygon, box and camera.
     ///
     /// # Errors
@@ -82,7 +82,7 @@ impl World {
             Some(field) => format!("\"height_fields\": {},\n  ", lines(std::iter::once(field))?),
             None => String::new(),
         };
-        let cameras = self.cameras_at(size_px.into())?;
+        let cameras = self.calibrated_at(size_px.into())?;
         let cameras = cameras
             .iter()
             .map(|(id, camera)| SceneCameraDocument { id, calibration: CameraDocument::from_camera(camera) });

@@ -15,6 +15,7 @@
 //! `render`, so that the errors of one do not cancel in the other.
 
 mod actor;
+mod calibration_error;
 mod cast;
 mod delivery;
 mod document;
@@ -44,6 +45,7 @@ mod world_file;
 mod write;
 
 pub use actor::ActorKind;
+pub use calibration_error::CalibrationError;
 pub use cast::{CastOptions, Layers, Plate, Progress, Truth};
 pub use delivery::{Arrival, Delivery, Fate, deliver};
 pub use effects::{EffectKind, Effects, Entries};

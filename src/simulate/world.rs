@@ -5,6 +5,7 @@
 
 use super::SimulateError;
 use super::actor::{Actor, ActorKind, WorldTime};
+use super::calibration_error::CalibrationError;
 use super::effects::{Effects, Entries};
 use super::figure::Body;
 use super::light::Light;
@@ -73,6 +74,8 @@ pub(super) struct WorldCamera {
     /// Columns and rows of its own pictures.
     pub(super) size_px: (u32, u32),
     pub(super) rate_hz: f64,
+    /// How far what is written of it is off.
+    pub(super) calibration_error: CalibrationError,
 }
 
 /// How long a lens is.
@@ -200,6 +203,33 @@ impl World {
     pub fn cameras_at(&self, size_px: Option<(u32, u32)>) -> Result<Vec<(&str, Camera)>, SimulateError> {
         let at_size = |camera: &'_ WorldCamera| camera.at_size(size_px.unwrap_or(camera.size_px));
         self.cameras.iter().map(|camera| Ok((camera.id.as_str(), at_size(camera)?))).collect()
+    }
+
+    /// As [`Self::cameras_at`], but as they are thought to be: what is written of them is off by their calibration errors.
+    ///
+    /// # Errors
+    /// When the size is none that a camera can have, or an error leaves no camera.
+    pub fn calibrated_at(&self, size_px: Option<(u32, u32)>) -> Result<Vec<(&str, Camera)>, SimulateError> {
+        let calibrated = |camera: &'_ WorldCamera| {
+            let true_one = camera.at_size(size_px.unwrap_or(camera.size_px))?;
+            camera.calibration_error.applied(&true_one, self.effects.seed, &camera.id)
+        };
+        self.cameras.iter().map(|camera| Ok((camera.id.as_str(), calibrated(camera)?))).collect()
+    }
+
+    /// Returns how much later than their times say a camera's frames are captured, seconds; 0 of an unknown camera.
+    #[must_use]
+    pub fn late_secs(&self, camera_id: &str) -> f64 {
+        let camera = self.cameras.iter().find(|camera| camera.id == camera_id);
+        camera.map_or(0.0, |camera| camera.calibration_error.late_secs(self.effects.seed, camera_id))
+    }
+
+    /// Returns the same world with this calibration error of all cameras in place of their own.
+    #[must_use]
+    pub fn with_calibration_error(&self, error: CalibrationError) -> Self {
+        let mut world = self.clone();
+        world.cameras.iter_mut().for_each(|camera| camera.calibration_error = error);
+        world
     }
 
     /// What the world's cameras are like, in the order of [`Self::cameras`].

@@ -3,11 +3,12 @@
 //! ```text
 //! <out>/<world>.toml                    configuration that serves the clips
 //! <out>/<world>.json                    scene document
-//! <out>/calibration/<camera>.json       the cameras' calibrations alone
+//! <out>/calibration/<camera>.json       the cameras' calibrations alone, off by their errors as the scene's are
 //! <out>/clips/<camera>.webm             what arrived of what the cameras saw
 //! <out>/truth/truth.json                what lies beside it and what it means
 //! <out>/truth/positions.jsonl           figures, one line a frame
 //! <out>/truth/<camera>/delivery.jsonl   what arrived of each frame, and when
+//! <out>/truth/<camera>/calibration.json the camera as it truly is
 //! <out>/truth/<camera>/...              pictures of each frame, as `truth` lists them
 //! ```
 //!
@@ -73,7 +74,7 @@ pub fn write_with(
     let mut job = Job { world, options, all: &all, n_parts, progress };
     let mut written = Written { config: None, clips: Vec::new(), views: Vec::new(), n_frames };
     if options.parts == Parts::Everything {
-        written.config = Some(write_documents(world, options, &cameras)?);
+        written.config = Some(write_documents(world, options)?);
         make_folder(&options.out_dir.join("clips"))?;
     }
     let (mut camera_entries, mut view_entries) = (Vec::new(), Vec::new());
@@ -146,7 +147,9 @@ impl Job<'_> {
         let (effects, entries) = (world.effects(), world.entries());
         let Device { id, camera, rate_hz, n_frames, .. } = device;
         let draw = Draw::of_camera(effects.seed, id);
-        let Delivery { clock, arrivals } = deliver(effects, draw, *n_frames, *rate_hz, entries);
+        let late_secs = world.late_secs(id);
+        let Delivery { clock, mut arrivals } = deliver(effects, draw, *n_frames, *rate_hz, entries);
+        arrivals.iter_mut().for_each(|arrival| arrival.shift(late_secs));
         let by_frame = by_frame(&arrivals);
         if by_frame.is_empty() {
             return Err(SimulateError::NothingArrives { camera: id.clone() });
@@ -164,7 +167,7 @@ impl Job<'_> {
             let wanted = if is_wanted { Wanted::Truth } else { Wanted::Picture };
             let arriving = by_frame.get(&frame);
             if is_wanted || arriving.is_some() || station.remembers() {
-                let time_secs = device.time_of(frame);
+                let time_secs = device.time_of(frame) + late_secs;
                 let shot = station.shoot(frame, time_secs, wanted)?;
                 for arrival in arriving.into_iter().flatten() {
                     send(world, &mut video, draw, arrival, shot.picture(), *rate_hz)?;
@@ -182,7 +185,12 @@ impl Job<'_> {
         }
         let clean = if station.has_sensor() { "clean" } else { "frame" };
         let clip_of = Some(format!("../clips/{id}.webm"));
-        Ok((clip, ManifestCamera { clip: clip_of, clock: Some(clock), ..entry(device, clean) }))
+        let entry = ManifestCamera { clip: clip_of, clock: Some(clock), ..entry(device, clean) };
+        let calibration = match most {
+            Wanted::Picture => entry.calibration,
+            Wanted::Truth => format!("{id}/calibration.json"),
+        };
+        Ok((clip, ManifestCamera { calibration, ..entry }))
     }
 
     /// The folder of a camera's truth with what is known before its frames, and the file of what they show.
@@ -196,6 +204,7 @@ impl Job<'_> {
         let of = if station.has_sensor() { Of::CameraWithSensor } else { Of::Camera };
         let (camera, plate) = (station.camera(), station.plate());
         let truth = TruthFolder::create(self.folder(id), camera, &plate.truth().rgb, of)?;
+        write_file(&truth.folder.join("calibration.json"), &calibration_text(camera)?)?;
         let mut lines = JsonLines::create(truth.folder.join("delivery.jsonl"))?;
         arrivals.iter().try_for_each(|arrival| lines.write(arrival))?;
         lines.finish()?;
@@ -275,18 +284,14 @@ fn by_frame(arrivals: &[Arrival]) -> BTreeMap<u64, Vec<&Arrival>> {
 }
 
 /// Scene document, configuration, calibrations; the configuration's path.
-fn write_documents(
-    world: &World,
-    options: &SimulateOptions,
-    cameras: &[Device],
-) -> Result<PathBuf, SimulateError> {
+fn write_documents(world: &World, options: &SimulateOptions) -> Result<PathBuf, SimulateError> {
     let out = &options.out_dir;
     make_folder(out)?;
     let config = out.join(format!("{}.toml", world.id()));
     write_file(&config, &world.config_toml(&options.database)?)?;
     write_file(&out.join(format!("{}.json", world.id())), &world.scene_json(options.size_px)?)?;
-    for device in cameras {
-        write_calibration(options, &device.id, &device.camera)?;
+    for (id, camera) in world.calibrated_at(options.size_px)? {
+        write_calibration(options, id, &camera)?;
     }
     Ok(config)
 }
@@ -294,6 +299,9 @@ fn write_documents(
 fn write_calibration(options: &SimulateOptions, id: &str, camera: &Camera) -> Result<(), SimulateError> {
     let folder = options.out_dir.join("calibration");
     make_folder(&folder)?;
-    let text = serde_json::to_string_pretty(&CameraDocument::from_camera(camera))? + "\n";
-    write_file(&folder.join(format!("{id}.json")), &text)
+    write_file(&folder.join(format!("{id}.json")), &calibration_text(camera)?)
+}
+
+fn calibration_text(camera: &Camera) -> Result<String, SimulateError> {
+    Ok(serde_json::to_string_pretty(&CameraDocument::from_camera(camera))? + "\n")
 }

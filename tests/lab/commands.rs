@@ -82,6 +82,40 @@ fn simulate_says_what_a_world_calls_for() {
 }
 
 #[test]
+fn placing_is_judged_on_what_was_simulated() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let small = ["--world", "yard", "--size-px", "240x136", "--samples", "1", "--rate-hz", "5"];
+    succeed(folder, &[&["simulate", "--out", "yard"], &small[..]].concat());
+    let placing = ["bench", "placing", "--recording", "yard", "--json", "placing.json"];
+    let table = succeed(folder, &placing);
+    assert!(table.contains("| yard | 2 | people | 2.0 |"), "{table}");
+    let text = std::fs::read_to_string(folder.join("placing.json")).unwrap();
+    let told: Value = serde_json::from_str(&text).unwrap();
+    let outcome = &told["outcomes"][0];
+    assert_eq!((&outcome["n_cameras"], &outcome["n_instants"]), (&2.into(), &60.into()));
+    let people = &outcome["kinds"][0];
+    assert_eq!((people["kind"].as_str(), people["n_true"].as_u64()), (Some("walker"), Some(120)));
+    assert!(people["moda"].as_f64().unwrap() > 0.5 && people["idf1"].as_f64().unwrap() > 0.5, "{people}");
+    // The truth of every second instant alone.
+    succeed(folder, &[&placing[..], &["--rate-hz", "2.5"]].concat());
+    let text = std::fs::read_to_string(folder.join("placing.json")).unwrap();
+    assert!(text.contains("\"n_instants\": 30"), "{text}");
+
+    check_refused(folder, &["bench", "placing"], 2, "--world");
+    check_refused(folder, &["bench", "placing", "--world", "yrad"], 1, "did you mean `yard`?");
+    check_refused(folder, &["bench", "placing", "--recording", "none"], 1, "none");
+    check_refused(folder, &["bench", "placing", "--world", "yard", "--gate-m", "0"], 1, "--gate-m");
+    let error_px = ["bench", "placing", "--world", "yard", "--calibration-error-px", "nan"];
+    check_refused(folder, &error_px, 1, "expected 0 to 100");
+    let positions = folder.join("yard/truth/positions.jsonl");
+    let broken =
+        std::fs::read_to_string(&positions).unwrap().replacen("\"time_secs\":0.4", "\"time_secs\":0.1", 1);
+    std::fs::write(&positions, broken).unwrap();
+    check_refused(folder, &placing, 1, "positions.jsonl, line 3: time_secs: expected more than the 0.2");
+}
+
+#[test]
 fn help_says_what_every_command_is_for() {
     let folder = TempDir::new().unwrap();
     let check = |arguments: &[&str], expected: &[&str]| {

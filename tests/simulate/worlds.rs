@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 use std::collections::HashSet;
 use std::path::Path;
 use videofields_picture::scene;
-use videofields_simulate::{ActorKind, EffectKind, Effects, SimulateError, World};
+use videofields_simulate::{ActorKind, CalibrationError, EffectKind, Effects, SimulateError, World};
 use videofields_vision::config;
 use videofields_vision::error::ErrorKind;
 use videofields_vision::geometry::{Camera, Ray, SurfaceId};
@@ -323,6 +323,7 @@ fn faults_are_found_all_at_once_each_at_its_place() {
             "cameras": [{"id": "A", "eye_m": [0, 0, 3], "target_m": [0, 0, 3], "fov_x_deg": 60},
                 {"id": "b", "eye_m": [0, 0, 3], "yaw_deg": 3, "fov_x_deg": 60},
                 {"id": "c", "eye_m": [0, 0, 3], "target_m": [0, 5, 3], "fov_x_deg": 60, "rate_hz": 0, "size_px": [1, 100000]}],
+            "calibration_error": {"turn_deg": 90},
             "effects": {"noize": {}, "rain": {"rate_mm_per_hour": -1}}}"#,
         &[
             ("/actors/0/path/corners_m/1", "1 cm from the corner before"),
@@ -338,6 +339,7 @@ fn faults_are_found_all_at_once_each_at_its_place() {
             ("/cameras/2/rate_hz", "expected 0.1 to 240"),
             ("/cameras/2/size_px", "16 to 16383"),
             ("/cameras/2/size_px", "16 to 16383"),
+            ("/calibration_error/turn_deg", "expected 0 to 45 degrees, got 90"),
             ("/effects/noize", "did you mean `noise`?"),
             ("/effects/rain/rate_mm_per_hour", "must be 0.1 to 200"),
         ],
@@ -348,6 +350,33 @@ fn faults_are_found_all_at_once_each_at_its_place() {
     };
     assert!(faults.iter().any(|fault| fault.place == "/actors" && fault.message.contains("at most 254")));
     assert!(faults.len() <= 64, "faults are bounded");
+}
+
+#[test]
+fn calibration_errors_are_in_what_is_written_and_not_in_what_is_cast() {
+    let text = r#"{"version": 1, "base": "yard", "calibration_error": {"move_m": 0.1, "clock_ms": 50}, "cameras": [
+        {"id": "a", "eye_m": [-9, -15, 4.6], "target_m": [0.5, -1.5, 0.6], "fov_x_deg": 66},
+        {"id": "b", "eye_m": [9, -14, 4.4], "target_m": [-0.5, -1, 0.6], "fov_x_deg": 66, "calibration_error": {"turn_deg": 1}}]}"#;
+    let world = World::from_json("off", text).unwrap();
+    let true_ones = world.cameras((64, 36)).unwrap();
+    let scene = |world: &World| {
+        scene::parse("off", &world.scene_json((64, 36)).unwrap(), scene::no_imports).unwrap().scene
+    };
+    let off: Vec<f64> = scene(&world)
+        .cameras
+        .iter()
+        .zip(&true_ones)
+        .map(|(member, (_, camera))| {
+            (member.camera.pose().position_in_world - camera.pose().position_in_world).length()
+        })
+        .collect();
+    assert!((off[0] - 0.1).abs() < 1e-9 && off[1] < 1e-9, "one is moved, one turned: {off:?}");
+    assert_eq!(world.late_secs("a").abs(), 0.05);
+    assert_eq!(world.late_secs("b"), 0.0, "its own error has no clock");
+    let exact = world.with_calibration_error(CalibrationError::default());
+    assert_eq!(exact.cameras((64, 36)).unwrap(), true_ones);
+    assert_eq!(scene(&exact).cameras[0].camera.pose(), true_ones[0].1.pose());
+    assert_ne!(scene(&exact).cameras[1].camera.pose(), scene(&world).cameras[1].camera.pose());
 }
 
 /// A number that hangs on the last one.

@@ -1,19 +1,22 @@
 //! `bench placing`: whether everybody is found, once, where they stand and under one id, and how long that takes.
 
+mod calibration;
 mod identity;
 mod judge;
 mod recording;
 mod score;
 mod table;
+mod true_masks;
 mod truth;
 mod world;
 
 use anyhow::{Context as _, Result, ensure};
+use calibration::disturbed;
 use judge::Judge;
 use recording::Recording;
 use std::path::PathBuf;
-use std::sync::Arc;
 use table::{Outcome, write_tables};
+use videofields_picture::scene::Scene;
 use videofields_recording::telemetry::{self, LogFormat};
 use videofields_simulate::World;
 use videofields_vision::clock::SystemClock;
@@ -43,15 +46,38 @@ pub(super) struct Placing {
     /// (default all).
     #[arg(long, value_name = "RATE")]
     rate_hz: Option<f64>,
+    /// Whose masks blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
+    #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
+    masks: Masks,
+    /// Puts every camera's pose off before cameras are associated, until the ground that it shows is shifted by so many pixels of its
+    /// picture (root mean square), 0 to 100.
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
+    calibration_error_px: f64,
+    /// What the direction of calibration errors hangs on.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    seed: u64,
     /// Writes all figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+}
+
+/// Whose masks blobs are made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Masks {
+    Ours,
+    True,
 }
 
 impl Placing {
     pub(super) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("warn"))?;
         ensure!((0.01..=100.0).contains(&self.gate_m), "--gate-m: expected 0.01 to 100, got {}", self.gate_m);
+        let error_px = self.calibration_error_px;
+        ensure!(
+            (0.0..=100.0).contains(&error_px),
+            "--calibration-error-px: expected 0 to 100, got {error_px}"
+        );
         if let Some(rate_hz) = self.rate_hz {
             ensure!((0.1..=240.0).contains(&rate_hz), "--rate-hz: expected 0.1 to 240, got {rate_hz}");
         }
@@ -68,7 +94,13 @@ impl Placing {
         }
         write_tables(&mut std::io::stdout().lock(), &outcomes)?;
         if let Some(path) = &self.json {
-            let document = serde_json::json!({"gate_m": self.gate_m, "outcomes": outcomes});
+            let document = serde_json::json!({
+                "gate_m": self.gate_m,
+                "masks": self.masks,
+                "calibration_error_px": error_px,
+                "seed": self.seed,
+                "outcomes": outcomes,
+            });
             let text = serde_json::to_string_pretty(&document)? + "\n";
             std::fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
         }
@@ -80,14 +112,21 @@ impl Placing {
         let mut judge = Judge::new(&clock, self.gate_m);
         let rate_hz = self.rate_hz.unwrap_or(10.0);
         let (n_cameras, entities) =
-            world::judge_world(world, rate_hz, &mut judge, &clock, |scene| Ok(Arc::clone(scene)))?;
+            world::judge_world(world, (rate_hz, self.masks), &mut judge, &clock, |scene| {
+                self.scene_of(scene)
+            })?;
         Ok(Outcome::of(name, n_cameras, &judge, Some(entities)))
+    }
+
+    /// The scene as it is associated in.
+    fn scene_of(&self, scene: &Scene) -> Result<Scene> {
+        disturbed(scene, self.calibration_error_px, self.seed)
     }
 
     fn judge_recording(&self, name: &str, recording: &Recording) -> Result<Outcome> {
         let clock = SystemClock::new();
         let mut judge = Judge::new(&clock, self.gate_m);
-        recording.judge(&mut judge, |scene| Ok(Arc::clone(scene)))?;
+        recording.judge(&mut judge, |scene| self.scene_of(scene))?;
         Ok(Outcome::of(name, recording.n_cameras(), &judge, None))
     }
 }

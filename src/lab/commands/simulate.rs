@@ -6,8 +6,8 @@ use videofields::commands::parse::{parse_point, parse_size};
 use videofields::commands::progress::Progress;
 use videofields::commands::say;
 use videofields_simulate::{
-    Beside, EffectKind, Effects, ExplainOptions, Explanation, ExtraView, Parts, SimulateOptions, World,
-    explain, write_with,
+    Beside, CalibrationError, EffectKind, Effects, ExplainOptions, Explanation, ExtraView, Parts,
+    SimulateOptions, World, explain, write_with,
 };
 use videofields_vision::clock::SystemClock;
 
@@ -47,6 +47,10 @@ pub(crate) struct Simulate {
     /// What all randomness hangs on, in place of the world's own.
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
+    /// How far all cameras' written calibrations are off, in place of their own errors, such as
+    /// `move_m=0.05,turn_deg=0.2,focal_percent=1,lens=0.01,clock_ms=40` (docs/worlds.md).
+    #[arg(long, value_name = "KEY=VALUE,...", value_parser = parse_calibration_error)]
+    calibration_error: Option<CalibrationError>,
     /// Length of the clips, seconds. Default: the world's period, so that they loop without a seam.
     #[arg(long, value_name = "SECONDS")]
     seconds: Option<f64>,
@@ -85,6 +89,10 @@ impl Simulate {
         }
         let world = World::load(&self.world)?;
         let world = world.with_effects(self.effects(world.effects().clone()));
+        let world = match self.calibration_error {
+            Some(error) => world.with_calibration_error(error),
+            None => world,
+        };
         if self.explain {
             return self.explain(&world);
         }
@@ -172,6 +180,19 @@ fn parse_effect(text: &str) -> Result<Named, String> {
         let known: Vec<&str> = EffectKind::ALL.into_iter().map(EffectKind::id).chain(["all"]).collect();
         videofields_vision::error::unknown("effect", text, &known)
     })
+}
+
+fn parse_calibration_error(text: &str) -> Result<CalibrationError, String> {
+    let mut fields = serde_json::Map::new();
+    for part in text.split(',') {
+        let (key, value) = part.split_once('=').ok_or_else(|| format!("{part:?}: expected KEY=VALUE"))?;
+        let number: f64 = value.parse().map_err(|_not_a_number| format!("{value:?} is no number"))?;
+        fields.insert(key.to_owned(), number.into());
+    }
+    let error: CalibrationError = serde_json::from_value(fields.into()).map_err(|error| error.to_string())?;
+    let faults: Vec<String> =
+        error.validate().iter().map(|fault| format!("{}: {}", &fault.place[1..], fault.message)).collect();
+    if faults.is_empty() { Ok(error) } else { Err(faults.join("; ")) }
 }
 
 /// The explanation as a Markdown table between two sentences.

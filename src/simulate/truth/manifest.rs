@@ -69,6 +69,7 @@ fn formats() -> serde_json::Value {
                  copy (1 for the second arrival of a duplicated frame), captured_secs (true time), stamped_secs (the \
                  camera's own clock), clip_secs (place in the clip), arrived_secs (true time), fates (delivered, \
                  dropped, duplicated, corrupted, late)",
+            "<camera>/calibration.json": "the camera as it truly is; what lies beside the clips is off by its calibration error",
             "<camera>/background.png": "8-bit sRGB: the still world without figures, lit as the world is before any effect changes its lights, clean",
             "<camera>/seen_by.png": "8 bits: how many other cameras of the world see the still world's surface that \
                  the pixel shows (figures left out); 0 also in the sky",

@@ -1,5 +1,6 @@
 //! The cameras and views of a world document.
 
+use super::super::calibration_error::CalibrationError;
 use super::super::world::{Focal, WorldCamera, WorldView};
 use super::reader::{Placed, Reader, three};
 use glam::{DQuat, DVec3};
@@ -38,6 +39,8 @@ struct CameraDocument {
     size_px: [u32; 2],
     #[serde(default = "CameraDocument::rate")]
     rate_hz: f64,
+    #[serde(default)]
+    calibration_error: Option<CalibrationError>,
 }
 
 impl CameraDocument {
@@ -76,16 +79,38 @@ pub(super) const fn max_views() -> usize {
     MAX_VIEWS
 }
 
-/// Reads `cameras`.
+/// Reads `calibration_error`.
+pub(super) fn calibration_error(placed: Placed, reader: &mut Reader<'_>) -> Option<CalibrationError> {
+    let place = placed.1.clone();
+    let error: CalibrationError = reader.read(placed)?;
+    sound_error(error, &place, reader)
+}
+
+fn sound_error(error: CalibrationError, place: &str, reader: &mut Reader<'_>) -> Option<CalibrationError> {
+    let faults = error.validate();
+    let is_sound = faults.is_empty();
+    for fault in faults {
+        reader.fault(format!("{place}{}", fault.place), fault.message);
+    }
+    is_sound.then_some(error)
+}
+
+/// Reads `cameras`; `error` is that of those that have none of their own.
 pub(super) fn cameras(
     elements: Vec<Placed>,
+    error: CalibrationError,
     ids: &mut HashSet<String>,
     reader: &mut Reader<'_>,
 ) -> Vec<WorldCamera> {
-    elements.into_iter().filter_map(|placed| camera(placed, ids, reader)).collect()
+    elements.into_iter().filter_map(|placed| camera(placed, error, ids, reader)).collect()
 }
 
-fn camera(placed: Placed, ids: &mut HashSet<String>, reader: &mut Reader<'_>) -> Option<WorldCamera> {
+fn camera(
+    placed: Placed,
+    error: CalibrationError,
+    ids: &mut HashSet<String>,
+    reader: &mut Reader<'_>,
+) -> Option<WorldCamera> {
     let place = placed.1.clone();
     let mut document: CameraDocument = reader.read(placed)?;
     let n_faults = reader.gatherer.faults().len();
@@ -100,6 +125,10 @@ fn camera(placed: Placed, ids: &mut HashSet<String>, reader: &mut Reader<'_>) ->
     reader.number(&place, "rate_hz", document.rate_hz, 0.1..=240.0, "Hz");
     reader.number(&place, "roll_deg", document.roll_deg, -360.0..=360.0, "degrees");
     reader.place(&place, "eye_m", &document.eye_m);
+    let calibration_error = match document.calibration_error {
+        Some(own) => sound_error(own, &pointer_to(&place, "calibration_error"), reader)?,
+        None => error,
+    };
     let target = target(&document, &place, reader)?;
     let distortion = distortion(&document.distortion, &place, reader)?;
     let focal = match (document.fov_x_deg, document.focal_px) {
@@ -136,6 +165,7 @@ fn camera(placed: Placed, ids: &mut HashSet<String>, reader: &mut Reader<'_>) ->
         distortion,
         size_px: (width, height),
         rate_hz: document.rate_hz,
+        calibration_error,
     };
     if let Err(error) = camera.at_size(camera.size_px) {
         reader.fault(place, error.to_string());

@@ -66,6 +66,8 @@ fn read(id: &str, tree: Value, files: &dyn Files, reader: &mut Reader<'_>) -> Op
     });
     let origin = fields.take("origin").and_then(|placed| origin(placed, reader));
     let effects = fields.take("effects").and_then(|placed| effects(placed, seed, reader));
+    let error =
+        fields.take("calibration_error").and_then(|placed| cameras::calibration_error(placed, reader));
     let sky = fields.take("sky");
     let light = fields.take("light");
     let materials = fields.take("materials");
@@ -86,7 +88,7 @@ fn read(id: &str, tree: Value, files: &dyn Files, reader: &mut Reader<'_>) -> Op
     let actors = actors::read(actors, seed, period_secs, reader);
     let mut ids = HashSet::new();
     let cameras = reader.gatherer.list(cameras, cameras::max_cameras());
-    let cameras = cameras::cameras(cameras, &mut ids, reader);
+    let cameras = cameras::cameras(cameras, error.unwrap_or_default(), &mut ids, reader);
     let views = reader.gatherer.list(views, cameras::max_views());
     let views = cameras::views(views, &mut ids, reader);
 

@@ -21,7 +21,7 @@ const LEAST_STEP_NANOS: i64 = 40_000_000;
 
 /// A recording with all but its pictures.
 pub(super) struct Recording {
-    scene: Arc<Scene>,
+    scene: Scene,
     /// In the scene's order.
     cameras: Vec<CameraSettings>,
     roots: MediaRoots,
@@ -54,7 +54,7 @@ impl Recording {
         let cameras = cameras.collect::<Result<Vec<_>>>()?;
         let instants = truth::read(folder, &scene, rate_hz)?;
         let roots = MediaRoots::new(&[vec![folder.to_owned()], settings.media.roots.clone()].concat())?;
-        Ok(Self { scene: Arc::new(scene), cameras, roots, instants })
+        Ok(Self { scene, cameras, roots, instants })
     }
 
     pub(super) fn n_cameras(&self) -> usize {
@@ -68,9 +68,9 @@ impl Recording {
     pub(super) fn judge(
         &self,
         judge: &mut Judge<'_>,
-        scene_of: impl FnOnce(&Arc<Scene>) -> Result<Arc<Scene>>,
+        scene_of: impl FnOnce(&Scene) -> Result<Scene>,
     ) -> Result<()> {
-        let scene = scene_of(&self.scene)?;
+        let scene = Arc::new(scene_of(&self.scene)?);
         let mut players = self.cameras.iter().map(|camera| Player::new(camera, &self.roots));
         let mut players = players.by_ref().collect::<Result<Vec<_>>>()?;
         let mut length_nanos = 0;

@@ -1,6 +1,8 @@
 //! A simulated world, played before its cameras for one period to learn and for one to be judged.
 
+use super::Masks;
 use super::judge::{Figure, Judge};
+use super::true_masks::play_true;
 use crate::bench::playing::play;
 use crate::entities::{EntityScore, LEAST_PX};
 use crate::worlds::prepare;
@@ -10,15 +12,18 @@ use std::sync::Arc;
 use videofields::accuracy::{OpenGate, Scope, Stopwatch};
 use videofields_picture::scene::Scene;
 use videofields_simulate::{FigurePosition, World};
+use videofields_vision::clock::Clock;
 use videofields_vision::frame::{CameraId, Mask};
+use videofields_vision::observation::Observation;
 
-/// Plays `world` at `rate_hz` before all its cameras. `scene_of` gives the scene in which they are associated.
+/// Plays `world` at `rate_hz` before all its cameras; how many these are, and what their entities show. `scene_of` gives the scene in
+/// which they are associated.
 pub(super) fn judge_world(
     world: &World,
-    rate_hz: f64,
+    (rate_hz, masks): (f64, Masks),
     judge: &mut Judge<'_>,
-    clock: &dyn videofields_vision::clock::Clock,
-    scene_of: impl FnOnce(&Arc<Scene>) -> Result<Arc<Scene>>,
+    clock: &dyn Clock,
+    scene_of: impl FnOnce(&Scene) -> Result<Scene>,
 ) -> Result<(usize, EntityScore)> {
     let scope = Scope {
         n_frames: (world.period_secs() * rate_hz).round() as u32,
@@ -29,9 +34,9 @@ pub(super) fn judge_world(
     };
     let watch = Stopwatch::new(clock, &OpenGate);
     let subject = prepare(world, &scope, &watch, &videofields::commands::complain)?;
-    let scene = scene_of(&subject.scene)?;
+    let scene = Arc::new(scene_of(&subject.scene)?);
     let mut entities = EntityScore::default();
-    play(&subject, |frame, number, seen| {
+    let at_frame = |frame: usize, number: usize, seen: &[Observation]| {
         let state = judge.place(&scene, subject.instant(number), seen);
         let of = |id: &CameraId| subject.cameras.iter().find(|camera| camera.id == *id);
         let members = state.cameras.iter().filter_map(|camera| of(&camera.id));
@@ -42,7 +47,11 @@ pub(super) fn judge_world(
         let figures: Vec<Figure> = positions.iter().map(|of| figure(of, &seen)).collect();
         judge.score(&state, &figures);
         Ok(())
-    })?;
+    };
+    match masks {
+        Masks::Ours => play(&subject, at_frame)?,
+        Masks::True => play_true(&subject, at_frame)?,
+    }
     Ok((subject.cameras.len(), entities))
 }
 
