@@ -256,6 +256,9 @@ mod tests {
         check(figures.moda, -2.0);
         check(figures.count_error, 1.0);
         assert_eq!((figures.modp, figures.place_error_m), (None, None));
+        // Too few are as wrong as too many.
+        let figures = score(&[(&[truth(1, 0.0), truth(2, 3.0)], &[found(7, 0.0)])]);
+        check(figures.count_error, 1.0);
     }
 
     #[test]
@@ -361,6 +364,13 @@ mod tests {
         // A second one there is false all the same.
         let figures = score(&[(&[unseen(1, 0.0)], &[found(7, 0.0), found(8, 0.1)])]);
         assert_eq!((figures.n_found, figures.n_false), (1, 1));
+        check(figures.idf1, 0.0);
+        // Who is not held false there is nobody else's either: one of two places belongs to an id, not both.
+        let figures = score(&[
+            (&[unseen(1, 0.0), truth(2, 0.4)], &[found(8, 0.0), found(7, 0.4)]),
+            (&[unseen(1, 0.0), truth(2, 0.4)], &[found(8, 0.0), found(9, 0.4)]),
+        ]);
+        check(figures.idf1, 0.5);
         // Hidden for an instant and back with another id: a switch.
         let figures = score(&[
             (&[truth(1, 0.0)], &[found(7, 0.0)]),
