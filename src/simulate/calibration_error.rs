@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use videofields_vision::error::Fault;
 use videofields_vision::geometry::{Camera, Distortion, Pose};
 
-/// How far a camera's written calibration is off, each by just so much, in a direction that the world's seed and the camera's id draw.
+/// Errors of a camera's written calibration: each is just so large, in a direction that the world's seed and the camera's id draw.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationError {
@@ -21,7 +21,7 @@ pub struct CalibrationError {
     pub focal_percent: f64,
     /// More or less of its lens' first coefficient of distortion, 0 to 0.5.
     pub lens: f64,
-    /// Frames are captured so much earlier or later than their times say, milliseconds, 0 to 60000.
+    /// Time by which frames are captured earlier or later than their times say, milliseconds, 0 to 60000.
     pub clock_ms: f64,
 }
 

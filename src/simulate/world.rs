@@ -74,7 +74,7 @@ pub(super) struct WorldCamera {
     /// Columns and rows of its own pictures.
     pub(super) size_px: (u32, u32),
     pub(super) rate_hz: f64,
-    /// How far what is written of it is off.
+    /// Errors of what is written of it.
     pub(super) calibration_error: CalibrationError,
 }
 
@@ -205,7 +205,8 @@ impl World {
         self.cameras.iter().map(|camera| Ok((camera.id.as_str(), at_size(camera)?))).collect()
     }
 
-    /// As [`Self::cameras_at`], but as they are thought to be: what is written of them is off by their calibration errors.
+    /// Returns the cameras of [`Self::cameras_at`] as they are thought to be: what is written of them is off by their calibration
+    /// errors.
     ///
     /// # Errors
     /// When the size is none that a camera can have, or an error leaves no camera.

@@ -38,7 +38,7 @@ pub(super) struct Placing {
     /// Repeatable.
     #[arg(long, value_name = "DIR")]
     recording: Vec<PathBuf>,
-    /// Farthest that an entity may stand from whom it is, on the ground, metres, 0.01 to 100. Cars and cyclists are met
+    /// Distance on the ground within which an entity is somebody, metres, 0.01 to 100. Cars and cyclists are met
     /// anywhere over the ground that they cover.
     #[arg(long, value_name = "METRES", default_value_t = 0.5)]
     gate_m: f64,
@@ -46,14 +46,14 @@ pub(super) struct Placing {
     /// (default all).
     #[arg(long, value_name = "RATE")]
     rate_hz: Option<f64>,
-    /// Whose masks blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
+    /// Masks that blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
     #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
     masks: Masks,
     /// Puts every camera's pose off before cameras are associated, until the ground that it shows is shifted by so many pixels of its
     /// picture (root mean square), 0 to 100.
     #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
     calibration_error_px: f64,
-    /// What the direction of calibration errors hangs on.
+    /// Number that the direction of calibration errors hangs on.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
     /// Writes all figures as JSON.
@@ -61,7 +61,7 @@ pub(super) struct Placing {
     json: Option<PathBuf>,
 }
 
-/// Whose masks blobs are made of.
+/// Source of the masks that blobs are made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Masks {

@@ -47,7 +47,7 @@ pub(crate) struct Simulate {
     /// What all randomness hangs on, in place of the world's own.
     #[arg(long, value_name = "NUMBER")]
     seed: Option<u64>,
-    /// How far all cameras' written calibrations are off, in place of their own errors, such as
+    /// Errors of all cameras' written calibrations, in place of their own, such as
     /// `move_m=0.05,turn_deg=0.2,focal_percent=1,lens=0.01,clock_ms=40` (docs/worlds.md).
     #[arg(long, value_name = "KEY=VALUE,...", value_parser = parse_calibration_error)]
     calibration_error: Option<CalibrationError>,

@@ -23,7 +23,7 @@ struct Knot {
     secs: f64,
     cycles: f64,
     travelled_m: f64,
-    /// How the walker halts from here to the next knot, its feet together; `None` where it walks.
+    /// Posture from here to the next knot, feet together; `None` where the walker walks.
     halts: Option<Posture>,
 }
 
@@ -94,17 +94,17 @@ impl Gait {
         from.travelled_m + (to.travelled_m - from.travelled_m) * part.clamp(0.0, 1.0) + round * self.length_m
     }
 
-    /// How much at rest the walker is, 0 (walking) to 1 (standing or sitting).
+    /// Returns the share of coming to rest that is done, 0 (walking) to 1 (standing or sitting).
     pub(super) fn rest(&self, share: f64) -> f64 {
         self.halted(share, REST_SECS, |_| true)
     }
 
-    /// How far the walker has sat down, 0 (upright) to 1 (sitting).
+    /// Returns the share of sitting down that is done, 0 (upright) to 1 (sitting).
     pub(super) fn seated(&self, share: f64) -> f64 {
         self.halted(share, SITTING_SECS, |posture| posture == Posture::Sit)
     }
 
-    /// How far into a halt in such a posture the walker is, where that takes `ease_secs`, 0 to 1.
+    /// Returns the share of coming into a halt of a posture that `is_meant` that is done, where that takes `ease_secs`, 0 to 1.
     fn halted(&self, share: f64, ease_secs: f64, is_meant: impl Fn(Posture) -> bool) -> f64 {
         if self.knots.is_empty() {
             return 0.0;

@@ -26,7 +26,7 @@ pub(crate) struct Stop {
     pub(crate) posture: Posture,
 }
 
-/// How somebody halts.
+/// Posture of somebody who halts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Posture {
@@ -90,7 +90,7 @@ pub(super) struct Leg {
     pub(super) from_m: f64,
     pub(super) speed: f64,
     pub(super) acceleration: f64,
-    /// Of a piece in which nothing moves.
+    /// Posture in a piece in which nothing moves.
     pub(super) posture: Posture,
 }
 

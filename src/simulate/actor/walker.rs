@@ -23,7 +23,7 @@ const ANKLE_M: f64 = 0.08;
 const SOLE_RADIUS_M: f64 = 0.045;
 /// Length of a stride of someone as tall as the model, metres.
 const STRIDE_M: f64 = 1.4;
-/// Where the hips of someone are who sits: above the ground, and behind where their feet stand, metres.
+/// Place of the hips of someone who sits: above the ground, and behind where their feet stand, metres.
 const SEAT_M: f64 = 0.56;
 const SEAT_BEHIND_M: f64 = 0.42;
 /// How far before and behind a body the ground's height is smoothed, so that a kerb does not jolt it, metres.
@@ -55,7 +55,7 @@ struct Pose {
     axes: Axes,
     hips: DVec3,
     cycles: f64,
-    /// How much at rest it is, and how far it has sat down, 0 to 1.
+    /// Shares of coming to rest and of sitting down that are done, 0 to 1.
     rest: f64,
     seated: f64,
     scale: f64,

@@ -12,7 +12,7 @@ use videofields_vision::geometry::{Camera, Pose, Surfaces};
 const STEPS: u32 = 12;
 const FARTHEST_M: f64 = 60.0;
 
-/// How far a camera is moved for each radian that it is turned, metres: alike in effect some ten metres away.
+/// Metres that a camera is moved for each radian that it is turned: alike in effect some ten metres away.
 const MOVED_M_PER_RAD: f64 = 10.0;
 
 /// Returns the scene with each camera's pose off by `error_px`: the root mean square of how far the ground that it shows is shifted

@@ -1,4 +1,4 @@
-//! What cameras see at an instant, associated and timed, and held against who is there in truth.
+//! An instant of all cameras, associated and timed, and held against who is there in truth.
 //!
 //! Owns one association of a scene, and which row an entity counts in; the arithmetic is `score`'s.
 
@@ -73,7 +73,7 @@ pub(super) struct Judge<'a> {
     clock: &'a dyn Clock,
     gate_m: f64,
     association: Association,
-    /// By kind of figure, of those that there ever were.
+    /// Scores by kind of figure, of those that there ever were.
     scores: BTreeMap<Kind, PlacingScore>,
     placing_ms: Vec<f64>,
     n_instants: usize,

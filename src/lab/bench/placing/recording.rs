@@ -22,7 +22,7 @@ const LEAST_STEP_NANOS: i64 = 40_000_000;
 /// A recording with all but its pictures.
 pub(super) struct Recording {
     scene: Scene,
-    /// In the scene's order.
+    /// Settings of the scene's cameras, in its order.
     cameras: Vec<CameraSettings>,
     roots: MediaRoots,
     instants: Vec<Instant>,
@@ -168,7 +168,7 @@ impl<'a> Player<'a> {
         self.pipeline.take_events();
     }
 
-    /// What the frame nearest to an instant shows, if that is near enough.
+    /// Returns the observation of the frame nearest to an instant, if that is near enough.
     fn at(&mut self, nanos: i64) -> Result<Option<Observation>> {
         while let Some(frame) = self.next.take() {
             let away = (self.from_nanos + frame.stream_nanos - nanos).abs();

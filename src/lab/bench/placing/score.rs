@@ -1,4 +1,5 @@
-//! How well people are placed, from true and found places by instant: detection (MODA, MODP), identity (IDF1, switches), place.
+//! Figures of how well people are placed, from true and found places by instant: detection (MODA, MODP), identity (IDF1, switches),
+//! place.
 //!
 //! Places on the ground with ids go in, instant after instant; figures come out. Knows nothing of cameras, scenes and files.
 //!
@@ -42,14 +43,14 @@ pub(super) struct FoundPlace {
 /// Counts of placing, instant by instant.
 #[derive(Clone, Debug)]
 pub(super) struct PlacingScore {
-    /// Farthest that a found place may be from the true one, metres.
+    /// Largest distance of a found place from the true one, metres.
     gate_m: f64,
     n_instants: usize,
     n_true: usize,
     n_missed: usize,
     n_false: usize,
     n_switches: usize,
-    /// Of all matches, metres.
+    /// Distances of all matches, metres.
     distances_m: Vec<f64>,
     /// Sum over the instants of how many more or fewer are found than there are.
     count_error: usize,
@@ -81,7 +82,7 @@ pub(super) struct PlacingFigures {
     pub(super) modp: Option<f64>,
     /// Share of true and found places that belong together, where each true id has one found id for the whole clip.
     pub(super) idf1: Option<f64>,
-    /// Of the matches: mean and 95 % point of the distance, metres.
+    /// Mean and 95 % point of the matches' distances, metres.
     pub(super) place_error_m: Option<[f64; 2]>,
     /// Mean over the instants of how many more or fewer are found than there are.
     pub(super) count_error: Option<f64>,

@@ -1,4 +1,4 @@
-//! What came of placing: a line for each world or recording and kind of figure, as a Markdown table and as JSON.
+//! Results of placing: a line for each world or recording and kind of figure, as a Markdown table and as JSON.
 
 use super::judge::{Judge, Kind};
 use super::score::PlacingFigures;
@@ -8,7 +8,7 @@ use serde::Serialize;
 use std::io::Write;
 use videofields_vision::measures::quantile;
 
-/// What came of one world or recording.
+/// Result of one world or recording.
 #[derive(Debug, Serialize)]
 pub(super) struct Outcome {
     /// Its name, or its folder.
@@ -18,7 +18,7 @@ pub(super) struct Outcome {
     /// Time of placing an instant: mean and 95 % point, milliseconds.
     pub(super) placing_ms: [f64; 2],
     pub(super) kinds: Vec<KindOutcome>,
-    /// By whose pixels entities show; absent where these are not known.
+    /// Counts by the pixels that entities show; absent where it is not known whose these are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) entities: Option<EntityOutcome>,
 }
