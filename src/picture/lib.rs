@@ -4,6 +4,8 @@
 
 pub mod scene;
 
+pub mod occupancy;
+
 pub mod fuse;
 
 pub mod plan;

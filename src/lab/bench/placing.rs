@@ -12,7 +12,7 @@ mod world;
 
 use anyhow::{Context as _, Result, ensure};
 use calibration::disturbed;
-use judge::Judge;
+use judge::{Judge, Method};
 use recording::Recording;
 use std::path::PathBuf;
 use table::{Outcome, write_tables};
@@ -49,6 +49,10 @@ pub(super) struct Placing {
     /// Masks that blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
     #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
     masks: Masks,
+    /// How people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing; the table of
+    /// pixels is of association whatever is given.
+    #[arg(long, value_enum, default_value_t = Method::Association)]
+    by: Method,
     /// Puts every camera's pose off before cameras are associated, until the ground that it shows is shifted by so many pixels of its
     /// picture (root mean square), 0 to 100.
     #[arg(long, value_name = "PIXELS", default_value_t = 0.0)]
@@ -97,6 +101,7 @@ impl Placing {
             let document = serde_json::json!({
                 "gate_m": self.gate_m,
                 "masks": self.masks,
+                "by": self.by,
                 "calibration_error_px": error_px,
                 "seed": self.seed,
                 "outcomes": outcomes,
@@ -109,7 +114,7 @@ impl Placing {
 
     fn judge_world(&self, name: &str, world: &World) -> Result<Outcome> {
         let clock = SystemClock::new();
-        let mut judge = Judge::new(&clock, self.gate_m);
+        let mut judge = Judge::new(&clock, self.gate_m, self.by);
         let rate_hz = self.rate_hz.unwrap_or(10.0);
         let (n_cameras, entities) =
             world::judge_world(world, (rate_hz, self.masks), &mut judge, &clock, |scene| {
@@ -125,7 +130,7 @@ impl Placing {
 
     fn judge_recording(&self, name: &str, recording: &Recording) -> Result<Outcome> {
         let clock = SystemClock::new();
-        let mut judge = Judge::new(&clock, self.gate_m);
+        let mut judge = Judge::new(&clock, self.gate_m, self.by);
         recording.judge(&mut judge, |scene| self.scene_of(scene))?;
         Ok(Outcome::of(name, recording.n_cameras(), &judge, None))
     }

@@ -7,7 +7,9 @@ use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use videofields_picture::fuse::{Association, SceneState, assemble_within};
+use std::time::Duration;
+use videofields_picture::fuse::{Association, Entity, SceneState, assemble_within};
+use videofields_picture::occupancy::Occupancy;
 use videofields_picture::scene::Scene;
 use videofields_simulate::ActorKind;
 use videofields_vision::clock::{Clock, Timestamp};
@@ -68,11 +70,26 @@ impl Figure {
     }
 }
 
+/// How people are placed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum Method {
+    /// By each camera's blobs, joined afterwards: as the daemon does.
+    Association,
+    /// By all cameras' masks together; proposed, and knows nothing of who is who.
+    Occupancy,
+}
+
 /// A scene's instants, associated and scored one after the other.
 pub(super) struct Judge<'a> {
     clock: &'a dyn Clock,
     gate_m: f64,
     association: Association,
+    /// None where people are placed by association.
+    occupancy: Option<Occupancy>,
+    /// Places of the instant by occupancy, each with a number that is given once.
+    placed: Vec<FoundPlace>,
+    n_placed: u64,
     /// Scores by kind of figure, of those that there ever were.
     scores: BTreeMap<Kind, PlacingScore>,
     placing_ms: Vec<f64>,
@@ -80,11 +97,14 @@ pub(super) struct Judge<'a> {
 }
 
 impl<'a> Judge<'a> {
-    pub(super) fn new(clock: &'a dyn Clock, gate_m: f64) -> Self {
+    pub(super) fn new(clock: &'a dyn Clock, gate_m: f64, method: Method) -> Self {
         Self {
             clock,
             gate_m,
             association: Association::default(),
+            occupancy: (method == Method::Occupancy).then(Occupancy::default),
+            placed: Vec::new(),
+            n_placed: 0,
             scores: [(Kind::Walker, PlacingScore::new(gate_m))].into(),
             placing_ms: Vec::new(),
             n_instants: 0,
@@ -101,9 +121,27 @@ impl<'a> Judge<'a> {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         let started = self.clock.monotonic();
         let state = assemble_within(&mut self.association, scene, instant, find, None);
-        let took = self.clock.monotonic().saturating_sub(started);
+        let took = match self.occupancy.take() {
+            Some(occupancy) => self.place_by(occupancy, scene, seen),
+            None => self.clock.monotonic().saturating_sub(started),
+        };
         self.placing_ms.push(took.as_secs_f64() * 1000.0);
         state
+    }
+
+    /// Places people by occupancy; the time that it takes.
+    fn place_by(&mut self, mut occupancy: Occupancy, scene: &Arc<Scene>, seen: &[Observation]) -> Duration {
+        let started = self.clock.monotonic();
+        let people = occupancy.find(scene, |idx| {
+            let of = seen.iter().find(|of| of.frame.camera == scene.cameras[idx].id);
+            of.map(|of| of.labels.as_ref())
+        });
+        let took = self.clock.monotonic().saturating_sub(started);
+        self.occupancy = Some(occupancy);
+        let places = people.iter().map(|person| person.foot_in_world.truncate());
+        self.placed = places.zip(self.n_placed..).map(|(place_m, id)| FoundPlace { id, place_m }).collect();
+        self.n_placed += self.placed.len() as u64;
+        took
     }
 
     /// Scores the entities of a state against the figures of its instant.
@@ -113,8 +151,11 @@ impl<'a> Judge<'a> {
         for figure in figures {
             rows.entry(figure.kind).or_default().0.push(figure.place());
         }
-        for entity in &state.entities {
-            let of = FoundPlace { id: entity.id, place_m: entity.foot_in_world.truncate() };
+        let found = match &self.occupancy {
+            Some(_) => std::mem::take(&mut self.placed),
+            None => state.entities.iter().map(place_of).collect(),
+        };
+        for of in found {
             rows.entry(row_of(of.place_m, figures, self.gate_m)).or_default().1.push(of);
         }
         for (kind, (truths, found)) in rows {
@@ -136,6 +177,10 @@ impl<'a> Judge<'a> {
     pub(super) const fn n_instants(&self) -> usize {
         self.n_instants
     }
+}
+
+fn place_of(entity: &Entity) -> FoundPlace {
+    FoundPlace { id: entity.id, place_m: entity.foot_in_world.truncate() }
 }
 
 /// The row in which an entity counts, found or false: that of the nearest figure within the gate, or else of people.

@@ -1,0 +1,197 @@
+//! What one camera's mask says for and against somebody who would cover some of its pixels.
+//!
+//! A mask and silhouettes flow in; sums over silhouettes flow out. A pixel that somebody covers already says nothing more.
+
+use super::silhouette::Silhouette;
+use videofields_vision::frame::Mask;
+use videofields_vision::segment::MOVING;
+
+/// Columns of the reduced masks at most: sums need no more.
+const MOST_COLUMNS: u32 = 320;
+
+/// Counts a covered pixel that is background so many times as one that is foreground.
+const AGAINST: f32 = 1.0;
+
+/// More foreground than this share of the picture is a light that was switched or a camera that turned, and says nothing of people.
+const MOST_FOREGROUND: f32 = 0.6;
+
+/// Evidence of one camera at one instant.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Evidence {
+    width: usize,
+    height: usize,
+    /// Says that the mask tells nothing of people.
+    is_blind: bool,
+    /// Of each pixel, what covering it gains: 1 of foreground, less [`AGAINST`] of background.
+    gains: Vec<f32>,
+    /// Bodies that cover each pixel.
+    covers: Vec<u16>,
+    /// Sums of the gains of uncovered pixels from each row's left end; one more column than pixels.
+    sums: Vec<f32>,
+}
+
+impl Evidence {
+    /// Returns the size in which a mask of `size_px` is looked at: columns, rows.
+    pub(super) fn size_of((width, height): (u32, u32)) -> (usize, usize) {
+        let factor = width.div_ceil(MOST_COLUMNS).max(1);
+        (width.div_ceil(factor) as usize, height.div_ceil(factor) as usize)
+    }
+
+    pub(super) const fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// Takes a hard mask; nobody covers anything yet.
+    pub(super) fn load(&mut self, labels: &Mask) {
+        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1) as usize;
+        (self.width, self.height) = Self::size_of((labels.width, labels.height));
+        let n_pixels = self.width * self.height;
+        self.gains.clear();
+        self.gains.resize(n_pixels, 0.0);
+        for y in 0..labels.height {
+            let row = &mut self.gains[y as usize / factor * self.width..][..self.width];
+            for (gain, block) in row.iter_mut().zip(labels.row(y).chunks(factor)) {
+                *gain += block.iter().filter(|label| **label == MOVING).count() as f32;
+            }
+        }
+        for y in 0..self.height {
+            let rows = factor.min(labels.height as usize - y * factor);
+            for x in 0..self.width {
+                let columns = factor.min(labels.width as usize - x * factor);
+                let gain = &mut self.gains[y * self.width + x];
+                *gain = *gain / (rows * columns) as f32 * (1.0 + AGAINST) - AGAINST;
+            }
+        }
+        let n_foreground = self.gains.iter().filter(|gain| **gain > 0.0).count();
+        self.is_blind = n_foreground as f32 > MOST_FOREGROUND * n_pixels as f32;
+        self.covers.clear();
+        self.covers.resize(n_pixels, 0);
+        self.sums.clear();
+        self.sums.resize((self.width + 1) * self.height, 0.0);
+        for y in 0..self.height {
+            self.sum_row(y, 0);
+        }
+    }
+
+    /// Returns whether it says anything: there is a mask, and it is not of a light that was switched.
+    pub(super) const fn is_told(&self) -> bool {
+        self.width > 0 && !self.is_blind
+    }
+
+    /// Returns whether a pixel, counted row by row, is mostly foreground.
+    pub(super) fn is_foreground(&self, pixel: usize) -> bool {
+        self.gains[pixel] > 0.0
+    }
+
+    /// Returns what covering the silhouette's pixels gains beyond what others cover, pixels.
+    pub(super) fn gain(&self, silhouette: &Silhouette) -> f32 {
+        let mut gain = 0.0;
+        for (row, [left, right]) in silhouette.spans.iter().enumerate() {
+            let sums = &self.sums[(silhouette.first_row + row) * (self.width + 1)..][..=self.width];
+            gain += at(sums, *right) - at(sums, *left);
+        }
+        gain
+    }
+
+    /// Covers or, with `by` below 0, uncovers a silhouette's pixels.
+    pub(super) fn cover(&mut self, silhouette: &Silhouette, by: i16) {
+        for (row, [left, right]) in silhouette.spans.iter().enumerate() {
+            let y = silhouette.first_row + row;
+            let [left, right] = [*left, *right].map(|end| (end.round() as usize).min(self.width));
+            if left >= right {
+                continue;
+            }
+            for count in &mut self.covers[y * self.width + left..y * self.width + right] {
+                *count = count.saturating_add_signed(by);
+            }
+            self.sum_row(y, left);
+        }
+    }
+
+    /// Sums a row anew from a column on.
+    fn sum_row(&mut self, y: usize, first: usize) {
+        let pixels = y * self.width + first..(y + 1) * self.width;
+        let sums = &mut self.sums[y * (self.width + 1) + first..(y + 1) * (self.width + 1)];
+        let mut sum = sums[0];
+        for ((gain, covers), to) in
+            self.gains[pixels.clone()].iter().zip(&self.covers[pixels]).zip(&mut sums[1..])
+        {
+            sum += if *covers == 0 { *gain } else { 0.0 };
+            *to = sum;
+        }
+    }
+}
+
+/// Returns the sum up to a place between columns.
+fn at(sums: &[f32], x: f32) -> f32 {
+    let whole = (x as usize).min(sums.len() - 2);
+    let part = x - whole as f32;
+    sums[whole] + part * (sums[whole + 1] - sums[whole])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn mask(width: u32, height: u32, seed: u32) -> Mask {
+        let label = |idx: u32| if (idx + seed).wrapping_mul(0x9e37_79b9) >> 31 == 0 { MOVING } else { 0 };
+        Mask { width, height, data: (0..width * height).map(label).collect::<Vec<_>>().into() }
+    }
+
+    fn silhouette(first_row: usize, spans: &[[f32; 2]]) -> Silhouette {
+        Silhouette { first_row, spans: spans.into(), area_px: 1.0 }
+    }
+
+    proptest! {
+        #[test]
+        fn sums_are_those_of_the_pixels_that_nobody_covers(
+            seed in 0..1000_u32,
+            spans in prop::collection::vec((0..=40_u8, 0..=40_u8), 1..8),
+            covered in prop::collection::vec((0..=40_u8, 0..=40_u8), 1..8),
+        ) {
+            let mask = mask(40, 10, seed);
+            let mut evidence = Evidence::default();
+            evidence.load(&mask);
+            let of = |spans: &[(u8, u8)]| {
+                let spans: Vec<_> = spans.iter().map(|(a, b)| [f32::from(*a.min(b)), f32::from(*a.max(b))]).collect();
+                silhouette(2, &spans)
+            };
+            let (asked, covering) = (of(&spans), of(&covered));
+            let within = |of: &Silhouette, x: u32, y: u32| {
+                let row = (y as usize).checked_sub(of.first_row).and_then(|row| of.spans.get(row));
+                row.is_some_and(|[left, right]| (x as f32) >= *left && (x as f32) < *right)
+            };
+            let plain = |covering: Option<&Silhouette>| {
+                let pixels = (0..10).flat_map(|y| (0..40).map(move |x| (x, y)));
+                let seen = pixels.filter(|(x, y)| within(&asked, *x, *y));
+                let open = seen.filter(|(x, y)| covering.is_none_or(|of| !within(of, *x, *y)));
+                open.map(|(x, y)| if mask.get(x, y) == MOVING { 1.0 } else { -AGAINST }).sum::<f32>()
+            };
+            prop_assert!((evidence.gain(&asked) - plain(None)).abs() < 1e-3);
+            evidence.cover(&covering, 1);
+            evidence.cover(&covering, 1);
+            prop_assert!((evidence.gain(&asked) - plain(Some(&covering))).abs() < 1e-3);
+            evidence.cover(&covering, -1);
+            prop_assert!((evidence.gain(&asked) - plain(Some(&covering))).abs() < 1e-3, "one covers it still");
+            evidence.cover(&covering, -1);
+            prop_assert!((evidence.gain(&asked) - plain(None)).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn parts_of_columns_count_in_part_and_large_masks_are_reduced() {
+        let mut evidence = Evidence::default();
+        evidence.load(&Mask { width: 4, height: 1, data: vec![MOVING, 0, 0, 0].into() });
+        assert!((evidence.gain(&silhouette(0, &[[0.5, 1.25]])) - (0.5 - 0.25 * AGAINST)).abs() < 1e-6);
+        // 641 columns are thirds; the last has two columns, of which one moves.
+        let mut data = vec![0; 641 * 2];
+        data[..3].fill(MOVING);
+        data[641..644].fill(MOVING);
+        (data[640], data[1281]) = (MOVING, MOVING);
+        evidence.load(&Mask { width: 641, height: 2, data: data.into() });
+        assert_eq!(evidence.size(), (214, 1));
+        assert!((evidence.gain(&silhouette(0, &[[0.0, 1.0]])) - 1.0).abs() < 1e-6);
+        assert!((evidence.gain(&silhouette(0, &[[213.0, 214.0]])) - (0.5 - 0.5 * AGAINST)).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,202 @@
+//! Places of a scene where people may stand, and where each camera would see their bodies.
+//!
+//! A scene and the cameras' picture sizes flow in once; cells flow out, each with the pixels that show somebody there. Whether a mask has
+//! these pixels tells in no time where nobody stands.
+
+use super::silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
+use crate::scene::Scene;
+use glam::DVec3;
+use std::collections::HashMap;
+use std::sync::Arc;
+use videofields_vision::geometry::{Camera, Face, Ray};
+
+/// Side of a cell, metres.
+const CELL_M: f64 = 0.25;
+
+/// Cells of a scene at most: of larger scenes they are larger.
+const MOST_CELLS: f64 = 1e6;
+
+/// Heights above a cell at which a body is looked for, metres: legs may be hidden.
+const LEVELS_M: [f64; 2] = [0.9, 1.45];
+
+/// Somebody smaller than this in a picture is none that it tells of, pixels.
+const LEAST_HEIGHT_PX: f64 = 5.0;
+
+/// Levels of ground one above the other at most.
+const MOST_STOREYS: usize = 3;
+
+/// Room above a place where people stand, metres.
+const HEADROOM_M: f64 = 1.9;
+
+/// No pixel: beside the picture, or hidden.
+const NO_PIXEL: u32 = u32::MAX;
+
+/// Silhouettes of typical people that are kept, cells: what more cells need is made again.
+const MOST_KEPT: usize = 20_000;
+
+/// What one camera shows of a cell.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    camera_idx: u32,
+    /// By level.
+    pixels: [u32; LEVELS_M.len()],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    foot_in_world: DVec3,
+    first_look: u32,
+}
+
+/// Cells of a scene, as cameras of given picture sizes see them.
+#[derive(Debug)]
+pub(super) struct Grid {
+    /// Picture sizes by camera of the scene.
+    sizes: Vec<(usize, usize)>,
+    cells: Vec<Cell>,
+    /// Of all cells, one after the other.
+    looks: Vec<Look>,
+    /// By cell and place among [`FIRST_M`].
+    silhouettes: HashMap<(usize, usize), Arc<[Option<Silhouette>]>>,
+}
+
+impl Grid {
+    /// Returns the cells of `scene` that a camera of `sizes` (columns and rows by camera; 0 of cameras that show nothing) sees.
+    pub(super) fn new(scene: &Scene, sizes: Vec<(usize, usize)>) -> Self {
+        let mut grid = Self { sizes, cells: Vec::new(), looks: Vec::new(), silhouettes: HashMap::new() };
+        let Some([low, high]) = scene.surfaces.ground_bounds() else { return grid };
+        let area = ((high.x - low.x) * (high.y - low.y)).max(0.0);
+        let side_m = CELL_M.max((area / MOST_CELLS).sqrt());
+        let top = scene.surfaces.bounds().map_or(high.z, |[_, high]| high.z) + 1.0;
+        let count = |low: f64, high: f64| ((high - low) / side_m).ceil().max(1.0) as usize;
+        for row in 0..count(low.y, high.y) {
+            for column in 0..count(low.x, high.x) {
+                let at = |low: f64, idx: usize| low + (idx as f64 + 0.5) * side_m;
+                grid.add_storeys(scene, DVec3::new(at(low.x, column), at(low.y, row), top));
+            }
+        }
+        grid
+    }
+
+    /// Adds a cell for each level of ground beneath `from`.
+    fn add_storeys(&mut self, scene: &Scene, mut from: DVec3) {
+        let mut ceiling = f64::INFINITY;
+        for _ in 0..MOST_STOREYS {
+            let Some(hit) = scene.surfaces.hit(&Ray { origin: from, direction: -DVec3::Z }, 0.0) else {
+                return;
+            };
+            let foot = hit.point_in_world;
+            if hit.face == Face::Top
+                && ceiling - foot.z >= HEADROOM_M
+                && !scene.surfaces.is_within_solid(foot + DVec3::Z * 0.3)
+            {
+                self.add_cell(scene, foot);
+            }
+            ceiling = foot.z;
+            from = foot - DVec3::Z * 0.05;
+        }
+    }
+
+    fn add_cell(&mut self, scene: &Scene, foot_in_world: DVec3) {
+        let first_look = self.looks.len() as u32;
+        for (camera_idx, (member, size)) in scene.cameras.iter().zip(&self.sizes).enumerate() {
+            let pixels = LEVELS_M.map(|above_m| {
+                let point = foot_in_world + DVec3::Z * above_m;
+                pixel(&member.camera, *size, point)
+                    .filter(|_| !scene.surfaces.is_hidden(member.camera.pose().position_in_world, point))
+                    .unwrap_or(NO_PIXEL)
+            });
+            if pixels.iter().any(|pixel| *pixel != NO_PIXEL) {
+                self.looks.push(Look { camera_idx: camera_idx as u32, pixels });
+            }
+        }
+        if self.looks.len() as u32 > first_look {
+            self.cells.push(Cell { foot_in_world, first_look });
+        }
+    }
+
+    /// Returns whether it is for pictures of these sizes.
+    pub(super) fn is_for(&self, sizes: &[(usize, usize)]) -> bool {
+        self.sizes == sizes
+    }
+
+    pub(super) fn sizes(&self) -> &[(usize, usize)] {
+        &self.sizes
+    }
+
+    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place;
+    /// `is_foreground` is asked with a camera and a pixel (row by row).
+    pub(super) fn candidates(
+        &self,
+        is_foreground: impl Fn(usize, usize) -> Option<bool>,
+        mut found: impl FnMut(usize),
+    ) {
+        for (idx, cell) in self.cells.iter().enumerate() {
+            let end = self.cells.get(idx + 1).map_or(self.looks.len(), |next| next.first_look as usize);
+            let (mut n_looks, mut n_hits) = (0, 0);
+            for look in &self.looks[cell.first_look as usize..end] {
+                let pixels = look.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
+                let seen =
+                    pixels.filter_map(|pixel| is_foreground(look.camera_idx as usize, *pixel as usize));
+                let (mut any, mut hit) = (false, false);
+                for is_hit in seen {
+                    (any, hit) = (true, hit | is_hit);
+                }
+                n_looks += usize::from(any);
+                n_hits += usize::from(hit);
+            }
+            if n_hits > 0 && 2 * n_hits >= n_looks {
+                found(idx);
+            }
+        }
+    }
+
+    pub(super) fn foot(&self, cell: usize) -> DVec3 {
+        self.cells[cell].foot_in_world
+    }
+
+    /// Returns the silhouettes of somebody in a cell, with a height by its place among [`FIRST_M`]; by camera of the scene.
+    pub(super) fn silhouettes(
+        &mut self,
+        scene: &Scene,
+        outliner: &mut Outliner,
+        (cell, height): (usize, usize),
+    ) -> Arc<[Option<Silhouette>]> {
+        if self.silhouettes.len() > MOST_KEPT {
+            self.silhouettes.clear();
+        }
+        let body = Body { foot_in_world: self.cells[cell].foot_in_world, height_m: FIRST_M[height] };
+        let sizes = &self.sizes;
+        let known = self.silhouettes.entry((cell, height));
+        Arc::clone(known.or_insert_with(|| silhouettes(scene, sizes, outliner, &body)))
+    }
+}
+
+/// Returns the silhouettes of a body by camera of the scene.
+pub(super) fn silhouettes(
+    scene: &Scene,
+    sizes: &[(usize, usize)],
+    outliner: &mut Outliner,
+    body: &Body,
+) -> Arc<[Option<Silhouette>]> {
+    let of = |(member, size): (&crate::scene::SceneCamera, &(usize, usize))| {
+        if size.0 == 0 {
+            return None;
+        }
+        outliner.silhouette((&member.camera, &scene.surfaces), *size, body)
+    };
+    scene.cameras.iter().zip(sizes).map(of).collect()
+}
+
+/// Returns the pixel that shows a point, if somebody there is large enough to be told.
+fn pixel(camera: &Camera, (width, height): (usize, usize), point: DVec3) -> Option<u32> {
+    let projection = camera.project(point)?;
+    let focal_px = camera.focal_px().y * height as f64 / f64::from(camera.size_px().1);
+    let is_large = TYPICAL_M * focal_px / projection.depth_m >= LEAST_HEIGHT_PX;
+    if !is_large || !projection.is_inside() {
+        return None;
+    }
+    let place = |share: f64, count: usize| Some(((share * count as f64) as usize).min(count.checked_sub(1)?));
+    let (x, y) = (place(projection.texture.x, width), place(projection.texture.y, height));
+    u32::try_from(y? * width + x?).ok()
+}

@@ -1,0 +1,270 @@
+//! Who stands where at one instant, decided by all cameras together: which people would the cameras show these masks of?
+//!
+//! Masks of cameras at one instant flow in with their scene; upright people with places and heights flow out. People are put into the
+//! scene one after the other, each where they explain most of what nobody explains yet, and are then moved and taken out again as
+//! long as that explains more. Knows nothing of who is who.
+//!
+//! `[FBLF08]` Fleuret, Berclaz, Lengagne, Fua 2008, Multi-camera people tracking with a probabilistic occupancy map: the question, and
+//! masks as its only evidence. There the answer is a probability for every cell; here it is a set of people, so that each pixel is
+//! explained once.
+
+mod evidence;
+mod grid;
+mod silhouette;
+
+use crate::scene::Scene;
+use evidence::Evidence;
+use glam::{DVec2, DVec3};
+use grid::{Grid, silhouettes};
+use silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
+use std::collections::BinaryHeap;
+use std::sync::Arc;
+use videofields_vision::frame::Mask;
+use videofields_vision::geometry::{Face, Ray};
+
+/// What somebody must explain to be there, in their own silhouettes: 1 is all of one camera's.
+const LEAST_SCORE: f32 = 0.5;
+
+/// ... and at least this share of all that cameras could see of them: where many look, more must be explained.
+const LEAST_SHARE_SEEN: f32 = 0.24;
+
+/// What one camera says against somebody at most, as above.
+const MOST_AGAINST: f32 = 0.5;
+
+/// Less of a silhouette than this share says nothing: strips beside others, which cover the rest.
+const LEAST_SHARE: f32 = 0.12;
+
+/// Times that everybody is moved and asked again.
+const SWEEPS: usize = 2;
+
+/// Steps by which places and heights are moved, metres, from coarse to fine.
+const STEPS_M: [f64; 2] = [0.12, 0.05];
+
+/// Steps of one size at most.
+const MOST_STEPS: usize = 3;
+
+/// Heights of people, metres.
+const HEIGHTS_M: [f64; 2] = [0.9, 2.1];
+
+/// What a height is away from the typical one costs, per metre squared.
+const HEIGHT_COST: f32 = 1.5;
+
+/// Most people of one scene at one instant.
+const MOST_PEOPLE: usize = 512;
+
+/// Somebody who stands in a scene.
+#[derive(Clone, Debug)]
+pub struct Person {
+    /// Where their feet are.
+    pub foot_in_world: DVec3,
+    /// Metres.
+    pub height_m: f64,
+    /// What they explain of what nobody else does, in their own silhouettes, over all cameras that see them.
+    pub score: f64,
+    silhouettes: Arc<[Option<Silhouette>]>,
+}
+
+/// Finds people; keeps its memory from instant to instant.
+#[derive(Debug, Default)]
+pub struct Occupancy {
+    grid: Option<(Arc<Scene>, Grid)>,
+    evidence: Vec<Evidence>,
+    outliner: Outliner,
+}
+
+/// Somebody who may be there, by what they would explain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Candidate {
+    score: f32,
+    cell: usize,
+    /// By its place among [`FIRST_M`].
+    height: usize,
+}
+
+impl Eq for Candidate {}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        let place = |of: &Self| (of.cell, of.height);
+        self.score.total_cmp(&other.score).then(place(other).cmp(&place(self)))
+    }
+}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Occupancy {
+    /// Returns who stands in `scene`; `labels` gives a camera's hard mask, by its place in the scene, if it has one.
+    pub fn find<'a>(
+        &mut self,
+        scene: &Arc<Scene>,
+        labels: impl Fn(usize) -> Option<&'a Mask>,
+    ) -> Vec<Person> {
+        let masks: Vec<Option<&Mask>> = (0..scene.cameras.len()).map(labels).collect();
+        self.fit(scene, &masks);
+        let Some((_, mut grid)) = self.grid.take() else { return Vec::new() };
+        let people = self.solve(scene, &mut grid);
+        self.grid = Some((Arc::clone(scene), grid));
+        people
+    }
+
+    /// Takes the masks, and makes the cells anew if the scene or a picture's size is another.
+    fn fit(&mut self, scene: &Arc<Scene>, masks: &[Option<&Mask>]) {
+        self.evidence.resize_with(masks.len(), Evidence::default);
+        let mut sizes = Vec::with_capacity(masks.len());
+        for (evidence, mask) in self.evidence.iter_mut().zip(masks) {
+            match mask {
+                Some(mask) => evidence.load(mask),
+                None => *evidence = Evidence::default(),
+            }
+            sizes.push(evidence.size());
+        }
+        let is_known =
+            self.grid.as_ref().is_some_and(|(of, grid)| Arc::ptr_eq(of, scene) && grid.is_for(&sizes));
+        if !is_known {
+            self.grid = Some((Arc::clone(scene), Grid::new(scene, sizes)));
+        }
+    }
+
+    fn solve(&mut self, scene: &Scene, grid: &mut Grid) -> Vec<Person> {
+        let mut heap = self.candidates(scene, grid);
+        let mut people: Vec<Person> = Vec::new();
+        while let Some(best) = heap.pop().filter(|_| people.len() < MOST_PEOPLE) {
+            let silhouettes = grid.silhouettes(scene, &mut self.outliner, (best.cell, best.height));
+            let score = self.score(&silhouettes, FIRST_M[best.height]);
+            if score < self.least_score(&silhouettes) {
+                continue;
+            }
+            // Others have covered some of it since it was asked.
+            if heap.peek().is_some_and(|next| next.score > score) {
+                heap.push(Candidate { score, ..best });
+                continue;
+            }
+            let (foot_in_world, score) = (grid.foot(best.cell), f64::from(score));
+            let height_m = FIRST_M[best.height];
+            let mut person = Person { foot_in_world, height_m, score, silhouettes };
+            self.improve(scene, grid.sizes(), &mut person);
+            self.cover(&person, 1);
+            people.push(person);
+        }
+        for _ in 0..SWEEPS {
+            people.retain_mut(|person| {
+                self.cover(person, -1);
+                self.improve(scene, grid.sizes(), person);
+                let is_kept = person.score >= f64::from(self.least_score(&person.silhouettes));
+                if is_kept {
+                    self.cover(person, 1);
+                }
+                is_kept
+            });
+        }
+        people
+    }
+
+    /// Returns who may be in which cell, by what they would explain if nobody else were there.
+    fn candidates(&mut self, scene: &Scene, grid: &mut Grid) -> BinaryHeap<Candidate> {
+        let mut cells = Vec::new();
+        let evidence = &self.evidence;
+        let is_foreground = |camera: usize, pixel: usize| {
+            evidence[camera].is_told().then(|| evidence[camera].is_foreground(pixel))
+        };
+        grid.candidates(is_foreground, |cell| cells.push(cell));
+        let mut heap = BinaryHeap::new();
+        let heights = 0..FIRST_M.len();
+        for (cell, height) in
+            cells.into_iter().flat_map(|cell| heights.clone().map(move |height| (cell, height)))
+        {
+            let silhouettes = grid.silhouettes(scene, &mut self.outliner, (cell, height));
+            let score = self.score(&silhouettes, FIRST_M[height]);
+            if score >= self.least_score(&silhouettes) {
+                heap.push(Candidate { score, cell, height });
+            }
+        }
+        heap
+    }
+
+    fn cover(&mut self, person: &Person, by: i16) {
+        for (evidence, silhouette) in self.evidence.iter_mut().zip(person.silhouettes.iter()) {
+            if let Some(silhouette) = silhouette {
+                evidence.cover(silhouette, by);
+            }
+        }
+    }
+
+    /// Returns what somebody with these silhouettes explains of what nobody explains yet.
+    fn score(&self, silhouettes: &[Option<Silhouette>], height_m: f64) -> f32 {
+        let mut score = -HEIGHT_COST * ((height_m - TYPICAL_M) as f32).powi(2);
+        for (evidence, silhouette) in self.told(silhouettes) {
+            let share = evidence.gain(silhouette) / silhouette.area_px.max(1.0);
+            score += if share.abs() < LEAST_SHARE { 0.0 } else { share.max(-MOST_AGAINST) };
+        }
+        score
+    }
+
+    /// Returns the score that somebody with these silhouettes needs.
+    fn least_score(&self, silhouettes: &[Option<Silhouette>]) -> f32 {
+        let seen: f32 = self.told(silhouettes).map(|(_, silhouette)| silhouette.seen_share()).sum();
+        LEAST_SCORE.max(LEAST_SHARE_SEEN * seen)
+    }
+
+    /// Returns the silhouettes of cameras that say anything, each with its evidence.
+    fn told<'a>(
+        &'a self,
+        silhouettes: &'a [Option<Silhouette>],
+    ) -> impl Iterator<Item = (&'a Evidence, &'a Silhouette)> {
+        let all = self.evidence.iter().zip(silhouettes);
+        all.filter(|(evidence, _)| evidence.is_told())
+            .filter_map(|(evidence, of)| Some((evidence, of.as_ref()?)))
+    }
+
+    /// Moves somebody, and makes them taller or smaller, as long as that explains more.
+    fn improve(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person) {
+        person.score = f64::from(self.score(&person.silhouettes, person.height_m));
+        for step_m in STEPS_M {
+            for _ in 0..MOST_STEPS {
+                let before = person.score;
+                self.step(scene, sizes, person, step_m);
+                if person.score <= before {
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Tries a step each way over the ground, and in height.
+    fn step(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, step_m: f64) {
+        for by in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
+            let place = person.foot_in_world.truncate() + by * step_m;
+            if let Some(foot_in_world) = ground_at(scene, place, person.foot_in_world.z) {
+                self.try_body(scene, sizes, person, &Body { foot_in_world, height_m: person.height_m });
+            }
+        }
+        for by in [1.0, -1.0] {
+            let height_m = (person.height_m + by * step_m).clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
+            self.try_body(scene, sizes, person, &Body { foot_in_world: person.foot_in_world, height_m });
+        }
+    }
+
+    /// Takes another body for somebody, if it explains more.
+    fn try_body(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, body: &Body) {
+        let of = silhouettes(scene, sizes, &mut self.outliner, body);
+        let score = f64::from(self.score(&of, body.height_m));
+        if score > person.score {
+            *person =
+                Person { foot_in_world: body.foot_in_world, height_m: body.height_m, score, silhouettes: of };
+        }
+    }
+}
+
+/// Returns the ground at a place, near a height.
+fn ground_at(scene: &Scene, place: DVec2, near_z: f64) -> Option<DVec3> {
+    let ray = Ray { origin: place.extend(near_z + 0.6), direction: -DVec3::Z };
+    let hit = scene.surfaces.hit(&ray, 0.0)?;
+    (hit.face == Face::Top && hit.distance_m < 1.2).then_some(hit.point_in_world)
+}
+
+#[cfg(test)]
+mod tests;
