@@ -1,0 +1,219 @@
+//! Shadows, things and light whose truth is known, on ground with structure and without.
+
+use super::*;
+use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
+
+const SIZE: (u32, u32) = (64, 64);
+/// Columns and rows of what is darker, and of what moves above it.
+const DARKER: [std::ops::Range<usize>; 2] = [20..40, 30..50];
+const OWNER: [std::ops::Range<usize>; 2] = [24..36, 6..30];
+const BESIDE: [std::ops::Range<usize>; 2] = [40..52, 6..60];
+
+fn picture(luma: impl Fn(usize, usize) -> f32) -> YuvImage {
+    let (width, height) = SIZE;
+    let mut data = vec![128; YuvLayout::packed_len(width, height)];
+    for y in 0..height as usize {
+        for x in 0..width as usize {
+            data[y * width as usize + x] = luma(x, y).round() as u8;
+        }
+    }
+    YuvImage::new(YuvLayout::packed(width, height), ColorMatrix::Bt601, ColorRange::Limited, data).unwrap()
+}
+
+/// Returns 0 to 40 codes that neighbours do not share.
+fn texture(x: usize, y: usize) -> f32 {
+    let mut hash = (x as u32).wrapping_mul(0x9e37_79b9) ^ (y as u32).wrapping_mul(0x85eb_ca6b);
+    hash = (hash ^ hash >> 15).wrapping_mul(0xc2b2_ae35);
+    40.0 * ((hash ^ hash >> 13) & 0xff) as f32 / 255.0
+}
+
+fn is_within(place: &[std::ops::Range<usize>; 2], x: usize, y: usize) -> bool {
+    place[0].contains(&x) && place[1].contains(&y)
+}
+
+fn mask(place: &[std::ops::Range<usize>; 2]) -> BitMask {
+    let mut mask = BitMask::new(SIZE.0, SIZE.1);
+    for y in place[1].clone() {
+        mask.set_run(y, place[0].start, place[0].end);
+    }
+    mask
+}
+
+fn nobody() -> BitMask {
+    BitMask::new(SIZE.0, SIZE.1)
+}
+
+/// Returns the share of the candidates that are shadow in the end.
+fn share(
+    background: impl Fn(usize, usize) -> f32,
+    darker: impl Fn(usize, usize) -> f32,
+    owner: &BitMask,
+) -> f64 {
+    let empty = picture(&background);
+    let seen = picture(|x, y| if is_within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
+    let pair = Pair {
+        frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+        background: [0, 1, 2].map(|plane| empty.plane(plane)),
+    };
+    let mut moving = owner.clone();
+    let mut shadow = mask(&DARKER);
+    let n = f64::from(shadow.count_ones() as u32);
+    let mut shadows = Shadows::default();
+    shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), &mut Components::default());
+    f64::from(shadow.count_ones() as u32) / n
+}
+
+#[test]
+fn a_shadow_keeps_the_structure_of_its_ground_and_a_grey_thing_hides_it() {
+    let ground = |x, y| 110.0 + texture(x, y);
+    for attenuation in [0.55, 0.7, 0.85] {
+        let cast = |x: usize, y: usize| 16.0 + attenuation * (ground(x, y) - 16.0);
+        assert_eq!(share(ground, cast, &mask(&OWNER)), 1.0, "{attenuation}");
+        // The owner may be outside of the picture.
+        assert_eq!(share(ground, cast, &nobody()), 1.0, "{attenuation}");
+    }
+    // As grey as the ground in shadow, plain or with folds of its own.
+    for attenuation in [0.55, 0.7] {
+        let plain = |_, _| 16.0 + attenuation * 114.0;
+        assert_eq!(share(ground, plain, &mask(&OWNER)), 0.0, "{attenuation}");
+        let folds = |x, y| 16.0 + attenuation * (94.0 + texture(y + 31, x + 17));
+        // A lone cell may be alike by chance.
+        assert!(share(ground, folds, &mask(&OWNER)) < 0.1, "{attenuation}");
+    }
+}
+
+#[test]
+fn without_structure_only_what_lies_at_the_feet_of_an_owner_is_shadow() {
+    let ground = |_, _| 130.0;
+    let cast = |_, _| 16.0 + 0.7 * 114.0;
+    assert_eq!(share(ground, cast, &mask(&OWNER)), 1.0);
+    assert_eq!(share(ground, cast, &nobody()), 0.0);
+    // A thing with a texture, on ground without: beside somebody it is none, and under the feet it darkens the ground.
+    let folds = |x, y| 60.0 + texture(x, y);
+    assert_eq!(share(ground, folds, &nobody()), 0.0);
+    assert_eq!(share(ground, folds, &mask(&BESIDE)), 0.0);
+    assert_eq!(share(ground, folds, &mask(&OWNER)), 1.0);
+}
+
+#[test]
+fn a_strip_along_somebody_does_not_lift_the_top_of_a_region() {
+    let mut sums = Sums::default();
+    let mut add = |rows: std::ops::Range<u32>, columns: u32| {
+        for row in rows.flat_map(|row| std::iter::repeat_n(f64::from(row), columns as usize)) {
+            sums.n_px += 1;
+            sums.rows += row;
+            sums.squared_rows += row * row;
+        }
+        sums.top()
+    };
+    // Evenly long: a mean of 109.5 less 1.4 times 5.77.
+    assert!((add(100..120, 30) - 101.4).abs() < 0.1);
+    // Sixty rows above, a thirtieth as wide, lift it by a quarter of that.
+    assert!((85.0..90.0).contains(&add(40..100, 1)));
+}
+
+/// Returns the shares of the candidates for more light that are light, and that move.
+fn lit_share(background: impl Fn(usize, usize) -> f32, seen: impl Fn(usize, usize) -> f32) -> [f64; 2] {
+    let (empty, seen) = (picture(&background), picture(seen));
+    let pair = Pair {
+        frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+        background: [0, 1, 2].map(|plane| empty.plane(plane)),
+    };
+    let (mut moving, mut shadow, mut lit) = (nobody(), nobody(), mask(&DARKER));
+    let n = lit.count_ones() as f64;
+    let masks = (&mut moving, &mut shadow, &mut lit);
+    Shadows::default().judge_lit(&pair, 16.0, masks, &mut Components::default());
+    [shadow, moving].map(|mask| mask.count_ones() as f64 / n)
+}
+
+#[test]
+fn more_light_keeps_the_structure_of_its_ground_and_a_white_thing_hides_it() {
+    let ground = |x: usize, y: usize| 90.0 + texture(x, y);
+    for gain in [1.2, 1.6] {
+        let within = |x: usize, y: usize| if is_within(&DARKER, x, y) { gain } else { 1.0 };
+        let lit = lit_share(ground, |x, y| 16.0 + within(x, y) * (ground(x, y) - 16.0));
+        assert_eq!(lit, [1.0, 0.0], "{gain}");
+    }
+    let thing = |x, y| if is_within(&DARKER, x, y) { 150.0 } else { ground(x, y) };
+    assert_eq!(lit_share(ground, thing), [0.0, 1.0]);
+}
+
+#[test]
+fn on_plain_ground_the_light_beside_tells_light_from_a_thing() {
+    let plain = |_: usize, _: usize| 110.0;
+    for gain in [0.75_f32, 1.3] {
+        // The light goes on beyond what passed the threshold, or a thing ends there; a thing that the light reaches is one still.
+        for (beside, expected) in [(gain, 1.0), (1.0, 0.0), (gain.powf(0.5), 0.0)] {
+            let seen =
+                |x: usize, y: usize| 16.0 + 94.0 * if is_within(&DARKER, x, y) { gain } else { beside };
+            let found = if gain > 1.0 {
+                lit_share(plain, seen)[0]
+            } else {
+                let (empty, seen) = (picture(plain), picture(seen));
+                let pair = Pair {
+                    frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+                    background: [0, 1, 2].map(|plane| empty.plane(plane)),
+                };
+                let (mut moving, mut shadow) = (nobody(), mask(&DARKER));
+                let masks = (&mut moving, &mut shadow);
+                Shadows::default().judge(&pair, (16.0, 13.0), masks, &mut Components::default());
+                shadow.count_ones() as f64 / mask(&DARKER).count_ones() as f64
+            };
+            assert!((found - expected).abs() < 1e-9, "{gain}, {beside} beside: {found}");
+        }
+    }
+}
+
+#[test]
+fn noise_is_measured_once_a_frame_and_anew_in_the_next() {
+    let mut shadows = Shadows::default();
+    let empty = picture(|_, _| 110.0);
+    let mut found = Vec::new();
+    for codes in [4.0, 24.0] {
+        let seen = picture(|x, y| {
+            let light = if is_within(&DARKER, x, y) { 150.0 } else { 110.0 };
+            light + codes * ((x * 7 + y * 3) % 5) as f32 / 4.0
+        });
+        let pair = Pair {
+            frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+            background: [0, 1, 2].map(|plane| empty.plane(plane)),
+        };
+        let (mut moving, mut shadow, mut lit) = (mask(&OWNER), mask(&BESIDE), mask(&DARKER));
+        shadows.begin();
+        let masks = (&mut moving, &mut shadow, &mut lit);
+        shadows.judge_lit(&pair, 16.0, masks, &mut Components::default());
+        let variance = noise_variance(&pair, [&moving, &shadow, &shadow]);
+        assert_eq!(shadows.variance, Some(variance), "candidates changed sides, and none is new");
+        found.push(variance);
+    }
+    assert!(found[1] > 2.0 * found[0], "{found:?}");
+}
+
+#[test]
+fn plain_ground_with_a_joint_tells_a_shadow_by_the_joint() {
+    // One column in six is much darker: medians of steps are plain.
+    let paving = |x: usize, _: usize| if x.is_multiple_of(6) { 60.0 } else { 130.0 };
+    let cast = |x: usize, y: usize| 16.0 + 0.6 * (paving(x, y) - 16.0);
+    assert_eq!(share(paving, cast, &nobody()), 1.0);
+    // A plain thing hides the joints.
+    assert_eq!(share(paving, |_, _| 40.0, &nobody()), 0.0);
+}
+
+#[test]
+fn what_is_darker_through_the_blur_alone_stays_what_it_is() {
+    let ground = |_, _| 130.0;
+    assert_eq!(share(ground, |_, _| 125.0, &nobody()), 1.0);
+}
+
+#[test]
+fn pictures_of_one_pixel_and_black_ones_are_judged() {
+    assert!(share(|_, _| 0.0, |_, _| 0.0, &mask(&OWNER)).is_finite());
+    let image = YuvImage::filled(1, 1, [90, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+    let planes = [0, 1, 2].map(|plane| image.plane(plane));
+    let pair = Pair { frame: planes, background: planes };
+    let (mut moving, mut shadow) = (BitMask::new(1, 1), BitMask::new(1, 1));
+    shadow.set_run(0, 0, 1);
+    let masks = (&mut moving, &mut shadow);
+    Shadows::default().judge(&pair, (16.0, -1.0), masks, &mut Components::default());
+    assert_eq!((moving.count_ones(), shadow.count_ones()), (1, 0));
+}
