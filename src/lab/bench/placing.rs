@@ -49,7 +49,7 @@ pub(super) struct Placing {
     /// Masks that blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
     #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
     masks: Masks,
-    /// How people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing; the table of
+    /// Selects how people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing; the table of
     /// pixels is of association whatever is given.
     #[arg(long, value_enum, default_value_t = Method::Association)]
     by: Method,

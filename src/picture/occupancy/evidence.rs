@@ -1,4 +1,4 @@
-//! What one camera's mask says for and against somebody who would cover some of its pixels.
+//! Weighs one camera's mask for and against somebody who would cover some of its pixels.
 //!
 //! A mask and silhouettes flow in; sums over silhouettes flow out. A pixel that somebody covers already says nothing more.
 
@@ -22,7 +22,7 @@ pub(super) struct Evidence {
     height: usize,
     /// Says that the mask tells nothing of people.
     is_blind: bool,
-    /// Of each pixel, what covering it gains: 1 of foreground, less [`AGAINST`] of background.
+    /// Gain of covering each pixel: 1 for foreground, less [`AGAINST`] for background.
     gains: Vec<f32>,
     /// Bodies that cover each pixel.
     covers: Vec<u16>,

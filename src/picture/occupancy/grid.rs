@@ -34,7 +34,7 @@ const NO_PIXEL: u32 = u32::MAX;
 /// Silhouettes of typical people that are kept, cells: what more cells need is made again.
 const MOST_KEPT: usize = 20_000;
 
-/// What one camera shows of a cell.
+/// Pixels of one camera that show a cell.
 #[derive(Clone, Copy, Debug)]
 struct Look {
     camera_idx: u32,
@@ -54,7 +54,7 @@ pub(super) struct Grid {
     /// Picture sizes by camera of the scene.
     sizes: Vec<(usize, usize)>,
     cells: Vec<Cell>,
-    /// Of all cells, one after the other.
+    /// Looks at all cells, one cell after the other.
     looks: Vec<Look>,
     /// By cell and place among [`FIRST_M`].
     silhouettes: HashMap<(usize, usize), Arc<[Option<Silhouette>]>>,

@@ -1,4 +1,4 @@
-//! Who stands where at one instant, decided by all cameras together: which people would the cameras show these masks of?
+//! Finds the people who together explain the masks of all cameras at one instant, and where each of them stands.
 //!
 //! Masks of cameras at one instant flow in with their scene; upright people with places and heights flow out. People are put into the
 //! scene one after the other, each where they explain most of what nobody explains yet, and are then moved and taken out again as
@@ -22,13 +22,13 @@ use std::sync::Arc;
 use videofields_vision::frame::Mask;
 use videofields_vision::geometry::{Face, Ray};
 
-/// What somebody must explain to be there, in their own silhouettes: 1 is all of one camera's.
+/// Least score of somebody who is there: 1 is the whole of their silhouette in one camera.
 const LEAST_SCORE: f32 = 0.5;
 
 /// ... and at least this share of all that cameras could see of them: where many look, more must be explained.
 const LEAST_SHARE_SEEN: f32 = 0.24;
 
-/// What one camera says against somebody at most, as above.
+/// Most that one camera can take from somebody's score.
 const MOST_AGAINST: f32 = 0.5;
 
 /// Less of a silhouette than this share says nothing: strips beside others, which cover the rest.
@@ -46,7 +46,7 @@ const MOST_STEPS: usize = 3;
 /// Heights of people, metres.
 const HEIGHTS_M: [f64; 2] = [0.9, 2.1];
 
-/// What a height is away from the typical one costs, per metre squared.
+/// Cost of a height other than the typical one, per square metre of difference.
 const HEIGHT_COST: f32 = 1.5;
 
 /// Most people of one scene at one instant.
@@ -55,11 +55,11 @@ const MOST_PEOPLE: usize = 512;
 /// Somebody who stands in a scene.
 #[derive(Clone, Debug)]
 pub struct Person {
-    /// Where their feet are.
+    /// Place of their feet.
     pub foot_in_world: DVec3,
     /// Metres.
     pub height_m: f64,
-    /// What they explain of what nobody else does, in their own silhouettes, over all cameras that see them.
+    /// Sum over cameras of the share of their silhouette that only they explain, less the share that is background.
     pub score: f64,
     silhouettes: Arc<[Option<Silhouette>]>,
 }

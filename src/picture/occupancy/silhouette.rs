@@ -33,7 +33,7 @@ pub(super) const FIRST_M: [f64; 2] = [TYPICAL_M, 1.15];
 /// Rows beyond the picture for which spans are looked at, share of its height: what lies further off counts as if it were not there.
 const BEYOND: f64 = 1.0;
 
-/// Who is nearer than this to a camera is not told by it, metres.
+/// Least distance along a camera's axis at which it shows somebody, metres.
 const LEAST_DEPTH_M: f64 = 0.2;
 
 /// Somebody who stands.
@@ -176,7 +176,7 @@ fn rows_of(disc: &Disc, spacing: DVec2, mut add: impl FnMut(i64, [f64; 2])) {
     let narrow = (xx - xy * xy / yy).max(0.0);
     let (top, bottom) =
         ((disc.center_px.y - reach - 0.5).ceil() as i64, (disc.center_px.y + reach - 0.5).floor() as i64);
-    // What is larger than any picture is none that is asked for.
+    // Bounds the rows of somebody who stands right before the lens.
     for y in top..=bottom.min(top + 65_536) {
         let off = y as f64 + 0.5 - disc.center_px.y;
         let half = (narrow * (1.0 - off * off / yy)).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! Who is found where it is known who stands there: masks are drawn with code of their own, as boxes of a body's measures.
+//! Finds people who are known to stand somewhere: masks are drawn with code of their own, by points within bodies.
 
 use super::{Occupancy, Person};
 use crate::scene::{Scene, no_imports, parse};

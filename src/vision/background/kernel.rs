@@ -254,7 +254,7 @@ pub(super) fn learn_settled<S: Simd>(
     step: &Step,
     halves: Halves,
 ) {
-    // Where one vector of 16-bit numbers holds both halves, each of its two vectors of f32 holds one.
+    // One vector of 16-bit numbers may hold both halves; then each of its two vectors of f32 holds one.
     let are_both = S::i16s::LEN > HALF_TILE;
     let wanted = if are_both { [halves & 1 != 0, halves & 2 != 0] } else { [true; HALVES] };
     let rate = step.rate;

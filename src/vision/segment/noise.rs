@@ -230,7 +230,7 @@ mod tests {
                 assert!(counts == expected, "{name}, {turn}");
             }
         }
-        // What is more than the last step counts in nothing that is known.
+        // Norms above the last step count in nothing that is known.
         let mut noise = Noise::default();
         let white = YuvImage::filled(width, height, [235, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
         let pair = Pair { frame: [0, 1, 2].map(|plane| white.plane(plane)), ..pair };

@@ -407,7 +407,7 @@ mod tests {
                 }
             }
             let mut columns = Columns::default();
-            // What was there before must not show.
+            // Bits of an earlier frame must not show.
             columns.bridge_gaps(&mut repaired(&shadow, &moving, Plain::advance_shadowed).0);
             let expected = repaired(&moving, &shadow, Plain::advance_parted).0;
             let mut found = moving.clone();

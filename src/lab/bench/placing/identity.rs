@@ -1,4 +1,4 @@
-//! Which found id stands for which true one over a whole clip, so that they share the most instants.
+//! Matches found ids with true ones over a whole clip, so that they share the most instants.
 
 use pathfinding::prelude::{Matrix, kuhn_munkres};
 use std::collections::{BTreeMap, BTreeSet};

@@ -70,7 +70,7 @@ impl Figure {
     }
 }
 
-/// How people are placed.
+/// Method by which people are placed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {

@@ -1,6 +1,6 @@
 //! Values of labels: each an enum with all of its values and their texts.
 
-/// What a camera's frame goes through.
+/// Stage of work on a camera's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Stage {
     /// The Gaussian mixture.
@@ -26,7 +26,7 @@ impl Stage {
     }
 }
 
-/// Why a frame never became an observation.
+/// Reason for which a frame never became an observation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DropReason {
     /// The next stage was still busy with earlier frames of a live camera.
@@ -37,7 +37,7 @@ pub enum DropReason {
     Replaced,
     /// It could not be decoded whole.
     Damaged,
-    /// What is hidden of the camera was changed while it was worked on.
+    /// Privacy zones of the camera changed while it was worked on.
     Hidden,
 }
 
@@ -58,7 +58,7 @@ impl DropReason {
     }
 }
 
-/// Why a frame of a camera that is recorded is not on the disk.
+/// Reason for which a frame of a camera that is recorded is not on the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RecordingDrop {
     /// More frames waited for the disk than may.
@@ -94,7 +94,7 @@ impl RecordingDrop {
     }
 }
 
-/// Why a recorded segment was removed.
+/// Reason for which a recorded segment was removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum RemovalReason {
     /// `archive.max_gib`.
@@ -117,7 +117,7 @@ impl RemovalReason {
     }
 }
 
-/// Why a snapshot came to nothing.
+/// Reason for which a snapshot was not made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SnapshotFailure {
     /// The disk, or what snapshots may take, is full.
@@ -156,7 +156,7 @@ impl SnapshotFailure {
     }
 }
 
-/// Why a snapshot was removed.
+/// Reason for which a snapshot was removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SnapshotRemoval {
     /// Somebody asked for it.
@@ -182,7 +182,7 @@ impl SnapshotRemoval {
     }
 }
 
-/// Why a view was refused.
+/// Reason for which a view was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ViewRefusal {
     /// `render.queue_length` pictures waited already.

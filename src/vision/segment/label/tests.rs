@@ -43,12 +43,12 @@ fn planes(image: &YuvImage) -> [Plane<'_>; 3] {
     [image.plane(0), image.plane(1), image.plane(2)]
 }
 
-/// What a judge finds and what each pixel's own difference says.
+/// Compares what a judge finds with what each pixel's own difference says.
 fn check_every_pixel(pair: &Pair<'_>, unmatched: &BitMask, settings: &SegmentSettings, sigma_px: f64) {
     let mut judge = Judge::new();
     judge.set_blur(sigma_px);
     let running = Running { shadow: ShadowWork::None, ..ALL };
-    // What another frame left must not show.
+    // Bits of another frame must not show.
     judge.judge(
         &Pair { frame: pair.background, ..*pair },
         COLORS,

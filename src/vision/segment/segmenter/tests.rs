@@ -1,4 +1,4 @@
-//! What is found in frames made for one question each.
+//! Checks results of segmentation on frames that are made for one question each.
 
 use super::*;
 use crate::config::StageChoice;
@@ -46,7 +46,7 @@ fn segment(settings: &SegmentSettings, frame: &YuvImage) -> Segmentation {
     found
 }
 
-/// What holds for every result.
+/// Asserts what holds for every result.
 fn check_consistency(found: &Segmentation) {
     let n_moving = found.labels.data.iter().filter(|label| **label == MOVING).count() as u64;
     let areas: u64 = found.blobs.iter().map(|blob| u64::from(blob.area_px)).sum();

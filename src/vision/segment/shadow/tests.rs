@@ -72,7 +72,7 @@ fn a_shadow_keeps_the_structure_of_its_ground_and_a_grey_thing_hides_it() {
         // The owner may be outside of the picture.
         assert_eq!(share(ground, cast, &nobody()), 1.0, "{attenuation}");
     }
-    // As grey as the ground in shadow, plain or with folds of its own.
+    // A thing as grey as the ground in shadow, plain or with folds of its own.
     for attenuation in [0.55, 0.7] {
         let plain = |_, _| 16.0 + attenuation * 114.0;
         assert_eq!(share(ground, plain, &mask(&OWNER)), 0.0, "{attenuation}");
