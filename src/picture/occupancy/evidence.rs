@@ -73,8 +73,8 @@ impl Evidence {
         }
     }
 
-    /// Returns whether it says anything: there is a mask, and it is not of a light that was switched.
-    pub(super) const fn is_told(&self) -> bool {
+    /// Returns true if it tells anything of people: there is a mask, and it is not of a light that was switched.
+    pub(super) const fn is_usable(&self) -> bool {
         self.width > 0 && !self.is_blind
     }
 

@@ -54,7 +54,7 @@ pub(super) struct Grid {
     /// Picture sizes by camera of the scene.
     sizes: Vec<(usize, usize)>,
     cells: Vec<Cell>,
-    /// Looks at all cells, one cell after the other.
+    /// Cameras' pixels of all cells, those of a cell together.
     looks: Vec<Look>,
     /// By cell and place among [`FIRST_M`].
     silhouettes: HashMap<(usize, usize), Arc<[Option<Silhouette>]>>,

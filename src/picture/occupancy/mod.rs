@@ -169,7 +169,7 @@ impl Occupancy {
         let mut cells = Vec::new();
         let evidence = &self.evidence;
         let is_foreground = |camera: usize, pixel: usize| {
-            evidence[camera].is_told().then(|| evidence[camera].is_foreground(pixel))
+            evidence[camera].is_usable().then(|| evidence[camera].is_foreground(pixel))
         };
         grid.candidates(is_foreground, |cell| cells.push(cell));
         let mut heap = BinaryHeap::new();
@@ -197,7 +197,7 @@ impl Occupancy {
     /// Returns what somebody with these silhouettes explains of what nobody explains yet.
     fn score(&self, silhouettes: &[Option<Silhouette>], height_m: f64) -> f32 {
         let mut score = -HEIGHT_COST * ((height_m - TYPICAL_M) as f32).powi(2);
-        for (evidence, silhouette) in self.told(silhouettes) {
+        for (evidence, silhouette) in self.with_evidence(silhouettes) {
             let share = evidence.gain(silhouette) / silhouette.area_px.max(1.0);
             score += if share.abs() < LEAST_SHARE { 0.0 } else { share.max(-MOST_AGAINST) };
         }
@@ -206,17 +206,17 @@ impl Occupancy {
 
     /// Returns the score that somebody with these silhouettes needs.
     fn least_score(&self, silhouettes: &[Option<Silhouette>]) -> f32 {
-        let seen: f32 = self.told(silhouettes).map(|(_, silhouette)| silhouette.seen_share()).sum();
+        let seen: f32 = self.with_evidence(silhouettes).map(|(_, silhouette)| silhouette.seen_share()).sum();
         LEAST_SCORE.max(LEAST_SHARE_SEEN * seen)
     }
 
     /// Returns the silhouettes of cameras that say anything, each with its evidence.
-    fn told<'a>(
+    fn with_evidence<'a>(
         &'a self,
         silhouettes: &'a [Option<Silhouette>],
     ) -> impl Iterator<Item = (&'a Evidence, &'a Silhouette)> {
         let all = self.evidence.iter().zip(silhouettes);
-        all.filter(|(evidence, _)| evidence.is_told())
+        all.filter(|(evidence, _)| evidence.is_usable())
             .filter_map(|(evidence, of)| Some((evidence, of.as_ref()?)))
     }
 

@@ -115,13 +115,13 @@ fn lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<(String, T)>> {
     let read = |(line, number): (&str, usize)| {
         let place = format!("{}, line {number}", path.display());
         let document = serde_json::from_str(line);
-        Ok((place.clone(), document.map_err(|error| anyhow!("{place}: {}", told(&error)))?))
+        Ok((place.clone(), document.map_err(|error| anyhow!("{place}: {}", without_place(&error)))?))
     };
     text.lines().zip(1..).map(read).collect()
 }
 
 /// A parser's complaint without its line, which is always the first.
-fn told(error: &serde_json::Error) -> String {
+fn without_place(error: &serde_json::Error) -> String {
     let text = error.to_string();
     let text = text.split(" at line ").next().unwrap_or_default();
     format!("{text} (column {}); a line is one JSON object, with finite numbers alone", error.column())
