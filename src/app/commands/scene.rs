@@ -62,8 +62,8 @@ fn format_of(named: Option<ExchangeFormat>, file: Option<&Path>) -> ExchangeForm
     })
 }
 
-/// A scene's id, from its file's name as far as that is one.
-fn id_of(file: &Path) -> String {
+/// Returns a scene's id, from its file's name as far as that is one.
+pub(super) fn id_of(file: &Path) -> String {
     let stem = file.file_stem().and_then(std::ffi::OsStr::to_str).unwrap_or_default().to_lowercase();
     if videofields_vision::frame::is_id(&stem) { stem } else { "scene".to_owned() }
 }

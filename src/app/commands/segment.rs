@@ -1,4 +1,4 @@
-//! `segment`: what moves in a video, as masks, blobs and tracks, without a scene or a daemon.
+//! `segment`: what moves in a video, as masks, blobs and tracks, without a daemon.
 
 use super::given::{Tables, camera, pipeline};
 use anyhow::{Context, Result, bail};
@@ -7,6 +7,7 @@ use std::io::{BufWriter, Write as _};
 use std::path::PathBuf;
 use std::sync::Arc;
 use toml::Value;
+use videofields_picture::scene;
 use videofields_recording::ingest::{self, MediaRoots};
 use videofields_recording::timeline::Event;
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
@@ -14,7 +15,7 @@ use videofields_vision::config::{CameraSettings, SourceSettings, Timing};
 use videofields_vision::encode;
 use videofields_vision::frame::Frame;
 use videofields_vision::observation::Observation;
-use videofields_vision::segment::PixelRect;
+use videofields_vision::segment::{ObjectSizes, PixelRect};
 
 /// Finds what moves in a video: masks, blobs, tracks and events.
 ///
@@ -64,12 +65,19 @@ pub(crate) struct Segment {
     /// Least area of a blob, pixels; a 1500th of the picture's if absent.
     #[arg(long, value_name = "PIXELS")]
     min_area_px: Option<u32>,
+    /// A scene document with the camera's calibration, from which sizes of people are known, as in the daemon.
+    #[arg(long, value_name = "FILE", requires = "camera")]
+    scene: Option<PathBuf>,
+    /// The camera's id in the scene.
+    #[arg(long, value_name = "ID", requires = "scene")]
+    camera: Option<String>,
 }
 
 impl Segment {
     pub(crate) fn run(&self) -> Result<()> {
         let settings = self.settings()?;
         let mut pipeline = pipeline(&settings);
+        pipeline.set_object_sizes(self.object_sizes()?);
         let mut output = Output::open(self)?;
         if let Some(clip) = &self.background {
             let roots = MediaRoots::folder_of(clip)?;
@@ -106,6 +114,17 @@ impl Segment {
             n_frames as f64 / secs
         ));
         Ok(())
+    }
+
+    /// Returns the sizes of objects by the scene; none where no scene is named.
+    fn object_sizes(&self) -> Result<Option<Arc<ObjectSizes>>> {
+        let (Some(file), Some(id)) = (&self.scene, &self.camera) else { return Ok(None) };
+        let scene = scene::load_file(&super::scene::id_of(file), file, &[])?.scene;
+        let member = scene.cameras.iter().find(|member| member.id.as_str() == id).with_context(|| {
+            let known = scene.cameras.iter().map(|member| member.id.as_str()).collect::<Vec<_>>().join(", ");
+            format!("--camera {id}: {} has no such camera; it has {known}", file.display())
+        })?;
+        Ok(Some(Arc::new(scene::object_sizes(&scene, member))))
     }
 
     /// The flags as a camera's settings, held to the same ranges.

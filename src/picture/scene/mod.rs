@@ -10,8 +10,8 @@ mod effects_document;
 pub mod exchange;
 mod import;
 mod json;
-mod least_areas;
 mod model;
+mod object_sizes;
 mod paint;
 mod paint_document;
 mod painting;
@@ -31,9 +31,9 @@ pub use effects_document::{
 };
 pub use import::{ASSETS, FolderImports, Imports, load_file, no_imports};
 pub use json::tree as json_tree;
-pub use least_areas::least_areas;
 pub use model::read_gltf;
 pub use model::{MAX_MODEL_BYTES, MAX_MODEL_TRIANGLES};
+pub use object_sizes::object_sizes;
 pub use paint::{MappedTriangle, Paint, Painted, Repeated};
 pub use paint_document::{
     BoundsDocument, ControlPointDocument, GradientDocument, ImageryDocument, SkyDocument, SkyPictureDocument,

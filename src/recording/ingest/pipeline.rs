@@ -20,7 +20,7 @@ use videofields_vision::config::{
 };
 use videofields_vision::frame::{BitMask, BufferPool, CameraId, Frame, Mask, YuvImage, Zone, ZoneMask};
 use videofields_vision::observation::Observation;
-use videofields_vision::segment::{LeastAreas, Memory, Segmenter};
+use videofields_vision::segment::{Memory, ObjectSizes, Segmenter};
 use videofields_vision::shake::{Shake, steadied};
 use videofields_vision::stage::StageState;
 use videofields_vision::track::Tracker;
@@ -239,8 +239,8 @@ impl Pipeline {
     }
 
     /// Sets how small objects may be from the next frame on; none where no scene has the camera.
-    pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
-        self.segmenter.set_least_areas(least_areas);
+    pub fn set_object_sizes(&mut self, object_sizes: Option<Arc<ObjectSizes>>) {
+        self.segmenter.set_object_sizes(object_sizes);
     }
 
     /// What happened since this was last asked: at most 64, the oldest first.

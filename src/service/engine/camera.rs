@@ -2,7 +2,7 @@
 
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
-use super::object_areas::ObjectAreas;
+use super::object_sizes::CameraObjectSizes;
 use super::privacy::{CameraPrivacy, Privacy};
 use super::sightings::Sightings;
 use super::tracks::Tracks;
@@ -47,7 +47,7 @@ pub(super) struct CameraConsumer {
     /// Where the camera is recorded, if it is.
     recorder: Option<Recorder>,
     /// Least areas of objects in the camera's pictures.
-    object_areas: Arc<ObjectAreas>,
+    object_sizes: Arc<CameraObjectSizes>,
     /// Whether what was recorded last was not what the camera sent, since part of that is hidden.
     records_hidden: bool,
     /// What is wrong with the background although frames come.
@@ -89,7 +89,7 @@ impl CameraConsumer {
             set_back: None,
             privacy,
             recorder: None,
-            object_areas: Arc::default(),
+            object_sizes: Arc::default(),
             records_hidden: false,
             background_concern: None,
             concern: None,
@@ -101,9 +101,9 @@ impl CameraConsumer {
         Self { recorder, ..self }
     }
 
-    /// Returns the same consumer, which takes from `object_areas` how small objects may be.
-    pub(super) fn with_object_areas(self, object_areas: Arc<ObjectAreas>) -> Self {
-        Self { object_areas, ..self }
+    /// Returns the same consumer, which takes from `object_sizes` how small objects may be.
+    pub(super) fn with_object_sizes(self, object_sizes: Arc<CameraObjectSizes>) -> Self {
+        Self { object_sizes, ..self }
     }
 
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
@@ -229,7 +229,7 @@ impl FrameConsumer for CameraConsumer {
             self.is_prepared = true;
         }
         self.tuning.apply(&mut self.pipeline);
-        self.pipeline.set_least_areas(self.object_areas.of(&self.settings.id));
+        self.pipeline.set_object_sizes(self.object_sizes.of(&self.settings.id));
         let id = self.settings.id.as_str();
         let mut started = self.clock.monotonic();
         let observation = self.pipeline.process_staged(frame, |stage| {

@@ -19,7 +19,7 @@ mod identity;
 mod looking;
 mod maps;
 mod moments;
-mod object_areas;
+mod object_sizes;
 mod offline;
 mod pace;
 mod past;
@@ -75,7 +75,7 @@ pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, View
 pub use videofields_recording::ingest::{FoundFile, FoundFiles, Look, StopFlag};
 
 use checkpoint::StoreHealth;
-use object_areas::ObjectAreas;
+use object_sizes::CameraObjectSizes;
 use past::Past;
 use privacy::Privacies;
 use roster::{Allotment, Roster, Surroundings};
@@ -165,11 +165,11 @@ impl Engine {
         let store_health = Arc::new(StoreHealth::default());
         let events = Arc::new(EventLog::new(MAX_EVENTS));
         let privacies = Arc::new(Privacies::new(&settings.camera));
-        let object_areas = Arc::new(ObjectAreas::default());
-        object_areas.refresh(|| scenes.clone().into());
+        let object_sizes = Arc::new(CameraObjectSizes::default());
+        object_sizes.refresh(|| scenes.clone().into());
         let surroundings = Surroundings {
             privacies: Arc::clone(&privacies),
-            object_areas: Arc::clone(&object_areas),
+            object_sizes: Arc::clone(&object_sizes),
             allotment: RwLock::new(Allotment::of(settings)),
             clock: Arc::clone(&clock),
             metrics: Arc::clone(&metrics),
@@ -188,14 +188,14 @@ impl Engine {
             Replay::new(archive, runtime.clone(), Arc::clone(&clock), max_bytes)
         });
         let recorded = settings.camera.iter().filter(|camera| camera.record).cloned();
-        let past = Past::new(replay, store.clone(), runtime.clone(), (recorded, &privacies, &object_areas));
+        let past = Past::new(replay, store.clone(), runtime.clone(), (recorded, &privacies, &object_sizes));
         let past = Arc::new(past);
         let shared = Arc::new(Shared::new(
             clock,
             metrics,
             (cameras, privacies, Some(Arc::clone(&roster))),
             (events, Some(past)),
-            (scenes, object_areas, settings.render.clone()),
+            (scenes, object_sizes, settings.render.clone()),
             store_health,
         ));
         let renderer = {

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use videofields_picture::fuse::{HullMemory, SceneState};
 use videofields_picture::plan::Plan;
-use videofields_picture::scene::{Scene, least_areas};
+use videofields_picture::scene::{Scene, object_sizes};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline};
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::config::{CameraSettings, Config, End};
@@ -143,7 +143,7 @@ fn play(
     let mut pipeline = Pipeline::new(&camera.background, &camera.segment).with_track(&camera.track);
     pipeline.set_zones(&camera.privacy_zones.clone().into());
     let member = scene.cameras.iter().find(|member| member.id == camera.id);
-    pipeline.set_least_areas(member.map(|member| Arc::new(least_areas(scene, member))));
+    pipeline.set_object_sizes(member.map(|member| Arc::new(object_sizes(scene, member))));
     if let Some(clip) = &camera.background.clip {
         // As a running camera does: its background adapts.
         if let Err(error) = ingest::learn_clip(&mut pipeline, clip, ingest::index_rate_hz(&source), roots) {

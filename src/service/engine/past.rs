@@ -2,7 +2,7 @@
 //!
 //! Blocks its caller for tens of milliseconds; requests for one camera wait for each other, those for several do not.
 
-use super::object_areas::ObjectAreas;
+use super::object_sizes::CameraObjectSizes;
 use super::playheads::Step;
 use super::privacy::Privacies;
 use std::collections::{BTreeMap, HashMap};
@@ -19,7 +19,7 @@ use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{CameraSettings, SegmentSettings};
 use videofields_vision::frame::{CameraId, Frame, Mask, Zone};
 use videofields_vision::observation::Observation;
-use videofields_vision::segment::LeastAreas;
+use videofields_vision::segment::ObjectSizes;
 
 /// How far the row of a segment may be behind what is written of it; a longer gap would have ended the segment.
 const ROW_LAG_NANOS: i64 = 5_000_000_000;
@@ -34,7 +34,7 @@ pub(super) struct Past {
     /// What nobody may see of them.
     privacies: Arc<Privacies>,
     /// Least areas of objects in the cameras' pictures.
-    object_areas: Arc<ObjectAreas>,
+    object_sizes: Arc<CameraObjectSizes>,
     /// When the oldest recorded frame of each camera was seen.
     firsts: Mutex<BTreeMap<CameraId, Timestamp>>,
 }
@@ -48,7 +48,7 @@ struct PastCamera {
     /// What was hidden of the frame before.
     zones: Arc<[Zone]>,
     /// Least areas of objects in the frame before.
-    least_areas: Option<Arc<LeastAreas>>,
+    object_sizes: Option<Arc<ObjectSizes>>,
     /// What was asked for last, under the zones of that number, and whether it is known what moved: several views of one
     /// instant ask for the same.
     last: Option<(u64, Observation, bool)>,
@@ -64,7 +64,7 @@ impl PastCamera {
             pipeline,
             background_of: None,
             zones,
-            least_areas: None,
+            object_sizes: None,
             last: None,
         }))
     }
@@ -93,16 +93,16 @@ impl Past {
         replay: Option<Replay>,
         store: Store,
         runtime: Runtime,
-        (cameras, privacies, object_areas): (
+        (cameras, privacies, object_sizes): (
             impl Iterator<Item = CameraSettings>,
             &Arc<Privacies>,
-            &Arc<ObjectAreas>,
+            &Arc<CameraObjectSizes>,
         ),
     ) -> Self {
         let camera = |settings: CameraSettings| (settings.id.clone(), PastCamera::shared(settings));
         let cameras = RwLock::new(cameras.map(camera).collect());
-        let (privacies, object_areas) = (Arc::clone(privacies), Arc::clone(object_areas));
-        Self { replay, store, runtime, cameras, privacies, object_areas, firsts: Mutex::default() }
+        let (privacies, object_sizes) = (Arc::clone(privacies), Arc::clone(object_sizes));
+        Self { replay, store, runtime, cameras, privacies, object_sizes, firsts: Mutex::default() }
     }
 
     /// From now on these cameras are recorded, and their past is looked at with these settings.
@@ -287,11 +287,11 @@ impl Past {
     fn segmented(&self, camera: &mut PastCamera, frame: PastFrame) -> (Observation, bool) {
         let of = self.privacies.of_known(&camera.settings.id);
         let (privacy, number) = of.numbered();
-        let least_areas = self.object_areas.of(&camera.settings.id);
-        if camera.least_areas != least_areas {
+        let object_sizes = self.object_sizes.of(&camera.settings.id);
+        if camera.object_sizes != object_sizes {
             camera.last = None;
-            camera.pipeline.set_least_areas(least_areas.clone());
-            camera.least_areas = least_areas;
+            camera.pipeline.set_object_sizes(object_sizes.clone());
+            camera.object_sizes = object_sizes;
         }
         let is_it = |(of, last, _): &&(u64, Observation, bool)| {
             *of == number && last.frame.timestamp == frame.timestamp

@@ -9,7 +9,7 @@ use super::activity::Activity;
 use super::camera::CameraConsumer;
 use super::checkpoint::{Checkpoints, StoreHealth};
 use super::history::History;
-use super::object_areas::ObjectAreas;
+use super::object_sizes::CameraObjectSizes;
 use super::privacy::{Privacies, Privacy, Remains};
 use super::shared::CameraEntry;
 use super::sightings::{Seen, Sightings};
@@ -45,7 +45,7 @@ pub(super) struct Surroundings {
     /// What nobody may see of the cameras.
     pub(super) privacies: Arc<Privacies>,
     /// Least areas of objects in the cameras' pictures.
-    pub(super) object_areas: Arc<ObjectAreas>,
+    pub(super) object_sizes: Arc<CameraObjectSizes>,
     /// Ends what cameras do that takes long.
     pub(super) stop: StopFlag,
     /// Scene time and monotonic time of the zero of all cameras that name no start, so that clips which belong together
@@ -571,7 +571,7 @@ impl Surroundings {
             self.stop.clone(),
         )
         .with_recorder(recorder.map(|archive| archive.recorder(&camera.id)))
-        .with_object_areas(Arc::clone(&self.object_areas));
+        .with_object_sizes(Arc::clone(&self.object_sizes));
         let status = anew.as_ref().map(|anew| anew.status.clone());
         let feed = Feed { source: camera.source.clone(), clock: camera.clock, status };
         CameraWorker::spawn(

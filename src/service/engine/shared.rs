@@ -8,7 +8,7 @@ use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
 use super::forecaster::Forecaster;
 use super::handle::{At, DeviceSummary, Door};
-use super::object_areas::ObjectAreas;
+use super::object_sizes::CameraObjectSizes;
 use super::past::Past;
 use super::playheads::Playheads;
 use super::presence::Presences;
@@ -87,7 +87,7 @@ pub(super) struct Shared {
     pub(super) past: Option<Arc<Past>>,
     pub(super) scenes: SceneList,
     /// Least areas of objects in the cameras' pictures.
-    object_areas: Arc<ObjectAreas>,
+    object_sizes: Arc<CameraObjectSizes>,
     pub(super) render_settings: RenderSettings,
     pub(super) store_health: Arc<StoreHealth>,
     pub(super) accuracy: Arc<AccuracyBoard>,
@@ -122,7 +122,7 @@ impl Shared {
         metrics: Arc<Metrics>,
         (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
         (events, past): (Arc<EventLog>, Option<Arc<Past>>),
-        (scenes, object_areas, render_settings): (Vec<Arc<Scene>>, Arc<ObjectAreas>, RenderSettings),
+        (scenes, object_sizes, render_settings): (Vec<Arc<Scene>>, Arc<CameraObjectSizes>, RenderSettings),
         store_health: Arc<StoreHealth>,
     ) -> Self {
         let maps = scenes
@@ -148,7 +148,7 @@ impl Shared {
             roster,
             past,
             scenes,
-            object_areas,
+            object_sizes,
             render_settings,
             store_health,
             playheads: Playheads::new(),
@@ -228,7 +228,7 @@ impl Shared {
         maps.extend(members.into_iter().map(|camera| ((id.clone(), camera), MapState::Building)));
         drop(maps);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
-        self.object_areas.refresh(|| self.scenes.all());
+        self.object_sizes.refresh(|| self.scenes.all());
     }
 
     pub(super) fn take_scene_out(&self, id: &str) -> bool {
@@ -236,7 +236,7 @@ impl Shared {
         lock(&self.maps).retain(|(of, _), _| of != id);
         self.scopes.retain(|whole| self.scenes.is_current(whole));
         self.playheads.remove_of(id);
-        self.object_areas.refresh(|| self.scenes.all());
+        self.object_sizes.refresh(|| self.scenes.all());
         was_there
     }
 

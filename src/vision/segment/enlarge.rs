@@ -4,7 +4,7 @@
 //! interpolated between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found
 //! anew. Only what lies near something is worked on.
 
-use super::least_areas::LeastAreas;
+use super::object_sizes::ObjectSizes;
 use super::segmenter::{Limits, MAX_SPARE_MASKS, Pieces, Segmentation};
 use super::{BACKGROUND, MOVING, SHADOW};
 use crate::frame::{BitMask, BufferPool, Mask, WORD_PIXELS};
@@ -61,7 +61,7 @@ impl Default for Enlarger {
 
 impl Enlarger {
     /// `soft_mask` and `labels` of a picture whose sides are reduced by 2 or 4, as of a picture of `size_px`; pieces
-    /// that fall short of the full picture's `limits` are background, or in the mask but no blobs; `least_areas` makes blobs of some of these.
+    /// that fall short of the full picture's `limits` are background, or in the mask but no blobs; `object_sizes` makes blobs of some of these.
     ///
     /// # Panics
     /// When `factor` is neither 2 nor 4.
@@ -70,7 +70,7 @@ impl Enlarger {
         (soft_mask, labels): (&Mask, &Mask),
         size_px: (u32, u32),
         factor: u32,
-        (limits, least_areas): (&Limits, Option<&LeastAreas>),
+        (limits, object_sizes): (&Limits, Option<&ObjectSizes>),
         pieces: &mut Pieces,
     ) -> Segmentation {
         let mut full_soft = Mask::filled_of(&self.pool, size_px, 0);
@@ -89,8 +89,8 @@ impl Enlarger {
             full_labels.data[span.clone()].fill(BACKGROUND);
             full_soft.data[span].fill(0);
         });
-        if let Some(least_areas) = least_areas {
-            pieces.add_objects(limits, least_areas, size_px);
+        if let Some(object_sizes) = object_sizes {
+            pieces.add_objects(limits, object_sizes, size_px);
         }
         let blobs = pieces.blobs(&self.moving, limits);
         Segmentation { soft_mask: full_soft, labels: full_labels, blobs }

@@ -8,7 +8,7 @@
 //! often it turns (`flicker`), what of it is shadow (`shadow`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
 //! (`components`), which of them blink (`blink`) or are several (`split`), outlines (`contour`), what they are outlines of
 //! (`edges`, `gaps`), what is handed out (`soft`), their order (`segmenter`), and the way back from a reduced picture
-//! (`enlarge`). Beside them: how far pixels lie inside (`distance`), and how large objects are by where they stand (`least_areas`).
+//! (`enlarge`). Beside them: how far pixels lie inside (`distance`), and how large objects are by where they stand (`object_sizes`).
 
 mod blink;
 mod components;
@@ -25,10 +25,10 @@ mod flicker;
 mod gaps;
 mod given;
 mod label;
-mod least_areas;
 mod majority;
 mod memory;
 mod noise;
+mod object_sizes;
 mod repair;
 mod segmenter;
 mod shadow;
@@ -41,8 +41,8 @@ pub use distance::{DistanceTransform, NO_OUTSIDE};
 pub use edges::{OutlineOf, outline_of};
 pub use gaps::GapFinder;
 pub use given::blobs_of;
-pub use least_areas::LeastAreas;
 pub use memory::Memory;
+pub use object_sizes::{ObjectSize, ObjectSizes};
 pub use segmenter::{Segmentation, Segmenter};
 
 use std::sync::Arc;

@@ -8,9 +8,9 @@ use super::enlarge::Enlarger;
 use super::fill::{Closing, Holes};
 use super::flicker::Flicker;
 use super::label::Judge;
-use super::least_areas::LeastAreas;
 use super::majority::Majority;
 use super::memory::Memory;
+use super::object_sizes::ObjectSizes;
 use super::repair::{Columns, Surroundings, restore_legs};
 use super::shadow::Shadows;
 use super::soft::soften;
@@ -67,8 +67,8 @@ pub struct Segmenter {
     enlarger: Enlarger,
     /// Pixels that never move, in the size of the pictures that are given.
     hidden: Option<BitMask>,
-    /// Least areas of objects by where they stand, if a scene has the camera.
-    least_areas: Option<Arc<LeastAreas>>,
+    /// Sizes of objects by where they stand, if a scene has the camera.
+    object_sizes: Option<Arc<ObjectSizes>>,
     /// Memory of the masks, in the size of the pictures that are given.
     pool: Arc<BufferPool>,
 }
@@ -96,7 +96,7 @@ impl Segmenter {
             pieces: Pieces::default(),
             enlarger: Enlarger::default(),
             hidden: None,
-            least_areas: None,
+            object_sizes: None,
             pool: BufferPool::new(MAX_SPARE_MASKS),
         }
     }
@@ -124,11 +124,11 @@ impl Segmenter {
         self.settings = settings.clone();
     }
 
-    /// Sets the least areas of objects. A piece too small for a blob is one from the next frame on if it has at least the area of an
-    /// object that stands there and is no part of a larger blob beside it; not if `min_area_px` is set. None: no scene says how
-    /// large objects are.
-    pub fn set_least_areas(&mut self, least_areas: Option<Arc<LeastAreas>>) {
-        self.least_areas = least_areas;
+    /// Sets the sizes of objects. From the next frame on a piece too small for a blob is one if it has at least the area of an object
+    /// that stands there and is no part of a larger blob beside it, unless `min_area_px` is set; and heights in metres are evidence
+    /// of shadows. None: no scene says how large objects are.
+    pub fn set_object_sizes(&mut self, object_sizes: Option<Arc<ObjectSizes>>) {
+        self.object_sizes = object_sizes;
     }
 
     /// From now on nothing moves at these pixels of the pictures that are given (reduced, if the resolution is): nobody may
@@ -187,12 +187,12 @@ impl Segmenter {
             let blobs = self.pieces.blobs(&self.moving, &limits);
             return Segmentation { soft_mask, labels, blobs };
         }
-        let least_areas = self.least_areas.as_deref();
+        let object_sizes = self.object_sizes.as_deref();
         self.enlarger.enlarge(
             (&soft_mask, &labels),
             size_px,
             factor,
-            (&limits, least_areas),
+            (&limits, object_sizes),
             &mut self.pieces,
         )
     }
@@ -276,10 +276,11 @@ impl Segmenter {
         let n_foreground = self.moving.count_ones() + self.shadow.count_ones() + self.lit.count_ones();
         let (moving, shadow, lit) = (&mut self.moving, &mut self.shadow, &mut self.lit);
         let components = &mut self.pieces.components;
+        let sizes = self.object_sizes.as_deref();
         self.shadows.begin();
         let n_lit = self.shadows.judge_lit(pair, black_code, (moving, shadow, lit), components);
-        let n_certain =
-            n_lit + self.shadows.judge(pair, (black_code, least_codes), (moving, shadow), components);
+        let n_certain = n_lit
+            + self.shadows.judge(pair, (black_code, least_codes), (moving, shadow), (components, sizes));
         if !self.is_review && n_foreground >= u64::from(least_px) {
             self.stages.observe_shadow(f64::from(n_certain) / n_foreground as f64);
         }
@@ -361,8 +362,8 @@ impl Segmenter {
             self.pieces.is_kept[piece_idx] = is_kept;
         }
         let size_px = (self.moving.width() as u32, self.moving.height() as u32);
-        if let Some(least_areas) = &self.least_areas {
-            self.pieces.add_objects(limits, least_areas, size_px);
+        if let Some(object_sizes) = &self.object_sizes {
+            self.pieces.add_objects(limits, object_sizes, size_px);
         }
     }
 }
@@ -449,7 +450,7 @@ impl Pieces {
 
     /// Makes blobs of the kept pieces that are smaller than the least area of a blob, but as large as an object which stands where
     /// they do in a picture of `size_px`, and no parts of a larger blob: beyond a quarter of its longer side.
-    pub(super) fn add_objects(&mut self, limits: &Limits, least_areas: &LeastAreas, size_px: (u32, u32)) {
+    pub(super) fn add_objects(&mut self, limits: &Limits, object_sizes: &ObjectSizes, size_px: (u32, u32)) {
         if limits.min_mask_area_px >= limits.min_area_px {
             return;
         }
@@ -461,7 +462,8 @@ impl Pieces {
             if !is_kept[piece_idx] || is_blob[piece_idx] || piece.area_px >= limits.min_area_px {
                 continue;
             }
-            is_blob[piece_idx] = f64::from(piece.area_px) >= least_areas.at(foot_of(piece), size_px)
+            is_blob[piece_idx] = f64::from(piece.area_px)
+                >= object_sizes.least_area_px(foot_of(piece), size_px)
                 && !large.iter().any(|idx| is_beside(piece, &pieces[*idx as usize]));
         }
     }

@@ -12,6 +12,7 @@
 
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::difference::Pair;
+use super::object_sizes::ObjectSizes;
 use crate::frame::{BitMask, Plane, WORD_PIXELS, quantile};
 
 /// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
@@ -61,8 +62,20 @@ const LEAST_LOW: f32 = 0.6;
 /// ... and with structure of its own, as where feet touch the ground and darken it, beneath this share.
 const LEAST_LOW_OWN: f32 = 0.8;
 
-/// Standard deviations of a region's rows from their mean up to its top.
-const DEVIATIONS_TO_TOP: f64 = 1.4;
+/// Standard deviations of a region's rows from their mean to its top, and to its bottom.
+const DEVIATIONS_TO_END: f64 = 1.4;
+
+/// What stands there is a body without its legs if it is lower than this, metres ...
+const LEAST_BODY_M: f64 = 1.4;
+
+/// ... and with what lies beneath it no taller than this, metres.
+const GREATEST_BODY_M: f64 = 2.1;
+
+/// What is no taller than this lies on the ground, metres ...
+const GREATEST_FLAT_M: f64 = 0.5;
+
+/// ... and is the shadow of somebody whose feet are no further from it than this, metres: shoes may be as grey as the ground.
+const GREATEST_GAP_M: f64 = 0.4;
 
 /// Sums over the pixels of a cell or a region.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +84,9 @@ struct Sums {
     /// Luma above black, of the frame and of the background.
     frame: f32,
     background: f32,
-    /// Rows, and their squares.
+    /// Columns and rows, and their squares.
+    columns: f64,
+    squared_columns: f64,
     rows: f64,
     squared_rows: f64,
     n_steps: u32,
@@ -88,6 +103,8 @@ impl Default for Sums {
             n_px: 0,
             frame: 0.0,
             background: 0.0,
+            columns: 0.0,
+            squared_columns: 0.0,
             rows: 0.0,
             squared_rows: 0.0,
             n_steps: 0,
@@ -108,6 +125,8 @@ impl Sums {
         self.n_px += other.n_px;
         self.frame += other.frame;
         self.background += other.background;
+        self.columns += other.columns;
+        self.squared_columns += other.squared_columns;
         self.rows += other.rows;
         self.squared_rows += other.squared_rows;
         self.n_steps += other.n_steps;
@@ -118,12 +137,25 @@ impl Sums {
         }
     }
 
-    /// Returns the row above which few pixels lie: of what is evenly long, a tenth of it.
-    fn top(&self) -> f32 {
+    /// Returns the rows above and below which few pixels lie: of what is evenly long, a tenth of it.
+    fn ends(&self) -> [f64; 2] {
+        self.ends_of(self.rows, self.squared_rows)
+    }
+
+    /// Returns the columns to the left and right of which few pixels lie.
+    fn sides(&self) -> [f64; 2] {
+        self.ends_of(self.columns, self.squared_columns)
+    }
+
+    fn ends_of(&self, sum: f64, squares: f64) -> [f64; 2] {
         let n = f64::from(self.n_px.max(1));
-        let mean = self.rows / n;
-        let variance = (self.squared_rows / n - mean * mean).max(0.0);
-        (mean - DEVIATIONS_TO_TOP * variance.sqrt()) as f32
+        let mean = sum / n;
+        let half = DEVIATIONS_TO_END * (squares / n - mean * mean).max(0.0).sqrt();
+        [mean - half, mean + half]
+    }
+
+    fn mean_column(&self) -> f64 {
+        self.columns / f64::from(self.n_px.max(1))
     }
 
     fn attenuation(&self) -> f32 {
@@ -190,6 +222,10 @@ struct Region {
     /// The largest piece of what moves that it touches.
     owner_idx: Option<u32>,
     is_shadow: bool,
+    /// Says that it makes somebody whole who stands on the ground.
+    is_legs: bool,
+    /// Says that it lies on the ground by somebody's feet.
+    is_flat: bool,
     /// Background to its left and to its right.
     beside: [Beside; 2],
 }
@@ -279,7 +315,7 @@ impl Shadows {
         pair: &Pair<'_>,
         (black_code, least_codes): (f32, f32),
         (moving, shadow): (&mut BitMask, &mut BitMask),
-        components: &mut Components,
+        (components, sizes): (&mut Components, Option<&ObjectSizes>),
     ) -> u32 {
         self.regions.clear();
         self.candidates.clone_from(shadow);
@@ -294,6 +330,15 @@ impl Shadows {
         if self.regions.iter().any(Region::is_open) {
             self.look_beside(pair, black_code, [moving, shadow, shadow], components);
             self.find_owners(moving, components);
+            if let Some(sizes) = sizes
+                && self.find_legs((moving.width() as u32, moving.height() as u32), sizes)
+            {
+                self.move_runs(components, (moving, shadow), |of| of.is_legs);
+                self.find_owners(moving, components);
+            }
+            if let Some(sizes) = sizes {
+                self.find_flat((moving.width() as u32, moving.height() as u32), sizes);
+            }
             self.judge_plain();
             self.move_runs(components, (moving, shadow), |of| of.is_open() && !of.is_shadow);
         }
@@ -416,6 +461,8 @@ impl Shadows {
                     structure,
                     owner_idx: None,
                     is_shadow: false,
+                    is_legs: false,
+                    is_flat: false,
                     beside: [Beside::default(); 2],
                 });
             } else {
@@ -433,6 +480,7 @@ impl Shadows {
     /// Finds the largest piece of what moves that each region without structure touches.
     fn find_owners(&mut self, moving: &BitMask, components: &Components) {
         self.owners.find(moving, Wanted::Ones, Connectivity::Eight);
+        self.regions.iter_mut().for_each(|region| region.owner_idx = None);
         self.rows.clear();
         self.rows.resize(moving.height() + 1, 0);
         for run in self.owners.runs() {
@@ -502,22 +550,47 @@ impl Shadows {
         }
     }
 
+    /// Finds the regions whose structure leaves open what they are and that are somebody's legs in a picture of `size_px`; returns true
+    /// if there are any.
+    fn find_legs(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) -> bool {
+        for region in self.regions.iter_mut().filter(|region| region.is_open() && !region.is_light()) {
+            let owner = region.owner_idx.map(|owner| &self.owners.pieces()[owner as usize]);
+            region.is_legs = owner.is_some_and(|owner| are_legs(&region.sums, owner, (sizes, size_px)));
+        }
+        self.regions.iter().any(|region| region.is_legs)
+    }
+
+    /// Finds the regions whose structure leaves open what they are and that lie flat on the ground by the feet of somebody in a picture of
+    /// `size_px` whom they do not touch: their shadows.
+    fn find_flat(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
+        for region in self.regions.iter_mut().filter(|region| region.is_open() && !region.is_legs) {
+            let owners = self.owners.pieces();
+            let is_too_small = |owner: u32| region.sums.n_px > MOST_OWNERS * owners[owner as usize].area_px;
+            if region.owner_idx.is_none_or(is_too_small) {
+                region.is_flat = owners.iter().any(|owner| {
+                    region.sums.n_px <= MOST_OWNERS * owner.area_px
+                        && lies_by_feet(&region.sums, owner, (sizes, size_px))
+                });
+            }
+        }
+    }
+
     /// Judges regions without structure.
     fn judge_plain(&mut self) {
         for idx in 0..self.regions.len() {
             let region = self.regions[idx];
-            if region.is_open() && region.is_light() {
+            if region.is_open() && (region.is_light() || region.is_flat) {
                 self.regions[idx].is_shadow = true;
                 continue;
             }
             let Some(owner) = region.owner_idx.map(|owner| self.owners.pieces()[owner as usize]) else {
                 continue;
             };
-            if region.sums.n_px > MOST_OWNERS * owner.area_px {
+            if region.is_legs || region.sums.n_px > MOST_OWNERS * owner.area_px {
                 continue;
             }
             let is_beneath = |share: f32| {
-                region.sums.top() >= owner.top as f32 + share * (owner.bottom - owner.top) as f32
+                region.sums.ends()[0] as f32 >= owner.top as f32 + share * (owner.bottom - owner.top) as f32
             };
             self.regions[idx].is_shadow = match region.structure {
                 Structure::None => is_beneath(LEAST_LOW),
@@ -542,6 +615,37 @@ impl Shadows {
             });
         }
     }
+}
+
+/// Returns true if a region beneath its owner makes somebody whole who would be too low without it, as they stand in a picture of
+/// `size_px`.
+fn are_legs(region: &Sums, owner: &Piece, (sizes, size_px): (&ObjectSizes, (u32, u32))) -> bool {
+    let height_m = |foot_px: [f64; 2]| {
+        sizes.metre_px(foot_px, size_px).map(|metre_px| (foot_px[1] - f64::from(owner.top)) / metre_px)
+    };
+    let (column, [_, bottom]) = (region.mean_column(), region.ends());
+    let is_beneath =
+        (f64::from(owner.left)..f64::from(owner.right)).contains(&column) && bottom > f64::from(owner.bottom);
+    let alone = height_m([f64::midpoint(owner.left.into(), owner.right.into()), owner.bottom.into()]);
+    let together = height_m([column, bottom]);
+    is_beneath
+        && alone.is_some_and(|height_m| height_m < LEAST_BODY_M)
+        && together.is_some_and(|height_m| height_m <= GREATEST_BODY_M)
+}
+
+/// Returns true if a region is as low as what lies on the ground, and lies by the feet of its owner in a picture of `size_px`.
+fn lies_by_feet(region: &Sums, owner: &Piece, (sizes, size_px): (&ObjectSizes, (u32, u32))) -> bool {
+    let foot_px = [f64::midpoint(owner.left.into(), owner.right.into()), f64::from(owner.bottom)];
+    let Some(metre_px) = sizes.metre_px(foot_px, size_px) else { return false };
+    let ([left, right], [top, bottom]) = (region.sides(), region.ends());
+    let gap =
+        |[low, high]: [f64; 2], [other_low, other_high]: [f64; 2]| (other_low - high).max(low - other_high);
+    let gap_px = GREATEST_GAP_M * metre_px;
+    let height_m = (f64::from(owner.bottom) - f64::from(owner.top)) / metre_px;
+    bottom - top <= GREATEST_FLAT_M * metre_px
+        && (LEAST_BODY_M..=GREATEST_BODY_M).contains(&height_m)
+        && gap([top, bottom], [foot_px[1]; 2]) <= gap_px
+        && gap([left, right], [owner.left.into(), owner.right.into()]) <= gap_px
 }
 
 /// Notes a piece that a region touches, if it is the largest so far.
@@ -608,6 +712,8 @@ fn gather(
     cell.n_px += 1;
     cell.frame += above_black[0];
     cell.background += above_black[1];
+    cell.columns += x as f64;
+    cell.squared_columns += (x * x) as f64;
     cell.rows += y as f64;
     cell.squared_rows += (y * y) as f64;
     let mut add = |other: [u8; 2]| {

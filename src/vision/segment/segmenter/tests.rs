@@ -1,5 +1,6 @@
 //! Checks results of segmentation on frames that are made for one question each.
 
+use super::super::object_sizes::ObjectSize;
 use super::*;
 use crate::config::StageChoice;
 use crate::frame::{ColorMatrix, ColorRange, YuvLayout};
@@ -180,8 +181,9 @@ fn distinct_pieces_too_small_for_a_blob_stay_in_the_mask() {
 fn areas_where_objects_cover(share: f64, resolution: Resolution, things: &[Thing]) -> Vec<u32> {
     let settings = SegmentSettings { shadow: StageChoice::Off, resolution, ..SegmentSettings::default() };
     let mut segmenter = Segmenter::new(&settings);
-    let areas = LeastAreas::new(|[_, y]| (y > 0.5).then_some(share));
-    segmenter.set_least_areas(Some(Arc::new(areas)));
+    let size = ObjectSize { least_area_share: share, metre_share: None };
+    let sizes = ObjectSizes::new(|[_, y]| (y > 0.5).then_some(size));
+    segmenter.set_object_sizes(Some(Arc::new(sizes)));
     let factor = resolution.factor_in((320, 240));
     let [frame, background] = [things, &[]].map(|things| {
         let full = picture(320, 240, things);

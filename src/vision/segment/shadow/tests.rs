@@ -1,5 +1,6 @@
 //! Shadows, things and light whose truth is known, on ground with structure and without.
 
+use super::super::object_sizes::ObjectSize;
 use super::*;
 use crate::frame::{ColorMatrix, ColorRange, YuvImage, YuvLayout};
 
@@ -49,17 +50,29 @@ fn share(
     darker: impl Fn(usize, usize) -> f32,
     owner: &BitMask,
 ) -> f64 {
+    share_where_sizes_are((background, darker, &DARKER), owner, None)
+}
+
+/// Columns and rows.
+type Place = [std::ops::Range<usize>; 2];
+
+/// Returns the same of what is darker at a place, where a scene says how large objects are.
+fn share_where_sizes_are(
+    (background, darker, place): (impl Fn(usize, usize) -> f32, impl Fn(usize, usize) -> f32, &Place),
+    owner: &BitMask,
+    sizes: Option<&ObjectSizes>,
+) -> f64 {
     let empty = picture(&background);
-    let seen = picture(|x, y| if is_within(&DARKER, x, y) { darker(x, y) } else { background(x, y) });
+    let seen = picture(|x, y| if is_within(place, x, y) { darker(x, y) } else { background(x, y) });
     let pair = Pair {
         frame: [0, 1, 2].map(|plane| seen.plane(plane)),
         background: [0, 1, 2].map(|plane| empty.plane(plane)),
     };
     let mut moving = owner.clone();
-    let mut shadow = mask(&DARKER);
+    let mut shadow = mask(place);
     let n = f64::from(shadow.count_ones() as u32);
     let mut shadows = Shadows::default();
-    shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), &mut Components::default());
+    shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), (&mut Components::default(), sizes));
     f64::from(shadow.count_ones() as u32) / n
 }
 
@@ -96,6 +109,66 @@ fn without_structure_only_what_lies_at_the_feet_of_an_owner_is_shadow() {
 }
 
 #[test]
+fn what_makes_a_low_body_as_tall_as_a_person_is_legs_and_no_shadow() {
+    let ground = |_, _| 130.0;
+    let darker = |_, _| 16.0 + 0.7 * 114.0;
+    let share = |owner: &BitMask, metre_px: Option<f64>| {
+        share_where_sizes_are((ground, darker, &DARKER), owner, Some(&sizes(metre_px)))
+    };
+    // 24 pixels of a body, and 42 with what lies beneath it.
+    let body = mask(&OWNER);
+    assert_eq!(share(&body, Some(24.0)), 0.0, "1.0 m is nobody, 1.7 m is somebody");
+    assert_eq!(share(&body, Some(19.0)), 1.0, "1.3 m is nobody, and nobody is 2.2 m tall");
+    let low = [20..40, 30..38];
+    let by_tall =
+        share_where_sizes_are((ground, darker, &low), &mask(&[24..36, 0..30]), Some(&sizes(Some(20.0))));
+    assert_eq!(by_tall, 1.0, "1.5 m is somebody");
+    assert_eq!(share(&body, Some(40.0)), 0.0, "1.0 m in all: a child");
+    assert_eq!(share(&body, None), 1.0, "nothing is known");
+    // 14 pixels, and 32 with what lies beneath it: 1 m and 2.3 m.
+    let low = [24..36, 16..30];
+    assert_eq!(share(&mask(&low), Some(14.0)), 1.0, "nobody is as tall");
+    assert_eq!(share(&mask(&low), Some(16.0)), 0.0);
+    // What lies beside somebody is no part of them.
+    let beside = [40..52, 16..40];
+    assert_eq!(share(&mask(&beside), Some(24.0)), 1.0);
+    // Structure of the ground says more than any height.
+    let textured = |x, y| 110.0 + texture(x, y);
+    let cast = |x: usize, y: usize| 16.0 + 0.7 * (textured(x, y) - 16.0);
+    let of_ground = share_where_sizes_are((textured, cast, &DARKER), &body, Some(&sizes(Some(24.0))));
+    assert_eq!(of_ground, 1.0);
+}
+
+#[test]
+fn what_lies_flat_by_the_feet_of_somebody_is_their_shadow_without_touching_them() {
+    let ground = |_, _| 130.0;
+    let darker = |_, _| 16.0 + 0.7 * 114.0;
+    let share = |place: &Place, owner: &Place, metre_px: Option<f64>| {
+        share_where_sizes_are((ground, darker, place), &mask(owner), Some(&sizes(metre_px)))
+    };
+    // 1.7 m tall and with its feet in row 40; 0.3 m apart there lies something that is 0.4 m high.
+    let owner = [24..36, 6..40];
+    let flat = [42..60, 36..44];
+    assert_eq!(share(&flat, &owner, Some(20.0)), 1.0);
+    assert_eq!(share(&flat, &owner, None), 0.0, "nothing is known");
+    assert_eq!(share(&[42..60, 30..44], &owner, Some(20.0)), 0.0, "0.7 m: it stands");
+    assert_eq!(share(&[46..60, 36..44], &owner, Some(20.0)), 0.0, "0.5 m apart");
+    assert_eq!(share(&[6..18, 36..44], &owner, Some(20.0)), 1.0, "0.3 m to the left");
+    assert_eq!(share(&[42..60, 20..28], &owner, Some(20.0)), 0.0, "by the hips, not by the feet");
+    assert_eq!(share(&[42..60, 50..58], &owner, Some(20.0)), 0.0, "0.5 m beneath the feet");
+    // What stands there is a dog or a car, or the flat thing is larger than any shadow of it.
+    assert_eq!(share(&flat, &[24..36, 20..40], Some(20.0)), 0.0, "1.0 m");
+    assert_eq!(share(&flat, &[24..36, 0..40], Some(17.0)), 0.0, "2.4 m");
+    assert_eq!(share(&flat, &[35..36, 6..40], Some(20.0)), 0.0, "of 34 pixels");
+}
+
+/// Returns sizes of objects where an upright metre covers so many pixels everywhere.
+fn sizes(metre_px: Option<f64>) -> ObjectSizes {
+    let metre_share = metre_px.map(|px| px / f64::from(SIZE.1));
+    ObjectSizes::new(|_| Some(ObjectSize { least_area_share: 0.01, metre_share }))
+}
+
+#[test]
 fn a_strip_along_somebody_does_not_lift_the_top_of_a_region() {
     let mut sums = Sums::default();
     let mut add = |rows: std::ops::Range<u32>, columns: u32| {
@@ -104,7 +177,7 @@ fn a_strip_along_somebody_does_not_lift_the_top_of_a_region() {
             sums.rows += row;
             sums.squared_rows += row * row;
         }
-        sums.top()
+        sums.ends()[0]
     };
     // Evenly long: a mean of 109.5 less 1.4 times 5.77.
     assert!((add(100..120, 30) - 101.4).abs() < 0.1);
@@ -156,7 +229,7 @@ fn on_plain_ground_the_light_beside_tells_light_from_a_thing() {
                 };
                 let (mut moving, mut shadow) = (nobody(), mask(&DARKER));
                 let masks = (&mut moving, &mut shadow);
-                Shadows::default().judge(&pair, (16.0, 13.0), masks, &mut Components::default());
+                Shadows::default().judge(&pair, (16.0, 13.0), masks, (&mut Components::default(), None));
                 shadow.count_ones() as f64 / mask(&DARKER).count_ones() as f64
             };
             assert!((found - expected).abs() < 1e-9, "{gain}, {beside} beside: {found}");
@@ -214,6 +287,6 @@ fn pictures_of_one_pixel_and_black_ones_are_judged() {
     let (mut moving, mut shadow) = (BitMask::new(1, 1), BitMask::new(1, 1));
     shadow.set_run(0, 0, 1);
     let masks = (&mut moving, &mut shadow);
-    Shadows::default().judge(&pair, (16.0, -1.0), masks, &mut Components::default());
+    Shadows::default().judge(&pair, (16.0, -1.0), masks, (&mut Components::default(), None));
     assert_eq!((moving.count_ones(), shadow.count_ones()), (1, 0));
 }

@@ -1,49 +1,49 @@
-//! Least areas of objects in each camera's pictures, as the scenes that have the camera say.
+//! Sizes of objects in each camera's pictures, as the scenes that have the camera say.
 //!
-//! Scenes flow in whenever they are exchanged; a camera's thread takes its camera's areas before each frame. Of several scenes the
-//! smallest area decides.
+//! Scenes flow in whenever they are exchanged; a camera's thread takes its camera's sizes before each frame. Of several scenes the
+//! smaller sizes decide.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
-use videofields_picture::scene::{Scene, least_areas};
+use videofields_picture::scene::{Scene, object_sizes};
 use videofields_vision::frame::CameraId;
-use videofields_vision::segment::LeastAreas;
+use videofields_vision::segment::ObjectSizes;
 
-/// Keeps the least areas of objects of all cameras that a scene has.
+/// Keeps the sizes of objects of all cameras that a scene has.
 #[derive(Debug, Default)]
-pub(super) struct ObjectAreas {
-    by_camera: RwLock<HashMap<CameraId, Arc<LeastAreas>>>,
-    /// Scenes whose areas are known; held while they are brought up to date.
+pub(super) struct CameraObjectSizes {
+    by_camera: RwLock<HashMap<CameraId, Arc<ObjectSizes>>>,
+    /// Scenes whose sizes are known; held while they are brought up to date.
     known: Mutex<Vec<Known>>,
 }
 
-/// A scene, and the areas in the order of its cameras.
-type Known = (Arc<Scene>, Vec<Arc<LeastAreas>>);
+/// A scene, and the sizes in the order of its cameras.
+type Known = (Arc<Scene>, Vec<Arc<ObjectSizes>>);
 
-impl ObjectAreas {
-    /// Returns the areas of a camera; none where no scene has it.
-    pub(super) fn of(&self, camera: &CameraId) -> Option<Arc<LeastAreas>> {
+impl CameraObjectSizes {
+    /// Returns the sizes of a camera; none where no scene has it.
+    pub(super) fn of(&self, camera: &CameraId) -> Option<Arc<ObjectSizes>> {
         self.by_camera.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
     }
 
-    /// Brings the areas up to date with the scenes that `now` returns. `now` is asked under the
+    /// Brings the sizes up to date with the scenes that `now` returns. `now` is asked under the
     /// lock, so that of several callers none puts older scenes back.
     pub(super) fn refresh(&self, now: impl FnOnce() -> Arc<[Arc<Scene>]>) {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         let before = std::mem::take(&mut *known);
         for scene in &*now() {
-            let areas = match before.iter().find(|(of, _)| Arc::ptr_eq(of, scene)) {
-                Some((_, areas)) => areas.clone(),
-                None => scene.cameras.iter().map(|member| Arc::new(least_areas(scene, member))).collect(),
+            let sizes = match before.iter().find(|(of, _)| Arc::ptr_eq(of, scene)) {
+                Some((_, sizes)) => sizes.clone(),
+                None => scene.cameras.iter().map(|member| Arc::new(object_sizes(scene, member))).collect(),
             };
-            known.push((Arc::clone(scene), areas));
+            known.push((Arc::clone(scene), sizes));
         }
-        let mut by_camera: HashMap<CameraId, Arc<LeastAreas>> = HashMap::new();
-        for (scene, areas) in &*known {
-            for (member, areas) in scene.cameras.iter().zip(areas) {
+        let mut by_camera: HashMap<CameraId, Arc<ObjectSizes>> = HashMap::new();
+        for (scene, sizes) in &*known {
+            for (member, sizes) in scene.cameras.iter().zip(sizes) {
                 let smallest = match by_camera.get(&member.id) {
-                    Some(others) => Arc::new(areas.smaller_of(others)),
-                    None => Arc::clone(areas),
+                    Some(others) => Arc::new(sizes.smaller_of(others)),
+                    None => Arc::clone(sizes),
                 };
                 by_camera.insert(member.id.clone(), smallest);
             }
@@ -70,22 +70,22 @@ mod tests {
 
     #[test]
     fn the_smallest_area_of_all_scenes_that_have_a_camera_decides_and_goes_with_its_scene() {
-        let areas = ObjectAreas::default();
+        let sizes = CameraObjectSizes::default();
         let north = CameraId::new("north").unwrap();
-        let middle = || areas.of(&north).map(|areas| areas.at([32.0, 24.0], (64, 48)));
+        let middle = || sizes.of(&north).map(|sizes| sizes.least_area_px([32.0, 24.0], (64, 48)));
         assert_eq!(middle(), None);
         let (large, small) = (scene("a", 2.0), scene("b", 0.5));
-        areas.refresh(|| [Arc::clone(&large)].into());
+        sizes.refresh(|| [Arc::clone(&large)].into());
         let of_large = middle().unwrap();
         for both in [[&large, &small], [&small, &large]] {
-            areas.refresh(|| both.map(Arc::clone).into());
+            sizes.refresh(|| both.map(Arc::clone).into());
             let of_both = middle().unwrap();
             assert!((of_large / of_both - 16.0).abs() < 0.5, "{of_large} {of_both}");
         }
-        areas.refresh(|| [large].into());
+        sizes.refresh(|| [large].into());
         assert_eq!(middle(), Some(of_large));
-        areas.refresh(|| [].into());
+        sizes.refresh(|| [].into());
         assert_eq!(middle(), None);
-        assert_eq!(areas.of(&CameraId::new("south").unwrap()), None);
+        assert_eq!(sizes.of(&CameraId::new("south").unwrap()), None);
     }
 }

@@ -1,21 +1,29 @@
-//! Least areas of objects in a camera's picture, by where in the scene they stand.
+//! Sizes of objects in a camera's picture, by where in the scene they stand.
 
 use super::{Scene, SceneCamera};
 use glam::{DVec2, DVec3};
 use videofields_vision::geometry::Face;
-use videofields_vision::segment::LeastAreas;
+use videofields_vision::segment::{ObjectSize, ObjectSizes};
 
 /// Sides of the smallest object where the scene names no least size, metres: half of a child that is hidden to the waist.
 const LEAST_SIZE_M: f64 = 0.5;
 
-/// Returns the least areas of objects in the picture of one of a scene's cameras: what a square of the scene's least size (half a metre
-/// where it names none) covers that stands upright on the ground or a roof there and faces the camera, or lies there, whichever is
-/// more.
+/// Height by which the pixels of a metre are measured: that of a person.
+const UPRIGHT_M: f64 = 1.7;
+
+/// Greatest share of its height by which something upright may lean to a side in the picture.
+const GREATEST_LEAN: f64 = 0.5;
+
+/// Returns the sizes of objects in the picture of one of a scene's cameras: the least area is what a square of the scene's least size
+/// (half a metre where it names none) covers that stands upright on the ground or a roof there and faces the camera, or lies there,
+/// whichever is more.
 #[must_use]
-pub fn least_areas(scene: &Scene, member: &SceneCamera) -> LeastAreas {
+pub fn object_sizes(scene: &Scene, member: &SceneCamera) -> ObjectSizes {
     let size_m = if scene.min_entity_size_m > 0.0 { scene.min_entity_size_m } else { LEAST_SIZE_M };
     let camera = &*member.camera;
-    LeastAreas::new(|texture| {
+    let (width_px, height_px) = camera.size_px();
+    let aspect = f64::from(width_px) / f64::from(height_px);
+    ObjectSizes::new(|texture| {
         let hit = scene.surfaces.hit(&camera.ray(DVec2::from_array(texture))?, 0.0)?;
         if hit.face != Face::Top {
             return None;
@@ -29,7 +37,12 @@ pub fn least_areas(scene: &Scene, member: &SceneCamera) -> LeastAreas {
         };
         let across = side(away.perp().extend(0.0))?;
         let area_of = |other: DVec2| across.perp_dot(other).abs();
-        Some(area_of(side(DVec3::Z)?).max(area_of(side(away.extend(0.0))?)))
+        let least_area_share = area_of(side(DVec3::Z)?).max(area_of(side(away.extend(0.0))?));
+        let metre_share = camera.project(foot + UPRIGHT_M * DVec3::Z).and_then(|top| {
+            let up = top.texture - DVec2::from_array(texture);
+            (up.y < 0.0 && up.x.abs() * aspect <= GREATEST_LEAN * -up.y).then(|| -up.y / UPRIGHT_M)
+        });
+        Some(ObjectSize { least_area_share, metre_share })
     })
 }
 
@@ -42,15 +55,20 @@ mod tests {
     const SLANTED: &str = "[0, -0.9238795325112867, 0.3826834323650898, 0]";
     const DOWN: &str = "[1, 0, 0, 0]";
 
-    /// Returns the least area (pixels of a picture of 640 x 480) at a pixel of a camera 6 m above level ground.
-    fn area_px(world_from_camera: &str, entities: &str, pixel: [f64; 2]) -> f64 {
+    /// Returns the sizes of objects in the picture (640 x 480) of a camera 6 m above level ground.
+    fn sizes(world_from_camera: &str, entities: &str) -> ObjectSizes {
         let text = format!(
             r#"{{"version": 1, "ground": [{{"polygon": [[-90, -90], [90, -90], [90, 90], [-90, 90]]}}], {entities}
             "cameras": [{{"id": "a", "calibration": {{"image_size_px": [640, 480], "focal_px": [600, 600],
             "center_px": [320, 240], "position_m": [0, 0, 6], "world_from_camera": {world_from_camera}}}}}]}}"#
         );
         let scene = parse("a", &text, no_imports).unwrap().scene;
-        least_areas(&scene, &scene.cameras[0]).at(pixel, (640, 480))
+        object_sizes(&scene, &scene.cameras[0])
+    }
+
+    /// Returns the least area, pixels, at a pixel of such a picture.
+    fn area_px(world_from_camera: &str, entities: &str, pixel: [f64; 2]) -> f64 {
+        sizes(world_from_camera, entities).least_area_px(pixel, (640, 480))
     }
 
     #[test]
@@ -75,5 +93,18 @@ mod tests {
         let level = "[-0.7071067811865476, 0, 0, 0.7071067811865476]";
         assert_eq!(area_px(level, "", [320.0, 100.0]), f64::INFINITY);
         assert!(area_px(level, "", [320.0, 400.0]).is_finite());
+    }
+
+    #[test]
+    fn a_metre_is_as_many_pixels_as_somebody_who_stands_there_shows_of_it() {
+        let size_px = (640, 480);
+        // In the middle the ground is 6 m ahead; a head 1.7 m above it is 4.3 m beneath the camera, atan(4.3 / 6) below the level.
+        let up_px = 600.0 * (std::f64::consts::FRAC_PI_4 - (4.3_f64 / 6.0).atan()).tan();
+        let found = sizes(SLANTED, "").metre_px([320.0, 240.0], size_px).unwrap();
+        assert!((found * 1.7 / up_px - 1.0).abs() < 0.03, "{found}, {up_px}");
+        // Seen from right above, nobody stands upright in the picture's middle; and nobody stands in the sky.
+        assert_eq!(sizes(DOWN, "").metre_px([600.0, 240.0], size_px), None);
+        let level = "[-0.7071067811865476, 0, 0, 0.7071067811865476]";
+        assert_eq!(sizes(level, "").metre_px([320.0, 100.0], size_px), None);
     }
 }
