@@ -137,10 +137,7 @@ fn play(
     watch: &Stopwatch<'_>,
     gathered: &mut [Gathered],
 ) -> Result<(), Stopped> {
-    let pipeline = |form: &SegmentationForm| {
-        let settings = form.applied(&camera.settings);
-        Pipeline::new(&settings.background, &settings.segment)
-    };
+    let pipeline = |form: &SegmentationForm| subject.pipeline(camera, &form.applied(&camera.settings));
     let mut pipelines: Vec<Pipeline> = forms.iter().map(pipeline).collect();
     let n_frames = camera.frames.len();
     for number in 0..2 * n_frames {

@@ -8,7 +8,8 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use std::sync::Arc;
 use videofields_picture::plan::{View, ViewLimits};
-use videofields_picture::scene::{Scene, SceneView};
+use videofields_picture::scene::{Scene, SceneView, object_sizes};
+use videofields_recording::ingest::Pipeline;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{CameraSettings, RenderSettings};
 use videofields_vision::frame::{CameraId, Frame, Mask, RgbImage, YuvImage};
@@ -188,6 +189,15 @@ pub struct Subject {
 }
 
 impl Subject {
+    /// Returns the pipeline of one of its cameras with these settings, which knows sizes of people from the scene as a daemon's does.
+    #[must_use]
+    pub fn pipeline(&self, camera: &SubjectCamera, settings: &CameraSettings) -> Pipeline {
+        let mut pipeline = Pipeline::new(&settings.background, &settings.segment);
+        let member = self.scene.cameras.iter().find(|member| member.id == camera.id);
+        pipeline.set_object_sizes(member.map(|member| Arc::new(object_sizes(&self.scene, member))));
+        pipeline
+    }
+
     /// Frames of a period.
     #[must_use]
     pub fn n_frames(&self) -> usize {

@@ -6,6 +6,7 @@ mod corpus;
 mod deadlines;
 mod effects;
 mod fields;
+mod folder;
 mod hull_costs;
 pub(crate) mod hulls;
 mod load;

@@ -10,8 +10,7 @@ pub(super) fn play(
     subject: &Subject,
     mut judge: impl FnMut(usize, usize, &[Observation]) -> Result<()>,
 ) -> Result<()> {
-    let pipeline =
-        |camera: &SubjectCamera| Pipeline::new(&camera.settings.background, &camera.settings.segment);
+    let pipeline = |camera: &SubjectCamera| subject.pipeline(camera, &camera.settings);
     let mut pipelines: Vec<Pipeline> = subject.cameras.iter().map(pipeline).collect();
     let n_frames = subject.n_frames();
     for number in 0..2 * n_frames {

@@ -1,5 +1,6 @@
 //! `bench quality`: what settings cost beside how well they see, on simulated worlds.
 
+use super::folder::Folder;
 use crate::report::{Figure, Point, Series, figure_page};
 use anyhow::{Context as _, Result, bail, ensure};
 use std::io::Write as _;
@@ -7,12 +8,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use videofields::commands::given::{Tables, camera, pipeline};
 use videofields_picture::plan::Spread;
+use videofields_picture::scene::{Scene, object_sizes};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline};
 use videofields_vision::clock::{Clock as _, SystemClock, Timestamp};
 use videofields_vision::config::{CameraSettings, SourceSettings};
 use videofields_vision::frame::{CameraId, Frame, Mask, YuvImage};
 use videofields_vision::measures::MaskScore;
-use videofields_vision::segment::MOVING;
+use videofields_vision::segment::{MOVING, ObjectSizes};
 
 /// Share of a clip that is only learned.
 const LEARNED_SHARE: f64 = 0.2;
@@ -60,6 +62,9 @@ pub(super) struct Quality {
     /// A form: its name and its settings, as NAME:KEY=VALUE KEY=VALUE. Repeatable; a list of its own if absent.
     #[arg(long, value_name = "FORM")]
     form: Vec<String>,
+    /// Leaves out what the world's scene says of sizes of people, as if no scene had the cameras.
+    #[arg(long)]
+    without_scene: bool,
     /// Writes F against milliseconds as an SVG picture.
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
@@ -87,9 +92,11 @@ impl Quality {
         let mut names = Vec::new();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         for world in &self.world {
+            let scene = if self.without_scene { None } else { Some(Folder::open(world)?.scene) };
             for camera in cameras(world)? {
                 let clip = Clip::read(world, &camera)?;
-                pool.install(|| play(&clip, &mut forms))?;
+                let sizes = scene.as_ref().map(|scene| sizes_of(scene, &camera)).transpose()?;
+                pool.install(|| play(&clip, sizes.as_ref(), &mut forms))?;
                 names.push(clip.name);
             }
         }
@@ -186,11 +193,21 @@ impl Clip {
     }
 }
 
+/// Returns the sizes of objects in a camera's pictures.
+fn sizes_of(scene: &Scene, camera: &str) -> Result<Arc<ObjectSizes>> {
+    let member = scene.cameras.iter().find(|member| member.id.as_str() == camera);
+    let member = member.with_context(|| format!("scene {}: no camera {camera}", scene.id))?;
+    Ok(Arc::new(object_sizes(scene, member)))
+}
+
 /// Plays a clip with every form, the forms in turns at each frame.
-fn play(clip: &Clip, forms: &mut [Form]) -> Result<()> {
+fn play(clip: &Clip, sizes: Option<&Arc<ObjectSizes>>, forms: &mut [Form]) -> Result<()> {
     let id = CameraId::new("input")?;
     let clock = SystemClock::new();
     let mut pipelines: Vec<Pipeline> = forms.iter().map(|form| pipeline(&form.camera)).collect();
+    for pipeline in &mut pipelines {
+        pipeline.set_object_sizes(sizes.cloned());
+    }
     let mut scores = vec![MaskScore::default(); forms.len()];
     let first = (LEARNED_SHARE * clip.frames.len() as f64) as usize;
     for (number, ((nanos, image), truth)) in clip.frames.iter().zip(&clip.truth).enumerate() {

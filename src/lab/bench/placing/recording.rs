@@ -2,17 +2,18 @@
 //!
 //! Its clips are played twice, once to learn and once to be judged, at the instants of its truth.
 
+use super::super::folder::Folder;
 use super::judge::Judge;
 use super::truth::{self, Instant};
-use anyhow::{Context as _, Result, bail, ensure};
-use std::path::{Path, PathBuf};
+use anyhow::{Context as _, Result, ensure};
+use std::path::Path;
 use std::sync::Arc;
 use videofields::commands::given::pipeline;
-use videofields_picture::scene::{self, Scene};
+use videofields_picture::scene::{Scene, SceneCamera, object_sizes};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline, Source, SourceFrame};
 use videofields_recording::timeline::REACH_NANOS;
 use videofields_vision::clock::Timestamp;
-use videofields_vision::config::{self, CameraSettings, End};
+use videofields_vision::config::{CameraSettings, End, SourceSettings};
 use videofields_vision::frame::Frame;
 use videofields_vision::observation::Observation;
 
@@ -34,21 +35,13 @@ impl Recording {
     /// # Errors
     /// When it has no configuration of one scene, its truth or a clip cannot be read, or they do not belong together.
     pub(super) fn open(folder: &Path, rate_hz: Option<f64>) -> Result<Self> {
-        let path = configuration(folder)?;
-        let config = config::load(&path)?;
-        let settings = config.settings();
-        let [named] = settings.scene.as_slice() else {
-            bail!("{}: expected one [[scene]], found {}", path.display(), settings.scene.len());
-        };
-        let scene = scene::load_file(&named.id, &named.file, &settings.media.roots)
-            .with_context(|| named.file.display().to_string())?
-            .scene;
-        ensure!(!scene.cameras.is_empty(), "{}: the scene has no camera", named.file.display());
+        let Folder { path, settings, scene_path, scene } = Folder::open(folder)?;
+        ensure!(!scene.cameras.is_empty(), "{}: the scene has no camera", scene_path.display());
         let known: Vec<&str> = settings.camera.iter().map(|camera| camera.id.as_str()).collect();
         let camera = |id: &str| {
             let camera = settings.camera.iter().find(|camera| camera.id.as_str() == id).cloned();
             let unknown = || videofields_vision::error::unknown("camera", id, &known);
-            camera.with_context(|| format!("{}: {} (of {})", named.file.display(), unknown(), path.display()))
+            camera.with_context(|| format!("{}: {} (of {})", scene_path.display(), unknown(), path.display()))
         };
         let cameras = scene.cameras.iter().map(|member| camera(member.id.as_str()));
         let cameras = cameras.collect::<Result<Vec<_>>>()?;
@@ -71,7 +64,8 @@ impl Recording {
         scene_of: impl FnOnce(&Scene) -> Result<Scene>,
     ) -> Result<()> {
         let scene = Arc::new(scene_of(&self.scene)?);
-        let mut players = self.cameras.iter().map(|camera| Player::new(camera, &self.roots));
+        let members = scene.cameras.iter().zip(&self.cameras);
+        let mut players = members.map(|(member, camera)| Player::new(camera, (&scene, member), &self.roots));
         let mut players = players.by_ref().collect::<Result<Vec<_>>>()?;
         let mut length_nanos = 0;
         for player in &mut players {
@@ -93,21 +87,6 @@ impl Recording {
     }
 }
 
-/// The one configuration that lies in a folder.
-fn configuration(folder: &Path) -> Result<PathBuf> {
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).with_context(|| format!("cannot read {}", folder.display()))? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|extension| extension == "toml") {
-            found.push(path);
-        }
-    }
-    match found.as_slice() {
-        [path] => Ok(path.clone()),
-        _ => bail!("{}: expected one configuration (*.toml), found {}", folder.display(), found.len()),
-    }
-}
-
 /// One camera's clip on its way through the camera's pipeline.
 struct Player<'a> {
     settings: &'a CameraSettings,
@@ -121,15 +100,21 @@ struct Player<'a> {
 }
 
 fn open(settings: &CameraSettings, roots: &MediaRoots) -> Result<Box<dyn Source>> {
-    let source = config::SourceSettings { end: End::Stop, ..settings.source.clone() };
+    let source = SourceSettings { end: End::Stop, ..settings.source.clone() };
     ensure!(source.path.is_some(), "camera {}: expected a clip as its source", settings.id);
     ingest::open(&source, roots).with_context(|| format!("camera {}", settings.id))
 }
 
 impl<'a> Player<'a> {
-    fn new(settings: &'a CameraSettings, roots: &MediaRoots) -> Result<Self> {
+    fn new(
+        settings: &'a CameraSettings,
+        (scene, member): (&Scene, &SceneCamera),
+        roots: &MediaRoots,
+    ) -> Result<Self> {
         let source = open(settings, roots)?;
-        Ok(Self { settings, source, pipeline: pipeline(settings), next: None, seen: None, from_nanos: 0 })
+        let mut pipeline = pipeline(settings);
+        pipeline.set_object_sizes(Some(Arc::new(object_sizes(scene, member))));
+        Ok(Self { settings, source, pipeline, next: None, seen: None, from_nanos: 0 })
     }
 
     fn decode(&mut self) -> Result<Option<SourceFrame>> {
