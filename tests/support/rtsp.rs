@@ -45,6 +45,9 @@ impl RtspServer {
         let context = glib::MainContext::new();
         let main_loop = glib::MainLoop::new(Some(&context), false);
         let server = gst_rtsp_server::RTSPServer::new();
+        // Clients are served by the loop's own thread, which closes them when the loop has ended. Closed by another thread than
+        // serves them, a connection without a stream is read again and again, with a message each time.
+        server.thread_pool().unwrap().set_max_threads(0);
         server.set_address("127.0.0.1");
         server.set_service(&port.to_string());
         let factory = gst_rtsp_server::RTSPMediaFactory::new();
