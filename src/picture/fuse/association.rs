@@ -2,6 +2,7 @@
 
 use super::line::{Followed, KEPT_SECS, Line};
 use super::{Entity, Sighting};
+use crate::occupancy::Expected;
 use videofields_vision::clock::Timestamp;
 
 /// Lines that are kept: the present, and some who look at the past.
@@ -42,6 +43,14 @@ impl Association {
         let line = self.line_to(instant);
         self.lines[line].used = self.n_updates;
         self.lines[line].advance(instant, sightings, followed, &mut self.next_id)
+    }
+
+    /// Returns who should be where at `instant`, of those whom several cameras saw together half a second before it at most.
+    pub(super) fn expected(&self, instant: Timestamp) -> Vec<Expected> {
+        let secs = self.lines.iter().filter_map(|line| Some((line.secs_to(instant)?, line)));
+        let near = secs.filter(|(secs, _)| (-STEP_SECS..=STEP_SECS).contains(secs));
+        let nearest = near.min_by(|(a, _), (b, _)| a.abs().total_cmp(&b.abs()));
+        nearest.map_or_else(Vec::new, |(_, line)| line.expected(instant))
     }
 
     /// The line that goes on to `instant`.

@@ -9,6 +9,7 @@
 use super::estimate::{Estimate, Foot, Head, Height, along};
 use super::look::Look;
 use super::pieces::{Piece, pieces};
+use super::together::Together;
 use super::upright::Down;
 use super::{Billboard, CameraState, Sighting};
 use glam::{DMat2, DVec2, DVec3};
@@ -20,11 +21,11 @@ use videofields_vision::segment::PixelRect;
 pub(super) const MOVING: u8 = 255;
 
 /// Least and greatest extent of a billboard, metres: below, nothing is left to draw; above, the foot was wrong.
-const EXTENT_RANGE_M: [f64; 2] = [0.05, 30.0];
+pub(super) const EXTENT_RANGE_M: [f64; 2] = [0.05, 30.0];
 
 /// Rows of a blob (columns, where people lie sideways) whose outline is cut with the plane, at most: neighbouring rows
 /// hardly differ.
-const MAX_OUTLINE_ROWS: u32 = 96;
+pub(super) const MAX_OUTLINE_ROWS: u32 = 96;
 
 /// Nearer than this to the camera's nadir, an upright plane has no direction to face, metres.
 const NADIR_M: f64 = 0.05;
@@ -58,9 +59,13 @@ pub(super) fn sightings<'a>(
     (camera_idx, member): (usize, usize),
     state: &'a CameraState,
     surfaces: &'a Surfaces,
+    together: Option<&Together>,
 ) -> impl Iterator<Item = Sighting> + 'a {
     let observation = &state.observation;
-    let pieces = pieces(member, &observation.blobs, &observation.tracks);
+    let mut pieces = pieces(member, &observation.blobs, &observation.tracks);
+    if let Some(together) = together {
+        pieces.retain_mut(|piece| together.leave_open(member, &observation.labels, piece));
+    }
     pieces.into_iter().filter_map(move |piece| sighting((camera_idx, member), state, surfaces, piece))
 }
 
@@ -124,7 +129,7 @@ fn sighting(
         height: is_whole.then_some(height),
         look: if is_whole { Look::of(image, mask, rect) } else { None },
     };
-    Some(Sighting { billboard, member, estimate, head, tracks: piece.tracks })
+    Some(Sighting { billboard, member, estimate, head, tracks: piece.tracks, person: None })
 }
 
 /// A piece as it lies in the picture where down is not below: its foot is at its end that is down, the border may cut another
@@ -300,7 +305,7 @@ pub(super) struct UprightPlane {
 }
 
 impl UprightPlane {
-    fn facing(camera: &Camera, foot: DVec3) -> Option<Self> {
+    pub(super) fn facing(camera: &Camera, foot: DVec3) -> Option<Self> {
         let away = (foot - camera.pose().position_in_world).truncate();
         if away.length() < NADIR_M {
             return None;

@@ -5,6 +5,7 @@
 //! round, so that the first cameras hear the last; then groups that prove to be one are joined, nearest first.
 
 use super::estimate::{Estimate, FOLLOWED_GATE, GATE, HIDDEN_COST, Head};
+use std::collections::BTreeMap;
 use videofields_vision::track::{Pair, assign};
 
 /// Times that every camera is assigned.
@@ -29,6 +30,8 @@ pub(super) struct Sign {
     pub(super) head: Option<Head>,
     /// Who this was a moment ago, by their place among the known, and how certain that is: log odds.
     pub(super) ties: Vec<(usize, f64)>,
+    /// Number of the person, where all cameras together tell who this is.
+    pub(super) person: Option<usize>,
 }
 
 /// Signs of one person.
@@ -63,6 +66,7 @@ impl<'a> Grouping<'a> {
             taken: signs.iter().map(|sign| sign.estimate).collect(),
             current: expected.iter().copied().map(Some).collect(),
         };
+        grouping.assign_people();
         let cameras = by_camera(signs);
         for _ in 0..SWEEPS {
             for camera in &cameras {
@@ -99,6 +103,53 @@ impl<'a> Grouping<'a> {
         self.current[group] = self.said(group, None).or(expected);
     }
 
+    /// Puts the signs of each person whom all cameras together tell into one group: that of the known whom they are, or one of its own.
+    fn assign_people(&mut self) {
+        let mut people: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (idx, sign) in self.signs.iter().enumerate() {
+            if let Some(person) = sign.person {
+                people.entry(person).or_default().push(idx);
+            }
+        }
+        let people: Vec<Vec<usize>> = people.into_values().collect();
+        let said: Vec<Option<Estimate>> = people
+            .iter()
+            .map(|own| own.iter().map(|sign| self.signs[*sign].estimate).reduce(|a, b| a.fused(&b)))
+            .collect();
+        let places = Places::of(&self.current);
+        let mut pairs = Vec::new();
+        for (target, (own, said)) in people.iter().zip(&said).enumerate() {
+            let Some(said) = said else { continue };
+            let ties = || own.iter().flat_map(|sign| &self.signs[*sign].ties);
+            let mut near = places.near_any(&[Some(*said)]);
+            near.extend(ties().map(|(known, _)| *known));
+            near.sort_unstable();
+            near.dedup();
+            for known in near {
+                let odds: f64 = ties().filter(|(of, _)| *of == known).map(|(_, odds)| odds).sum();
+                let cost = said.cost_or_by_head(None, &self.expected[known], FOLLOWED_GATE);
+                let cost = cost.map_or(BESIDE_COST, |(cost, _)| cost) - odds.clamp(-MAX_COST, MAX_COST);
+                if cost < 0.0 {
+                    pairs.push(Pair { target, blob: known, cost: cost.max(-MAX_COST) + MAX_COST });
+                }
+            }
+        }
+        let assigned = assign(&pairs, people.len(), self.groups.len(), MAX_COST);
+        for (own, group) in people.into_iter().zip(assigned) {
+            let group = group.unwrap_or_else(|| self.add_group());
+            self.groups[group].signs = own;
+            let signs = self.signs;
+            self.groups[group].signs.sort_unstable_by_key(|sign| signs[*sign].member);
+            self.refresh(group);
+        }
+    }
+
+    fn add_group(&mut self) -> usize {
+        self.groups.push(Group::default());
+        self.current.push(None);
+        self.groups.len() - 1
+    }
+
     /// Takes a camera's signs out of their groups.
     fn release(&mut self, camera: &[usize]) {
         for group in 0..self.groups.len() {
@@ -132,11 +183,7 @@ impl<'a> Grouping<'a> {
         for (&sign, group) in camera.iter().zip(assigned) {
             let taken = group.and_then(|group| self.cost(&self.signs[sign], group));
             self.taken[sign] = taken.map_or(self.signs[sign].estimate, |(_, taken)| taken);
-            let group = group.unwrap_or_else(|| {
-                self.groups.push(Group::default());
-                self.current.push(None);
-                self.groups.len() - 1
-            });
+            let group = group.unwrap_or_else(|| self.add_group());
             let signs = &mut self.groups[group].signs;
             let place = signs.partition_point(|other| self.signs[*other].member < self.signs[sign].member);
             signs.insert(place, sign);
@@ -207,7 +254,7 @@ impl<'a> Grouping<'a> {
             let hidden = head.and_then(|head| said.by_head(&head, None));
             for b in places.near_any(&[Some(*said), hidden]).into_iter().filter(|b| *b != a) {
                 if let Some((cost, ..)) =
-                    says[b].filter(|_| !self.share_camera(a, b)).and_then(|other| one((*said, *head), other))
+                    says[b].filter(|_| !self.are_two(a, b)).and_then(|other| one((*said, *head), other))
                 {
                     pairs.push((cost, a.min(b), a.max(b)));
                 }
@@ -241,7 +288,7 @@ impl<'a> Grouping<'a> {
                 (Some(one), Some(other)) => is_ripe(one, other),
                 _ => true,
             };
-            if a == b || !may_be_one || self.share_camera(a, b) {
+            if a == b || !may_be_one || self.are_two(a, b) {
                 continue;
             }
             let found = self.says(a).zip(self.says(b)).and_then(|(a, b)| one(a, b));
@@ -266,6 +313,21 @@ impl<'a> Grouping<'a> {
             joined_to[b] = a;
         }
         renamed
+    }
+
+    /// Returns true if all cameras together tell whom a group shows.
+    pub(super) fn is_person(&self, group: usize) -> bool {
+        self.person_of(group).is_some()
+    }
+
+    /// Returns the number of the person whom all cameras together tell this group to be.
+    fn person_of(&self, group: usize) -> Option<usize> {
+        self.groups[group].signs.iter().find_map(|sign| self.signs[*sign].person)
+    }
+
+    /// Returns true if two groups are two for certain: a camera sees both, or all cameras together tell them apart.
+    fn are_two(&self, a: usize, b: usize) -> bool {
+        self.person_of(a).zip(self.person_of(b)).is_some_and(|(a, b)| a != b) || self.share_camera(a, b)
     }
 
     fn share_camera(&self, a: usize, b: usize) -> bool {
@@ -307,9 +369,9 @@ fn one(
     [by_a, by_b, hidden].into_iter().flatten().min_by(|one, other| one.0.total_cmp(&other.0))
 }
 
-/// The signs of each camera, the camera that knows places best first.
+/// Returns the signs of each camera, the camera that knows places best first; not those of people whom all cameras together tell.
 fn by_camera(signs: &[Sign]) -> Vec<Vec<usize>> {
-    let mut sorted: Vec<usize> = (0..signs.len()).collect();
+    let mut sorted: Vec<usize> = (0..signs.len()).filter(|sign| signs[*sign].person.is_none()).collect();
     sorted.sort_by_key(|sign| signs[*sign].member);
     let mut cameras: Vec<Vec<usize>> =
         sorted.chunk_by(|a, b| signs[*a].member == signs[*b].member).map(<[usize]>::to_vec).collect();

@@ -9,6 +9,7 @@ use super::estimate::{Estimate, FOLLOWED_GATE, Foot, either};
 use super::grouping::{BESIDE_COST, Group, Grouping, Sign};
 use super::walk::Walk;
 use super::{Billboard, Entity, Sighting, Velocity};
+use crate::occupancy::Expected;
 use glam::{DMat2, DVec2};
 use std::collections::BTreeMap;
 use videofields_vision::clock::Timestamp;
@@ -41,6 +42,12 @@ const MAX_ONE_EVIDENCE: f64 = 4.0;
 /// Share of what is newly seen of somebody in what is remembered of how they look and how tall they are.
 const NEWS: f64 = 0.1;
 
+/// Height of somebody of whom none is known, metres.
+const TYPICAL_M: f64 = 1.7;
+
+/// Somebody whom several cameras see together is shown from so many instants on, if others were known before.
+const LEAST_SEEN: u32 = 2;
+
 /// How far off the feet of people who share a blob may be, standard deviation, metres.
 const SHARED_M: f64 = 0.7;
 
@@ -64,6 +71,10 @@ struct Known {
     walk: Walk,
     /// Place apart, as they were seen of late.
     like: Estimate,
+    /// Says that several cameras saw them together last.
+    is_together: bool,
+    /// Instants at which they were seen.
+    n_seen: u32,
     /// How far they reached from their foot while no camera had them in one blob with others, metres.
     reach_m: Option<f64>,
 }
@@ -103,6 +114,22 @@ impl Line {
         self.instant.map(|own| instant.secs_since(own))
     }
 
+    /// Returns who should be where at `instant`, of those whom several cameras saw together last.
+    pub(super) fn expected(&self, instant: Timestamp) -> Vec<Expected> {
+        let passed_secs = self.secs_to(instant).unwrap_or(0.0);
+        let known =
+            self.known.iter().filter(|known| known.is_together && Some(known.seen_at) == self.instant);
+        let expected = |known: &Known| {
+            let mut walk = known.walk;
+            walk.pass(passed_secs);
+            Expected {
+                foot_in_world: walk.foot().at.extend(known.like.ground_m),
+                height_m: known.like.height.map_or(TYPICAL_M, |height| height.mean_m),
+            }
+        };
+        known.map(expected).collect()
+    }
+
     /// Goes on to `instant`, where `sightings` are seen and `followed` are all tracks of all cameras, those that are only
     /// predicted too. Who is new gets `next_id`.
     pub(super) fn advance(
@@ -117,6 +144,7 @@ impl Line {
             return self.answered.1.clone();
         }
         let passed_secs = self.secs_to(instant).unwrap_or(0.0);
+        let is_first = self.instant.is_none() || passed_secs.abs() > MAX_STEP_SECS;
         let gained_secs = self.newest.map_or(0.0, |newest| instant.secs_since(newest));
         let is_new = self.newest.is_none_or(|newest| instant > newest);
         let step_secs = gained_secs.clamp(0.0, MAX_STEP_SECS);
@@ -152,6 +180,8 @@ impl Line {
                         seen_at: instant,
                         walk: Walk::new(&said.foot),
                         like: said,
+                        is_together: false,
+                        n_seen: 0,
                         reach_m: None,
                     };
                     *next_id += 1;
@@ -160,19 +190,23 @@ impl Line {
                     &mut self.known[last]
                 }
             };
+            known.is_together = grouping.is_person(group);
+            known.n_seen += u32::from(is_new);
+            let is_certain = !known.is_together || known.n_seen >= LEAST_SEEN || is_first;
             // Arms that are spread are theirs at once.
             let alone_m = reach_m(&grouping, group, &sightings);
             if is_new {
                 known.reach(alone_m);
             }
             let id = known.id;
-            drawn.push(Drawn {
+            let of = Drawn {
                 id,
                 group,
                 said: Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
                 velocity: known.walk.velocity(),
                 reach_m: either(known.reach_m, alone_m, f64::max),
-            });
+            };
+            drawn.extend(is_certain.then_some(of));
             self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }
         self.follow(followed, &sightings, step_secs);
@@ -207,7 +241,8 @@ impl Line {
     fn sign(&self, sighting: &Sighting) -> Sign {
         let ties = sighting.tracks.iter().filter_map(|track| self.tie_of(track));
         let ties = ties.filter_map(|tie| Some((self.place(tie.id)?, tie.odds))).collect();
-        Sign { member: sighting.member, estimate: sighting.estimate, head: sighting.head, ties }
+        let Sighting { member, estimate, head, person, .. } = sighting;
+        Sign { member: *member, estimate: *estimate, head: *head, ties, person: *person }
     }
 
     /// Joins groups that are one: at once where one of them is new, by evidence that lasts where both are known.

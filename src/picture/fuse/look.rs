@@ -31,14 +31,24 @@ const COST: [f64; 2] = [-1.0, 3.0];
 pub(super) struct Look([f64; 4]);
 
 impl Look {
-    /// The look of what moves within `rect`; `None` where that is too small. The masks have the picture's size.
+    /// Returns the look of what moves within `rect`; `None` where that is too small. The masks have the picture's size.
     pub(super) fn of(image: &YuvImage, labels: &Mask, rect: PixelRect) -> Option<Self> {
+        Self::of_pixels(image, labels, rect, |_, _| true)
+    }
+
+    /// Returns the look of what moves within `rect` at the pixels that `is_shown` (column and row) names.
+    pub(super) fn of_pixels(
+        image: &YuvImage,
+        labels: &Mask,
+        rect: PixelRect,
+        is_shown: impl Fn(u32, u32) -> bool,
+    ) -> Option<Self> {
         if rect.width < LEAST_SIDE_PX || rect.height < 2 * LEAST_SIDE_PX || labels.width != image.width() {
             return None;
         }
         let half = rect.height / 2;
-        let [upper, lower] =
-            [rect.y, rect.y + half].map(|y| ratios(image, labels, PixelRect { y, height: half, ..rect }));
+        let [upper, lower] = [rect.y, rect.y + half]
+            .map(|y| ratios(image, labels, PixelRect { y, height: half, ..rect }, &is_shown));
         let ([a, b], [c, d]) = (upper?, lower?);
         Some(Self([a, b, c, d]))
     }
@@ -58,8 +68,13 @@ impl Look {
     }
 }
 
-/// The ratios of one half's mean colour.
-fn ratios(image: &YuvImage, labels: &Mask, rect: PixelRect) -> Option<[f64; 2]> {
+/// Returns the ratios of one half's mean colour.
+fn ratios(
+    image: &YuvImage,
+    labels: &Mask,
+    rect: PixelRect,
+    is_shown: impl Fn(u32, u32) -> bool,
+) -> Option<[f64; 2]> {
     let step = f64::from(rect.width * rect.height / SAMPLES).sqrt().floor().max(1.0) as u32;
     let [luma, u, v] = [0, 1, 2].map(|idx| image.plane(idx));
     let (mut sums, mut count) = ([0_u32; 3], 0);
@@ -67,8 +82,9 @@ fn ratios(image: &YuvImage, labels: &Mask, rect: PixelRect) -> Option<[f64; 2]> 
     for y in (rect.y..bottom).step_by(step as usize) {
         let (mask, rows) = (labels.row(y), [luma.row(y), u.row(y / 2), v.row(y / 2)]);
         for x in (rect.x..(rect.x + rect.width).min(labels.width)).step_by(step as usize) {
+            let is_shown = is_shown(x, y);
             let x = x as usize;
-            if mask[x] == MOVING {
+            if is_shown && mask[x] == MOVING {
                 for (sum, code) in sums.iter_mut().zip([rows[0][x], rows[1][x / 2], rows[2][x / 2]]) {
                     *sum += u32::from(code);
                 }

@@ -17,6 +17,7 @@ mod pieces;
 mod points;
 #[cfg(test)]
 mod tests;
+mod together;
 mod upright;
 mod walk;
 
@@ -27,11 +28,13 @@ pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
 pub use overlap::Overlap;
 pub(crate) use points::MAX_RUN;
 
+use crate::occupancy::Occupancy;
 use crate::scene::Scene;
 use estimate::{Estimate, Head};
 use glam::{DMat2, DVec2, DVec3, Vec3};
 use line::Followed;
 use std::sync::Arc;
+use together::Together;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::fields::Moment;
 use videofields_vision::frame::CameraId;
@@ -61,6 +64,27 @@ pub fn assemble_within(
     association: &mut Association,
     scene: &Arc<Scene>,
     instant: Timestamp,
+    observe: impl FnMut(&CameraId) -> Option<Observation>,
+    point_stride: Option<u32>,
+) -> SceneState {
+    assemble_by((association, None), scene, instant, observe, point_stride)
+}
+
+/// As [`assemble_within`], but people whom several cameras see are found by all their masks together.
+pub fn assemble_together(
+    (association, occupancy): (&mut Association, &mut Occupancy),
+    scene: &Arc<Scene>,
+    instant: Timestamp,
+    observe: impl FnMut(&CameraId) -> Option<Observation>,
+    point_stride: Option<u32>,
+) -> SceneState {
+    assemble_by((association, Some(occupancy)), scene, instant, observe, point_stride)
+}
+
+fn assemble_by(
+    (association, occupancy): (&mut Association, Option<&mut Occupancy>),
+    scene: &Arc<Scene>,
+    instant: Timestamp,
     mut observe: impl FnMut(&CameraId) -> Option<Observation>,
     point_stride: Option<u32>,
 ) -> SceneState {
@@ -74,11 +98,18 @@ pub fn assemble_within(
             Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE }))
         })
         .unzip();
-    let sightings: Vec<Sighting> = cameras
-        .iter()
-        .zip(&members)
-        .enumerate()
-        .flat_map(|(idx, (camera, member))| billboard::sightings((idx, *member), camera, &scene.surfaces))
+    let together = occupancy.map(|occupancy| {
+        let expected = association.expected(instant);
+        Together::find(occupancy, scene, (&members, &cameras), &expected)
+    });
+    let of_camera = |(idx, (camera, member)): (usize, (&CameraState, &usize))| {
+        let all = billboard::sightings((idx, *member), camera, &scene.surfaces, together.as_ref());
+        all.collect::<Vec<_>>()
+    };
+    let of_cameras = cameras.iter().zip(&members).enumerate().flat_map(of_camera);
+    let of_people = together.iter().flat_map(|together| together.sightings(&cameras, &members));
+    let sightings: Vec<Sighting> = of_people
+        .chain(of_cameras)
         .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
         .collect();
     let tracks = |(member, camera): (&usize, &CameraState)| {
@@ -114,6 +145,8 @@ struct Sighting {
     head: Option<Head>,
     /// The camera's tracks that it shows.
     tracks: Vec<Followed>,
+    /// Number of the person among those whom several cameras' masks tell together; none where the camera's own blobs are all there is.
+    person: Option<usize>,
 }
 
 /// One instant of a scene, ready to be rendered. Immutable.

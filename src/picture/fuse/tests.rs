@@ -32,6 +32,7 @@ fn sighting(member: usize, tracks: &[u64], at: DVec2, covariance: DMat2) -> Sigh
         estimate: Estimate { foot: Foot::new(at, covariance), ground_m: 0.0, height: None, look: None },
         head: None,
         tracks: tracks.iter().map(|number| track(member, *number)).collect(),
+        person: None,
     }
 }
 
@@ -431,4 +432,63 @@ fn how_far_somebody_reaches_is_what_cameras_say_that_see_them_alone() {
         see(&mut Association::default(), 0.0, vec![reaching(0, &[1, 2], [-1.0, 1.0])])[0].reach_m,
         None
     );
+}
+
+/// Returns what `members` see of a person whom all cameras together tell.
+fn together(members: std::ops::Range<usize>, person: usize, at: DVec2) -> Vec<Sighting> {
+    let seen = |member| Sighting {
+        person: Some(person),
+        ..sighting(member, &[10 * person as u64], at, covariance(DVec2::X, 0.3))
+    };
+    members.map(seen).collect()
+}
+
+#[test]
+fn people_whom_all_cameras_tell_apart_are_two_however_near() {
+    let mut association = Association::default();
+    for secs in steps(0.0, 3.0) {
+        let side = DVec2::new(0.5 * secs, 0.0);
+        let mut seen = together(0..3, 0, side);
+        seen.extend(together(0..2, 1, side + DVec2::new(0.0, 0.25)));
+        let found = see(&mut association, secs, seen);
+        assert_eq!(ids(&found), [1, 2], "{secs}");
+        assert_eq!(found.iter().map(|of| of.sources.len()).collect::<Vec<_>>(), [3, 2]);
+        assert!(found[1].foot_in_world.y > 0.15 && found[0].foot_in_world.y < 0.1, "{found:?}");
+        assert_eq!(association.expected(at(secs)).len(), 2);
+    }
+    // Where they should be by then, a fifth of a second later.
+    let expected = association.expected(at(3.1));
+    assert!((expected[0].foot_in_world.x - 0.5 * 3.1).abs() < 0.03, "{expected:?}");
+    assert!(association.expected(at(9.0)).is_empty());
+    // They are two where no camera sees both, too.
+    let mut seen = together(0..2, 0, DVec2::ZERO);
+    seen.extend(together(2..4, 1, DVec2::new(0.0, 0.25)));
+    assert_eq!(see(&mut Association::default(), 0.0, seen).len(), 2);
+    // A camera of its own sees one more, at the place of the first: it has that one already.
+    let mut seen = together(0..3, 0, DVec2::new(1.5, 0.0));
+    seen.push(plain(2, 7, DVec2::new(1.5, 0.1)));
+    assert_eq!(ids(&see(&mut association, 3.0, seen)), [1]);
+}
+
+#[test]
+fn who_appears_for_an_instant_between_others_is_not_shown() {
+    let mut association = Association::default();
+    let first = see(&mut association, 0.0, together(0..2, 0, DVec2::ZERO));
+    assert_eq!(first.len(), 1, "of the first instant all that is known is shown");
+    let new = || {
+        let mut seen = together(0..2, 0, DVec2::ZERO);
+        seen.extend(together(0..2, 1, DVec2::new(4.0, 0.0)));
+        seen
+    };
+    assert_eq!(ids(&see(&mut association, 0.2, new())), [1]);
+    assert_eq!(ids(&see(&mut association, 0.2, new())), [1], "asked again it is the same");
+    assert_eq!(see(&mut association, 0.4, together(0..2, 0, DVec2::ZERO)).len(), 1);
+    let mut association = Association::default();
+    see(&mut association, 0.0, together(0..2, 0, DVec2::ZERO));
+    see(&mut association, 0.2, new());
+    assert_eq!(ids(&see(&mut association, 0.4, new())), [1, 2]);
+    // Who is seen by one camera alone is shown at once, as before.
+    let mut seen = new();
+    seen.push(plain(2, 9, DVec2::new(-4.0, 0.0)));
+    assert_eq!(see(&mut association, 0.6, seen).len(), 3);
 }

@@ -10,12 +10,14 @@
 
 mod evidence;
 mod grid;
+mod owners;
 mod silhouette;
 
 use crate::scene::Scene;
 use evidence::Evidence;
 use glam::{DVec2, DVec3};
 use grid::{Grid, silhouettes};
+pub(crate) use owners::{Owned, Owners};
 use silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
@@ -33,6 +35,12 @@ const MOST_AGAINST: f32 = 0.5;
 
 /// Less of a silhouette than this share says nothing: strips beside others, which cover the rest.
 const LEAST_SHARE: f32 = 0.12;
+
+/// Share of their height by which others are taken to be wider to both sides, when strips beside them are told from people ...
+const WIDER: f32 = 0.08;
+
+/// ... and share of the least score that somebody must still have then.
+const LEAST_BESIDE: f32 = 0.5;
 
 /// Times that everybody is moved and asked again.
 const SWEEPS: usize = 2;
@@ -52,6 +60,18 @@ const HEIGHT_COST: f32 = 1.5;
 /// Most people of one scene at one instant.
 const MOST_PEOPLE: usize = 512;
 
+/// Share of the least score with which somebody is there who was expected.
+const EXPECTED_SHARE: f32 = 0.6;
+
+/// Somebody who is known from instants before, where they should be by now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Expected {
+    /// Place of their feet.
+    pub foot_in_world: DVec3,
+    /// Metres.
+    pub height_m: f64,
+}
+
 /// Somebody who stands in a scene.
 #[derive(Clone, Debug)]
 pub struct Person {
@@ -62,6 +82,7 @@ pub struct Person {
     /// Sum over cameras of the share of their silhouette that only they explain, less the share that is background.
     pub score: f64,
     silhouettes: Arc<[Option<Silhouette>]>,
+    is_expected: bool,
 }
 
 /// Finds people; keeps its memory from instant to instant.
@@ -97,16 +118,18 @@ impl PartialOrd for Candidate {
 }
 
 impl Occupancy {
-    /// Returns who stands in `scene`; `labels` gives a camera's hard mask, by its place in the scene, if it has one.
+    /// Returns who stands in `scene`; `labels` gives a camera's hard mask, by its place in the scene, if it has one. Those who are
+    /// `expected` are looked for first, and less of them must be seen than of others.
     pub fn find<'a>(
         &mut self,
         scene: &Arc<Scene>,
         labels: impl Fn(usize) -> Option<&'a Mask>,
+        expected: &[Expected],
     ) -> Vec<Person> {
         let masks: Vec<Option<&Mask>> = (0..scene.cameras.len()).map(labels).collect();
         self.fit(scene, &masks);
         let Some((_, mut grid)) = self.grid.take() else { return Vec::new() };
-        let people = self.solve(scene, &mut grid);
+        let people = self.solve(scene, &mut grid, expected);
         self.grid = Some((Arc::clone(scene), grid));
         people
     }
@@ -129,9 +152,12 @@ impl Occupancy {
         }
     }
 
-    fn solve(&mut self, scene: &Scene, grid: &mut Grid) -> Vec<Person> {
-        let mut heap = self.candidates(scene, grid);
+    fn solve(&mut self, scene: &Scene, grid: &mut Grid, expected: &[Expected]) -> Vec<Person> {
         let mut people: Vec<Person> = Vec::new();
+        for expected in expected {
+            people.extend(self.look_for(scene, grid.sizes(), expected));
+        }
+        let mut heap = self.candidates(scene, grid);
         while let Some(best) = heap.pop().filter(|_| people.len() < MOST_PEOPLE) {
             let silhouettes = grid.silhouettes(scene, &mut self.outliner, (best.cell, best.height));
             let score = self.score(&silhouettes, FIRST_M[best.height]);
@@ -145,7 +171,7 @@ impl Occupancy {
             }
             let (foot_in_world, score) = (grid.foot(best.cell), f64::from(score));
             let height_m = FIRST_M[best.height];
-            let mut person = Person { foot_in_world, height_m, score, silhouettes };
+            let mut person = Person { foot_in_world, height_m, score, silhouettes, is_expected: false };
             self.improve(scene, grid.sizes(), &mut person);
             self.cover(&person, 1);
             people.push(person);
@@ -154,14 +180,60 @@ impl Occupancy {
             people.retain_mut(|person| {
                 self.cover(person, -1);
                 self.improve(scene, grid.sizes(), person);
-                let is_kept = person.score >= f64::from(self.least_score(&person.silhouettes));
+                let is_kept = self.is_there(person);
                 if is_kept {
                     self.cover(person, 1);
                 }
                 is_kept
             });
         }
+        self.drop_strips(people)
+    }
+
+    /// Leaves out those who explain little but strips beside others, whose bodies are wider than they are taken to be.
+    fn drop_strips(&mut self, mut people: Vec<Person>) -> Vec<Person> {
+        for person in &people {
+            self.cover(person, -1);
+            self.cover_widened(person, 1);
+        }
+        people.sort_by(|a, b| a.score.total_cmp(&b.score));
+        people.retain(|person| {
+            self.cover_widened(person, -1);
+            let score = self.score(&person.silhouettes, person.height_m);
+            let is_kept = score >= LEAST_BESIDE * self.least_score(&person.silhouettes);
+            if is_kept {
+                self.cover_widened(person, 1);
+            }
+            is_kept
+        });
         people
+    }
+
+    fn cover_widened(&mut self, person: &Person, by: i16) {
+        for (evidence, silhouette) in self.evidence.iter_mut().zip(person.silhouettes.iter()) {
+            if let Some(silhouette) = silhouette {
+                evidence.cover(&silhouette.widened(WIDER, evidence.size().0), by);
+            }
+        }
+    }
+
+    /// Returns somebody who is expected if they are near, and covers their pixels.
+    fn look_for(&mut self, scene: &Scene, sizes: &[(usize, usize)], expected: &Expected) -> Option<Person> {
+        let foot_in_world = ground_at(scene, expected.foot_in_world.truncate(), expected.foot_in_world.z)?;
+        let height_m = expected.height_m.clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
+        let silhouettes = silhouettes(scene, sizes, &mut self.outliner, &Body { foot_in_world, height_m });
+        let mut person = Person { foot_in_world, height_m, score: 0.0, silhouettes, is_expected: true };
+        self.improve(scene, sizes, &mut person);
+        self.is_there(&person).then(|| {
+            self.cover(&person, 1);
+            person
+        })
+    }
+
+    /// Returns true if enough is seen of somebody.
+    fn is_there(&self, person: &Person) -> bool {
+        let share = if person.is_expected { EXPECTED_SHARE } else { 1.0 };
+        person.score >= f64::from(share * self.least_score(&person.silhouettes))
     }
 
     /// Returns who may be in which cell, by what they would explain if nobody else were there.
@@ -253,8 +325,9 @@ impl Occupancy {
         let of = silhouettes(scene, sizes, &mut self.outliner, body);
         let score = f64::from(self.score(&of, body.height_m));
         if score > person.score {
+            let Body { foot_in_world, height_m } = *body;
             *person =
-                Person { foot_in_world: body.foot_in_world, height_m: body.height_m, score, silhouettes: of };
+                Person { foot_in_world, height_m, score, silhouettes: of, is_expected: person.is_expected };
         }
     }
 }

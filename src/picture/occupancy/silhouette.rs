@@ -56,6 +56,20 @@ pub(super) struct Silhouette {
 }
 
 impl Silhouette {
+    /// Returns the same, wider to both sides by a share of its number of rows, and by the half pixel that masks of whole pixels have more,
+    /// in a picture of `width` columns.
+    pub(super) fn widened(&self, share: f32, width: usize) -> Self {
+        let by = share * self.spans.len() as f32 + 0.5;
+        let widen = |[left, right]: &[f32; 2]| {
+            if left < right {
+                [(left - by).max(0.0), (right + by).min(width as f32)]
+            } else {
+                [*left, *right]
+            }
+        };
+        Self { spans: self.spans.iter().map(widen).collect(), ..self.clone() }
+    }
+
     /// Returns the share of the area that the picture shows.
     pub(super) fn seen_share(&self) -> f32 {
         self.spans.iter().map(|[left, right]| right - left).sum::<f32>() / self.area_px.max(1.0)

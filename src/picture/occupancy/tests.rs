@@ -1,86 +1,16 @@
-//! Finds people who are known to stand somewhere: masks are drawn with code of their own, by points within bodies.
+//! Finds people who are known to stand somewhere.
 
-use super::{Occupancy, Person};
-use crate::scene::{Scene, no_imports, parse};
-use glam::{DQuat, DVec2, DVec3};
-use std::f64::consts::TAU;
+use super::{Expected, Occupancy, Person};
+use crate::drawn_people::{SIZE, around, camera, mask, scene};
+use crate::scene::Scene;
+use glam::DVec3;
 use std::sync::Arc;
 use videofields_vision::frame::Mask;
-use videofields_vision::geometry::{Camera, Pose};
+use videofields_vision::geometry::Camera;
 use videofields_vision::segment::MOVING;
 
-const SIZE: (u32, u32) = (320, 180);
-
-/// A camera that looks at a point.
-fn camera(eye: DVec3, target: DVec3) -> Camera {
-    Camera::pinhole(eye, target, 0.9, SIZE).unwrap()
-}
-
-/// A square of 16 m around `middle`, with boxes as a scene's document names them, and cameras.
-fn scene(middle: DVec3, boxes: &str, cameras: &[Camera]) -> Arc<Scene> {
-    let corner = |x: f64, y: f64| format!("[{}, {}]", middle.x + x, middle.y + y);
-    let cameras: Vec<String> = cameras
-        .iter()
-        .enumerate()
-        .map(|(idx, camera)| {
-            let Pose { position_in_world: at, world_from_local: DQuat { x, y, z, w } } = *camera.pose();
-            let focal = camera.focal_px();
-            format!(
-                r#"{{"id": "c{idx}", "calibration": {{"image_size_px": [{}, {}], "focal_px": [{}, {}], "center_px": [{}, {}],
-                "position_m": [{}, {}, {}], "world_from_camera": [{x}, {y}, {z}, {w}]}}}}"#,
-                SIZE.0, SIZE.1, focal.x, focal.y, camera.center_px().x, camera.center_px().y, at.x, at.y, at.z
-            )
-        })
-        .collect();
-    let text = format!(
-        r#"{{"version": 1, "ground": [{{"height_m": {}, "polygon": [{}, {}, {}, {}]}}], "boxes": [{boxes}], "cameras": [{}]}}"#,
-        middle.z,
-        corner(-8.0, -8.0),
-        corner(8.0, -8.0),
-        corner(8.0, 8.0),
-        corner(-8.0, 8.0),
-        cameras.join(", ")
-    );
-    Arc::new(parse("square", &text, no_imports).unwrap().scene)
-}
-
-/// Half widths of a body by height, metres: legs, trunk, head; of somebody 1.7 m tall.
-fn half_width_m(share: f64) -> f64 {
-    match share {
-        share if share < 0.5 => 0.16,
-        share if share < 0.85 => 0.22,
-        _ => 0.1,
-    }
-}
-
-/// Draws what a camera sees of people, feet and heights, by points within them; whoever is behind a box is hidden by it.
-fn mask(scene: &Scene, camera: &Camera, people: &[(DVec3, f64)]) -> Mask {
-    let mut data = vec![0; (SIZE.0 * SIZE.1) as usize];
-    let eye = camera.pose().position_in_world;
-    let rings = || (0..8).flat_map(|ring| (0..24).map(move |turn| (f64::from(ring) / 7.0, f64::from(turn))));
-    let levels = || (0..120).map(|step| (f64::from(step) + 0.5) / 120.0);
-    for (foot, height_m) in people {
-        for (share, (ring, turn)) in levels().flat_map(|share| rings().map(move |at| (share, at))) {
-            let beside = DVec2::from_angle(turn / 24.0 * TAU) * ring * half_width_m(share);
-            let point = *foot + beside.extend(share * *height_m);
-            let Some(seen) = camera.project(point).filter(|seen| seen.is_inside()) else { continue };
-            let [x, y] = (seen.texture * DVec2::new(f64::from(SIZE.0), f64::from(SIZE.1))).to_array();
-            let (x, y) = ((x as u32).min(SIZE.0 - 1), (y as u32).min(SIZE.1 - 1));
-            if !scene.surfaces.is_hidden(eye, point) {
-                data[(y * SIZE.0 + x) as usize] = MOVING;
-            }
-        }
-    }
-    Mask { width: SIZE.0, height: SIZE.1, data: data.into() }
-}
-
-fn around(middle: DVec3) -> [Camera; 3] {
-    [(9.0, -9.0), (-9.0, -8.0), (1.0, 10.0)]
-        .map(|(x, y)| camera(middle + DVec3::new(x, y, 3.5), middle + DVec3::Z * 0.8))
-}
-
 fn find(scene: &Arc<Scene>, masks: &[Mask]) -> Vec<Person> {
-    Occupancy::default().find(scene, |idx| masks.get(idx))
+    Occupancy::default().find(scene, |idx| masks.get(idx), &[])
 }
 
 /// Finds people who are there, each once, and returns how far they are from where they stand at most.
@@ -178,4 +108,121 @@ fn cameras_straight_above_at_eye_level_and_in_one_place_find_the_same() {
     ];
     let far = farthest(&scene(DVec3::ZERO, "", &cameras), &cameras, &[(DVec3::new(0.2, 0.4, 0.0), 1.7)]);
     assert!(far < 0.5, "{far}");
+}
+
+/// Returns the same mask, in which everything is broader by so many pixels to the right.
+fn broadened(mask: &Mask, by_px: u32) -> Mask {
+    let mut broad = mask.clone();
+    for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
+        let mut around = x.saturating_sub(by_px)..x + 1;
+        if around.any(|x| mask.get(x, y) == MOVING) {
+            broad.data[(y * SIZE.0 + x) as usize] = MOVING;
+        }
+    }
+    broad
+}
+
+#[test]
+fn strips_beside_people_who_are_broader_than_others_are_nobody() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    for by_px in [0, 1] {
+        let masks = cameras.each_ref().map(|camera| broadened(&mask(&scene, camera, &SOME), by_px));
+        assert_eq!(find(&scene, &masks).len(), SOME.len(), "{by_px} more pixels than eight");
+    }
+}
+
+/// Returns the columns between what two masks show; below 0 where both show something in one column.
+fn least_apart_px([a, b]: &[Mask; 2]) -> i64 {
+    let ends = |mask: &Mask| {
+        let shows = |x: &u32| (0..SIZE.1).any(|y| mask.get(*x, y) == MOVING);
+        [(0..SIZE.0).find(shows), (0..SIZE.0).rev().find(shows)].map(|end| i64::from(end.unwrap_or(0)))
+    };
+    let ([left, right], [other_left, other_right]) = (ends(a), ends(b));
+    (other_left - right).max(left - other_right) - 1
+}
+
+#[test]
+fn each_pixel_is_the_nearer_persons_and_what_lies_elsewhere_is_nobodys() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    // One stands before the other as the first camera sees them.
+    let near = (DVec3::new(0.6, -0.6, 0.0), 1.7);
+    let far = (DVec3::new(-0.1, 0.1, 0.0), 1.75);
+    let mut masks = cameras.each_ref().map(|camera| mask(&scene, camera, &[near, far]));
+    for x in 4..14 {
+        for y in 150..170 {
+            masks[0].data[(y * SIZE.0 + x) as usize] = MOVING;
+        }
+    }
+    let mut occupancy = Occupancy::default();
+    let mut people = occupancy.find(&scene, |idx| masks.get(idx), &[]);
+    people.sort_by(|a, b| b.foot_in_world.x.total_cmp(&a.foot_in_world.x));
+    assert_eq!(people.len(), 2);
+    let owners = occupancy.owners(&scene, &people);
+    for (camera, owners) in cameras.iter().zip(&owners) {
+        let own = [near, far].map(|of| mask(&scene, camera, &[of]));
+        let eye = camera.pose().position_in_world;
+        let is_first_nearer = near.0.distance(eye) < far.0.distance(eye);
+        let (mut n, mut n_right) = (0_u32, 0_u32);
+        for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
+            let shown = [0, 1].map(|idx| own[idx].get(x, y) == MOVING);
+            let owner = owners.get(x as usize, y as usize);
+            let expected = match shown {
+                [true, true] => Some(usize::from(!is_first_nearer)),
+                [true, false] => Some(0),
+                [false, true] => Some(1),
+                [false, false] => {
+                    assert_eq!(owner, None, "{x}, {y}");
+                    continue;
+                }
+            };
+            n += 1;
+            n_right += u32::from(owner == expected);
+        }
+        // Where one hides the other, places that are 5 cm off move the border between them by two pixels of eight.
+        let least = if least_apart_px(&own) < 0 { 0.65 } else { 0.98 };
+        assert!(f64::from(n_right) >= least * f64::from(n), "{n_right} of {n}");
+        for (person, owned) in owners.people.iter().enumerate() {
+            let all = (0..owners.height).flat_map(|y| (0..owners.width).map(move |x| (x, y)));
+            let own: Vec<_> = all.filter(|(x, y)| owners.get(*x, *y) == Some(person)).collect();
+            let [xs, ys] = [0, 1].map(|axis| own.iter().map(move |of| if axis == 0 { of.0 } else { of.1 }));
+            let [left, right] = [xs.clone().min(), xs.max().map(|last| last + 1)].map(Option::unwrap);
+            let [top, bottom] = [ys.clone().min(), ys.max().map(|last| last + 1)].map(Option::unwrap);
+            assert_eq!((owned.n_px as usize, owned.bounds), (own.len(), [left, top, right, bottom]));
+        }
+    }
+}
+
+#[test]
+fn of_who_is_expected_less_must_be_seen() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let (at, height_m) = SOME[0];
+    let expected = Expected { foot_in_world: at + DVec3::new(0.15, -0.1, 0.0), height_m };
+    // Only what is above some height is seen of them.
+    let whole = cameras.each_ref().map(|camera| mask(&scene, camera, &[(at, height_m)]));
+    let seen_above = |up_m: f64| {
+        let mut masks = whole.clone();
+        for (camera, mask) in cameras.iter().zip(&mut masks) {
+            let row = camera.project(at + DVec3::Z * up_m).unwrap().texture.y * f64::from(SIZE.1);
+            mask.data[row.max(0.0) as usize * SIZE.0 as usize..].fill(0);
+        }
+        masks
+    };
+    let n_found = |masks: &[Mask], expected: &[Expected]| {
+        Occupancy::default().find(&scene, |idx| masks.get(idx), expected).len()
+    };
+    let by_height: Vec<[usize; 2]> = (0..16)
+        .map(|step| {
+            let masks = seen_above(0.1 * f64::from(step));
+            [n_found(&masks, &[]), n_found(&masks, &[expected])]
+        })
+        .collect();
+    assert_eq!((by_height[0], by_height[15]), ([1, 1], [0, 0]), "{by_height:?}");
+    assert!(by_height.iter().all(|[unexpected, expected]| expected >= unexpected), "{by_height:?}");
+    // The upper half, from 0.8 m on, is enough of who is expected alone.
+    assert_eq!(by_height[8], [0, 1], "{by_height:?}");
+    // Where nothing is seen nobody is, whoever is expected.
+    assert_eq!(n_found(&seen_above(3.0), &[expected]), 0);
 }

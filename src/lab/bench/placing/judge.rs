@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_picture::fuse::{Association, Entity, SceneState, assemble_within};
+use videofields_picture::fuse::{Association, Entity, SceneState, assemble_together, assemble_within};
 use videofields_picture::occupancy::Occupancy;
 use videofields_picture::scene::Scene;
 use videofields_simulate::ActorKind;
@@ -78,6 +78,8 @@ pub(super) enum Method {
     Association,
     /// By all cameras' masks together; proposed, and knows nothing of who is who.
     Occupancy,
+    /// By all cameras' masks together where several see somebody, by each camera's blobs elsewhere; proposed.
+    Both,
 }
 
 /// A scene's instants, associated and scored one after the other.
@@ -87,6 +89,8 @@ pub(super) struct Judge<'a> {
     association: Association,
     /// None where people are placed by association.
     occupancy: Option<Occupancy>,
+    /// None but where both methods place people.
+    together: Option<Occupancy>,
     /// Places of the instant by occupancy, each with a number that is given once.
     placed: Vec<FoundPlace>,
     n_placed: u64,
@@ -103,6 +107,7 @@ impl<'a> Judge<'a> {
             gate_m,
             association: Association::default(),
             occupancy: (method == Method::Occupancy).then(Occupancy::default),
+            together: (method == Method::Both).then(Occupancy::default),
             placed: Vec::new(),
             n_placed: 0,
             scores: [(Kind::Walker, PlacingScore::new(gate_m))].into(),
@@ -120,7 +125,12 @@ impl<'a> Judge<'a> {
     ) -> SceneState {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         let started = self.clock.monotonic();
-        let state = assemble_within(&mut self.association, scene, instant, find, None);
+        let state = match &mut self.together {
+            Some(together) => {
+                assemble_together((&mut self.association, together), scene, instant, find, None)
+            }
+            None => assemble_within(&mut self.association, scene, instant, find, None),
+        };
         let took = match self.occupancy.take() {
             Some(occupancy) => self.place_by(occupancy, scene, seen),
             None => self.clock.monotonic().saturating_sub(started),
@@ -132,10 +142,14 @@ impl<'a> Judge<'a> {
     /// Places people by occupancy; the time that it takes.
     fn place_by(&mut self, mut occupancy: Occupancy, scene: &Arc<Scene>, seen: &[Observation]) -> Duration {
         let started = self.clock.monotonic();
-        let people = occupancy.find(scene, |idx| {
-            let of = seen.iter().find(|of| of.frame.camera == scene.cameras[idx].id);
-            of.map(|of| of.labels.as_ref())
-        });
+        let people = occupancy.find(
+            scene,
+            |idx| {
+                let of = seen.iter().find(|of| of.frame.camera == scene.cameras[idx].id);
+                of.map(|of| of.labels.as_ref())
+            },
+            &[],
+        );
         let took = self.clock.monotonic().saturating_sub(started);
         self.occupancy = Some(occupancy);
         let places = people.iter().map(|person| person.foot_in_world.truncate());

@@ -1,0 +1,369 @@
+//! People whom the masks of several cameras tell together: a sighting for each of them and each camera that shows them.
+//!
+//! Observations of one instant flow in; sightings cut by person flow out, and what of a camera's blobs is nobody's. Who is who is
+//! association's to tell.
+
+use super::billboard::{EXTENT_RANGE_M, MAX_OUTLINE_ROWS, MOVING, UprightPlane};
+use super::estimate::{Estimate, Foot, Height, along};
+use super::line::Followed;
+use super::look::Look;
+use super::pieces::Piece;
+use super::{Billboard, CameraState, Sighting};
+use crate::occupancy::{Expected, Occupancy, Owned, Owners, Person};
+use crate::scene::Scene;
+use glam::{DMat2, DVec2};
+use std::sync::Arc;
+use videofields_vision::frame::Mask;
+use videofields_vision::segment::PixelRect;
+
+/// People whom fewer cameras show are left to these cameras' own blobs.
+const LEAST_CAMERAS: usize = 2;
+
+/// A camera shows somebody of whom it has this share of what it could see, and so many pixels of the reduced mask.
+const LEAST_FOUND: f32 = 0.4;
+const LEAST_FOUND_PX: u32 = 8;
+
+/// A blob is left to its camera if this share of it is nobody's.
+const LEAST_OPEN: f64 = 0.4;
+
+/// Least share of what a track and somebody cover together that both cover, for the track to be theirs.
+const LEAST_COMMON: f64 = 0.3;
+
+/// Standard deviations of a place by one camera's outline: across its view, metres and pixels of the reduced mask, and along it, metres.
+const ACROSS_M: f64 = 0.06;
+const ACROSS_PX: f64 = 1.0;
+const ALONG_M: f64 = 0.5;
+
+/// Standard deviation of a height, metres.
+const HEIGHT_M: f64 = 0.1;
+
+/// Least share of what a camera could see of somebody with which their colours are told.
+const LEAST_LOOK: f32 = 0.6;
+
+/// People at one instant, with their pixels in each camera.
+pub(super) struct Together {
+    people: Vec<Person>,
+    /// By camera of the scene.
+    owners: Vec<Owners>,
+    /// By person and camera of the scene: the track that shows them.
+    tracks: Vec<Vec<Option<Followed>>>,
+}
+
+impl Together {
+    /// Finds the people whom `cameras` show, of which `members` gives the places in the scene.
+    pub(super) fn find(
+        occupancy: &mut Occupancy,
+        scene: &Arc<Scene>,
+        (members, cameras): (&[usize], &[CameraState]),
+        expected: &[Expected],
+    ) -> Self {
+        let labels = |member| {
+            let idx = members.iter().position(|of| *of == member)?;
+            Some(&*cameras[idx].observation.labels)
+        };
+        let mut people = occupancy.find(scene, labels, expected);
+        let owners = occupancy.owners(scene, &people);
+        let n_cameras = |person: usize| owners.iter().filter(|of| is_shown(&of.people[person])).count();
+        let mut is_kept = (0..people.len()).map(|person| n_cameras(person) >= LEAST_CAMERAS);
+        people.retain(|_| is_kept.next().unwrap_or(false));
+        let owners = occupancy.owners(scene, &people);
+        let mut tracks = vec![vec![None; owners.len()]; people.len()];
+        for (member, camera) in members.iter().zip(cameras) {
+            for (person, track) in tracks_of(&owners[*member], camera) {
+                let track = &camera.observation.tracks[track];
+                let followed = Followed { member: *member, number: track.id, since: track.first_seen };
+                tracks[person][*member] = Some(followed);
+            }
+        }
+        Self { people, owners, tracks }
+    }
+
+    /// Returns a sighting for each person and each camera that shows them.
+    pub(super) fn sightings<'a>(
+        &'a self,
+        cameras: &'a [CameraState],
+        members: &'a [usize],
+    ) -> impl Iterator<Item = Sighting> + 'a {
+        (0..self.people.len()).flat_map(move |person| {
+            let shown = |(_, member): &(usize, &usize)| is_shown(&self.owners[**member].people[person]);
+            let by: Vec<(usize, &usize)> = members.iter().enumerate().filter(shown).collect();
+            let foot = self.foot(person, by.iter().map(|(idx, member)| (&cameras[*idx], **member)));
+            let n = by.len() as f64;
+            by.into_iter().filter_map(move |(idx, member)| {
+                self.sighting(person, (idx, *member), &cameras[idx], (&foot, n))
+            })
+        })
+    }
+
+    /// Returns where somebody stands, by all cameras that show them.
+    fn foot<'a>(&self, person: usize, by: impl Iterator<Item = (&'a CameraState, usize)>) -> Foot {
+        let at = self.people[person].foot_in_world;
+        let mut information = DMat2::ZERO;
+        for (camera, member) in by {
+            let from_camera = at - camera.camera.pose().position_in_world;
+            let away = from_camera.truncate().try_normalize().unwrap_or(DVec2::Y);
+            let pixels = self.owners[member].width as f64 / f64::from(camera.camera.size_px().0);
+            let across_m =
+                ACROSS_M.hypot(ACROSS_PX * from_camera.length() / (camera.camera.focal_px().x * pixels));
+            information += along(away.perp()) * across_m.powi(-2) + along(away) * ALONG_M.powi(-2);
+        }
+        Foot::new(at.truncate(), information.inverse())
+    }
+
+    /// Returns what one of `n` cameras shows of somebody. Each says what all say together, so that its part of that is one in `n`.
+    fn sighting(
+        &self,
+        person: usize,
+        (camera_idx, member): (usize, usize),
+        state: &CameraState,
+        (foot, n): (&Foot, f64),
+    ) -> Option<Sighting> {
+        let (of, owners) = (&self.people[person], &self.owners[member]);
+        let owned = &owners.people[person];
+        let labels = &state.observation.labels;
+        let rect = rect_of(owned, owners, labels);
+        let plane = UprightPlane::facing(&state.camera, of.foot_in_world)?;
+        let size = DVec2::new(owners.width as f64, owners.height as f64);
+        let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
+        let [x0, y0, x1, y1] = owned.bounds;
+        let step = (y1 - y0).div_ceil(MAX_OUTLINE_ROWS as usize).max(1);
+        for y in (y0..y1).step_by(step) {
+            let is_own = |x: &usize| owners.get(*x, y) == Some(person);
+            let Some((first, last)) = (x0..x1).find(is_own).zip((x0..x1).rev().find(is_own)) else {
+                continue;
+            };
+            for x in [first as f64, last as f64 + 1.0] {
+                let cut = |y: f64| plane.cut(&state.camera, DVec2::new(x, y) / size);
+                let (Some([across, _]), Some([_, up])) = (cut(y as f64 + 0.5), cut(y as f64)) else {
+                    continue;
+                };
+                (left, right, top) = (left.min(across), right.max(across), top.max(up));
+            }
+        }
+        let [least, most] = EXTENT_RANGE_M;
+        let is_sound = |extent: f64| extent >= least && extent <= most;
+        if !(is_sound(right - left) && is_sound(top)) {
+            return None;
+        }
+        let is_truncated =
+            rect.x == 0 || rect.x + rect.width >= labels.width || rect.y + rect.height >= labels.height;
+        let billboard = Billboard {
+            camera_idx,
+            rect,
+            foot_in_world: of.foot_in_world,
+            right_in_world: plane.point([1.0, 0.0]) - plane.point([0.0, 0.0]),
+            left_right_m: [left, right],
+            height_m: top,
+            is_truncated,
+        };
+        let shows_much = owned.n_found as f32 >= LEAST_LOOK * owned.n_visible as f32;
+        let factor = factor_of(owners, labels);
+        let look = shows_much.then(|| {
+            Look::of_pixels(&state.observation.frame.image, labels, rect, |x, y| {
+                owners.get(x as usize / factor, y as usize / factor) == Some(person)
+            })
+        });
+        let estimate = Estimate {
+            foot: Foot::new(foot.at, foot.covariance * n),
+            ground_m: of.foot_in_world.z,
+            height: Some(Height { mean_m: of.height_m, sd_m: HEIGHT_M * n.sqrt() }),
+            look: look.flatten(),
+        };
+        let tracks = self.tracks[person][member].into_iter().collect();
+        Some(Sighting { billboard, member, estimate, head: None, tracks, person: Some(person) })
+    }
+
+    /// Leaves of a camera's piece what nobody explains; returns false if that is too little to be somebody.
+    pub(super) fn leave_open(&self, member: usize, labels: &Mask, piece: &mut Piece) -> bool {
+        let owners = &self.owners[member];
+        if owners.width == 0 {
+            return true;
+        }
+        let factor = factor_of(owners, labels);
+        let PixelRect { x, y, width, height } = piece.rect;
+        let cells =
+            |first: u32, n: u32| first as usize / factor..(first + n).div_ceil(factor as u32) as usize;
+        let (mut n_all, mut n_open) = (0_u32, 0_u32);
+        let mut bounds = [usize::MAX, usize::MAX, 0, 0];
+        for row in cells(y, height) {
+            for column in cells(x, width) {
+                let middle = |cell: usize, n: u32| ((cell * factor + factor / 2) as u32).min(n - 1);
+                if labels.get(middle(column, labels.width), middle(row, labels.height)) != MOVING {
+                    continue;
+                }
+                n_all += 1;
+                if owners.get(column, row).is_none() {
+                    n_open += 1;
+                    let [left, top, right, bottom] = bounds;
+                    bounds = [left.min(column), top.min(row), right.max(column + 1), bottom.max(row + 1)];
+                }
+            }
+        }
+        if n_open == n_all {
+            return true;
+        }
+        if f64::from(n_open) < LEAST_OPEN * f64::from(n_all) {
+            return false;
+        }
+        let [left, top, right, bottom] = bounds.map(|at| (at * factor) as u32);
+        let (left, top) = (left.max(x), top.max(y));
+        let (right, bottom) = (right.min(x + width), bottom.min(y + height));
+        piece.rect = PixelRect { x: left, y: top, width: right - left, height: bottom - top };
+        piece.foot_in_image = [0.5 * f64::from(left + right), f64::from(bottom)];
+        let taken = |track: &Followed| self.tracks.iter().any(|of| of[member] == Some(*track));
+        piece.tracks.retain(|track| !taken(track));
+        piece.whole = None;
+        true
+    }
+}
+
+/// Returns true if a camera shows somebody of whom it has these pixels.
+fn is_shown(owned: &Owned) -> bool {
+    owned.n_found >= LEAST_FOUND_PX && owned.n_found as f32 >= LEAST_FOUND * owned.n_visible as f32
+}
+
+/// Returns the sides of the pixels of `labels` that are one of `owners`.
+fn factor_of(owners: &Owners, labels: &Mask) -> usize {
+    (labels.width as usize).div_ceil(owners.width.max(1)).max(1)
+}
+
+/// Returns the rectangle of somebody's pixels in the mask itself.
+fn rect_of(owned: &Owned, owners: &Owners, labels: &Mask) -> PixelRect {
+    let factor = factor_of(owners, labels);
+    let [left, top, right, bottom] = owned.bounds.map(|at| (at * factor) as u32);
+    let (right, bottom) = (right.min(labels.width), bottom.min(labels.height));
+    PixelRect { x: left, y: top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) }
+}
+
+/// Returns pairs of a person and one of the camera's tracks, by place, that cover the most together; each once.
+fn tracks_of(owners: &Owners, camera: &CameraState) -> Vec<(usize, usize)> {
+    let labels = &camera.observation.labels;
+    let mut pairs = Vec::new();
+    for (person, owned) in owners.people.iter().enumerate().filter(|(_, owned)| is_shown(owned)) {
+        let rect = rect_of(owned, owners, labels);
+        for (track, of) in camera.observation.tracks.iter().enumerate() {
+            let common = common_share(rect, of.rect);
+            if common >= LEAST_COMMON {
+                pairs.push((common, person, track));
+            }
+        }
+    }
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut chosen: Vec<(usize, usize)> = Vec::new();
+    for (_, person, track) in pairs {
+        if !chosen.iter().any(|(other, of)| *other == person || *of == track) {
+            chosen.push((person, track));
+        }
+    }
+    chosen
+}
+
+/// Returns the share of what two rectangles cover together that both cover.
+fn common_share(a: PixelRect, b: PixelRect) -> f64 {
+    let overlap = |from: u32, len: u32, other_from: u32, other_len: u32| {
+        f64::from((from + len).min(other_from + other_len).saturating_sub(from.max(other_from)))
+    };
+    let both = overlap(a.x, a.width, b.x, b.width) * overlap(a.y, a.height, b.y, b.height);
+    let area = |of: PixelRect| f64::from(of.width) * f64::from(of.height);
+    both / (area(a) + area(b) - both).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::drawn_people::{SIZE, around, mask, scene};
+    use crate::fuse::estimate::FLOOR_M;
+    use crate::fuse::{Association, SceneState, assemble_together};
+    use glam::DVec3;
+    use videofields_vision::clock::Timestamp;
+    use videofields_vision::config::SegmentSettings;
+    use videofields_vision::frame::{BitMask, CameraId, ColorMatrix, ColorRange, Frame, YuvImage};
+    use videofields_vision::observation::Observation;
+    use videofields_vision::segment::blobs_of;
+
+    fn observation(camera: CameraId, labels: Mask) -> Observation {
+        let image =
+            YuvImage::filled(SIZE.0, SIZE.1, [110, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
+        let image = Arc::new(image);
+        let mut moving = BitMask::new(SIZE.0, SIZE.1);
+        for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
+            if labels.get(x, y) == MOVING {
+                moving.set_run(y as usize, x as usize, x as usize + 1);
+            }
+        }
+        let labels = Arc::new(labels);
+        Observation {
+            frame: Frame {
+                camera,
+                timestamp: Timestamp::from_nanos(0),
+                number: 0,
+                image: Arc::clone(&image),
+            },
+            soft_mask: Arc::clone(&labels),
+            labels,
+            background: image,
+            blobs: blobs_of(&moving, &SegmentSettings::default()).into(),
+            tracks: Arc::default(),
+        }
+    }
+
+    /// Assembles what three cameras see of the people that each of them shows.
+    fn assemble(shown: [&[(DVec3, f64)]; 3]) -> SceneState {
+        let cameras = around(DVec3::ZERO);
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let masks = [0, 1, 2].map(|idx| mask(&scene, &cameras[idx], shown[idx]));
+        let observe = |id: &CameraId| {
+            let member = scene.cameras.iter().position(|member| member.id == *id)?;
+            Some(observation(id.clone(), masks[member].clone()))
+        };
+        let memory = (&mut Association::default(), &mut Occupancy::default());
+        assemble_together(memory, &scene, Timestamp::from_nanos(0), observe, None)
+    }
+
+    fn farthest(state: &SceneState, people: &[(DVec3, f64)]) -> f64 {
+        let nearest = |at: &DVec3| {
+            let all = state.entities.iter().map(|of| of.foot_in_world.distance(*at));
+            all.fold(f64::INFINITY, f64::min)
+        };
+        people.iter().map(|(at, _)| nearest(at)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn people_who_hide_each_other_are_each_one_entity_of_the_pixels_that_show_them() {
+        let people = [
+            (DVec3::new(0.0, 0.0, 0.0), 1.75),
+            (DVec3::new(0.5, -0.4, 0.0), 1.65),
+            (DVec3::new(-0.5, 0.5, 0.0), 1.8),
+        ];
+        let state = assemble([&people; 3]);
+        assert_eq!(state.entities.len(), people.len(), "{:?}", state.entities);
+        assert!(farthest(&state, &people) < 0.25, "{}", farthest(&state, &people));
+        for entity in &state.entities {
+            assert!(entity.sources.len() >= LEAST_CAMERAS);
+            for source in &entity.sources {
+                let [left, right] = source.left_right_m;
+                assert!(right - left < 1.0 && source.height_m < 2.1, "{source:?}");
+            }
+            assert!((1.5..2.0).contains(&entity.height_m), "{}", entity.height_m);
+            // However many cameras say it, what all say together is said once.
+            let sd_m = entity.foot_covariance_m2.determinant().powf(0.25);
+            assert!(sd_m >= 0.99 * FLOOR_M, "{sd_m}");
+        }
+    }
+
+    #[test]
+    fn who_is_seen_by_one_camera_alone_is_left_to_its_own_blobs() {
+        let (both, one) = ((DVec3::new(0.0, 0.0, 0.0), 1.75), (DVec3::new(2.6, -2.4, 0.0), 1.7));
+        let state = assemble([&[both, one], &[both], &[both]]);
+        assert_eq!(state.entities.len(), 2);
+        assert!(farthest(&state, &[both, one]) < 0.6);
+        let mut n_sources: Vec<usize> = state.entities.iter().map(|entity| entity.sources.len()).collect();
+        n_sources.sort_unstable();
+        assert_eq!(n_sources, [1, 3]);
+        assert!(assemble([&[]; 3]).entities.is_empty());
+        // The other cameras have no picture.
+        let alone = state.cameras[1].clone();
+        let together = Together::find(&mut Occupancy::default(), &state.scene, (&[1], &[alone]), &[]);
+        assert!(together.people.is_empty());
+    }
+}
