@@ -162,6 +162,28 @@ fn what_lies_flat_by_the_feet_of_somebody_is_their_shadow_without_touching_them(
     assert_eq!(share(&flat, &[35..36, 6..40], Some(20.0)), 0.0, "of 34 pixels");
 }
 
+#[test]
+fn legs_that_were_given_back_own_the_shadow_at_their_feet() {
+    // A body of 14 pixels, legs of 14 beneath it, and at their corner, touching nothing else, what they cast.
+    let (body, legs, cast) = ([24..36, 6..20], [24..36, 20..34], [36..58, 34..38]);
+    let empty = picture(|_, _| 130.0);
+    let seen = picture(|x, y| if is_within(&legs, x, y) || is_within(&cast, x, y) { 95.0 } else { 130.0 });
+    let pair = Pair {
+        frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+        background: [0, 1, 2].map(|plane| empty.plane(plane)),
+    };
+    let mut moving = mask(&body);
+    let mut shadow = mask(&legs);
+    for (word, cast) in shadow.words_mut().iter_mut().zip(mask(&cast).words()) {
+        *word |= cast;
+    }
+    let sizes = sizes(Some(16.0));
+    let pieces = (&mut Components::default(), Some(&sizes));
+    Shadows::default().judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), pieces);
+    assert_eq!(shadow.words(), mask(&cast).words());
+    assert_eq!(moving.count_ones(), mask(&body).count_ones() + mask(&legs).count_ones());
+}
+
 /// Returns sizes of objects where an upright metre covers so many pixels everywhere.
 fn sizes(metre_px: Option<f64>) -> ObjectSizes {
     let metre_share = metre_px.map(|px| px / f64::from(SIZE.1));
