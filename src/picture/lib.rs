@@ -9,6 +9,3 @@ pub mod occupancy;
 pub mod fuse;
 
 pub mod plan;
-
-#[cfg(test)]
-mod drawn_people;

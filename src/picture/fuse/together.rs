@@ -271,9 +271,9 @@ fn common_share(a: PixelRect, b: PixelRect) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::drawn_people::{SIZE, around, mask, scene};
     use crate::fuse::estimate::FLOOR_M;
     use crate::fuse::{Association, SceneState, assemble_together};
+    use crate::occupancy::drawn_people::{SIZE, around, mask, scene};
     use glam::DVec3;
     use videofields_vision::clock::Timestamp;
     use videofields_vision::config::SegmentSettings;

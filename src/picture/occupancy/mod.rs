@@ -8,6 +8,8 @@
 //! masks as its only evidence. There the answer is a probability for every cell; here it is a set of people, so that each pixel is
 //! explained once.
 
+#[cfg(test)]
+pub(crate) mod drawn_people;
 mod evidence;
 mod grid;
 mod owners;

@@ -1,7 +1,7 @@
 //! Finds people who are known to stand somewhere.
 
+use super::drawn_people::{SIZE, around, camera, mask, scene};
 use super::{Expected, Occupancy, Person};
-use crate::drawn_people::{SIZE, around, camera, mask, scene};
 use crate::scene::Scene;
 use glam::DVec3;
 use std::sync::Arc;

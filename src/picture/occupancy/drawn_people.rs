@@ -12,7 +12,7 @@ pub(crate) const SIZE: (u32, u32) = (320, 180);
 
 /// Returns a camera that looks at a point.
 pub(crate) fn camera(eye: DVec3, target: DVec3) -> Camera {
-    Camera::pinhole(eye, target, 0.9, SIZE).unwrap()
+    Camera::pinhole(eye, target, 0.9, SIZE).expect("tests look at points apart from the camera")
 }
 
 /// Returns a square of 16 m around `middle`, with boxes as a scene's document names them, and cameras.
@@ -40,7 +40,7 @@ pub(crate) fn scene(middle: DVec3, boxes: &str, cameras: &[Camera]) -> Arc<Scene
         corner(-8.0, 8.0),
         cameras.join(", ")
     );
-    Arc::new(parse("square", &text, no_imports).unwrap().scene)
+    Arc::new(parse("square", &text, no_imports).expect("the document is a scene").scene)
 }
 
 /// Half widths of a body by height, metres: legs, trunk, head; of somebody 1.7 m tall.
