@@ -12,6 +12,9 @@ use crate::frame::Plane;
 /// Pixels to either side of an outline within which its edge is looked for: masks are no more exact than that.
 const REACH_PX: i64 = 2;
 
+/// Distance from an outline, pixels, of what is compared with it: what lies there has as many edges as the place has anyway.
+const BESIDE_PX: i64 = 5;
+
 /// A mean step below this, 8-bit levels, is noise.
 const LEAST_STEP: f32 = 6.0;
 
@@ -35,37 +38,38 @@ pub fn outline_of(frame: Plane<'_>, background: Plane<'_>, contour: &[[u16; 2]])
     let (seen, learned) = (mean_step(frame, contour), mean_step(background, contour));
     if seen.max(learned) < LEAST_STEP {
         OutlineOf::Unclear
-    } else if seen > CLEAR_RATIO * learned {
+    } else if seen > CLEAR_RATIO * learned.max(0.0) {
         OutlineOf::Thing
-    } else if learned > CLEAR_RATIO * seen {
+    } else if learned > CLEAR_RATIO * seen.max(0.0) {
         OutlineOf::Gap
     } else {
         OutlineOf::Unclear
     }
 }
 
-/// Mean over an outline's unit edges of the greatest step of luma across it nearby, 8-bit levels; edges on the picture's
-/// border have none.
+/// Mean over an outline's unit edges of the greatest step of luma across it nearby, less that at [`BESIDE_PX`] inside and outside of it,
+/// 8-bit levels; edges on the picture's border have none.
 fn mean_step(plane: Plane<'_>, contour: &[[u16; 2]]) -> f32 {
     let (mut sum, mut n_edges) = (0.0, 0_u32);
+    let mut add = |at: [i64; 2], across: [i64; 2]| {
+        let Some(step) = greatest_step(plane, at, across) else { return };
+        let beside = [-BESIDE_PX, BESIDE_PX].map(|offset| {
+            greatest_step(plane, [at[0] + offset * across[0], at[1] + offset * across[1]], across)
+        });
+        let n_beside = beside.iter().flatten().count();
+        if n_beside > 0 {
+            sum += step - beside.iter().flatten().sum::<f32>() / n_beside as f32;
+            n_edges += 1;
+        }
+    };
     let ends = contour.iter().cycle().skip(1);
     for (from, to) in contour.iter().zip(ends) {
         let (x0, x1) = (from[0].min(to[0]), from[0].max(to[0]));
         let (y0, y1) = (from[1].min(to[1]), from[1].max(to[1]));
         if x0 == x1 {
-            for y in y0..y1 {
-                if let Some(step) = greatest_step(plane, [i64::from(x0), i64::from(y)], [1, 0]) {
-                    sum += step;
-                    n_edges += 1;
-                }
-            }
+            (y0..y1).for_each(|y| add([i64::from(x0), i64::from(y)], [1, 0]));
         } else {
-            for x in x0..x1 {
-                if let Some(step) = greatest_step(plane, [i64::from(x), i64::from(y0)], [0, 1]) {
-                    sum += step;
-                    n_edges += 1;
-                }
-            }
+            (x0..x1).for_each(|x| add([i64::from(x), i64::from(y0)], [0, 1]));
         }
     }
     if n_edges == 0 { 0.0 } else { sum / n_edges as f32 }
@@ -121,6 +125,46 @@ mod tests {
             assert_eq!(tell(None, None, outline), OutlineOf::Unclear, "noise");
             assert_eq!(tell(Some(60), Some(200), outline), OutlineOf::Unclear, "one in place of another");
         }
+    }
+
+    #[test]
+    fn a_thing_before_a_crowded_place_is_no_gap() {
+        // Stripes all over the place, so that lines anywhere cross their edges.
+        let picture = |thing: Option<u8>| {
+            let mut data = vec![128; YuvLayout::packed_len(60, 48)];
+            for (i, value) in data[..60 * 48].iter_mut().enumerate() {
+                let (x, y) = (i % 60, i / 60);
+                let stripe = if (x + y) / 4 % 2 == 0 { 80 } else { 140 };
+                let is_thing = (20..40).contains(&x) && (12..36).contains(&y);
+                *value = thing.filter(|_| is_thing).unwrap_or(stripe);
+            }
+            let layout = YuvLayout::packed(60, 48);
+            YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap()
+        };
+        let (place, outline) = (picture(None), [[20, 12], [40, 12], [40, 36], [20, 36]]);
+        for luma in [20, 110, 200] {
+            let thing = picture(Some(luma));
+            assert_ne!(outline_of(thing.plane(0), place.plane(0), &outline), OutlineOf::Gap, "{luma}");
+            assert_ne!(outline_of(place.plane(0), thing.plane(0), &outline), OutlineOf::Thing, "{luma}");
+        }
+        let dark = picture(Some(20));
+        assert_eq!(outline_of(dark.plane(0), place.plane(0), &outline), OutlineOf::Thing);
+        assert_eq!(outline_of(place.plane(0), dark.plane(0), &outline), OutlineOf::Gap);
+    }
+
+    #[test]
+    fn steps_on_both_sides_of_an_outline_are_taken_off_it() {
+        let mut data = vec![128; YuvLayout::packed_len(60, 48)];
+        for row in data[..60 * 48].chunks_mut(60) {
+            row.fill(80);
+            row[..20].fill(140);
+            row[..15].fill(100);
+        }
+        let layout = YuvLayout::packed(60, 48);
+        let image = YuvImage::new(layout, ColorMatrix::Bt601, ColorRange::Limited, data).unwrap();
+        // 60 at it, 40 to the left and nothing to the right; at 15 it is 40, 0 and 60.
+        assert_eq!(mean_step(image.plane(0), &[[20, 10], [20, 30]]), 40.0);
+        assert_eq!(mean_step(image.plane(0), &[[15, 10], [15, 30]]), 10.0);
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub(super) struct Enlarger {
     /// For each stretch of each reduced row, whether anything shows in it once enlarged.
     is_near: Vec<bool>,
     moving: BitMask,
+    /// Moving pixels but those of notches.
+    unfilled: BitMask,
     /// Memory of the full-size masks.
     pool: Arc<BufferPool>,
 }
@@ -55,19 +57,21 @@ impl Rows<'_> {
 
 impl Default for Enlarger {
     fn default() -> Self {
-        Self { is_near: Vec::new(), moving: BitMask::default(), pool: BufferPool::new(MAX_SPARE_MASKS) }
+        let (moving, unfilled) = (BitMask::default(), BitMask::default());
+        Self { is_near: Vec::new(), moving, unfilled, pool: BufferPool::new(MAX_SPARE_MASKS) }
     }
 }
 
 impl Enlarger {
     /// `soft_mask` and `labels` of a picture whose sides are reduced by 2 or 4, as of a picture of `size_px`; pieces
     /// that fall short of the full picture's `limits` are background, or in the mask but no blobs; `object_sizes` makes blobs of some of these.
+    /// The reduced picture's moving pixels are given without and with their notches filled: blobs are those without.
     ///
     /// # Panics
     /// When `factor` is neither 2 nor 4.
     pub(super) fn enlarge(
         &mut self,
-        (soft_mask, labels): (&Mask, &Mask),
+        (soft_mask, labels, [unfilled, filled]): (&Mask, &Mask, [&BitMask; 2]),
         size_px: (u32, u32),
         factor: u32,
         (limits, object_sizes): (&Limits, Option<&ObjectSizes>),
@@ -89,11 +93,35 @@ impl Enlarger {
             full_labels.data[span.clone()].fill(BACKGROUND);
             full_soft.data[span].fill(0);
         });
+        let has_notches = unfilled != filled;
+        if has_notches {
+            self.leave_notches_out([unfilled, filled], factor as usize);
+            pieces.find(&self.unfilled);
+            pieces.drop_small(limits, |_| ());
+        }
         if let Some(object_sizes) = object_sizes {
             pieces.add_objects(limits, object_sizes, size_px);
         }
-        let blobs = pieces.blobs(&self.moving, limits);
+        let blobs = pieces.blobs(if has_notches { &self.unfilled } else { &self.moving }, limits);
         Segmentation { soft_mask: full_soft, labels: full_labels, blobs }
+    }
+
+    /// Leaves out of the enlarged pixels those that only notches of the reduced picture show.
+    fn leave_notches_out(&mut self, [unfilled, filled]: [&BitMask; 2], factor: usize) {
+        self.unfilled.clone_from(&self.moving);
+        for (y, (unfilled, filled)) in (0..filled.height()).map(|y| (y, (unfilled.row(y), filled.row(y)))) {
+            for (word, (unfilled, filled)) in unfilled.iter().zip(filled).enumerate() {
+                let mut added = filled & !unfilled;
+                while added != 0 {
+                    let start = factor * (word * WORD_PIXELS + added.trailing_zeros() as usize);
+                    let end = (start + factor).min(self.moving.width());
+                    for row in factor * y..(factor * (y + 1)).min(self.moving.height()) {
+                        self.unfilled.clear_run(row, start, end);
+                    }
+                    added &= added - 1;
+                }
+            }
+        }
     }
 
     /// Finds the stretches in which, or right beside which, something is.
@@ -236,13 +264,45 @@ mod tests {
     }
 
     fn enlarge(found: &(Mask, Mask), size_px: (u32, u32), factor: u32, limits: &Limits) -> Segmentation {
-        Enlarger::default().enlarge(
-            (&found.0, &found.1),
-            size_px,
-            factor,
-            (limits, None),
-            &mut Pieces::default(),
-        )
+        let nothing = BitMask::new(found.1.width, found.1.height);
+        enlarge_with(found, [&nothing; 2], size_px, factor, limits)
+    }
+
+    fn enlarge_with(
+        found: &(Mask, Mask),
+        notches: [&BitMask; 2],
+        size_px: (u32, u32),
+        factor: u32,
+        limits: &Limits,
+    ) -> Segmentation {
+        let found = (&found.0, &found.1, notches);
+        Enlarger::default().enlarge(found, size_px, factor, (limits, None), &mut Pieces::default())
+    }
+
+    #[test]
+    fn notches_are_in_the_mask_and_in_no_blob() {
+        for factor in [2, 4] {
+            let found = reduced(20, 16, &[(5, 4, 8, 8, 255, MOVING)]);
+            let mut unfilled = BitMask::new(20, 16);
+            (4..12).for_each(|y| unfilled.set_run(y, 5, 13));
+            let filled = unfilled.clone();
+            (6..12).for_each(|y| unfilled.clear_run(y, 8, 10));
+            let full =
+                enlarge_with(&found, [&unfilled, &filled], (20 * factor, 16 * factor), factor, &limits(1));
+            let n_moving = full.labels.data.iter().filter(|label| **label == MOVING).count();
+            // Corners are rounded.
+            assert!((64 * factor * factor - 4..=64 * factor * factor).contains(&(n_moving as u32)));
+            let areas: Vec<u32> = full.blobs.iter().map(|blob| blob.area_px).collect();
+            assert_eq!(areas.len(), 2, "the notch parts it");
+            for blob in &full.blobs {
+                let corners = blob.contour.iter().zip(blob.contour.iter().cycle().skip(1));
+                let doubled = corners.map(|(from, to)| {
+                    i64::from(from[0]) * i64::from(to[1]) - i64::from(to[0]) * i64::from(from[1])
+                });
+                assert_eq!(doubled.sum::<i64>().abs(), 2 * i64::from(blob.area_px), "its outline is its own");
+            }
+            assert_eq!(n_moving as u32 - areas.iter().sum::<u32>(), 12 * factor * factor);
+        }
     }
 
     fn reduced(width: u32, height: u32, things: &[(u32, u32, u32, u32, u8, u8)]) -> (Mask, Mask) {

@@ -57,6 +57,8 @@ pub(super) struct Judge {
     /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
     /// what may be foreground.
     pub(super) weak: BitMask,
+    /// Pixels of `weak` that differ by half of the threshold without the blur too.
+    pub(super) faint: BitMask,
     /// The blurred difference as a ramp from half to one and a half of delta, in the tiles of `near`.
     ramps: Vec<TileRamp>,
 }
@@ -151,6 +153,7 @@ struct Band<'a> {
     strong: &'a mut [u32],
     distinct: &'a mut [u32],
     weak: &'a mut [u32],
+    faint: &'a mut [u32],
     ramps: &'a mut [TileRamp],
 }
 
@@ -169,6 +172,7 @@ impl Judge {
             strong: BitMask::default(),
             distinct: BitMask::default(),
             weak: BitMask::default(),
+            faint: BitMask::default(),
             ramps: Vec::new(),
         }
     }
@@ -191,8 +195,8 @@ impl Judge {
     ) {
         let rules = Rules::new((matrix, range), settings, running, (memory, self.blur_sigma_px));
         let (width, height) = (pair.frame[0].width as usize, pair.frame[0].height as usize);
-        let Self { candidates, moving, shadow, lit, plain, strong, distinct, weak, .. } = self;
-        for mask in [candidates, moving, shadow, lit, plain, strong, distinct, weak] {
+        let Self { candidates, moving, shadow, lit, plain, strong, distinct, weak, faint, .. } = self;
+        for mask in [candidates, moving, shadow, lit, plain, strong, distinct, weak, faint] {
             mask.reset(width, height);
         }
         if rules.rule == MixtureRule::Require {
@@ -306,10 +310,16 @@ impl Judge {
             .zip(self.strong.words_mut().par_chunks_mut(words_per_band))
             .zip(self.distinct.words_mut().par_chunks_mut(words_per_band))
             .zip(self.weak.words_mut().par_chunks_mut(words_per_band))
+            .zip(self.faint.words_mut().par_chunks_mut(words_per_band))
             .zip(self.ramps.par_chunks_mut(words_per_band))
-            .map(|((((((((difference, moving), shadow), lit), plain), strong), distinct), weak), ramps)| {
-                Band { difference, moving, shadow, lit, plain, strong, distinct, weak, ramps }
-            })
+            .map(
+                |(
+                    ((((((((difference, moving), shadow), lit), plain), strong), distinct), weak), faint),
+                    ramps,
+                )| {
+                    Band { difference, moving, shadow, lit, plain, strong, distinct, weak, faint, ramps }
+                },
+            )
             .enumerate();
         if n_bands == 1 {
             // On this thread: others have cameras of their own.
@@ -322,6 +332,7 @@ impl Judge {
                 strong: self.strong.words_mut(),
                 distinct: self.distinct.words_mut(),
                 weak: self.weak.words_mut(),
+                faint: self.faint.words_mut(),
                 ramps: &mut self.ramps,
             };
             judge(0, band);
@@ -366,7 +377,16 @@ fn judge_band<S: Simd>(
             let norm = over(simd, rules.gains.norm(simd, &difference), factors.as_ref());
             let place = row * words_per_row + word;
             ramp(&norm, rules.delta, &mut band.ramps[place]);
-            band.weak[place] = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
+            let weak = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
+            band.weak[place] = weak;
+            if weak == 0 && rules.rule != MixtureRule::Add {
+                continue;
+            }
+            // The blur carries differences beyond their edges: what does not differ itself is none of it.
+            let itself = unblurred(simd, pair, word, y);
+            let own_norm = over(simd, rules.gains.norm(simd, &itself), factors.as_ref());
+            let own = bits_above(&own_norm, OWN_SHARE * rules.delta);
+            band.faint[place] = weak & own;
             let verdict = |differs: u32| match rules.rule {
                 MixtureRule::Ignore => differs,
                 MixtureRule::Require => differs & unmatched[word],
@@ -382,10 +402,7 @@ fn judge_band<S: Simd>(
             if let Some(raised) = raised.filter(|_| rules.has_flicker) {
                 differs &= bits_above(&over(simd, norm, Some(&raised)), rules.delta);
             }
-            // The blur carries differences beyond their edges: what does not differ itself is none of it.
-            let itself = unblurred(simd, pair, word, y);
-            let own_norm = over(simd, rules.gains.norm(simd, &itself), factors.as_ref());
-            let foreground = verdict(differs & bits_above(&own_norm, OWN_SHARE * rules.delta));
+            let foreground = verdict(differs & own);
             if foreground == 0 {
                 continue;
             }

@@ -5,7 +5,7 @@ use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::contour::contour;
 use super::difference::Pair;
 use super::enlarge::Enlarger;
-use super::fill::{Closing, Holes};
+use super::fill::{Closing, Holes, Notches};
 use super::flicker::Flicker;
 use super::label::Judge;
 use super::majority::Majority;
@@ -33,7 +33,8 @@ pub struct Segmentation {
     /// where `labels` says moving, less than that in the pixels around it, and 0 beyond.
     pub soft_mask: Mask,
     /// [`MOVING`](super::MOVING), [`SHADOW`](super::SHADOW) or [`BACKGROUND`](super::BACKGROUND); every pixel of a blob is
-    /// moving, and so are pieces that are too small for a blob but that noise does not explain.
+    /// moving, and so are the notches of a blob where they differ faintly, and pieces that are too small for a blob but that noise does
+    /// not explain.
     pub labels: Mask,
     /// The 8-connected pieces of the moving pixels that are large enough, those of several upright things parted, in the order of
     /// their first pixels.
@@ -59,8 +60,11 @@ pub struct Segmenter {
     surroundings: Surroundings,
     holes: Holes,
     closing: Closing,
+    notches: Notches,
     blinking: Blinking,
     moving: BitMask,
+    /// `moving` with its notches filled.
+    filled: BitMask,
     shadow: BitMask,
     lit: BitMask,
     pieces: Pieces,
@@ -89,8 +93,10 @@ impl Segmenter {
             surroundings: Surroundings::default(),
             holes: Holes::default(),
             closing: Closing::default(),
+            notches: Notches::default(),
             blinking: Blinking::default(),
             moving: BitMask::default(),
+            filled: BitMask::default(),
             shadow: BitMask::default(),
             lit: BitMask::default(),
             pieces: Pieces::default(),
@@ -189,7 +195,7 @@ impl Segmenter {
         }
         let object_sizes = self.object_sizes.as_deref();
         self.enlarger.enlarge(
-            (&soft_mask, &labels),
+            (&soft_mask, &labels, [&self.moving, &self.filled]),
             size_px,
             factor,
             (&limits, object_sizes),
@@ -266,7 +272,8 @@ impl Segmenter {
         self.leave_hidden_out();
         self.pieces.find(&self.moving);
         self.drop_pieces(&limits, running);
-        soften(&self.moving, &self.shadow, &self.judge, &self.pool)
+        self.fill_notches(size_px.1 / factor);
+        soften(&self.filled, &self.shadow, &self.judge, &self.pool)
     }
 
     /// Tells shadows from what moves, or only measures how much of it they are.
@@ -308,10 +315,19 @@ impl Segmenter {
         let Some(hidden) = self.hidden.as_ref().filter(|of| (of.width(), of.height()) == size) else {
             return;
         };
-        for mask in [&mut self.moving, &mut self.shadow] {
+        for mask in [&mut self.moving, &mut self.shadow, &mut self.judge.faint] {
             for (word, hidden) in mask.words_mut().iter_mut().zip(hidden.words()) {
                 *word &= !hidden;
             }
+        }
+    }
+
+    /// Fills the notches of blobs, in the mask alone: blobs themselves are parted by them. `height_px` is the picture's.
+    fn fill_notches(&mut self, height_px: u32) {
+        self.filled.clone_from(&self.moving);
+        for piece_idx in (0..self.pieces.is_blob.len()).filter(|piece_idx| self.pieces.is_blob[*piece_idx]) {
+            let piece = (&self.pieces.components.pieces()[piece_idx], self.pieces.runs(piece_idx));
+            self.notches.fill(&mut self.filled, piece, &self.judge.faint, height_px / NOTCH_DIVISOR);
         }
     }
 
@@ -586,6 +602,9 @@ impl Limits {
         }
     }
 }
+
+/// Notches are closed by at most this part of the picture's height.
+const NOTCH_DIVISOR: u32 = 30;
 
 /// A blob needs its least area's share of one in so many that differ by more than the high threshold.
 const STRONG_DIVISOR: u32 = 4;

@@ -270,6 +270,38 @@ fn shadow_of_black_is_not_looked_for() {
     }
 }
 
+/// Somebody dark with a gap of 6 columns from row 60 down that differs from the floor by less than the threshold.
+fn with_notch() -> YuvImage {
+    picture(120, 180, &[(20, 40, 20, 40, 60, 140, 140), (27, 60, 6, 20, 122, 120, 116)])
+}
+
+#[test]
+fn notches_are_filled_in_the_mask_and_part_blobs() {
+    let found = segment(&sharp(), &with_notch());
+    let moving = found.labels.data.iter().filter(|label| **label == MOVING).count();
+    assert_eq!(moving, 20 * 40, "all of it");
+    assert_eq!(found.blobs.iter().map(|blob| blob.area_px).sum::<u32>(), 20 * 40 - 6 * 20);
+    assert_eq!(found.soft_mask.get(30, 70), 255, "nobody is half there within");
+    // As light as the floor, it is floor.
+    let through = picture(120, 180, &[(20, 40, 20, 40, 60, 140, 140), (27, 60, 6, 20, 140, 120, 116)]);
+    assert_eq!(segment(&sharp(), &through).labels.get(30, 70), super::super::BACKGROUND);
+}
+
+#[test]
+fn notches_show_nothing_of_what_is_hidden() {
+    let mut hidden = BitMask::new(120, 180);
+    (65..75).for_each(|y| hidden.set_run(y, 28, 31));
+    let mut segmenter = Segmenter::new(&sharp());
+    segmenter.hide(Some(hidden));
+    let background = picture(120, 180, &[]);
+    let found = segmenter.segment(&with_notch(), planes(&background), &all(120, 180), 0.1);
+    let is_moving = |(x, y): &(u32, u32)| found.labels.get(*x, *y) == MOVING;
+    let all_of =
+        |columns: std::ops::Range<u32>| (65..75).flat_map(move |y| columns.clone().map(move |x| (x, y)));
+    assert_eq!(all_of(28..31).filter(is_moving).count(), 0);
+    assert_eq!(all_of(20..40).filter(is_moving).count(), 17 * 10);
+}
+
 #[test]
 fn mixture_counts_as_its_rule_says() {
     let frame = picture(60, 40, &[(10, 10, 10, 20, 30, 150, 150)]);
