@@ -4,6 +4,7 @@
 //! interpolated between the reduced pixels' centres, what is at least half foreground is moving, and the pieces are found
 //! anew. Only what lies near something is worked on.
 
+use super::dilate::dilate;
 use super::object_sizes::ObjectSizes;
 use super::segmenter::{Limits, MAX_SPARE_MASKS, Pieces, Segmentation};
 use super::{BACKGROUND, MOVING, SHADOW};
@@ -30,6 +31,8 @@ pub(super) struct Enlarger {
     moving: BitMask,
     /// Moving pixels but those of notches.
     unfilled: BitMask,
+    /// Pixels of notches in the reduced picture, and their neighbours.
+    notches: [BitMask; 2],
     /// Memory of the full-size masks.
     pool: Arc<BufferPool>,
 }
@@ -57,8 +60,14 @@ impl Rows<'_> {
 
 impl Default for Enlarger {
     fn default() -> Self {
-        let (moving, unfilled) = (BitMask::default(), BitMask::default());
-        Self { is_near: Vec::new(), moving, unfilled, pool: BufferPool::new(MAX_SPARE_MASKS) }
+        let [moving, unfilled] = [BitMask::default(), BitMask::default()];
+        Self {
+            is_near: Vec::new(),
+            moving,
+            unfilled,
+            notches: Default::default(),
+            pool: BufferPool::new(MAX_SPARE_MASKS),
+        }
     }
 }
 
@@ -106,19 +115,20 @@ impl Enlarger {
         Segmentation { soft_mask: full_soft, labels: full_labels, blobs }
     }
 
-    /// Leaves out of the enlarged pixels those that only notches of the reduced picture show.
+    /// Leaves out of the enlarged pixels those of notches of the reduced picture, and of background next to them, which they softened.
     fn leave_notches_out(&mut self, [unfilled, filled]: [&BitMask; 2], factor: usize) {
         self.unfilled.clone_from(&self.moving);
-        for (y, (unfilled, filled)) in (0..filled.height()).map(|y| (y, (unfilled.row(y), filled.row(y)))) {
-            for (word, (unfilled, filled)) in unfilled.iter().zip(filled).enumerate() {
-                let mut added = filled & !unfilled;
-                while added != 0 {
-                    let start = factor * (word * WORD_PIXELS + added.trailing_zeros() as usize);
-                    let end = (start + factor).min(self.moving.width());
-                    for row in factor * y..(factor * (y + 1)).min(self.moving.height()) {
-                        self.unfilled.clear_run(row, start, end);
-                    }
-                    added &= added - 1;
+        let [added, near] = &mut self.notches;
+        added.clone_from(filled);
+        added.words_mut().iter_mut().zip(unfilled.words()).for_each(|(added, own)| *added &= !own);
+        dilate(added, near);
+        for y in (0..near.height()).filter(|y| !near.is_row_empty(*y)) {
+            for (word, (near, own)) in near.row(y).iter().zip(unfilled.row(y)).enumerate() {
+                let mut gone = near & !own;
+                while gone != 0 {
+                    let x = word * WORD_PIXELS + gone.trailing_zeros() as usize;
+                    clear_enlarged(&mut self.unfilled, (x, y), factor);
+                    gone &= gone - 1;
                 }
             }
         }
@@ -173,6 +183,14 @@ impl Enlarger {
                     dispatch!(level, simd => enlarge_stretch::<_, FACTOR>(simd, stretch, &rows, out));
                 }
             });
+    }
+}
+
+/// Clears the pixels of `mask` that one pixel of the picture reduced by `factor` stands for.
+fn clear_enlarged(mask: &mut BitMask, (x, y): (usize, usize), factor: usize) {
+    let [start, end] = [x, x + 1].map(|column| (factor * column).min(mask.width()));
+    for row in factor * y..(factor * (y + 1)).min(mask.height()) {
+        mask.clear_run(row, start, end);
     }
 }
 

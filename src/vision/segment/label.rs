@@ -57,7 +57,8 @@ pub(super) struct Judge {
     /// Pixels, whatever the mixture says of them, that differ by more than half of the threshold; only of those near
     /// what may be foreground.
     pub(super) weak: BitMask,
-    /// Pixels of `weak` that differ by half of the threshold without the blur too.
+    /// Pixels of `weak` that differ by half of the threshold without the blur too. As those, they are known only in tiles that may hold
+    /// foreground or lie next to it: gaps wider than a tile that the mixture matches have none in their middle.
     pub(super) faint: BitMask,
     /// The blurred difference as a ramp from half to one and a half of delta, in the tiles of `near`.
     ramps: Vec<TileRamp>,
@@ -379,7 +380,7 @@ fn judge_band<S: Simd>(
             ramp(&norm, rules.delta, &mut band.ramps[place]);
             let weak = bits_above(&norm, 0.5 * rules.delta) & near.inside(word);
             band.weak[place] = weak;
-            if weak == 0 && rules.rule != MixtureRule::Add {
+            if weak == 0 && (rules.rule != MixtureRule::Add || unmatched[word] == 0) {
                 continue;
             }
             // The blur carries differences beyond their edges: what does not differ itself is none of it.

@@ -207,7 +207,7 @@ impl Segmenter {
     /// matrix and range); `unmatched` is the mixture's verdict, 1 where no background mode matched. `dt_secs` is the
     /// time since the frame before, which counts of turning pixels ask for.
     ///
-    /// **Cost** of little but the pixels that may be foreground, with the rule `require`; linear in all pixels with the
+    /// **Cost** of little but the pixels that may be foreground and the rectangles of blobs, with the rule `require`; linear in all pixels with the
     /// others, with closing and with the suppression of blinking pixels. Once the first frames have passed, nothing is
     /// allocated but the list of blobs, where masks are let go as new ones are made.
     ///
@@ -325,8 +325,14 @@ impl Segmenter {
     /// Fills the notches of blobs, in the mask alone: blobs themselves are parted by them. `height_px` is the picture's.
     fn fill_notches(&mut self, height_px: u32) {
         self.filled.clone_from(&self.moving);
+        // Rectangles of pieces may overlap; what lies beyond the first few pictures full of them stays as it is.
+        let mut n_px = NOTCH_PICTURES * self.filled.width() as u64 * self.filled.height() as u64;
         for piece_idx in (0..self.pieces.is_blob.len()).filter(|piece_idx| self.pieces.is_blob[*piece_idx]) {
-            let piece = (&self.pieces.components.pieces()[piece_idx], self.pieces.runs(piece_idx));
+            let piece = &self.pieces.components.pieces()[piece_idx];
+            let area_px = u64::from(piece.right - piece.left) * u64::from(piece.bottom - piece.top);
+            let Some(left_px) = n_px.checked_sub(area_px) else { break };
+            n_px = left_px;
+            let piece = (piece, self.pieces.runs(piece_idx));
             self.notches.fill(&mut self.filled, piece, &self.judge.faint, height_px / NOTCH_DIVISOR);
         }
     }
@@ -605,6 +611,9 @@ impl Limits {
 
 /// Notches are closed by at most this part of the picture's height.
 const NOTCH_DIVISOR: u32 = 30;
+
+/// Notches are looked for in rectangles of at most so many pictures' pixels together.
+const NOTCH_PICTURES: u64 = 4;
 
 /// A blob needs its least area's share of one in so many that differ by more than the high threshold.
 const STRONG_DIVISOR: u32 = 4;
