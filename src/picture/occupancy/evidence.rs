@@ -69,7 +69,7 @@ impl Evidence {
         self.sums.clear();
         self.sums.resize((self.width + 1) * self.height, 0.0);
         for y in 0..self.height {
-            self.sum_row(y, 0);
+            self.sum_columns(y, 0..self.width);
         }
     }
 
@@ -104,21 +104,26 @@ impl Evidence {
             for count in &mut self.covers[y * self.width + left..y * self.width + right] {
                 *count = count.saturating_add_signed(by);
             }
-            self.sum_row(y, left);
+            self.sum_columns(y, left..right);
         }
     }
 
-    /// Sums a row anew from a column on.
-    fn sum_row(&mut self, y: usize, first: usize) {
-        let pixels = y * self.width + first..(y + 1) * self.width;
-        let sums = &mut self.sums[y * (self.width + 1) + first..(y + 1) * (self.width + 1)];
-        let mut sum = sums[0];
-        for ((gain, covers), to) in
-            self.gains[pixels.clone()].iter().zip(&self.covers[pixels]).zip(&mut sums[1..])
-        {
+    /// Sums columns of a row anew, and moves the sums behind them by what changed. Rounding adds up until a mask is loaded, far below a
+    /// pixel.
+    fn sum_columns(&mut self, y: usize, columns: std::ops::Range<usize>) {
+        let first = y * self.width;
+        let pixels = first + columns.start..first + columns.end;
+        let sums = &mut self.sums[y * (self.width + 1)..(y + 1) * (self.width + 1)];
+        let (before, behind) = sums.split_at_mut(columns.end + 1);
+        let last = before[columns.end];
+        let mut sum = before[columns.start];
+        let masks = self.gains[pixels.clone()].iter().zip(&self.covers[pixels]);
+        for ((gain, covers), to) in masks.zip(&mut before[columns.start + 1..]) {
             sum += if *covers == 0 { *gain } else { 0.0 };
             *to = sum;
         }
+        let change = sum - last;
+        behind.iter_mut().for_each(|sum| *sum += change);
     }
 }
 

@@ -3,7 +3,7 @@
 //! A scene and the cameras' picture sizes flow in once; cells flow out, each with the pixels that show somebody there. Whether a mask has
 //! these pixels tells in no time where nobody stands.
 
-use super::silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
+use super::silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M, hidden_discs};
 use crate::scene::Scene;
 use glam::DVec3;
 use std::collections::HashMap;
@@ -48,6 +48,14 @@ struct Cell {
     first_look: u32,
 }
 
+/// Silhouettes of a typical body in a cell, by camera of the scene, with what surfaces hide of it.
+#[derive(Clone, Debug)]
+pub(super) struct Known {
+    pub(super) silhouettes: Arc<[Option<Silhouette>]>,
+    /// Bits of the discs that surfaces hide, by camera.
+    pub(super) hidden: Arc<[u16]>,
+}
+
 /// Cells of a scene, as cameras of given picture sizes see them.
 #[derive(Debug)]
 pub(super) struct Grid {
@@ -57,7 +65,7 @@ pub(super) struct Grid {
     /// Cameras' pixels of all cells, those of a cell together.
     looks: Vec<Look>,
     /// By cell and place among [`FIRST_M`].
-    silhouettes: HashMap<(usize, usize), Arc<[Option<Silhouette>]>>,
+    silhouettes: HashMap<(usize, usize), Known>,
 }
 
 impl Grid {
@@ -161,31 +169,41 @@ impl Grid {
         scene: &Scene,
         outliner: &mut Outliner,
         (cell, height): (usize, usize),
-    ) -> Arc<[Option<Silhouette>]> {
+    ) -> Known {
         if self.silhouettes.len() > MOST_KEPT {
             self.silhouettes.clear();
         }
         let body = Body { foot_in_world: self.cells[cell].foot_in_world, height_m: FIRST_M[height] };
         let sizes = &self.sizes;
-        let known = self.silhouettes.entry((cell, height));
-        Arc::clone(known.or_insert_with(|| silhouettes(scene, sizes, outliner, &body)))
+        let known = self.silhouettes.entry((cell, height)).or_insert_with(|| {
+            let hidden = hidden_of(scene, sizes, &body);
+            Known { silhouettes: silhouettes(scene, sizes, outliner, &body, &hidden), hidden }
+        });
+        known.clone()
     }
 }
 
-/// Returns the silhouettes of a body by camera of the scene.
+/// Returns bits of the discs of a body that surfaces hide, by camera of the scene; none of cameras without pictures.
+pub(super) fn hidden_of(scene: &Scene, sizes: &[(usize, usize)], body: &Body) -> Arc<[u16]> {
+    let of = |(member, size): (&crate::scene::SceneCamera, &(usize, usize))| {
+        if size.0 == 0 { 0 } else { hidden_discs(&member.camera, &scene.surfaces, body) }
+    };
+    scene.cameras.iter().zip(sizes).map(of).collect()
+}
+
+/// Returns the silhouettes of a body by camera of the scene, of which surfaces hide what is `hidden`.
 pub(super) fn silhouettes(
     scene: &Scene,
     sizes: &[(usize, usize)],
     outliner: &mut Outliner,
     body: &Body,
+    hidden: &[u16],
 ) -> Arc<[Option<Silhouette>]> {
-    let of = |(member, size): (&crate::scene::SceneCamera, &(usize, usize))| {
-        if size.0 == 0 {
-            return None;
-        }
-        outliner.silhouette((&member.camera, &scene.surfaces), *size, body)
+    let cameras = scene.cameras.iter().zip(sizes).zip(hidden);
+    let of = |((member, size), hidden): ((&crate::scene::SceneCamera, &(usize, usize)), &u16)| {
+        if size.0 == 0 { None } else { outliner.silhouette(&member.camera, *size, body, *hidden) }
     };
-    scene.cameras.iter().zip(sizes).map(of).collect()
+    cameras.map(of).collect()
 }
 
 /// Returns the pixel that shows a point, if somebody there is large enough to be told.

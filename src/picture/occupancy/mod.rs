@@ -18,7 +18,7 @@ mod silhouette;
 use crate::scene::Scene;
 use evidence::Evidence;
 use glam::{DVec2, DVec3};
-use grid::{Grid, silhouettes};
+use grid::{Grid, Known, hidden_of, silhouettes};
 pub(crate) use owners::{Owned, Owners};
 use silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
 use std::collections::BinaryHeap;
@@ -53,6 +53,9 @@ const STEPS_M: [f64; 2] = [0.12, 0.05];
 /// Steps of one size at most.
 const MOST_STEPS: usize = 3;
 
+/// Scores that differ by less are the same.
+const SAME_SCORE: f64 = 1e-4;
+
 /// Heights of people, metres.
 const HEIGHTS_M: [f64; 2] = [0.9, 2.1];
 
@@ -84,6 +87,8 @@ pub struct Person {
     /// Sum over cameras of the share of their silhouette that only they explain, less the share that is background.
     pub score: f64,
     silhouettes: Arc<[Option<Silhouette>]>,
+    /// Bits of the discs that surfaces hide, by camera.
+    hidden: Arc<[u16]>,
     is_expected: bool,
 }
 
@@ -161,7 +166,8 @@ impl Occupancy {
         }
         let mut heap = self.candidates(scene, grid);
         while let Some(best) = heap.pop().filter(|_| people.len() < MOST_PEOPLE) {
-            let silhouettes = grid.silhouettes(scene, &mut self.outliner, (best.cell, best.height));
+            let Known { silhouettes, hidden } =
+                grid.silhouettes(scene, &mut self.outliner, (best.cell, best.height));
             let score = self.score(&silhouettes, FIRST_M[best.height]);
             if score < self.least_score(&silhouettes) {
                 continue;
@@ -173,15 +179,20 @@ impl Occupancy {
             }
             let (foot_in_world, score) = (grid.foot(best.cell), f64::from(score));
             let height_m = FIRST_M[best.height];
-            let mut person = Person { foot_in_world, height_m, score, silhouettes, is_expected: false };
+            let mut person =
+                Person { foot_in_world, height_m, score, silhouettes, hidden, is_expected: false };
             self.improve(scene, grid.sizes(), &mut person);
             self.cover(&person, 1);
             people.push(person);
         }
-        for _ in 0..SWEEPS {
+        for sweep in 0..SWEEPS {
             people.retain_mut(|person| {
                 self.cover(person, -1);
-                self.improve(scene, grid.sizes(), person);
+                let score = f64::from(self.score(&person.silhouettes, person.height_m));
+                // Once everybody was moved, who explains what they did before is taken to stand well.
+                if sweep == 0 || (score - person.score).abs() > SAME_SCORE {
+                    self.improve(scene, grid.sizes(), person);
+                }
                 let is_kept = self.is_there(person);
                 if is_kept {
                     self.cover(person, 1);
@@ -223,8 +234,11 @@ impl Occupancy {
     fn look_for(&mut self, scene: &Scene, sizes: &[(usize, usize)], expected: &Expected) -> Option<Person> {
         let foot_in_world = ground_at(scene, expected.foot_in_world.truncate(), expected.foot_in_world.z)?;
         let height_m = expected.height_m.clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
-        let silhouettes = silhouettes(scene, sizes, &mut self.outliner, &Body { foot_in_world, height_m });
-        let mut person = Person { foot_in_world, height_m, score: 0.0, silhouettes, is_expected: true };
+        let body = Body { foot_in_world, height_m };
+        let hidden = hidden_of(scene, sizes, &body);
+        let silhouettes = silhouettes(scene, sizes, &mut self.outliner, &body, &hidden);
+        let mut person =
+            Person { foot_in_world, height_m, score: 0.0, silhouettes, hidden, is_expected: true };
         self.improve(scene, sizes, &mut person);
         self.is_there(&person).then(|| {
             self.cover(&person, 1);
@@ -251,7 +265,7 @@ impl Occupancy {
         for (cell, height) in
             cells.into_iter().flat_map(|cell| heights.clone().map(move |height| (cell, height)))
         {
-            let silhouettes = grid.silhouettes(scene, &mut self.outliner, (cell, height));
+            let silhouettes = grid.silhouettes(scene, &mut self.outliner, (cell, height)).silhouettes;
             let score = self.score(&silhouettes, FIRST_M[height]);
             if score >= self.least_score(&silhouettes) {
                 heap.push(Candidate { score, cell, height });
@@ -322,14 +336,26 @@ impl Occupancy {
         }
     }
 
-    /// Takes another body for somebody, if it explains more.
+    /// Takes another body for somebody, if it explains more. Of somebody of whom surfaces hide nothing they are asked what they hide of
+    /// the other body only if it explains more as long as they hide nothing of it either.
     fn try_body(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, body: &Body) {
-        let of = silhouettes(scene, sizes, &mut self.outliner, body);
-        let score = f64::from(self.score(&of, body.height_m));
+        let is_partly_hidden = person.hidden.iter().any(|discs| *discs != 0);
+        let mut hidden =
+            if is_partly_hidden { hidden_of(scene, sizes, body) } else { Arc::clone(&person.hidden) };
+        let mut of = silhouettes(scene, sizes, &mut self.outliner, body, &hidden);
+        let mut score = f64::from(self.score(&of, body.height_m));
+        if score > person.score && !is_partly_hidden {
+            let exact = hidden_of(scene, sizes, body);
+            if exact != hidden {
+                of = silhouettes(scene, sizes, &mut self.outliner, body, &exact);
+                score = f64::from(self.score(&of, body.height_m));
+                hidden = exact;
+            }
+        }
         if score > person.score {
             let Body { foot_in_world, height_m } = *body;
-            *person =
-                Person { foot_in_world, height_m, score, silhouettes: of, is_expected: person.is_expected };
+            let is_expected = person.is_expected;
+            *person = Person { foot_in_world, height_m, score, silhouettes: of, hidden, is_expected };
         }
     }
 }

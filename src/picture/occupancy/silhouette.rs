@@ -44,6 +44,18 @@ pub(super) struct Body {
     pub(super) height_m: f64,
 }
 
+/// Returns bits of the discs of `body` that surfaces hide from `camera`.
+pub(super) fn hidden_discs(camera: &Camera, surfaces: &Surfaces, body: &Body) -> u16 {
+    let eye = camera.pose().position_in_world;
+    let center = |share: f64| body.foot_in_world + DVec3::Z * (share * body.height_m);
+    let bit = |(idx, [share, _]): (usize, &[f64; 2])| {
+        let center = center(*share);
+        let is_before = camera.project(center).is_some_and(|of| of.depth_m > LEAST_DEPTH_M);
+        u16::from(is_before && surfaces.is_hidden(eye, center)) << idx
+    };
+    DISCS.iter().enumerate().map(bit).fold(0, std::ops::BitOr::bitor)
+}
+
 /// Pixels that a body covers in a picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Silhouette {
@@ -89,60 +101,78 @@ struct Disc {
 /// Makes silhouettes; keeps its memory.
 #[derive(Debug, Default)]
 pub(super) struct Outliner {
-    all: Vec<[f64; 2]>,
-    visible: Vec<[f64; 2]>,
+    rows: Vec<RowSpans>,
+}
+
+/// Columns of one row that a body covers, and those of them that no surface hides, from left to right.
+#[derive(Clone, Copy, Debug)]
+struct RowSpans {
+    all: [f64; 2],
+    visible: [f64; 2],
+}
+
+impl RowSpans {
+    const EMPTY: Self =
+        Self { all: [f64::INFINITY, f64::NEG_INFINITY], visible: [f64::INFINITY, f64::NEG_INFINITY] };
 }
 
 impl Outliner {
     /// Returns the silhouette of `body` in pictures of `size` columns and rows by `camera`, whatever part of it is seen; none if none is.
+    /// Surfaces hide the discs whose bits are in `hidden`.
     pub(super) fn silhouette(
         &mut self,
-        (camera, surfaces): (&Camera, &Surfaces),
+        camera: &Camera,
         size: (usize, usize),
         body: &Body,
+        hidden: u16,
     ) -> Option<Silhouette> {
-        let discs = discs(camera, surfaces, size, body)?;
+        let discs = discs(camera, size, body, hidden)?;
         let (width, height) = (size.0 as f64, size.1 as f64);
-        let first = (-BEYOND * height) as i64;
-        let n_rows = ((1.0 + 2.0 * BEYOND) * height) as usize;
-        for rows in [&mut self.all, &mut self.visible] {
-            rows.clear();
-            rows.resize(n_rows, [f64::INFINITY, f64::NEG_INFINITY]);
-        }
-        for (idx, disc) in discs.iter().enumerate() {
-            let spacing = spacing(&discs, idx);
-            let add = |y: i64, [left, right]: [f64; 2]| {
-                let Some(row) = usize::try_from(y - first).ok().filter(|row| *row < n_rows) else { return };
-                let widen = |rows: &mut [[f64; 2]]| {
-                    rows[row] = [rows[row][0].min(left), rows[row][1].max(right)];
-                };
-                widen(&mut self.all);
+        let (first, end) = ((-BEYOND * height) as i64, ((1.0 + BEYOND) * height) as i64);
+        let ellipses = |idx: usize| Ellipse::new(&discs[idx], spacing(&discs, idx));
+        let ellipses: [Ellipse; DISCS.len()] = std::array::from_fn(ellipses);
+        let top = ellipses.iter().map(|of| of.top).min().unwrap_or(first).max(first);
+        let bottom = ellipses.iter().map(|of| of.bottom).max().unwrap_or(first).min(end - 1);
+        self.rows.clear();
+        self.rows.resize(usize::try_from(bottom - top + 1).unwrap_or(0), RowSpans::EMPTY);
+        for (ellipse, disc) in ellipses.iter().zip(&discs) {
+            for y in ellipse.top.max(top)..=ellipse.bottom.min(bottom) {
+                let [left, right] = ellipse.span(y);
+                let widen = |span: &mut [f64; 2]| *span = [span[0].min(left), span[1].max(right)];
+                let row = &mut self.rows[(y - top) as usize];
+                widen(&mut row.all);
                 if !disc.is_hidden {
-                    widen(&mut self.visible);
+                    widen(&mut row.visible);
                 }
-            };
-            rows_of(disc, spacing, add);
+            }
         }
-        let area_px = self.all.iter().map(|[left, right]| (right - left).max(0.0)).sum::<f64>();
-        let inside = &self.visible[(-first) as usize..][..size.1];
-        let is_seen = |[left, right]: &[f64; 2]| left < right && *left < width && *right > 0.0;
-        let top = inside.iter().position(is_seen)?;
-        let bottom = inside.iter().rposition(is_seen)?;
-        let span = |[left, right]: &[f64; 2]| {
+        let area_px = self.rows.iter().map(|RowSpans { all: [left, right], .. }| (right - left).max(0.0));
+        let area_px = area_px.sum::<f64>();
+        // The rows that the picture has.
+        let above = usize::try_from(-top).unwrap_or(0).min(self.rows.len());
+        let below = usize::try_from(bottom + 1 - size.1 as i64).unwrap_or(0).min(self.rows.len() - above);
+        let inside = &self.rows[above..self.rows.len() - below];
+        let is_seen = |RowSpans { visible: [left, right], .. }: &RowSpans| {
+            left < right && *left < width && *right > 0.0
+        };
+        let first_seen = inside.iter().position(is_seen)?;
+        let last_seen = inside.iter().rposition(is_seen)?;
+        let span = |RowSpans { visible: [left, right], .. }: &RowSpans| {
             let left = left.clamp(0.0, width);
             [left as f32, right.clamp(left, width) as f32]
         };
-        let spans = inside[top..=bottom].iter().map(span).collect();
-        Some(Silhouette { first_row: top, spans, area_px: area_px as f32 })
+        let spans = inside[first_seen..=last_seen].iter().map(span).collect();
+        let first_row = usize::try_from(top).unwrap_or(0) + first_seen;
+        Some(Silhouette { first_row, spans, area_px: area_px as f32 })
     }
 }
 
 /// Returns the discs of a body, from the foot up; none if its middle is nowhere in the camera's view.
 fn discs(
     camera: &Camera,
-    surfaces: &Surfaces,
     (width, height): (usize, usize),
     body: &Body,
+    hidden: u16,
 ) -> Option<[Disc; DISCS.len()]> {
     let size = DVec2::new(width as f64, height as f64);
     let eye = camera.pose().position_in_world;
@@ -150,7 +180,7 @@ fn discs(
     let mut found =
         [Disc { center_px: DVec2::ZERO, radius_px: 0.0, flatness: 1.0, is_hidden: true }; DISCS.len()];
     let mut has_any = false;
-    for (disc, [share, radius_m]) in found.iter_mut().zip(DISCS) {
+    for (idx, (disc, [share, radius_m])) in found.iter_mut().zip(DISCS).enumerate() {
         let center = body.foot_in_world + DVec3::Z * (share * body.height_m);
         let projection = camera.project(center).filter(|of| of.depth_m > LEAST_DEPTH_M)?;
         let away = center - eye;
@@ -163,7 +193,7 @@ fn discs(
         let reach = size + DVec2::splat(disc.radius_px);
         let is_in =
             (disc.center_px + disc.radius_px).min_element() > 0.0 && disc.center_px.cmplt(reach).all();
-        disc.is_hidden = !is_in || surfaces.is_hidden(eye, center);
+        disc.is_hidden = !is_in || hidden >> idx & 1 != 0;
         has_any |= !disc.is_hidden;
     }
     has_any.then_some(found)
@@ -175,26 +205,50 @@ fn spacing(discs: &[Disc], idx: usize) -> DVec2 {
     (discs[behind].center_px - discs[before].center_px) / (behind - before) as f64
 }
 
-/// Calls `add` with the rows of an ellipse and the columns that it covers in each. Its axis along the body is at least as long as the
-/// way to its neighbours, so that no row between them is left out.
-fn rows_of(disc: &Disc, spacing: DVec2, mut add: impl FnMut(i64, [f64; 2])) {
-    let along = spacing.try_normalize().unwrap_or(DVec2::Y);
-    let across = along.perp();
-    let a = disc.radius_px.max(0.5);
-    let b = (disc.radius_px * disc.flatness).max(0.55 * spacing.length()).max(0.5);
-    let [aa, bb] = [a * a, b * b];
-    let yy = aa * across.y * across.y + bb * along.y * along.y;
-    let xy = aa * across.x * across.y + bb * along.x * along.y;
-    let xx = aa * across.x * across.x + bb * along.x * along.x;
-    let reach = yy.sqrt();
-    let narrow = (xx - xy * xy / yy).max(0.0);
-    let (top, bottom) =
-        ((disc.center_px.y - reach - 0.5).ceil() as i64, (disc.center_px.y + reach - 0.5).floor() as i64);
-    // Bounds the rows of somebody who stands right before the lens.
-    for y in top..=bottom.min(top + 65_536) {
-        let off = y as f64 + 0.5 - disc.center_px.y;
-        let half = (narrow * (1.0 - off * off / yy)).max(0.0).sqrt();
-        let middle = disc.center_px.x + xy / yy * off;
-        add(y, [middle - half, middle + half]);
+/// Disc in a picture, by its rows.
+#[derive(Clone, Copy, Debug)]
+struct Ellipse {
+    /// First and last row.
+    top: i64,
+    bottom: i64,
+    center_px: DVec2,
+    /// Square of half of its height, pixels.
+    reach_squared: f64,
+    /// Square of half of its columns in the row of its middle, pixels.
+    narrow: f64,
+    /// Columns by which the middle of a row lies further to the right than that of the row above.
+    slant: f64,
+}
+
+impl Ellipse {
+    /// Makes the axis along the body at least as long as the way to the disc's neighbours, so that no row between them is left out.
+    fn new(disc: &Disc, spacing: DVec2) -> Self {
+        let along = spacing.try_normalize().unwrap_or(DVec2::Y);
+        let across = along.perp();
+        let a = disc.radius_px.max(0.5);
+        let b = (disc.radius_px * disc.flatness).max(0.55 * spacing.length()).max(0.5);
+        let [aa, bb] = [a * a, b * b];
+        let yy = aa * across.y * across.y + bb * along.y * along.y;
+        let xy = aa * across.x * across.y + bb * along.x * along.y;
+        let xx = aa * across.x * across.x + bb * along.x * along.x;
+        let reach = yy.sqrt();
+        let top = (disc.center_px.y - reach - 0.5).ceil() as i64;
+        let bottom = (disc.center_px.y + reach - 0.5).floor() as i64;
+        Self {
+            top,
+            bottom,
+            center_px: disc.center_px,
+            reach_squared: yy,
+            narrow: (xx - xy * xy / yy).max(0.0),
+            slant: xy / yy,
+        }
+    }
+
+    /// Returns the columns that it covers of a row.
+    fn span(&self, y: i64) -> [f64; 2] {
+        let off = y as f64 + 0.5 - self.center_px.y;
+        let half = (self.narrow * (1.0 - off * off / self.reach_squared)).max(0.0).sqrt();
+        let middle = self.center_px.x + self.slant * off;
+        [middle - half, middle + half]
     }
 }
