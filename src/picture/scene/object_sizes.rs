@@ -42,7 +42,7 @@ pub fn object_sizes(scene: &Scene, member: &SceneCamera) -> ObjectSizes {
             let up = top.texture - DVec2::from_array(texture);
             (up.y < 0.0 && up.x.abs() * aspect <= GREATEST_LEAN * -up.y).then(|| -up.y / UPRIGHT_M)
         });
-        Some(ObjectSize { least_area_share, metre_share })
+        Some(ObjectSize { least_area_share, metre_share, ground_m: foot.truncate().to_array() })
     })
 }
 
@@ -86,6 +86,15 @@ mod tests {
         // Seen from right above, something that stands covers as much as if it lay there.
         let above = area_px(DOWN, "", [320.0, 240.0]);
         assert!((above / (600.0f64 / 6.0 * 0.5).powi(2) - 1.0).abs() < 0.03, "{above}");
+    }
+
+    #[test]
+    fn the_ground_is_where_the_camera_sees_it() {
+        // 45 degrees down from 6 m; 100 columns to the right at the axis are a sixth of the distance along it.
+        let found = sizes(SLANTED, "").ground_m([420.0, 240.0], (640, 480)).unwrap();
+        let expected = [72f64.sqrt() / 6.0, -6.0];
+        let off = (found[0].abs() - expected[0]).abs() + (found[1].abs() - expected[1].abs()).abs();
+        assert!(off < 0.02, "{found:?}, {expected:?}");
     }
 
     #[test]

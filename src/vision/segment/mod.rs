@@ -5,7 +5,7 @@
 //!
 //! The stages, one file each: what most of the mixture's verdicts say (`majority`), signed difference and norm
 //! (`difference`), one verdict a pixel (`label`) by the noise that is there (`noise`) and how
-//! often it turns (`flicker`), what of it is shadow (`shadow`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
+//! often it turns (`flicker`), what of it is shadow (`shadow`, `shadow_direction`), shadow that must be body (`repair`), holes and gaps (`fill`), pieces
 //! (`components`), which of them blink (`blink`) or are several (`split`), outlines (`contour`), what they are outlines of
 //! (`edges`, `gaps`), what is handed out (`soft`), their order (`segmenter`), and the way back from a reduced picture
 //! (`enlarge`). Beside them: how far pixels lie inside (`distance`), and how large objects are by where they stand (`object_sizes`).
@@ -32,6 +32,7 @@ mod object_sizes;
 mod repair;
 mod segmenter;
 mod shadow;
+mod shadow_direction;
 mod soft;
 mod split;
 mod stages;

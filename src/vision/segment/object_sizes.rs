@@ -13,6 +13,8 @@ pub struct ObjectSize {
     pub least_area_share: f64,
     /// Share of the picture's height that an upright metre covers; none where upright is not upwards in the picture.
     pub metre_share: Option<f64>,
+    /// East and north of the place, metres, of the scene.
+    pub ground_m: [f64; 2],
 }
 
 /// Holds sizes of objects by the place of their foot in the picture.
@@ -22,6 +24,8 @@ pub struct ObjectSizes {
     areas: Box<[f32]>,
     /// Shares of the picture's height that an upright metre covers, row by row; infinite where nothing is known.
     metres: Box<[f32]>,
+    /// East and north of the cells' centres, metres, row by row; infinite where nothing stands.
+    grounds: Box<[[f32; 2]]>,
 }
 
 impl ObjectSizes {
@@ -35,19 +39,27 @@ impl ObjectSizes {
         let size = |idx: usize| {
             let (x, y) = (idx % columns, idx / columns);
             let size = size_at([(x as f64 + 0.5) / columns as f64, (y as f64 + 0.5) / rows as f64]);
-            (known(size.map(|size| size.least_area_share)), known(size.and_then(|size| size.metre_share)))
+            let ground = size.map_or([f32::INFINITY; 2], |size| size.ground_m.map(|of_axis| of_axis as f32));
+            let least_area = known(size.map(|size| size.least_area_share));
+            (least_area, (known(size.and_then(|size| size.metre_share)), ground))
         };
-        let (areas, metres): (Vec<_>, Vec<_>) = (0..columns * rows).map(size).unzip();
-        Self { areas: areas.into(), metres: metres.into() }
+        let (areas, (metres, grounds)): (Vec<_>, (Vec<_>, Vec<_>)) = (0..columns * rows).map(size).unzip();
+        Self { areas: areas.into(), metres: metres.into(), grounds: grounds.into() }
     }
 
-    /// Returns the smaller of both at every place.
+    /// Returns the smaller of both at every place. The ground stays this one's, unless it has none: directions of two scenes do
+    /// not mix.
     #[must_use]
     pub fn smaller_of(&self, other: &Self) -> Self {
         let smaller = |own: &[f32], others: &[f32]| {
             own.iter().zip(others).map(|(own, other)| own.min(*other)).collect()
         };
-        Self { areas: smaller(&self.areas, &other.areas), metres: smaller(&self.metres, &other.metres) }
+        let has_ground = self.grounds.iter().flatten().any(|of_axis| of_axis.is_finite());
+        Self {
+            areas: smaller(&self.areas, &other.areas),
+            metres: smaller(&self.metres, &other.metres),
+            grounds: if has_ground { self.grounds.clone() } else { other.grounds.clone() },
+        }
     }
 
     /// Returns the least area of an object, pixels of a picture of `size_px`, whose foot is at `foot_px` (pixel centres at +0.5);
@@ -64,6 +76,37 @@ impl ObjectSizes {
     pub fn metre_px(&self, foot_px: [f64; 2], size_px: (u32, u32)) -> Option<f64> {
         let share = f64::from(self.metres[cell_of(foot_px, size_px)?]);
         share.is_finite().then(|| share * f64::from(size_px.1))
+    }
+
+    /// Returns east and north, metres, of the ground that is seen at `place_px` of a picture of `size_px`; none where that is not
+    /// known, and in the outermost half of a cell.
+    ///
+    /// Between the centres of cells it is interpolated by how large a metre is there, since east and north times that are linear over
+    /// the picture of a level ground, as that itself is nearly.
+    #[must_use]
+    pub fn ground_m(&self, place_px: [f64; 2], size_px: (u32, u32)) -> Option<[f64; 2]> {
+        let [columns, rows] = CELLS;
+        let along = |at: f64, size: u32, n: usize| {
+            let cell = at / f64::from(size) * n as f64 - 0.5;
+            (cell >= 0.0 && cell <= (n - 1) as f64).then(|| {
+                let first = (cell as usize).min(n - 2);
+                (first, cell - first as f64)
+            })
+        };
+        let (x, right) = along(place_px[0], size_px.0, columns)?;
+        let (y, down) = along(place_px[1], size_px.1, rows)?;
+        let mut sum = [0.0; 3];
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let cell = (y + dy) * columns + x + dx;
+            let share = if dx == 1 { right } else { 1.0 - right } * if dy == 1 { down } else { 1.0 - down };
+            let weight = share * f64::from(self.metres[cell]);
+            let [east, north] = self.grounds[cell].map(f64::from);
+            for (sum, value) in sum.iter_mut().zip([east, north, 1.0]) {
+                *sum += weight * value;
+            }
+        }
+        let place = [sum[0] / sum[2], sum[1] / sum[2]];
+        place.iter().all(|of_axis| of_axis.is_finite()).then_some(place)
     }
 }
 
@@ -82,7 +125,11 @@ mod tests {
     /// Returns sizes of which only the areas are known.
     fn of_areas(area_at: impl Fn([f64; 2]) -> Option<f64>) -> ObjectSizes {
         ObjectSizes::new(|at| {
-            area_at(at).map(|least_area_share| ObjectSize { least_area_share, metre_share: None })
+            area_at(at).map(|least_area_share| ObjectSize {
+                least_area_share,
+                metre_share: None,
+                ground_m: [f64::INFINITY; 2],
+            })
         })
     }
 
@@ -119,11 +166,43 @@ mod tests {
     }
 
     #[test]
+    fn the_ground_between_cells_is_that_of_a_camera_that_sees_it_in_perspective() {
+        // A camera at 5 m looks level: a row that lies `down` beneath the horizon shows ground 5 / down away, where a metre covers
+        // `down / 5` of the picture's height.
+        let sizes = ObjectSizes::new(|[x, y]| {
+            let down = y - 0.2;
+            (down > 0.0).then(|| ObjectSize {
+                least_area_share: 0.01,
+                metre_share: Some(down / 5.0),
+                ground_m: [(x - 0.5) * 5.0 / down, 5.0 / down],
+            })
+        });
+        for [x, y] in [[0.5, 0.5], [0.31, 0.77], [0.9, 0.3], [0.013, 0.985]] {
+            let found = sizes.ground_m([x * 640.0, y * 480.0], (640, 480)).unwrap();
+            for (found, expected) in found.into_iter().zip([(x - 0.5) * 5.0 / (y - 0.2), 5.0 / (y - 0.2)]) {
+                assert!((found - expected).abs() < 1e-3, "{x} {y}: {found} {expected}");
+            }
+        }
+        for unknown in [[320.0, 90.0], [320.0, 479.0], [1.0, 300.0], [-5.0, 300.0], [f64::NAN, 300.0]] {
+            assert_eq!(sizes.ground_m(unknown, (640, 480)), None, "{unknown:?}");
+        }
+        let other = ObjectSizes::new(|_| {
+            Some(ObjectSize { least_area_share: 0.5, metre_share: Some(9.0), ground_m: [0.0; 2] })
+        });
+        let of_first = |both: &ObjectSizes| both.ground_m([320.0, 240.0], (640, 480));
+        assert_eq!(of_first(&sizes.smaller_of(&other)), of_first(&sizes), "scenes do not mix");
+        assert_eq!(of_first(&of_areas(|_| Some(1.0)).smaller_of(&sizes)), of_first(&sizes));
+    }
+
+    #[test]
     fn metres_scale_with_the_pictures_height_and_are_unknown_where_nothing_stands_upright() {
         let [_, rows] = CELLS.map(|n| n as f64);
         let sizes = ObjectSizes::new(|[_, y]| {
-            (y > 0.5)
-                .then_some(ObjectSize { least_area_share: 0.01, metre_share: (y < 0.9).then_some(y / 10.0) })
+            (y > 0.5).then_some(ObjectSize {
+                least_area_share: 0.01,
+                metre_share: (y < 0.9).then_some(y / 10.0),
+                ground_m: [f64::INFINITY; 2],
+            })
         });
         let expected = ((0.75 * rows).floor() + 0.5) / rows / 10.0 * 480.0;
         let found = sizes.metre_px([320.0, 360.0], (640, 480)).unwrap();
@@ -134,7 +213,11 @@ mod tests {
             assert_eq!(sizes.metre_px(unknown, (640, 480)), None, "{unknown:?}");
         }
         let twice = ObjectSizes::new(|[_, y]| {
-            Some(ObjectSize { least_area_share: 0.01, metre_share: Some(y / 5.0) })
+            Some(ObjectSize {
+                least_area_share: 0.01,
+                metre_share: Some(y / 5.0),
+                ground_m: [f64::INFINITY; 2],
+            })
         });
         let smaller = sizes.smaller_of(&twice);
         assert_eq!(smaller.metre_px([320.0, 360.0], (640, 480)), Some(found));

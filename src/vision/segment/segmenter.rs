@@ -131,9 +131,12 @@ impl Segmenter {
     }
 
     /// Sets the sizes of objects. From the next frame on a piece too small for a blob is one if it has at least the area of an object
-    /// that stands there and is no part of a larger blob beside it, unless `min_area_px` is set; and heights in metres are evidence
-    /// of shadows. None: no scene says how large objects are.
+    /// that stands there and is no part of a larger blob beside it, unless `min_area_px` is set; and heights in metres and places on
+    /// the ground are evidence of shadows. None: no scene says how large objects are.
     pub fn set_object_sizes(&mut self, object_sizes: Option<Arc<ObjectSizes>>) {
+        if self.object_sizes != object_sizes {
+            self.shadows.forget_direction();
+        }
         self.object_sizes = object_sizes;
     }
 

@@ -5,7 +5,8 @@
 //! background changes little from pixel to pixel, however much the background does; a thing hides the background, so there the
 //! frame itself changes less than its ratio to the background. Medians over a region's neighbours tell which, and where
 //! these are plain the strongest of the changes. Where none is more than noise, a region is shadow only at the feet of something that
-//! moves, or where the light beside it changed as much.
+//! moves, or where the light beside it changed as much. Where a scene says how large people are and where the ground lies, what is legs,
+//! what lies by feet, and what lies on the side where shadows fall (`shadow_direction`) is told by that.
 //!
 //! `[SSL12]` Sanin, Sanderson and Lovell 2012, Shadow detection: a survey and comparative evaluation of recent methods, section
 //! 2.5: candidates by chromaticity, regions of them, and how well their texture is the background's.
@@ -13,6 +14,7 @@
 use super::components::{Components, Connectivity, Piece, Run, Wanted};
 use super::difference::Pair;
 use super::object_sizes::ObjectSizes;
+use super::shadow_direction::{Caster, ShadowDirection, lies_in_shadow};
 use crate::frame::{BitMask, Plane, WORD_PIXELS, quantile};
 
 /// Side of a cell, pixels: gradients and attenuation are gathered by cells, and cells of one attenuation are a region.
@@ -70,6 +72,9 @@ const LEAST_BODY_M: f64 = 1.4;
 
 /// ... and with what lies beneath it no taller than this, metres.
 const GREATEST_BODY_M: f64 = 2.1;
+
+/// Somebody is at most so wide, metres.
+const GREATEST_WIDTH_M: f64 = 1.2;
 
 /// What is no taller than this lies on the ground, metres ...
 const GREATEST_FLAT_M: f64 = 0.5;
@@ -158,6 +163,11 @@ impl Sums {
         self.columns / f64::from(self.n_px.max(1))
     }
 
+    /// Returns the mean of its pixels' centres.
+    fn middle_px(&self) -> [f64; 2] {
+        [self.columns, self.rows].map(|sum| sum / f64::from(self.n_px.max(1)) + 0.5)
+    }
+
     fn attenuation(&self) -> f32 {
         (self.frame / self.background.max(1.0)).clamp(0.0, 4.0)
     }
@@ -226,6 +236,8 @@ struct Region {
     is_legs: bool,
     /// Says that it lies on the ground by somebody's feet.
     is_flat: bool,
+    /// Says that it lies where its owner's shadow falls.
+    is_fallen: bool,
     /// Background to its left and to its right.
     beside: [Beside; 2],
 }
@@ -299,12 +311,19 @@ pub(super) struct Shadows {
     logarithms: Option<Logarithms>,
     /// Variance of the noise in this frame, once it was asked for.
     variance: Option<f32>,
+    /// Direction in which shadows fall on the ground of the scene.
+    direction: ShadowDirection,
 }
 
 impl Shadows {
     /// Begins a frame: what was known of its noise is forgotten.
     pub(super) const fn begin(&mut self) {
         self.variance = None;
+    }
+
+    /// Forgets in which direction shadows fall: another scene says where places are.
+    pub(super) fn forget_direction(&mut self) {
+        self.direction = ShadowDirection::default();
     }
 
     /// Moves what is no shadow from `shadow` to `moving`, and returns how many pixels are certain to be shadow, since they kept the
@@ -333,11 +352,13 @@ impl Shadows {
             if let Some(sizes) = sizes
                 && self.find_legs((moving.width() as u32, moving.height() as u32), sizes)
             {
+                self.part_from_legs((moving.width() as u32, moving.height() as u32), sizes);
                 self.move_runs(components, (moving, shadow), |of| of.is_legs);
                 self.find_owners(moving, components);
             }
             if let Some(sizes) = sizes {
                 self.find_flat((moving.width() as u32, moving.height() as u32), sizes);
+                self.find_fallen((moving.width() as u32, moving.height() as u32), sizes);
             }
             self.judge_plain();
             self.move_runs(components, (moving, shadow), |of| of.is_open() && !of.is_shadow);
@@ -463,6 +484,7 @@ impl Shadows {
                     is_shadow: false,
                     is_legs: false,
                     is_flat: false,
+                    is_fallen: false,
                     beside: [Beside::default(); 2],
                 });
             } else {
@@ -560,6 +582,33 @@ impl Shadows {
         self.regions.iter().any(|region| region.is_legs)
     }
 
+    /// Parts the cells that lie where somebody's shadow falls from the regions that are their legs, in a picture of `size_px`.
+    fn part_from_legs(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
+        let Some(direction) = self.direction.known() else { return };
+        for idx in 0..self.regions.len() {
+            let region = self.regions[idx];
+            let Some(owner_idx) = region.owner_idx.filter(|_| region.is_legs) else { continue };
+            let owner = self.owners.pieces()[owner_idx as usize];
+            let whole = Piece { bottom: region.sums.ends()[1] as u32 + 1, ..owner };
+            let Some(caster) = caster(&whole, sizes, size_px) else { continue };
+            let is_within = |cell: &Sums| {
+                let place_m = sizes.ground_m(cell.middle_px(), size_px);
+                place_m.is_some_and(|place_m| lies_in_shadow(direction, &caster, place_m))
+            };
+            let parted_idx = self.regions.len() as u32;
+            let mut parted = Sums::default();
+            for (cell, of) in self.cells.iter().zip(&mut self.region_of) {
+                if *of == idx as u32 && cell.n_px > 0 && is_within(cell) {
+                    parted.add(cell);
+                    *of = parted_idx;
+                }
+            }
+            if parted.n_px > 0 {
+                self.regions.push(Region { sums: parted, is_legs: false, ..region });
+            }
+        }
+    }
+
     /// Finds the regions whose structure leaves open what they are and that lie flat on the ground by the feet of somebody in a picture of
     /// `size_px` whom they do not touch: their shadows.
     fn find_flat(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
@@ -575,11 +624,27 @@ impl Shadows {
         }
     }
 
+    /// Learns in which direction shadows fall, and finds the regions whose structure leaves open what they are and that lie where their
+    /// owner's shadow falls, in a picture of `size_px`.
+    fn find_fallen(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
+        let direction = self.direction.known();
+        for region in self.regions.iter_mut().filter(|region| region.structure != Structure::Other) {
+            let owner = region.owner_idx.map(|owner| &self.owners.pieces()[owner as usize]);
+            let caster = owner.and_then(|owner| caster(owner, sizes, size_px));
+            let place_m = sizes.ground_m(region.sums.middle_px(), size_px);
+            let (Some(caster), Some(place_m)) = (caster, place_m) else { continue };
+            if region.sums.n_px >= LEAST_STEPS && is_person(&caster) {
+                self.direction.note(&caster, place_m);
+            }
+            region.is_fallen = direction.is_some_and(|direction| lies_in_shadow(direction, &caster, place_m));
+        }
+    }
+
     /// Judges regions without structure.
     fn judge_plain(&mut self) {
         for idx in 0..self.regions.len() {
             let region = self.regions[idx];
-            if region.is_open() && (region.is_light() || region.is_flat) {
+            if region.is_open() && (region.is_light() || region.is_flat || region.is_fallen) {
                 self.regions[idx].is_shadow = true;
                 continue;
             }
@@ -646,6 +711,24 @@ fn lies_by_feet(region: &Sums, owner: &Piece, (sizes, size_px): (&ObjectSizes, (
         && (LEAST_BODY_M..=GREATEST_BODY_M).contains(&height_m)
         && gap([top, bottom], [foot_px[1]; 2]) <= gap_px
         && gap([left, right], [owner.left.into(), owner.right.into()]) <= gap_px
+}
+
+/// Returns somebody whose piece it is, as they stand in a picture of `size_px`; none where that is not known.
+fn caster(owner: &Piece, sizes: &ObjectSizes, size_px: (u32, u32)) -> Option<Caster> {
+    let foot_px = [f64::midpoint(owner.left.into(), owner.right.into()), f64::from(owner.bottom)];
+    let metre_px = sizes.metre_px(foot_px, size_px)?;
+    let height_px = f64::from(owner.bottom - owner.top);
+    Some(Caster {
+        foot_m: sizes.ground_m(foot_px, size_px)?,
+        behind_m: sizes.ground_m([foot_px[0], foot_px[1] - 0.25 * height_px], size_px)?,
+        height_m: height_px / metre_px,
+        width_m: f64::from(owner.right - owner.left) / metre_px,
+    })
+}
+
+/// Returns true if something is as tall and wide as a person.
+fn is_person(caster: &Caster) -> bool {
+    (LEAST_BODY_M..=GREATEST_BODY_M).contains(&caster.height_m) && caster.width_m <= GREATEST_WIDTH_M
 }
 
 /// Notes a piece that a region touches, if it is the largest so far.

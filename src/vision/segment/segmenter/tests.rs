@@ -181,7 +181,7 @@ fn distinct_pieces_too_small_for_a_blob_stay_in_the_mask() {
 fn areas_where_objects_cover(share: f64, resolution: Resolution, things: &[Thing]) -> Vec<u32> {
     let settings = SegmentSettings { shadow: StageChoice::Off, resolution, ..SegmentSettings::default() };
     let mut segmenter = Segmenter::new(&settings);
-    let size = ObjectSize { least_area_share: share, metre_share: None };
+    let size = ObjectSize { least_area_share: share, metre_share: None, ground_m: [0.0; 2] };
     let sizes = ObjectSizes::new(|[_, y]| (y > 0.5).then_some(size));
     segmenter.set_object_sizes(Some(Arc::new(sizes)));
     let factor = resolution.factor_in((320, 240));
@@ -250,6 +250,30 @@ fn darker_floor_of_the_same_colour_is_shadow() {
     let found = segment(&settings, &with_shadow(97, 123, 120));
     assert_eq!(found.labels.get(25, 28), MOVING);
     assert_eq!(found.blobs[0].rect.width, 28);
+}
+
+#[test]
+fn the_direction_of_shadows_is_learned_by_scene() {
+    // Somebody 1.7 m tall, and to the right of their hips what is as dark as the floor in shadow.
+    let frame = picture(320, 240, &[(100, 60, 36, 102, 40, 90, 150), (136, 110, 66, 18, 97, 123, 120)]);
+    let background = picture(320, 240, &[]);
+    let sizes = |metre_px: f64| {
+        let size = move |[x, y]: [f64; 2]| {
+            let ground_m = [x * 320.0 / metre_px, -y * 240.0 / metre_px];
+            Some(ObjectSize { least_area_share: 0.001, metre_share: Some(metre_px / 240.0), ground_m })
+        };
+        Some(Arc::new(ObjectSizes::new(size)))
+    };
+    let mut segmenter = Segmenter::new(&sharp());
+    let mut label = |metre_px: f64| {
+        segmenter.set_object_sizes(sizes(metre_px));
+        let found = segmenter.segment(&frame, planes(&background), &all(320, 240), 0.1);
+        found.labels.get(170, 119)
+    };
+    assert_eq!(label(60.0), MOVING);
+    (0..40).for_each(|_| _ = label(60.0));
+    assert_eq!(label(60.0), SHADOW, "the same sizes again change nothing");
+    assert_eq!(label(60.5), MOVING, "the scene is another");
 }
 
 #[test]

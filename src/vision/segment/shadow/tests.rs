@@ -184,10 +184,83 @@ fn legs_that_were_given_back_own_the_shadow_at_their_feet() {
     assert_eq!(moving.count_ones(), mask(&body).count_ones() + mask(&legs).count_ones());
 }
 
-/// Returns sizes of objects where an upright metre covers so many pixels everywhere.
+/// Judges darker places once more beside `owner` on plain ground, and returns what of them is shadow in the end.
+fn judge_on(shadows: &mut Shadows, darker: &[Place], owner: &Place, sizes: &ObjectSizes) -> BitMask {
+    let empty = picture(|_, _| 130.0);
+    let is_darker = |x, y| darker.iter().any(|place| is_within(place, x, y));
+    let seen = picture(|x, y| if is_darker(x, y) { 95.0 } else { 130.0 });
+    let pair = Pair {
+        frame: [0, 1, 2].map(|plane| seen.plane(plane)),
+        background: [0, 1, 2].map(|plane| empty.plane(plane)),
+    };
+    let mut moving = mask(owner);
+    let mut shadow = nobody();
+    for place in darker {
+        for (word, more) in shadow.words_mut().iter_mut().zip(mask(place).words()) {
+            *word |= more;
+        }
+    }
+    shadows.judge(&pair, (16.0, 13.0), (&mut moving, &mut shadow), (&mut Components::default(), Some(sizes)));
+    shadow
+}
+
+#[test]
+fn what_touches_somebody_on_the_side_away_from_the_sun_is_their_shadow_at_any_height() {
+    let sizes = sizes(Some(20.0));
+    // 1.7 m tall, with the feet in row 40; the shadow goes up to the right, away from the camera.
+    let (owner, cast, low) = ([24..36, 6..40], [36..58, 24..30], [36..58, 30..40]);
+    let mut shadows = Shadows::default();
+    let mut share = |place: &Place| {
+        let found = judge_on(&mut shadows, std::slice::from_ref(place), &owner, &sizes);
+        f64::from(found.count_ones() as u32) / f64::from(mask(place).count_ones() as u32)
+    };
+    assert_eq!(share(&cast), 0.0, "no direction is known");
+    for _ in 0..30 {
+        assert_eq!(share(&[26..34, 0..6]), 0.0, "a hat, which lies nowhere on the ground");
+    }
+    for _ in 0..30 {
+        share(&cast);
+    }
+    assert_eq!(share(&cast), 1.0);
+    assert_eq!(share(&[2..24, 24..30]), 0.0, "the sun shines from there");
+    assert_eq!(share(&low), 1.0, "what lies at the feet is shadow as before");
+    assert_eq!(share(&[24..36, 2..6]), 0.0, "above the head");
+    shadows.forget_direction();
+    for _ in 0..30 {
+        // Beside a dog.
+        judge_on(&mut shadows, &[[36..58, 30..36]], &[24..36, 20..40], &sizes);
+    }
+    let found = judge_on(&mut shadows, &[cast], &owner, &sizes);
+    assert_eq!(found.count_ones(), 0, "it was forgotten, and dogs teach none");
+}
+
+#[test]
+fn a_shadow_that_goes_on_from_legs_as_grey_as_it_is_parted_from_them() {
+    let sizes = sizes(Some(16.0));
+    let (body, legs, cast) = ([24..36, 6..20], [24..36, 20..34], [36..48, 28..34]);
+    // Something else lies where the shadow does not reach to in one piece.
+    let both = [legs, cast, [56..64, 34..38]];
+    let mut shadows = Shadows::default();
+    assert_eq!(judge_on(&mut shadows, &both, &body, &sizes).count_ones(), 0, "all of it is legs");
+    for _ in 0..30 {
+        judge_on(&mut shadows, &[[36..58, 28..34]], &[24..36, 6..34], &sizes);
+    }
+    let found = judge_on(&mut shadows, &both, &body, &sizes);
+    // Cells of six pixels, the nearest of which reaches to the feet.
+    let is_cast = (0..SIZE.1 as usize).all(|y| {
+        let row = |x: std::ops::Range<usize>| x.filter(|x| found.get(*x, y)).count();
+        row(0..42) + row(48..64) == 0 && row(42..48) == if (28..34).contains(&y) { 6 } else { 0 }
+    });
+    assert!(is_cast, "{} of 72 pixels", found.count_ones());
+}
+
+/// Returns sizes of objects where an upright metre covers so many pixels everywhere, as does one of ground to the right and upwards.
 fn sizes(metre_px: Option<f64>) -> ObjectSizes {
     let metre_share = metre_px.map(|px| px / f64::from(SIZE.1));
-    ObjectSizes::new(|_| Some(ObjectSize { least_area_share: 0.01, metre_share }))
+    let metres = f64::from(SIZE.0) / metre_px.unwrap_or(1.0);
+    ObjectSizes::new(|[x, y]| {
+        Some(ObjectSize { least_area_share: 0.01, metre_share, ground_m: [x * metres, -y * metres] })
+    })
 }
 
 #[test]
