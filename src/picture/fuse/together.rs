@@ -62,11 +62,15 @@ impl Together {
             Some(&*cameras[idx].observation.labels)
         };
         let mut people = occupancy.find(scene, labels, expected);
-        let owners = occupancy.owners(scene, &people);
+        let mut owners = occupancy.owners(scene, &people);
         let n_cameras = |person: usize| owners.iter().filter(|of| is_shown(&of.people[person])).count();
-        let mut is_kept = (0..people.len()).map(|person| n_cameras(person) >= LEAST_CAMERAS);
-        people.retain(|_| is_kept.next().unwrap_or(false));
-        let owners = occupancy.owners(scene, &people);
+        let n_found = people.len();
+        let is_kept: Vec<bool> = (0..n_found).map(|person| n_cameras(person) >= LEAST_CAMERAS).collect();
+        let mut kept = is_kept.iter();
+        people.retain(|_| *kept.next().unwrap_or(&false));
+        if people.len() < n_found {
+            owners = occupancy.owners(scene, &people);
+        }
         let mut tracks = vec![vec![None; owners.len()]; people.len()];
         for (member, camera) in members.iter().zip(cameras) {
             for (person, track) in tracks_of(&owners[*member], camera) {

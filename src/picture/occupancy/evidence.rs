@@ -2,7 +2,7 @@
 //!
 //! A mask and silhouettes flow in; sums over silhouettes flow out. A pixel that somebody covers already says nothing more.
 
-use super::silhouette::Silhouette;
+use super::silhouette::{Motion, Silhouette};
 use videofields_vision::frame::Mask;
 use videofields_vision::segment::MOVING;
 
@@ -28,6 +28,8 @@ pub(super) struct Evidence {
     covers: Vec<u16>,
     /// Sums of the gains of uncovered pixels from each row's left end; one more column than pixels.
     sums: Vec<f32>,
+    /// Those of a row without foreground.
+    empty_sums: Vec<f32>,
 }
 
 impl Evidence {
@@ -43,34 +45,46 @@ impl Evidence {
 
     /// Takes a hard mask; nobody covers anything yet.
     pub(super) fn load(&mut self, labels: &Mask) {
-        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1) as usize;
+        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1);
         (self.width, self.height) = Self::size_of((labels.width, labels.height));
         let n_pixels = self.width * self.height;
-        self.gains.clear();
         self.gains.resize(n_pixels, 0.0);
-        for y in 0..labels.height {
-            let row = &mut self.gains[y as usize / factor * self.width..][..self.width];
-            for (gain, block) in row.iter_mut().zip(labels.row(y).chunks(factor)) {
+        self.sums.resize((self.width + 1) * self.height, 0.0);
+        self.covers.clear();
+        self.covers.resize(n_pixels, 0);
+        self.empty_sums.clear();
+        self.empty_sums.extend((0..=self.width).map(|x| -AGAINST * x as f32));
+        let mut n_foreground = 0;
+        for y in 0..self.height {
+            let rows = y as u32 * factor..((y as u32 + 1) * factor).min(labels.height);
+            if rows.clone().any(|row| labels.row(row).contains(&MOVING)) {
+                n_foreground += self.load_row(labels, y, rows);
+            } else {
+                self.gains[y * self.width..][..self.width].fill(-AGAINST);
+                self.sums[y * (self.width + 1)..][..=self.width].copy_from_slice(&self.empty_sums);
+            }
+        }
+        self.is_blind = n_foreground as f32 > MOST_FOREGROUND * n_pixels as f32;
+    }
+
+    /// Takes `rows` of a hard mask as one, and returns how many of its pixels are mostly foreground.
+    fn load_row(&mut self, labels: &Mask, y: usize, rows: std::ops::Range<u32>) -> usize {
+        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1) as usize;
+        let gains = &mut self.gains[y * self.width..][..self.width];
+        gains.fill(0.0);
+        for row in rows.clone() {
+            for (gain, block) in gains.iter_mut().zip(labels.row(row).chunks(factor)) {
                 *gain += block.iter().filter(|label| **label == MOVING).count() as f32;
             }
         }
-        for y in 0..self.height {
-            let rows = factor.min(labels.height as usize - y * factor);
-            for x in 0..self.width {
-                let columns = factor.min(labels.width as usize - x * factor);
-                let gain = &mut self.gains[y * self.width + x];
-                *gain = *gain / (rows * columns) as f32 * (1.0 + AGAINST) - AGAINST;
-            }
+        for (x, gain) in gains.iter_mut().enumerate() {
+            let columns = factor.min(labels.width as usize - x * factor);
+            *gain = *gain / (rows.len() * columns) as f32 * (1.0 + AGAINST) - AGAINST;
         }
-        let n_foreground = self.gains.iter().filter(|gain| **gain > 0.0).count();
-        self.is_blind = n_foreground as f32 > MOST_FOREGROUND * n_pixels as f32;
-        self.covers.clear();
-        self.covers.resize(n_pixels, 0);
-        self.sums.clear();
-        self.sums.resize((self.width + 1) * self.height, 0.0);
-        for y in 0..self.height {
-            self.sum_columns(y, 0..self.width);
-        }
+        let n_foreground = gains.iter().filter(|gain| **gain > 0.0).count();
+        self.sums[y * (self.width + 1)] = 0.0;
+        self.sum_columns(y, 0..self.width);
+        n_foreground
     }
 
     /// Returns true if it tells anything of people: there is a mask, and it is not of a light that was switched.
@@ -83,6 +97,11 @@ impl Evidence {
         self.gains[pixel] > 0.0
     }
 
+    /// Returns whether somebody covers a pixel, counted row by row.
+    pub(super) fn is_covered(&self, pixel: usize) -> bool {
+        self.covers[pixel] > 0
+    }
+
     /// Returns what covering the silhouette's pixels gains beyond what others cover, pixels.
     pub(super) fn gain(&self, silhouette: &Silhouette) -> f32 {
         let mut gain = 0.0;
@@ -90,6 +109,16 @@ impl Evidence {
             let sums = &self.sums[(silhouette.first_row + row) * (self.width + 1)..][..=self.width];
             gain += at(sums, *right) - at(sums, *left);
         }
+        gain
+    }
+
+    /// Returns the same of a silhouette that is moved.
+    pub(super) fn moved_gain(&self, silhouette: &Silhouette, motion: &Motion) -> f32 {
+        let mut gain = 0.0;
+        motion.rows(silhouette, (self.width, self.height), |y, [left, right]| {
+            let sums = &self.sums[y * (self.width + 1)..][..=self.width];
+            gain += at(sums, right) - at(sums, left);
+        });
         gain
     }
 
@@ -182,6 +211,32 @@ mod tests {
             evidence.cover(&covering, -1);
             prop_assert!((evidence.gain(&asked) - plain(None)).abs() < 1e-3);
         }
+    }
+
+    #[test]
+    fn a_mask_leaves_nothing_of_the_one_before() {
+        let mut evidence = Evidence::default();
+        evidence.load(&Mask::filled(40, 3, MOVING));
+        let all = silhouette(0, &[[0.0, 40.0]; 3]);
+        assert!(!evidence.is_usable(), "a lamp");
+        evidence.cover(&all, 1);
+        let mut data = vec![0; 120];
+        data[50..70].fill(MOVING);
+        evidence.load(&Mask { width: 40, height: 3, data: data.into() });
+        assert!(evidence.is_usable() && !evidence.is_covered(55));
+        assert_eq!(evidence.gain(&all), 20.0 - 100.0 * AGAINST);
+        assert_eq!(evidence.gain(&silhouette(1, &[[10.0, 30.0]])), 20.0);
+        assert_eq!(evidence.gain(&silhouette(2, &[[5.0, 9.0]])), -4.0 * AGAINST);
+        assert!(!evidence.is_foreground(5));
+        for by in [1, -1] {
+            evidence.cover(&silhouette(0, &[[3.0, 8.0]]), by);
+        }
+        assert_eq!(evidence.gain(&silhouette(0, &[[0.0, 40.0]])), -40.0 * AGAINST);
+        // Another size, with foreground in a row whose sums began elsewhere.
+        let mut data = vec![0; 119];
+        data[51..60].fill(MOVING);
+        evidence.load(&Mask { width: 17, height: 7, data: data.into() });
+        assert_eq!(evidence.gain(&silhouette(3, &[[0.0, 17.0]])), 9.0 - 8.0 * AGAINST);
     }
 
     #[test]

@@ -46,6 +46,8 @@ struct Look {
 struct Cell {
     foot_in_world: DVec3,
     first_look: u32,
+    /// Column and row over the ground.
+    place: [u32; 2],
 }
 
 /// Silhouettes of a typical body in a cell, by camera of the scene, with what surfaces hide of it.
@@ -61,6 +63,8 @@ pub(super) struct Known {
 pub(super) struct Grid {
     /// Picture sizes by camera of the scene.
     sizes: Vec<(usize, usize)>,
+    /// Side of a cell, metres.
+    side_m: f64,
     cells: Vec<Cell>,
     /// Cameras' pixels of all cells, those of a cell together.
     looks: Vec<Look>,
@@ -71,23 +75,26 @@ pub(super) struct Grid {
 impl Grid {
     /// Returns the cells of `scene` that a camera of `sizes` (columns and rows by camera; 0 of cameras that show nothing) sees.
     pub(super) fn new(scene: &Scene, sizes: Vec<(usize, usize)>) -> Self {
-        let mut grid = Self { sizes, cells: Vec::new(), looks: Vec::new(), silhouettes: HashMap::new() };
+        let mut grid =
+            Self { sizes, side_m: CELL_M, cells: Vec::new(), looks: Vec::new(), silhouettes: HashMap::new() };
         let Some([low, high]) = scene.surfaces.ground_bounds() else { return grid };
         let area = ((high.x - low.x) * (high.y - low.y)).max(0.0);
         let side_m = CELL_M.max((area / MOST_CELLS).sqrt());
+        grid.side_m = side_m;
         let top = scene.surfaces.bounds().map_or(high.z, |[_, high]| high.z) + 1.0;
         let count = |low: f64, high: f64| ((high - low) / side_m).ceil().max(1.0) as usize;
         for row in 0..count(low.y, high.y) {
             for column in 0..count(low.x, high.x) {
                 let at = |low: f64, idx: usize| low + (idx as f64 + 0.5) * side_m;
-                grid.add_storeys(scene, DVec3::new(at(low.x, column), at(low.y, row), top));
+                let above = DVec3::new(at(low.x, column), at(low.y, row), top);
+                grid.add_storeys(scene, above, [column as u32, row as u32]);
             }
         }
         grid
     }
 
     /// Adds a cell for each level of ground beneath `from`.
-    fn add_storeys(&mut self, scene: &Scene, mut from: DVec3) {
+    fn add_storeys(&mut self, scene: &Scene, mut from: DVec3, place: [u32; 2]) {
         let mut ceiling = f64::INFINITY;
         for _ in 0..MOST_STOREYS {
             let Some(hit) = scene.surfaces.hit(&Ray { origin: from, direction: -DVec3::Z }, 0.0) else {
@@ -98,14 +105,14 @@ impl Grid {
                 && ceiling - foot.z >= HEADROOM_M
                 && !scene.surfaces.is_within_solid(foot + DVec3::Z * 0.3)
             {
-                self.add_cell(scene, foot);
+                self.add_cell(scene, foot, place);
             }
             ceiling = foot.z;
             from = foot - DVec3::Z * 0.05;
         }
     }
 
-    fn add_cell(&mut self, scene: &Scene, foot_in_world: DVec3) {
+    fn add_cell(&mut self, scene: &Scene, foot_in_world: DVec3, place: [u32; 2]) {
         let first_look = self.looks.len() as u32;
         for (camera_idx, (member, size)) in scene.cameras.iter().zip(&self.sizes).enumerate() {
             let pixels = LEVELS_M.map(|above_m| {
@@ -119,7 +126,7 @@ impl Grid {
             }
         }
         if self.looks.len() as u32 > first_look {
-            self.cells.push(Cell { foot_in_world, first_look });
+            self.cells.push(Cell { foot_in_world, first_look, place });
         }
     }
 
@@ -132,17 +139,22 @@ impl Grid {
         &self.sizes
     }
 
-    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place;
-    /// `is_foreground` is asked with a camera and a pixel (row by row).
+    /// Returns a cell's looks.
+    fn looks(&self, cell: usize) -> &[Look] {
+        let end = self.cells.get(cell + 1).map_or(self.looks.len(), |next| next.first_look as usize);
+        &self.looks[self.cells[cell].first_look as usize..end]
+    }
+
+    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place, and with
+    /// whether all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
     pub(super) fn candidates(
         &self,
         is_foreground: impl Fn(usize, usize) -> Option<bool>,
-        mut found: impl FnMut(usize),
+        mut found: impl FnMut(usize, bool),
     ) {
-        for (idx, cell) in self.cells.iter().enumerate() {
-            let end = self.cells.get(idx + 1).map_or(self.looks.len(), |next| next.first_look as usize);
-            let (mut n_looks, mut n_hits) = (0, 0);
-            for look in &self.looks[cell.first_look as usize..end] {
+        for idx in 0..self.cells.len() {
+            let (mut n_looks, mut n_hits, mut n_low_looks, mut n_low_hits) = (0, 0, 0, 0);
+            for look in self.looks(idx) {
                 let pixels = look.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
                 let seen =
                     pixels.filter_map(|pixel| is_foreground(look.camera_idx as usize, *pixel as usize));
@@ -152,11 +164,38 @@ impl Grid {
                 }
                 n_looks += usize::from(any);
                 n_hits += usize::from(hit);
+                let low = Some(look.pixels[0]).filter(|pixel| *pixel != NO_PIXEL);
+                let low = low.and_then(|pixel| is_foreground(look.camera_idx as usize, pixel as usize));
+                n_low_looks += usize::from(low.is_some());
+                n_low_hits += usize::from(low == Some(true));
             }
             if n_hits > 0 && 2 * n_hits >= n_looks {
-                found(idx);
+                found(idx, n_low_hits >= 2 && n_low_hits == n_low_looks);
             }
         }
+    }
+
+    /// Returns true if `is_so` of the pixels at the lower level of all cameras that see a body in a cell.
+    pub(super) fn all_looks(&self, cell: usize, is_so: impl Fn(usize, usize) -> bool) -> bool {
+        let pixels = self.looks(cell).iter().map(|look| (look.camera_idx, look.pixels[0]));
+        pixels
+            .filter(|(_, pixel)| *pixel != NO_PIXEL)
+            .all(|(camera, pixel)| is_so(camera as usize, pixel as usize))
+    }
+
+    #[cfg(test)]
+    pub(super) fn n_cells(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// Returns a cell's column and row over the ground.
+    pub(super) fn place(&self, cell: usize) -> [i64; 2] {
+        self.cells[cell].place.map(i64::from)
+    }
+
+    /// Returns the side of a cell, metres.
+    pub(super) const fn side_m(&self) -> f64 {
+        self.side_m
     }
 
     pub(super) fn foot(&self, cell: usize) -> DVec3 {

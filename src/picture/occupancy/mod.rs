@@ -14,13 +14,14 @@ mod evidence;
 mod grid;
 mod owners;
 mod silhouette;
+mod vehicles;
 
 use crate::scene::Scene;
 use evidence::Evidence;
 use glam::{DVec2, DVec3};
 use grid::{Grid, Known, hidden_of, silhouettes};
 pub(crate) use owners::{Owned, Owners};
-use silhouette::{Body, FIRST_M, Outliner, Silhouette, TYPICAL_M};
+use silhouette::{Axis, Body, FIRST_M, Motion, Outliner, Silhouette, TYPICAL_M};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use videofields_vision::frame::Mask;
@@ -55,6 +56,9 @@ const MOST_STEPS: usize = 3;
 
 /// Scores that differ by less are the same.
 const SAME_SCORE: f64 = 1e-4;
+
+/// Error of what somebody explains, if their silhouette is moved to where another body stands instead of made for it.
+const MOVED_ERROR: f64 = 0.01;
 
 /// Heights of people, metres.
 const HEIGHTS_M: [f64; 2] = [0.9, 2.1];
@@ -98,6 +102,9 @@ pub struct Occupancy {
     grid: Option<(Arc<Scene>, Grid)>,
     evidence: Vec<Evidence>,
     outliner: Outliner,
+    /// By camera of the scene, of a body that is tried, and of where somebody stands now.
+    axes: Vec<Option<Axis>>,
+    axes_now: Vec<Option<Axis>>,
 }
 
 /// Somebody who may be there, by what they would explain.
@@ -160,11 +167,14 @@ impl Occupancy {
     }
 
     fn solve(&mut self, scene: &Scene, grid: &mut Grid, expected: &[Expected]) -> Vec<Person> {
+        let cells = self.cells_with_foreground(grid);
+        let filled = cells.iter().filter(|(_, is_filled)| *is_filled).map(|(cell, _)| *cell).collect();
+        self.cover_vehicles(scene, grid, filled);
         let mut people: Vec<Person> = Vec::new();
         for expected in expected {
             people.extend(self.look_for(scene, grid.sizes(), expected));
         }
-        let mut heap = self.candidates(scene, grid);
+        let mut heap = self.candidates(scene, grid, &cells);
         while let Some(best) = heap.pop().filter(|_| people.len() < MOST_PEOPLE) {
             let Known { silhouettes, hidden } =
                 grid.silhouettes(scene, &mut self.outliner, (best.cell, best.height));
@@ -252,18 +262,28 @@ impl Occupancy {
         person.score >= f64::from(share * self.least_score(&person.silhouettes))
     }
 
-    /// Returns who may be in which cell, by what they would explain if nobody else were there.
-    fn candidates(&mut self, scene: &Scene, grid: &mut Grid) -> BinaryHeap<Candidate> {
+    /// Returns the cells where people may be by the masks, and whether all cameras show foreground there.
+    fn cells_with_foreground(&self, grid: &Grid) -> Vec<(usize, bool)> {
         let mut cells = Vec::new();
-        let evidence = &self.evidence;
         let is_foreground = |camera: usize, pixel: usize| {
-            evidence[camera].is_usable().then(|| evidence[camera].is_foreground(pixel))
+            let evidence = &self.evidence[camera];
+            evidence.is_usable().then(|| evidence.is_foreground(pixel))
         };
-        grid.candidates(is_foreground, |cell| cells.push(cell));
+        grid.candidates(is_foreground, |cell, is_filled| cells.push((cell, is_filled)));
+        cells
+    }
+
+    /// Returns who may be in which of `cells`, by what they would explain if nobody but vehicles and whom is covered were there.
+    fn candidates(
+        &mut self,
+        scene: &Scene,
+        grid: &mut Grid,
+        cells: &[(usize, bool)],
+    ) -> BinaryHeap<Candidate> {
         let mut heap = BinaryHeap::new();
         let heights = 0..FIRST_M.len();
         for (cell, height) in
-            cells.into_iter().flat_map(|cell| heights.clone().map(move |height| (cell, height)))
+            cells.iter().flat_map(|(cell, _)| heights.clone().map(move |height| (*cell, height)))
         {
             let silhouettes = grid.silhouettes(scene, &mut self.outliner, (cell, height)).silhouettes;
             let score = self.score(&silhouettes, FIRST_M[height]);
@@ -284,12 +304,10 @@ impl Occupancy {
 
     /// Returns what somebody with these silhouettes explains of what nobody explains yet.
     fn score(&self, silhouettes: &[Option<Silhouette>], height_m: f64) -> f32 {
-        let mut score = -HEIGHT_COST * ((height_m - TYPICAL_M) as f32).powi(2);
-        for (evidence, silhouette) in self.with_evidence(silhouettes) {
-            let share = evidence.gain(silhouette) / silhouette.area_px.max(1.0);
-            score += if share.abs() < LEAST_SHARE { 0.0 } else { share.max(-MOST_AGAINST) };
-        }
-        score
+        let of_cameras = self.with_evidence(silhouettes).map(|(evidence, silhouette)| {
+            share_score(evidence.gain(silhouette) / silhouette.area_px.max(1.0))
+        });
+        height_score(height_m) + of_cameras.sum::<f32>()
     }
 
     /// Returns the score that somebody with these silhouettes needs.
@@ -324,27 +342,42 @@ impl Occupancy {
 
     /// Tries a step each way over the ground, and in height.
     fn step(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, step_m: f64) {
+        self.axes_of(scene, sizes, &Body { foot_in_world: person.foot_in_world, height_m: person.height_m });
+        let mut axes = std::mem::take(&mut self.axes_now);
+        std::mem::swap(&mut axes, &mut self.axes);
         for by in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
             let place = person.foot_in_world.truncate() + by * step_m;
             if let Some(foot_in_world) = ground_at(scene, place, person.foot_in_world.z) {
-                self.try_body(scene, sizes, person, &Body { foot_in_world, height_m: person.height_m });
+                let body = Body { foot_in_world, height_m: person.height_m };
+                self.try_body(scene, sizes, (person, &mut axes), &body);
             }
         }
         for by in [1.0, -1.0] {
             let height_m = (person.height_m + by * step_m).clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
-            self.try_body(scene, sizes, person, &Body { foot_in_world: person.foot_in_world, height_m });
+            let body = Body { foot_in_world: person.foot_in_world, height_m };
+            self.try_body(scene, sizes, (person, &mut axes), &body);
         }
+        self.axes_now = axes;
     }
 
-    /// Takes another body for somebody, if it explains more. Of somebody of whom surfaces hide nothing they are asked what they hide of
-    /// the other body only if it explains more as long as they hide nothing of it either.
-    fn try_body(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, body: &Body) {
-        let is_partly_hidden = person.hidden.iter().any(|discs| *discs != 0);
-        let mut hidden =
-            if is_partly_hidden { hidden_of(scene, sizes, body) } else { Arc::clone(&person.hidden) };
+    /// Takes another body for somebody, if it explains more. It is made only if what they cover now, moved to where it stands, nearly
+    /// does; and surfaces are asked what they hide of it only if it explains more as long as they hide the same of it.
+    fn try_body(
+        &mut self,
+        scene: &Scene,
+        sizes: &[(usize, usize)],
+        (person, axes): (&mut Person, &mut Vec<Option<Axis>>),
+        body: &Body,
+    ) {
+        self.axes_of(scene, sizes, body);
+        let is_hopeless = |score: f32| f64::from(score) < person.score - MOVED_ERROR;
+        if self.moved_score(person, axes, body.height_m).is_some_and(is_hopeless) {
+            return;
+        }
+        let mut hidden = Arc::clone(&person.hidden);
         let mut of = silhouettes(scene, sizes, &mut self.outliner, body, &hidden);
         let mut score = f64::from(self.score(&of, body.height_m));
-        if score > person.score && !is_partly_hidden {
+        if score > person.score {
             let exact = hidden_of(scene, sizes, body);
             if exact != hidden {
                 of = silhouettes(scene, sizes, &mut self.outliner, body, &exact);
@@ -356,8 +389,42 @@ impl Occupancy {
             let Body { foot_in_world, height_m } = *body;
             let is_expected = person.is_expected;
             *person = Person { foot_in_world, height_m, score, silhouettes: of, hidden, is_expected };
+            std::mem::swap(axes, &mut self.axes);
         }
     }
+
+    /// Finds where cameras show the feet and the head of a body.
+    fn axes_of(&mut self, scene: &Scene, sizes: &[(usize, usize)], body: &Body) {
+        self.axes.clear();
+        let of = |(member, size): (&crate::scene::SceneCamera, &(usize, usize))| {
+            if size.0 == 0 { None } else { Axis::of(&member.camera, *size, body) }
+        };
+        self.axes.extend(scene.cameras.iter().zip(sizes).map(of));
+    }
+
+    /// Returns about what somebody would explain if they stood where [`Self::axes_of`] found the body, and were as tall; none where
+    /// that cannot be told. `axes` are those of where they stand.
+    fn moved_score(&self, person: &Person, axes: &[Option<Axis>], height_m: f64) -> Option<f32> {
+        let mut score = height_score(height_m);
+        let cameras = self.evidence.iter().zip(person.silhouettes.iter()).zip(axes.iter().zip(&self.axes));
+        for ((evidence, silhouette), (from, to)) in cameras {
+            let Some(silhouette) = silhouette.as_ref().filter(|_| evidence.is_usable()) else { continue };
+            let motion = Motion::between(from.as_ref()?, to.as_ref()?)?;
+            let area_px = silhouette.area_px * motion.area_scale();
+            score += share_score(evidence.moved_gain(silhouette, &motion) / area_px.max(1.0));
+        }
+        Some(score)
+    }
+}
+
+/// Returns what a height counts against somebody.
+fn height_score(height_m: f64) -> f32 {
+    -HEIGHT_COST * ((height_m - TYPICAL_M) as f32).powi(2)
+}
+
+/// Returns what a camera counts for somebody of whose silhouette it explains a share, less the share that is background.
+fn share_score(share: f32) -> f32 {
+    if share.abs() < LEAST_SHARE { 0.0 } else { share.max(-MOST_AGAINST) }
 }
 
 /// Returns the ground at a place, near a height.

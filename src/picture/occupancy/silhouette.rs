@@ -34,7 +34,10 @@ pub(super) const FIRST_M: [f64; 2] = [TYPICAL_M, 1.15];
 const BEYOND: f64 = 1.0;
 
 /// Least distance along a camera's axis at which it shows somebody, metres.
-const LEAST_DEPTH_M: f64 = 0.2;
+pub(super) const LEAST_DEPTH_M: f64 = 0.2;
+
+/// Rows from the feet to the head beneath which a silhouette is not moved but made anew.
+const LEAST_ROWS: f64 = 4.0;
 
 /// Somebody who stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +57,91 @@ pub(super) fn hidden_discs(camera: &Camera, surfaces: &Surfaces, body: &Body) ->
         u16::from(is_before && surfaces.is_hidden(eye, center)) << idx
     };
     DISCS.iter().enumerate().map(bit).fold(0, std::ops::BitOr::bitor)
+}
+
+/// Feet and head of a body in a picture.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Axis {
+    foot_px: DVec2,
+    head_px: DVec2,
+    /// Distance of the middle along the camera's axis, metres.
+    depth_m: f64,
+}
+
+impl Axis {
+    /// Returns that of `body` in pictures of `size` columns and rows by `camera`; none where it is not before the camera.
+    pub(super) fn of(camera: &Camera, size: (usize, usize), body: &Body) -> Option<Self> {
+        let size = DVec2::new(size.0 as f64, size.1 as f64);
+        let [foot, head] = [DISCS[0][0], DISCS[DISCS.len() - 1][0]]
+            .map(|share| camera.project(body.foot_in_world + DVec3::Z * (share * body.height_m)));
+        let (foot, head) = (foot?, head?);
+        let depth_m = f64::midpoint(foot.depth_m, head.depth_m);
+        (depth_m > LEAST_DEPTH_M).then_some(Self {
+            foot_px: foot.texture * size,
+            head_px: head.texture * size,
+            depth_m,
+        })
+    }
+
+    fn slope(&self) -> f64 {
+        (self.head_px.x - self.foot_px.x) / (self.head_px.y - self.foot_px.y)
+    }
+}
+
+/// Way of a silhouette to where another body stands: rows are moved and scaled, and in each of them columns around the axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Motion {
+    from: DVec2,
+    to: DVec2,
+    /// Rows there for a row here, and columns for a column.
+    scale: DVec2,
+    /// Columns by which the axis goes to the right from a row to the next, here and there.
+    slopes: [f64; 2],
+}
+
+impl Motion {
+    /// Returns none where the body is seen from so far above that rows tell nothing of heights.
+    pub(super) fn between(from: &Axis, to: &Axis) -> Option<Self> {
+        let rows = |axis: &Axis| axis.foot_px.y - axis.head_px.y;
+        let (here, there) = (rows(from), rows(to));
+        (here > LEAST_ROWS && there > LEAST_ROWS).then(|| Self {
+            from: from.foot_px,
+            to: to.foot_px,
+            scale: DVec2::new(from.depth_m / to.depth_m, there / here),
+            slopes: [from.slope(), to.slope()],
+        })
+    }
+
+    /// Returns the area there of a pixel here.
+    pub(super) fn area_scale(&self) -> f32 {
+        (self.scale.x * self.scale.y) as f32
+    }
+
+    /// Calls `row` with the rows that `silhouette` covers there, and its columns, in a picture of `size` columns and rows.
+    pub(super) fn rows(
+        &self,
+        silhouette: &Silhouette,
+        (width, height): (usize, usize),
+        mut row: impl FnMut(usize, [f32; 2]),
+    ) {
+        let there = |y: f64| self.to.y + (y - self.from.y) * self.scale.y;
+        let first = silhouette.first_row as f64;
+        let top = (there(first) - 0.5).ceil().max(0.0) as usize;
+        let bottom = (there(first + silhouette.spans.len() as f64) - 0.5).ceil().clamp(0.0, height as f64);
+        for y in top..bottom as usize {
+            let middle = y as f64 + 0.5;
+            let here = self.from.y + (middle - self.to.y) / self.scale.y;
+            let [left, right] = silhouette.between_rows(here - first - 0.5);
+            let axis_here = self.from.x + (here - self.from.y) * self.slopes[0];
+            let axis_there = self.to.x + (middle - self.to.y) * self.slopes[1];
+            let column = |x: f32| {
+                (axis_there + (f64::from(x) - axis_here) * self.scale.x).clamp(0.0, width as f64) as f32
+            };
+            if left < right {
+                row(y, [column(left), column(right)]);
+            }
+        }
+    }
 }
 
 /// Pixels that a body covers in a picture.
@@ -82,9 +170,22 @@ impl Silhouette {
         Self { spans: self.spans.iter().map(widen).collect(), ..self.clone() }
     }
 
+    /// Returns the columns at a place between the middles of rows, counted from that of the first.
+    fn between_rows(&self, row: f64) -> [f32; 2] {
+        let row = row.clamp(0.0, (self.spans.len() - 1) as f64);
+        let (above, share) = (row as usize, row.fract() as f32);
+        let (above, below) = (self.spans[above], self.spans[(above + 1).min(self.spans.len() - 1)]);
+        [0, 1].map(|end| above[end] + share * (below[end] - above[end]))
+    }
+
+    /// Returns the area that the picture shows, pixels.
+    pub(super) fn shown_px(&self) -> f32 {
+        self.spans.iter().map(|[left, right]| right - left).sum()
+    }
+
     /// Returns the share of the area that the picture shows.
     pub(super) fn seen_share(&self) -> f32 {
-        self.spans.iter().map(|[left, right]| right - left).sum::<f32>() / self.area_px.max(1.0)
+        self.shown_px() / self.area_px.max(1.0)
     }
 }
 
@@ -250,5 +351,95 @@ impl Ellipse {
         let half = (self.narrow * (1.0 - off * off / self.reach_squared)).max(0.0).sqrt();
         let middle = self.center_px.x + self.slant * off;
         [middle - half, middle + half]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::occupancy::drawn_people::{SIZE, camera};
+
+    fn silhouette(camera: &Camera, body: &Body) -> Silhouette {
+        Outliner::default().silhouette(camera, (SIZE.0 as usize, SIZE.1 as usize), body, 0).unwrap()
+    }
+
+    /// Returns the columns of all rows that a silhouette covers.
+    fn columns(of: &Silhouette) -> Vec<(usize, [f32; 2])> {
+        of.spans.iter().enumerate().map(|(row, span)| (of.first_row + row, *span)).collect()
+    }
+
+    /// Returns the area that one of two covers and the other does not, as a share of the first's.
+    fn difference(a: &[(usize, [f32; 2])], b: &[(usize, [f32; 2])]) -> f32 {
+        let span = |of: &[(usize, [f32; 2])], row| {
+            of.iter().find(|(at, _)| *at == row).map_or([0.0; 2], |(_, span)| *span)
+        };
+        let apart = |row| {
+            let ([a, b], [c, d]) = (span(a, row), span(b, row));
+            let both = (b.min(d) - a.max(c)).max(0.0);
+            (b - a) + (d - c) - 2.0 * both
+        };
+        let area: f32 = a.iter().map(|(_, [left, right])| right - left).sum();
+        (0..SIZE.1 as usize).map(apart).sum::<f32>() / area
+    }
+
+    #[test]
+    fn a_moved_silhouette_is_nearly_that_of_who_stands_there() {
+        let size = (SIZE.0 as usize, SIZE.1 as usize);
+        let target = DVec3::Z * 0.8;
+        let eyes = [
+            (DVec3::new(0.0, -7.0, 1.7), 0.09),
+            (DVec3::new(5.0, 6.0, 4.0), 0.12),
+            (DVec3::new(-12.0, 3.0, 6.0), 0.22),
+        ];
+        for (eye, most) in eyes {
+            let camera = camera(eye, target);
+            let body = Body { foot_in_world: DVec3::new(0.3, -0.2, 0.0), height_m: 1.7 };
+            let (from, shown) = (Axis::of(&camera, size, &body).unwrap(), silhouette(&camera, &body));
+            for (by, taller_m) in [
+                (DVec3::ZERO, 0.0),
+                (DVec3::new(0.12, 0.0, 0.0), 0.0),
+                (DVec3::new(0.0, -0.12, 0.0), 0.0),
+                (DVec3::ZERO, 0.12),
+                (DVec3::new(-0.4, 0.5, 0.0), -0.2),
+            ] {
+                let other =
+                    Body { foot_in_world: body.foot_in_world + by, height_m: body.height_m + taller_m };
+                let motion = Motion::between(&from, &Axis::of(&camera, size, &other).unwrap()).unwrap();
+                let mut moved = Vec::new();
+                motion.rows(&shown, size, |y, span| moved.push((y, span)));
+                let exact = silhouette(&camera, &other);
+                let far = difference(&columns(&exact), &moved);
+                // Discs cover whole rows: somebody of thirty rows changes by a fifth between two places.
+                let most = if by.y == 0.0 && taller_m == 0.0 && eye.x == 0.0 { 0.01 } else { most };
+                assert!(far < most, "{eye} {by}: {far}");
+                let area = shown.area_px * motion.area_scale() / exact.area_px;
+                assert!((area - 1.0).abs() < 0.05, "{eye} {by}: {area}");
+            }
+        }
+    }
+
+    #[test]
+    fn who_comes_nearer_is_larger_in_both_directions() {
+        let size = (SIZE.0 as usize, SIZE.1 as usize);
+        let camera = camera(DVec3::new(0.0, -9.0, 1.7), DVec3::Z * 0.8);
+        let body = |y: f64| Body { foot_in_world: DVec3::new(0.3, y, 0.0), height_m: 1.7 };
+        let axis = |y: f64| Axis::of(&camera, size, &body(y)).unwrap();
+        let shown = silhouette(&camera, &body(2.0));
+        let motion = Motion::between(&axis(2.0), &axis(-2.0)).unwrap();
+        let mut moved = Vec::new();
+        motion.rows(&shown, size, |y, span| moved.push((y, span)));
+        let far = difference(&columns(&silhouette(&camera, &body(-2.0))), &moved);
+        assert!(far < 0.15, "{far}");
+    }
+
+    #[test]
+    fn who_is_seen_from_right_above_is_not_moved() {
+        let camera = camera(DVec3::new(0.0, -0.01, 9.0), DVec3::ZERO);
+        let size = (SIZE.0 as usize, SIZE.1 as usize);
+        let axis = |x: f64| {
+            let body = Body { foot_in_world: DVec3::new(x, 0.0, 0.0), height_m: 1.7 };
+            Axis::of(&camera, size, &body).unwrap()
+        };
+        assert!(Motion::between(&axis(0.0), &axis(0.1)).is_none());
     }
 }
