@@ -57,7 +57,8 @@ const MOST_STEPS: usize = 3;
 /// Scores that differ by less are the same.
 const SAME_SCORE: f64 = 1e-4;
 
-/// Error of what somebody explains, if their silhouette is moved to where another body stands instead of made for it.
+/// Steps are taken only if what somebody explains with their silhouette, moved to where the other body stands, is less by no more than
+/// this: an error that is allowed for, not a bound of it.
 const MOVED_ERROR: f64 = 0.01;
 
 /// Heights of people, metres.

@@ -175,6 +175,10 @@ impl Silhouette {
         let row = row.clamp(0.0, (self.spans.len() - 1) as f64);
         let (above, share) = (row as usize, row.fract() as f32);
         let (above, below) = (self.spans[above], self.spans[(above + 1).min(self.spans.len() - 1)]);
+        let is_empty = |[left, right]: [f32; 2]| left >= right;
+        if is_empty(above) || is_empty(below) {
+            return if share < 0.5 { above } else { below };
+        }
         [0, 1].map(|end| above[end] + share * (below[end] - above[end]))
     }
 

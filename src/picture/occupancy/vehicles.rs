@@ -91,7 +91,7 @@ struct Vehicle {
 }
 
 impl Vehicle {
-    /// Returns the corners of the part beneath the windows, and of that with windows; both larger by `around_m` to all sides.
+    /// Returns the corners of the part beneath the windows, and of that with windows; both larger by `around_m` to all sides and upwards.
     fn corners(&self, around_m: f64) -> [[DVec3; 8]; 2] {
         let (length, height) = (self.length_m, self.height_m);
         let kind = usize::from(height > VAN_M);
@@ -212,7 +212,10 @@ impl Occupancy {
             if !has_any {
                 return;
             }
-            let is_covered = |camera: usize, pixel: usize| self.evidence[camera].is_covered(pixel);
+            let is_covered = |camera: usize, pixel: usize| {
+                let evidence = &self.evidence[camera];
+                !evidence.is_usable() || evidence.is_covered(pixel)
+            };
             open.retain(|cell| !grid.all_looks(*cell, is_covered));
         }
     }
@@ -360,9 +363,12 @@ impl Occupancy {
         })
     }
 
+    /// Covers a vehicle's pixels in the cameras from which no surface hides its middle.
     fn cover_vehicle(&mut self, scene: &Scene, vehicle: &Vehicle) {
         for (evidence, member) in self.evidence.iter_mut().zip(&scene.cameras) {
-            if !evidence.is_usable() {
+            let eye = member.camera.pose().position_in_world;
+            let middle = vehicle.middle_in_world + DVec3::Z * MIDDLE_M;
+            if !evidence.is_usable() || scene.surfaces.is_hidden(eye, middle) {
                 continue;
             }
             if let Some(silhouette) = vehicle.silhouette(&member.camera, evidence.size(), 0.0) {

@@ -25,7 +25,7 @@ pub struct ObjectSizes {
     /// Shares of the picture's height that an upright metre covers, row by row; infinite where nothing is known.
     metres: Box<[f32]>,
     /// East and north of the cells' centres, metres, row by row; infinite where nothing stands.
-    grounds: Box<[[f32; 2]]>,
+    grounds: Box<[[f64; 2]]>,
 }
 
 impl ObjectSizes {
@@ -39,7 +39,7 @@ impl ObjectSizes {
         let size = |idx: usize| {
             let (x, y) = (idx % columns, idx / columns);
             let size = size_at([(x as f64 + 0.5) / columns as f64, (y as f64 + 0.5) / rows as f64]);
-            let ground = size.map_or([f32::INFINITY; 2], |size| size.ground_m.map(|of_axis| of_axis as f32));
+            let ground = size.map_or([f64::INFINITY; 2], |size| size.ground_m);
             let least_area = known(size.map(|size| size.least_area_share));
             (least_area, (known(size.and_then(|size| size.metre_share)), ground))
         };
@@ -100,7 +100,7 @@ impl ObjectSizes {
             let cell = (y + dy) * columns + x + dx;
             let share = if dx == 1 { right } else { 1.0 - right } * if dy == 1 { down } else { 1.0 - down };
             let weight = share * f64::from(self.metres[cell]);
-            let [east, north] = self.grounds[cell].map(f64::from);
+            let [east, north] = self.grounds[cell];
             for (sum, value) in sum.iter_mut().zip([east, north, 1.0]) {
                 *sum += weight * value;
             }
@@ -186,6 +186,17 @@ mod tests {
         for unknown in [[320.0, 90.0], [320.0, 479.0], [1.0, 300.0], [-5.0, 300.0], [f64::NAN, 300.0]] {
             assert_eq!(sizes.ground_m(unknown, (640, 480)), None, "{unknown:?}");
         }
+        // Far from the world's origin places are as exact.
+        let middle = |sizes: &ObjectSizes, x: f64| sizes.ground_m([x, 240.0], (640, 480)).unwrap();
+        let far = ObjectSizes::new(|[x, y]| {
+            (y > 0.2).then(|| ObjectSize {
+                least_area_share: 0.01,
+                metre_share: Some((y - 0.2) / 5.0),
+                ground_m: [1e7 + (x - 0.5) * 5.0 / (y - 0.2), -1e7 + 5.0 / (y - 0.2)],
+            })
+        });
+        let apart = [300.0, 301.0].map(|x| middle(&far, x)[0] - 1e7 - middle(&sizes, x)[0]);
+        assert!(apart.iter().all(|apart| apart.abs() < 1e-6), "{apart:?}");
         let other = ObjectSizes::new(|_| {
             Some(ObjectSize { least_area_share: 0.5, metre_share: Some(9.0), ground_m: [0.0; 2] })
         });

@@ -293,6 +293,13 @@ impl Place {
     }
 }
 
+/// Somebody whose legs and shadow are one region, and the region of what is parted from it, if anything is.
+#[derive(Clone, Copy, Debug)]
+struct Parted {
+    caster: Caster,
+    region_idx: Option<usize>,
+}
+
 /// Judges candidates; keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Shadows {
@@ -303,6 +310,8 @@ pub(super) struct Shadows {
     parents: Vec<u32>,
     region_of: Vec<u32>,
     regions: Vec<Region>,
+    /// By region, while shadows are parted from legs.
+    parted: Vec<Option<Parted>>,
     /// Pieces of what moves, while owners are looked for.
     owners: Components,
     /// Indices of the first run of each row in it; one more at the end.
@@ -585,28 +594,31 @@ impl Shadows {
     /// Parts the cells that lie where somebody's shadow falls from the regions that are their legs, in a picture of `size_px`.
     fn part_from_legs(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
         let Some(direction) = self.direction.known() else { return };
-        for idx in 0..self.regions.len() {
-            let region = self.regions[idx];
-            let Some(owner_idx) = region.owner_idx.filter(|_| region.is_legs) else { continue };
-            let owner = self.owners.pieces()[owner_idx as usize];
+        let n_regions = self.regions.len();
+        self.parted.clear();
+        self.parted.extend(self.regions.iter().map(|region| {
+            let owner = region.owner_idx.filter(|_| region.is_legs)?;
+            let owner = self.owners.pieces()[owner as usize];
             let whole = Piece { bottom: region.sums.ends()[1] as u32 + 1, ..owner };
-            let Some(caster) = caster(&whole, sizes, size_px) else { continue };
-            let is_within = |cell: &Sums| {
-                let place_m = sizes.ground_m(cell.middle_px(), size_px);
-                place_m.is_some_and(|place_m| lies_in_shadow(direction, &caster, place_m))
-            };
-            let parted_idx = self.regions.len() as u32;
-            let mut parted = Sums::default();
-            for (cell, of) in self.cells.iter().zip(&mut self.region_of) {
-                if *of == idx as u32 && cell.n_px > 0 && is_within(cell) {
-                    parted.add(cell);
-                    *of = parted_idx;
-                }
+            Some(Parted { caster: caster(&whole, sizes, size_px)?, region_idx: None })
+        }));
+        for (cell, of) in self.cells.iter().zip(&mut self.region_of) {
+            let region_idx = *of as usize;
+            let parted = self.parted.get_mut(region_idx).and_then(Option::as_mut);
+            let Some(parted) = parted.filter(|_| cell.n_px > 0) else { continue };
+            let place_m = sizes.ground_m(cell.middle_px(), size_px);
+            if !place_m.is_some_and(|place_m| lies_in_shadow(direction, &parted.caster, place_m)) {
+                continue;
             }
-            if parted.n_px > 0 {
-                self.regions.push(Region { sums: parted, is_legs: false, ..region });
-            }
+            let parted_idx = *parted.region_idx.get_or_insert_with(|| {
+                let region = self.regions[region_idx];
+                self.regions.push(Region { sums: Sums::default(), is_legs: false, ..region });
+                self.regions.len() - 1
+            });
+            self.regions[parted_idx].sums.add(cell);
+            *of = parted_idx as u32;
         }
+        debug_assert!(self.regions.len() <= 2 * n_regions, "each region is parted once");
     }
 
     /// Finds the regions whose structure leaves open what they are and that lie flat on the ground by the feet of somebody in a picture of
@@ -624,11 +636,12 @@ impl Shadows {
         }
     }
 
-    /// Learns in which direction shadows fall, and finds the regions whose structure leaves open what they are and that lie where their
-    /// owner's shadow falls, in a picture of `size_px`.
+    /// Learns in which direction shadows fall from the regions that may be shadow, and finds those of them that lie where their owner's
+    /// shadow falls, in a picture of `size_px`.
     fn find_fallen(&mut self, size_px: (u32, u32), sizes: &ObjectSizes) {
         let direction = self.direction.known();
-        for region in self.regions.iter_mut().filter(|region| region.structure != Structure::Other) {
+        let may_be_shadow = |region: &&mut Region| region.structure != Structure::Other && !region.is_legs;
+        for region in self.regions.iter_mut().filter(may_be_shadow) {
             let owner = region.owner_idx.map(|owner| &self.owners.pieces()[owner as usize]);
             let caster = owner.and_then(|owner| caster(owner, sizes, size_px));
             let place_m = sizes.ground_m(region.sums.middle_px(), size_px);

@@ -9,10 +9,11 @@ use std::f64::consts::TAU;
 /// Directions are counted in so many sectors.
 const N_SECTORS: usize = 36;
 
-/// Each shadow takes this share of the weight of those before; the sun's direction turns by a sector in half an hour or so.
+/// Each shadow in a frame takes this share of the weight of those before: those of one person for twenty seconds, of a crowd for one.
+/// Time in which nobody is seen forgets nothing; the sun's direction turns by a sector in half an hour or so.
 const FORGETTING: f32 = 1.0 / 512.0;
 
-/// A direction is known from this many shadows ...
+/// A direction is known from this many shadows, of whomever and in whichever frames ...
 const LEAST_SHADOWS: f32 = 24.0;
 
 /// ... if this share of them agree.
