@@ -28,6 +28,10 @@ const MOST_STOREYS: usize = 3;
 /// Room above a place where people stand, metres.
 const HEADROOM_M: f64 = 1.9;
 
+/// Of the cameras that see a cell one in so many may show no foreground, and it still counts as filled: something that the scene does not
+/// know may stand in their way.
+const PER_BLIND: usize = 4;
+
 /// No pixel: beside the picture, or hidden.
 const NO_PIXEL: u32 = u32::MAX;
 
@@ -146,7 +150,7 @@ impl Grid {
     }
 
     /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place, and with
-    /// whether all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
+    /// whether nearly all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
     pub(super) fn candidates(
         &self,
         is_foreground: impl Fn(usize, usize) -> Option<bool>,
@@ -170,7 +174,7 @@ impl Grid {
                 n_low_hits += usize::from(low == Some(true));
             }
             if n_hits > 0 && 2 * n_hits >= n_looks {
-                found(idx, n_low_hits >= 2 && n_low_hits == n_low_looks);
+                found(idx, n_low_hits >= 2 && PER_BLIND * (n_low_looks - n_low_hits) <= n_low_looks);
             }
         }
     }

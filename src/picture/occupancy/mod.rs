@@ -263,7 +263,7 @@ impl Occupancy {
         person.score >= f64::from(share * self.least_score(&person.silhouettes))
     }
 
-    /// Returns the cells where people may be by the masks, and whether all cameras show foreground there.
+    /// Returns the cells where people may be by the masks, and whether nearly all cameras show foreground there.
     fn cells_with_foreground(&self, grid: &Grid) -> Vec<(usize, bool)> {
         let mut cells = Vec::new();
         let is_foreground = |camera: usize, pixel: usize| {

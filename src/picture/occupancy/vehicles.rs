@@ -1,6 +1,6 @@
 //! Finds vehicles that several cameras show, so that no crowd of people is put where one of them stands.
 //!
-//! Masks and the cells that all cameras show filled flow in; vehicles that fill their outline flow out. Where each of them stands is
+//! Masks and the cells that nearly all cameras show filled flow in; vehicles that fill their outline flow out. Where each of them stands is
 //! association's to tell: here they are only what is nobody.
 
 use super::evidence::Evidence;
@@ -198,7 +198,7 @@ struct Looking {
 }
 
 impl Occupancy {
-    /// Covers the pixels of vehicles, so that they say nothing of people. `filled` are cells that all cameras show foreground.
+    /// Covers the pixels of vehicles, so that they say nothing of people. `filled` are cells that nearly all cameras show foreground.
     pub(super) fn cover_vehicles(&mut self, scene: &Scene, grid: &Grid, filled: Vec<usize>) {
         let mut open = filled;
         for _ in 0..MOST_ROUNDS {
@@ -246,8 +246,9 @@ impl Occupancy {
             let distance_m = camera.pose().position_in_world.distance(place);
             let focal_px = camera.focal_px().x * evidence.size().0 as f64 / f64::from(camera.size_px().0);
             let [length_m, height_m] = FIRST_M[0];
-            let is_seen =
-                evidence.is_usable() && !scene.surfaces.is_hidden(camera.pose().position_in_world, place);
+            let is_seen = evidence.is_usable()
+                && camera.project(place).is_some_and(|of| of.is_inside())
+                && !scene.surfaces.is_hidden(camera.pose().position_in_world, place);
             let typical_px = (length_m * height_m * (focal_px / distance_m.max(1.0)).powi(2)).max(1.0) as f32;
             is_seen.then_some(Looking { camera_idx, typical_px })
         };
@@ -598,6 +599,34 @@ mod tests {
         assert!(is_filled(&fit(0.65, 0.25), 1.45) && is_filled(&fit(0.65, 0.25), 2.2));
         assert!(!is_filled(&fit(0.65, 0.25), 1.7) && is_filled(&fit(0.85, 0.25), 1.7));
         assert!(!is_filled(&fit(0.55, 0.25), 1.45) && !is_filled(&fit(0.65, 0.15), 1.45));
+    }
+
+    #[test]
+    fn a_car_that_one_camera_of_four_does_not_show_is_no_crowd_to_the_others() {
+        let [a, b, c] = around(DVec3::ZERO);
+        let cameras = [a, b, c, camera(DVec3::new(10.0, 2.0, 4.5), DVec3::Z * 0.8)];
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let mut masks = masks(&scene, &cameras, &[], &[(DVec3::new(0.4, -0.3, 0.0), 0.6, false)]);
+        masks[1] = Mask::filled(SIZE.0, SIZE.1, 0);
+        let found = Occupancy::default().find(&scene, |idx| masks.get(idx), &[]);
+        assert!(found.is_empty(), "{}", found.len());
+    }
+
+    #[test]
+    fn cameras_that_look_elsewhere_are_not_asked() {
+        // Six stand nearer to the car than those who see it, and look away from it.
+        let away = |idx: u32| {
+            let eye = DVec2::from_angle(f64::from(idx)).extend(0.0) * 5.0 + DVec3::Z * 3.5;
+            camera(eye, eye * 3.0)
+        };
+        let cameras: Vec<Camera> = (0..6).map(away).chain(around(DVec3::ZERO)).collect();
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let masks = masks(&scene, &cameras, &[], &[(DVec3::ZERO, 0.3, false)]);
+        let mut occupancy = Occupancy::default();
+        occupancy.fit(&scene, &masks.iter().map(Some).collect::<Vec<_>>());
+        let asked: Vec<usize> = occupancy.looking(&scene, DVec3::Z).iter().map(|of| of.camera_idx).collect();
+        assert_eq!(asked.len(), 3, "{asked:?}");
+        assert!(asked.iter().all(|idx| *idx >= 6), "{asked:?}");
     }
 
     #[test]
