@@ -58,7 +58,7 @@ fn state(n_cameras: u32) -> SceneState {
                 tracks: Arc::from([]),
             };
             let camera = Arc::new(camera.expect("a camera"));
-            CameraState { id, camera, observation, gain: Vec3::ONE }
+            CameraState { id, camera, observation, gain: Vec3::ONE, owners: None }
         })
         .collect();
     let scene = Scene {

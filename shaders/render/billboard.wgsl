@@ -15,6 +15,16 @@ const RECT_FEATHER_PX: f32 = 2.0;
 
 // Whether any rectangle shows a second source: a variant without looks none up.
 override HAS_BESIDE: bool = true;
+// Whether people are told apart in any camera's picture: a variant without asks for no pixel's owner.
+override HAS_OWNERS: bool = true;
+
+// Whose what moves is: for each camera where its cells begin, cells in a row, rows, and their sides in pixels (0 where nobody is told
+// apart); then cells, two a word. src/render/owner_data.rs is its counterpart.
+@group(2) @binding(0) var<storage, read> owner_words: array<u32>;
+
+// Share of a place's surroundings that must be the entity's to begin to show, and to show in full.
+const LEAST_OWNED: f32 = 0.3;
+const FULL_OWNED: f32 = 0.7;
 
 struct BillboardIn {
     // Where the entity stands.
@@ -38,6 +48,8 @@ struct BillboardIn {
     @location(10) beside_right: vec3<f32>,
     @location(11) beside_weight: f32,
     @location(12) beside_rect: vec4<f32>,
+    // Numbers of whom the first and the second source show, 0 of what is nobody's.
+    @location(14) owners: vec2<u32>,
 }
 
 struct Varying {
@@ -50,6 +62,7 @@ struct Varying {
     @location(4) @interpolate(flat) beside_camera_idx: u32,
     @location(5) @interpolate(flat) beside_rect: vec4<f32>,
     @location(6) @interpolate(flat) beside_weight: f32,
+    @location(7) @interpolate(flat) owners: vec2<u32>,
 }
 
 @vertex
@@ -62,12 +75,39 @@ fn vs_main(in: BillboardIn, @builtin(vertex_index) corner: u32) -> Varying {
     let beside = in.beside_foot + in.beside_right * along + upright;
     return Varying(
         view.clip_from_anchor * vec4<f32>(drawn, 1.0), seen, in.camera_idx, in.rect, beside, in.beside_camera_idx,
-        in.beside_rect, in.beside_weight,
+        in.beside_rect, in.beside_weight, in.owners,
     );
 }
 
+// 1 where a cell is the owner's.
+fn is_owned(header: vec4<u32>, cell: vec2<i32>, owner: u32) -> f32 {
+    let at = vec2<u32>(clamp(cell, vec2<i32>(0), vec2<i32>(header.yz) - 1));
+    let idx = at.y * header.y + at.x;
+    let number = (owner_words[header.x + idx / 2u] >> (16u * (idx & 1u))) & 0xffffu;
+    return select(0.0, 1.0, number == owner);
+}
+
+// How much of a place in a camera's picture is the owner's, 0 to 1: between the middles of four cells.
+fn owned(camera_idx: u32, texture: vec2<f32>, owner: u32) -> f32 {
+    let first = camera_idx * 4u;
+    let header = vec4<u32>(
+        owner_words[first], owner_words[first + 1u], owner_words[first + 2u], owner_words[first + 3u],
+    );
+    if header.w == 0u {
+        return 1.0;
+    }
+    let place = texture * cameras[camera_idx].frame_size_px / f32(header.w) - 0.5;
+    let low = floor(place);
+    let share = place - low;
+    let cell = vec2<i32>(low);
+    let upper = mix(is_owned(header, cell, owner), is_owned(header, cell + vec2<i32>(1, 0), owner), share.x);
+    let below = cell + vec2<i32>(0, 1);
+    let lower = mix(is_owned(header, below, owner), is_owned(header, below + vec2<i32>(1, 0), owner), share.x);
+    return smoothstep(LEAST_OWNED, FULL_OWNED, mix(upper, lower, share.y));
+}
+
 // What a camera shows of the entity at a point: premultiplied by how much of it is the entity's.
-fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>) -> vec4<f32> {
+fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>, owner: u32) -> vec4<f32> {
     let projection = project(camera_idx, point_from_anchor);
     let texture = clamp(projection.texture, vec2<f32>(0.0), vec2<f32>(1.0));
     let place = texture * cameras[camera_idx].frame_scale;
@@ -75,16 +115,19 @@ fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>) -> vec4
     let beside = max(max(rect.xy - projection.texture, projection.texture - rect.zw), vec2<f32>(0.0));
     let beside_px = beside * cameras[camera_idx].frame_size_px;
     let inside = 1.0 - smoothstep(0.0, RECT_FEATHER_PX, max(beside_px.x, beside_px.y));
-    let alpha = select(0.0, smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside, projection.is_seen);
+    var alpha = select(0.0, smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside, projection.is_seen);
+    if HAS_OWNERS && alpha > 0.0 {
+        alpha *= owned(camera_idx, texture, owner);
+    }
     return vec4<f32>(evened(camera_idx, color.rgb) * alpha, alpha);
 }
 
 // Two sources of one entity are mixed before they cover anything. Where both show it, it is as opaque as by one; what one
 // alone shows is as opaque as that if it has half of the weight or more, and fades with less.
 fn mixed(in: Varying) -> vec4<f32> {
-    var color = shown(in.camera_idx, in.seen_from_anchor, in.rect);
+    var color = shown(in.camera_idx, in.seen_from_anchor, in.rect, in.owners.x);
     if HAS_BESIDE {
-        let beside = shown(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect);
+        let beside = shown(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect, in.owners.y);
         let weights = vec2<f32>(1.0 - in.beside_weight, in.beside_weight);
         let claims = vec2<f32>(color.a, beside.a) * min(2.0 * weights, vec2<f32>(1.0));
         let sum = color * weights.x + beside * weights.y;

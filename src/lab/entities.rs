@@ -163,7 +163,8 @@ impl EntityScore {
 
 /// Whom most moving pixels of a source show, 0 where most show nobody; and their share of those that show anybody.
 fn owner(state: &SceneState, truths: &[&Mask], source: &Billboard) -> (u8, f64) {
-    let labels = &state.cameras[source.camera_idx].observation.labels;
+    let camera = &state.cameras[source.camera_idx];
+    let labels = &camera.observation.labels;
     let truth = truths[source.camera_idx];
     assert_eq!(
         (labels.width, labels.height),
@@ -173,7 +174,8 @@ fn owner(state: &SceneState, truths: &[&Mask], source: &Billboard) -> (u8, f64) 
     let mut counts = [0_u32; 256];
     let rect = source.rect;
     for y in rect.y..rect.y + rect.height {
-        for x in (rect.x..rect.x + rect.width).filter(|x| labels.get(*x, y) == MOVING) {
+        let is_shown = |x: &u32| labels.get(*x, y) == MOVING && camera.may_show(source.owner, (*x, y));
+        for x in (rect.x..rect.x + rect.width).filter(is_shown) {
             counts[usize::from(truth.get(x, y))] += 1;
         }
     }

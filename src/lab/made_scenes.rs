@@ -55,7 +55,7 @@ fn camera_state(idx: usize, camera: Camera, mask: Mask) -> CameraState {
         blobs: Arc::from([]),
         tracks: Arc::from([]),
     };
-    CameraState { id, camera: Arc::new(camera), observation, gain: Vec3::ONE }
+    CameraState { id, camera: Arc::new(camera), observation, gain: Vec3::ONE, owners: None }
 }
 
 fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<CameraState>) -> SceneState {
@@ -211,6 +211,8 @@ fn person(camera: &Camera, camera_idx: usize, foot: DVec3) -> Option<Billboard> 
         left_right_m: [-0.3, 0.3],
         height_m: 1.8,
         is_truncated: false,
+        owner: 0,
+        shown_share: 1.0,
     })
 }
 

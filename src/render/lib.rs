@@ -21,6 +21,7 @@ mod image_array;
 mod lent_mesh;
 mod mesh;
 mod mesh_fields;
+mod owner_data;
 mod passes;
 mod patches;
 mod pending;

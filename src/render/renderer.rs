@@ -10,6 +10,7 @@ use super::image_array::ImageArray;
 use super::lent_mesh::LentMesh;
 use super::mesh::Mesh;
 use super::mesh_fields::{MeshFields, MeshLook};
+use super::owner_data::OwnerData;
 use super::passes::{
     AveragePass, BillboardPass, CameraDepthPass, DepthMaps, DrawInto, ENLARGE_MARGIN_PX, EnlargePass,
     FieldsPass, FieldsWanted, PointsPass, Recording, SkyPass, StaticScene, SurfacePass, YuvPass, see_through,
@@ -72,6 +73,8 @@ pub struct Renderer {
     pub(super) textures: TextureStore,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
+    /// Whose what moves in the cameras' pictures is, of billboards.
+    pub(super) owners: OwnerData,
     /// How many of the billboards are drawn before each building that is open.
     pub(super) slot_ends: Vec<u32>,
     pub(super) points: Vec<PointInstance>,
@@ -177,6 +180,7 @@ impl Renderer {
             textures: TextureStore::default(),
             passes: Passes::default(),
             billboards: Vec::new(),
+            owners: OwnerData::default(),
             slot_ends: Vec::new(),
             points: Vec::new(),
             hulls: Hulls::default(),
@@ -575,7 +579,8 @@ impl Renderer {
         if !self.billboards.is_empty() {
             let pass = made(&mut passes.billboard, || Ok(BillboardPass::new(gpu)))?;
             let among = opened.as_ref().map(|opened| (opened, self.slot_ends.as_slice()));
-            pass.record(&mut recording, &into, &self.billboards, among, frames)?;
+            let drawn = (self.billboards.as_slice(), self.owners.words());
+            pass.record(&mut recording, &into, drawn, among, frames)?;
         } else {
             // Points tell their depth: those before a building are not covered by it.
             into.place.is_last = opened.is_none();

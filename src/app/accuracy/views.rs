@@ -12,7 +12,7 @@ use super::subject::{JudgedView, Subject, SubjectView};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_picture::fuse::{self, Billboard, HullMemory, PointRun, SceneState};
+use videofields_picture::fuse::{Billboard, HullMemory, Placing, PointRun, SceneState};
 use videofields_picture::plan::{
     self, Colors, EntityStyle, Picture, Spread, StageTimes, Survey, Wishes, Work,
 };
@@ -34,6 +34,7 @@ pub type ViewForm = (SurfaceForm, EntityForm);
 #[derive(Debug)]
 pub struct Easel {
     renderer: Renderer,
+    placing: Placing,
 }
 
 /// What a form's pictures are worth.
@@ -45,6 +46,9 @@ pub struct ViewsRun {
     target_bytes: u64,
     people: Pooled,
     still: Pooled,
+    /// Whole pictures, with entities and without.
+    whole: Pooled,
+    bare: Pooled,
     silhouettes: MaskScore,
     seams: SeamEnergy,
     flicker: Mean,
@@ -60,7 +64,7 @@ impl Easel {
     pub fn new(subject: &Subject, form: SurfaceForm) -> Result<Self, SweepError> {
         let settings = form.applied(&subject.render);
         let renderer = Renderer::new(Gpu::new(&settings.adapter)?, &settings)?;
-        Ok(Self { renderer })
+        Ok(Self { renderer, placing: Placing::default() })
     }
 
     /// The adapter's name.
@@ -85,7 +89,7 @@ impl Easel {
             Some(Observation { background, ..observations.of_frame(moment.frame, id)?.clone() })
         };
         let instant = subject.instant(moment.frame + subject.n_frames());
-        let mut state = fuse::assemble(&subject.scene, instant, find, None);
+        let mut state = self.placing.assemble_alone(&subject.scene, instant, find, None);
         let picture = Picture::from(view.view);
         let settings = surface.with(entities);
         settings.place(&mut state, &mut HullMemory::default());
@@ -282,6 +286,8 @@ impl ViewsRun {
         if let Some(comparison) = over(&judged.still)? {
             self.still.add(&comparison);
         }
+        self.whole.add(&compare(&truth.rgb, picture, None)?);
+        self.bare.add(&compare(&truth.rgb, bare, None)?);
         let shown = silhouette(picture, bare);
         self.silhouettes.add(&shown, &truth.instance, |value| value > 0, |value| value > 0);
         self.seams.add(picture, &truth.rgb, &view.owners, &judged.still);
@@ -314,6 +320,13 @@ impl ViewsRun {
     #[must_use]
     pub fn people_rmse(&self) -> Option<f64> {
         self.people.rmse()
+    }
+
+    /// Returns by how much whole pictures with entities are nearer to the truth than without: the difference of PSNRs, dB, below 0 where
+    /// they are further.
+    #[must_use]
+    pub fn entity_gain_db(&self) -> Option<f64> {
+        Some(self.whole.psnr_db()? - self.bare.psnr_db()?)
     }
 
     /// RMSE of the still part that a camera sees, 8-bit codes.

@@ -6,7 +6,7 @@ use anyhow::{Context as _, Result};
 use std::io::Write as _;
 use std::time::Duration;
 use videofields::accuracy::{OpenGate, Scope, Stopwatch, Subject, machine};
-use videofields_picture::fuse::{Association, SceneState, assemble_within};
+use videofields_picture::fuse::{Placing, SceneState};
 use videofields_picture::plan::{self, Colors, EntityStyle, Picture, Preset, Settings, View, Wishes};
 use videofields_picture::scene::Sky;
 use videofields_recording::telemetry::{self, LogFormat};
@@ -151,12 +151,12 @@ fn median_ms(mut times: Vec<Duration>) -> Option<f64> {
 
 /// What stands where at the end of the second lap.
 fn last_state(subject: &Subject) -> Result<SceneState> {
-    let mut association = Association::default();
+    let mut placing = Placing::default();
     let mut last = None;
     play(subject, |_, number, seen| {
         let find =
             |id: &videofields_vision::frame::CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
-        last = Some(assemble_within(&mut association, &subject.scene, subject.instant(number), find, None));
+        last = Some(placing.assemble(&subject.scene, subject.instant(number), find, None));
         Ok(())
     })?;
     last.context("the world was played for no frame")

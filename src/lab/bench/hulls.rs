@@ -10,7 +10,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use videofields::accuracy::JudgedView;
 use videofields::accuracy::{OpenGate, Scope, Stopwatch, Subject, SubjectView, ViewsRun, machine};
-use videofields_picture::fuse::{Association, HullMemory, SceneState, assemble_within};
+use videofields_picture::fuse::{HullMemory, Placing, SceneState};
 use videofields_picture::plan::{
     self, Colors, EntityStyle, HullForm, HullMethod, HullTexture, HullVisibility, HullWeights, Picture,
     Preset, Settings, Wishes,
@@ -278,13 +278,13 @@ fn write_people(
 
 /// What stands before the cameras at each of the frames that are judged.
 pub(crate) fn judged_states(subject: &Subject) -> Result<Vec<(usize, SceneState)>> {
-    let mut association = Association::default();
+    let mut placing = Placing::default();
     let (judged, scene) = (subject.judged_frames(), &subject.scene);
     let mut states = Vec::new();
     play(subject, |frame, number, seen| {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         // At every frame: who is who follows from those before.
-        let state = assemble_within(&mut association, scene, subject.instant(number), find, None);
+        let state = placing.assemble(scene, subject.instant(number), find, None);
         if judged.contains(&frame) {
             states.push((frame, state));
         }

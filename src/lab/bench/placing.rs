@@ -51,7 +51,7 @@ pub(super) struct Placing {
     masks: Masks,
     /// Selects how people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing; the table of
     /// pixels is of association whatever is given.
-    #[arg(long, value_enum, default_value_t = Method::Association)]
+    #[arg(long, value_enum, default_value_t = Method::Both)]
     by: Method,
     /// Puts every camera's pose off before cameras are associated, until the ground that it shows is shifted by so many pixels of its
     /// picture (root mean square), 0 to 100.

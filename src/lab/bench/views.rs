@@ -9,7 +9,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use videofields::accuracy::{OpenGate, Scope, Stopwatch, Subject, SubjectView, ViewsRun, machine};
-use videofields_picture::fuse::{Association, HullMemory, SceneState, assemble_within};
+use videofields_picture::fuse::{HullMemory, Placing, SceneState};
 use videofields_picture::plan::{self, Colors, EntityStyle, Errors, Picture, Preset, Settings, Wishes};
 use videofields_recording::telemetry::{self, LogFormat};
 use videofields_render::Renderer;
@@ -69,7 +69,7 @@ struct Lineup {
     name: String,
     left_out: Option<CameraId>,
     views: Vec<SubjectView>,
-    association: Association,
+    placing: Placing,
     entities: EntityScore,
     /// Samples a pixel, as settings of these cameras have them.
     samples: u32,
@@ -153,7 +153,7 @@ impl Lineup {
             name: name.to_owned(),
             left_out,
             views,
-            association: Association::default(),
+            placing: Placing::default(),
             entities: EntityScore::default(),
             samples: 1,
             runs: Default::default(),
@@ -171,7 +171,7 @@ impl Lineup {
             seen.iter().find(|of| is_used && of.frame.camera == *id).cloned()
         };
         let scene = Arc::clone(&subject.scene);
-        assemble_within(&mut self.association, &scene, subject.instant(number), find, None)
+        self.placing.assemble(&scene, subject.instant(number), find, None)
     }
 
     /// Whom each pixel shows, of the cameras that are used, in the scene's order.
@@ -230,9 +230,9 @@ fn write_pictures<'a>(
 ) -> Result<()> {
     writeln!(
         out,
-        "| world | cameras | preset | still: PSNR, dB | SSIM | people: PSNR, dB | SSIM | silhouettes: IoU | error, codes | expected |"
+        "| world | cameras | preset | still: PSNR, dB | SSIM | people: PSNR, dB | SSIM | silhouettes: IoU | gain, dB | error, codes | expected |"
     )?;
-    writeln!(out, "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
+    writeln!(out, "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")?;
     for (world, lineups) in worlds {
         for lineup in lineups {
             for ((name, preset), run) in Preset::ALL.iter().zip(&lineup.runs) {
@@ -249,6 +249,7 @@ fn write_pictures<'a>(
                     cell("people_psnr_db", 2),
                     cell("people_ssim", 3),
                     cell("silhouette_iou", 3),
+                    run.entity_gain_db().map_or_else(|| "-".to_owned(), |gain| format!("{gain:+.2}")),
                     cell("balanced_rmse", 1),
                     expected,
                 ];

@@ -17,7 +17,7 @@ const STEP_SECS: f64 = 0.5;
 /// of at most half a second either way, or up to five seconds forwards. Any other begins anew, with new ids. The same
 /// instants with the same observations in the same order give the same ids.
 #[derive(Clone, Debug)]
-pub struct Association {
+pub(super) struct Association {
     lines: Vec<Line>,
     next_id: u64,
     n_updates: u64,

@@ -12,6 +12,7 @@ use super::pieces::{Piece, pieces};
 use super::together::Together;
 use super::upright::Down;
 use super::{Billboard, CameraState, Sighting};
+use crate::occupancy::OwnerMap;
 use glam::{DMat2, DVec2, DVec3};
 use videofields_vision::frame::Mask;
 use videofields_vision::geometry::{Camera, Ray, Surfaces};
@@ -115,6 +116,8 @@ fn sighting(
         left_right_m: [-half_width, half_width],
         height_m: top,
         is_truncated: piece.is_truncated,
+        owner: OwnerMap::NOBODY,
+        shown_share: 1.0,
     };
     let foot = foot(state, surfaces, (&piece, down), (contact, foot_in_world), right - left);
     let is_one = piece.tracks.len() < 2;

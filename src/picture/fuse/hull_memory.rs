@@ -2,7 +2,7 @@
 //! instants at which none of an entity's cameras had a new frame.
 
 use super::hulls::HullMaking;
-use super::{Entity, EntityHull, SceneState};
+use super::{Entity, EntityHull, OwnerMap, SceneState};
 use crate::scene::Scene;
 use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
@@ -23,6 +23,7 @@ struct Seen {
     timestamp: Timestamp,
     labels: Weak<Mask>,
     soft_mask: Weak<Mask>,
+    owners: Option<Arc<OwnerMap>>,
 }
 
 /// All that a hull follows from.
@@ -59,6 +60,7 @@ impl Seen {
             timestamp: of.observation.frame.timestamp,
             labels: Arc::downgrade(&of.observation.labels),
             soft_mask: Arc::downgrade(&of.observation.soft_mask),
+            owners: of.owners.clone(),
         }
     }
 
@@ -69,6 +71,7 @@ impl Seen {
                 && std::ptr::eq(self.camera.as_ptr(), Arc::as_ptr(&of.camera))
                 && std::ptr::eq(self.labels.as_ptr(), Arc::as_ptr(&of.observation.labels))
                 && std::ptr::eq(self.soft_mask.as_ptr(), Arc::as_ptr(&of.observation.soft_mask))
+                && self.owners == of.owners
         })
     }
 }
@@ -86,6 +89,19 @@ impl Basis {
             && std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(&state.scene))
             && self.entity == state.entities[entity_idx]
             && self.seen.iter().all(|seen| seen.is(state))
+    }
+
+    /// Returns the bytes of owners' maps that are not `counted` yet, of which those of one instant share one a camera.
+    fn n_new_bytes(&self, counted: &mut Vec<*const OwnerMap>) -> usize {
+        let maps = self.seen.iter().filter_map(|seen| seen.owners.as_ref());
+        let mut n_bytes = 0;
+        for map in maps {
+            if !counted.contains(&Arc::as_ptr(map)) {
+                counted.push(Arc::as_ptr(map));
+                n_bytes += size_of_val(map.of_cells());
+            }
+        }
+        n_bytes
     }
 
     fn can_be_met(&self) -> bool {
@@ -123,8 +139,9 @@ impl HullMemory {
         self.kept.retain(|kept| kept.used + MAX_AGE > n_uses && kept.of.can_be_met());
         self.kept.sort_by_key(|kept| std::cmp::Reverse(kept.used));
         let mut n_bytes = 0;
+        let mut counted = Vec::new();
         self.kept.retain(|kept| {
-            n_bytes += kept.n_bytes;
+            n_bytes += kept.n_bytes + kept.of.n_new_bytes(&mut counted);
             n_bytes <= MAX_BYTES
         });
     }
@@ -132,6 +149,7 @@ impl HullMemory {
     /// Bytes of the hulls that are kept.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
-        self.kept.iter().map(|kept| kept.n_bytes).sum()
+        let mut counted = Vec::new();
+        self.kept.iter().map(|kept| kept.n_bytes + kept.of.n_new_bytes(&mut counted)).sum()
     }
 }

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::Mask;
-use videofields_vision::geometry::{Camera, Surfaces};
+use videofields_vision::geometry::{Camera, NEAR_M, Surfaces};
 use videofields_vision::hull::{Bounds, Hull, Shell, View, Window};
 use videofields_vision::segment::{DistanceTransform, PixelRect};
 
@@ -40,6 +40,9 @@ const MOST_UNCERTAIN_M: f64 = 0.15;
 
 /// By how much what an entity reached to of late may be exceeded.
 const LARGER: f64 = 1.4;
+
+/// How far bodies reach from the line between foot and head, metres, where nearer people hide them.
+const BODY_M: f64 = 0.3;
 
 /// Half the side of bounds where cameras do not agree on any place, metres.
 const UNAGREED_M: f64 = 0.6;
@@ -121,16 +124,16 @@ impl SceneState {
             if cameras.contains(&source.camera_idx) {
                 continue;
             }
-            let rects: Vec<PixelRect> = entity
+            let pieces: Vec<(PixelRect, u16)> = entity
                 .sources
                 .iter()
                 .filter(|of| of.camera_idx == source.camera_idx)
-                .map(|of| of.rect)
+                .map(|of| (of.rect, of.owner))
                 .collect();
             let moved_m = entity.velocity.over_ground_m_per_s * frames.to_mean(state);
             let Ok(camera) = (*state.camera).clone().moved(moved_m.extend(0.0)) else { continue };
             let window =
-                silhouette((state, &camera), &self.scene.surfaces, (entity, bounds_in_world), &rects);
+                silhouette((state, &camera), &self.scene.surfaces, (entity, bounds_in_world), &pieces);
             let view = window.map(|window| View::within(camera, window, making.error_px));
             if let Some(Ok(view)) = view {
                 cameras.push(source.camera_idx);
@@ -246,13 +249,13 @@ fn cut(polygon: &[DVec2], at: DVec2, outwards: DVec2) -> Vec<DVec2> {
     left
 }
 
-/// What one camera has of the entity, whose pieces lie in `rects`, in the part of its picture that may show the bounds to it where it is
+/// What one camera has of the entity, whose pieces lie in rectangles and are somebody's, in the part of its picture that may show the bounds to it where it is
 /// taken to stand.
 fn silhouette(
     (state, moved): (&CameraState, &Camera),
     surfaces: &Surfaces,
     (entity, bounds): (&Entity, [DVec3; 2]),
-    rects: &[PixelRect],
+    pieces: &[(PixelRect, u16)],
 ) -> Option<Window> {
     let (labels, soft) = (&*state.observation.labels, &*state.observation.soft_mask);
     let [columns, rows] = seen_at(moved, bounds, [labels.width, labels.height]);
@@ -260,7 +263,12 @@ fn silhouette(
     if width == 0 || height == 0 {
         return None;
     }
-    let mut is_inside = joined(labels, soft, (&columns, &rows), rects);
+    let moves = |x: usize, y: usize| {
+        let (x, y) = ((columns.start + x) as u32, (rows.start + y) as u32);
+        (labels.get(x, y) == MOVING || soft.get(x, y) >= LEAST_SOFT)
+            && pieces.iter().any(|(_, owner)| state.may_show(*owner, (x, y)))
+    };
+    let mut is_inside = joined(moves, (&columns, &rows), pieces.iter().map(|(rect, _)| *rect));
     let distance_m = entity.foot_in_world.distance(state.camera.pose().position_in_world);
     let nearer_than_m = distance_m - (bounds[1] - bounds[0]).truncate().length() / 2.0;
     let is_hidden = |x: usize, y: usize| {
@@ -274,12 +282,53 @@ fn silhouette(
         })
     };
     open_hidden((width, height), &mut is_inside, is_hidden);
+    open_behind_people(state, (entity, pieces), (&columns, &rows), &mut is_inside);
     Some(Window {
         picture_px: [labels.width as usize, labels.height as usize],
         left_top: [columns.start, rows.start],
         width,
         is_inside,
     })
+}
+
+/// Lets what nearer people hide of somebody be inside a window of the picture: other cameras tell what is there.
+fn open_behind_people(
+    state: &CameraState,
+    (entity, pieces): (&Entity, &[(PixelRect, u16)]),
+    (columns, rows): (&std::ops::Range<usize>, &std::ops::Range<usize>),
+    is_inside: &mut [bool],
+) {
+    let Some(owners) = &state.owners else { return };
+    let own = |number: u16| pieces.iter().any(|(_, owner)| *owner == number);
+    let Some(own_m) = pieces.iter().find_map(|(_, owner)| owners.distance_m(*owner)) else { return };
+    let labels = &state.observation.labels;
+    let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
+    let end = |up_m: f64| {
+        let seen = state.camera.project(entity.foot_in_world + DVec3::Z * up_m)?;
+        Some((seen.texture * size, seen.depth_m))
+    };
+    let Some(((foot, depth_m), (head, _))) = end(0.0).zip(end(entity.height_m)) else { return };
+    let focal_px = state.camera.focal_px().x * size.x / f64::from(state.camera.size_px().0);
+    let reach_px = BODY_M * focal_px / depth_m.max(NEAR_M);
+    let hides = |x: usize, y: usize| {
+        let number = owners.at(x as u32, y as u32);
+        let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+        !own(number)
+            && owners.distance_m(number).is_some_and(|of| of < own_m)
+            && distance_to_line(at, [foot, head]) <= reach_px
+    };
+    for (row, y) in rows.clone().enumerate() {
+        for (column, x) in columns.clone().enumerate() {
+            is_inside[row * columns.len() + column] |= hides(x, y);
+        }
+    }
+}
+
+/// Returns how far a point lies from the line between two others, in their units.
+fn distance_to_line(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
+    let along = to - from;
+    let share = ((point - from).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
+    point.distance(from + along * share)
 }
 
 /// The columns and rows of a picture that may show a box; all where part of it is beside the lens or behind the camera.
@@ -304,18 +353,13 @@ fn seen_at(camera: &Camera, [low, high]: [DVec3; 2], size: [u32; 2]) -> [std::op
     })
 }
 
-/// What moves in a window and is joined, within it, to what moves in the rectangles.
+/// What `moves` in a window (by column and row of it) and is joined, within it, to what moves in the rectangles of the picture.
 fn joined(
-    labels: &Mask,
-    soft: &Mask,
+    moves: impl Fn(usize, usize) -> bool,
     (columns, rows): (&std::ops::Range<usize>, &std::ops::Range<usize>),
-    rects: &[PixelRect],
+    rects: impl Iterator<Item = PixelRect>,
 ) -> Vec<bool> {
     let (width, height) = (columns.len(), rows.len());
-    let moves = |x: usize, y: usize| {
-        let (x, y) = ((columns.start + x) as u32, (rows.start + y) as u32);
-        labels.get(x, y) == MOVING || soft.get(x, y) >= LEAST_SOFT
-    };
     let mut is_inside = vec![false; width * height];
     let mut open: Vec<(usize, usize)> = Vec::new();
     for rect in rects {
@@ -365,6 +409,8 @@ fn open_hidden(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::occupancy::OwnerMap;
+    use crate::occupancy::drawn_people::observation;
 
     fn mask(rows: &[&str]) -> Mask {
         let data: Vec<u8> =
@@ -382,6 +428,8 @@ mod tests {
             left_right_m: *left_right_m,
             height_m: 1.2,
             is_truncated: false,
+            owner: 0,
+            shown_share: 1.0,
         };
         Entity {
             id: 1,
@@ -422,18 +470,60 @@ mod tests {
     #[test]
     fn what_is_joined_to_its_rectangle_is_the_entitys_and_nothing_else() {
         let labels = mask(&["##..#...", "##..#...", ".#..##..", "....#..#", ".......#"]);
-        let found =
-            joined(&labels, &labels, (&(0..8), &(0..5)), &[PixelRect { x: 3, y: 0, width: 2, height: 2 }]);
+        let moves = |x: usize, y: usize| labels.get(x as u32, y as u32) == MOVING;
+        let one = |x, y, width, height| std::iter::once(PixelRect { x, y, width, height });
+        let found = joined(moves, (&(0..8), &(0..5)), one(3, 0, 2, 2));
         let shown: Vec<String> = found
             .chunks(8)
             .map(|row| row.iter().map(|is_in| if *is_in { '#' } else { '.' }).collect())
             .collect();
         assert_eq!(shown, ["....#...", "....#...", "....##..", "....#...", "........"]);
         // In a window, places are the window's.
-        let found =
-            joined(&labels, &labels, (&(4..6), &(1..3)), &[PixelRect { x: 0, y: 0, width: 8, height: 5 }]);
+        let found = joined(|x, y| moves(x + 4, y + 1), (&(4..6), &(1..3)), one(0, 0, 8, 5));
         assert_eq!(found, [true, false, true, true]);
-        assert!(joined(&labels, &labels, (&(2..4), &(0..2)), &[]).iter().all(|is_in| !is_in));
+        let none = joined(|x, y| moves(x + 2, y), (&(2..4), &(0..2)), std::iter::empty());
+        assert!(none.iter().all(|is_in| !is_in));
+    }
+
+    #[test]
+    fn what_nearer_people_hide_is_left_to_other_cameras_and_what_farther_ones_do_is_not() {
+        let size = (40_u32, 30_u32);
+        let (eye, target) = (DVec3::new(0.0, -8.0, 0.9), DVec3::new(0.0, 0.0, 0.9));
+        let camera = Camera::pinhole(eye, target, 0.3, size).unwrap();
+        let id = videofields_vision::frame::CameraId::new("a").unwrap();
+        let mut state = CameraState {
+            observation: observation(id.clone(), Mask::filled(size.0, size.1, 0)),
+            id,
+            camera: Arc::new(camera),
+            gain: glam::Vec3::ONE,
+            owners: None,
+        };
+        // Upper rows are the nearest's, lower ones the entity's own, those between whose is behind it.
+        let cells =
+            (0..size.1).flat_map(|row| (0..size.0).map(move |_| [1, 3, 2][row as usize / 10])).collect();
+        state.owners = Some(Arc::new(OwnerMap::new(size, 1, cells, Box::new([4.0, 8.0, 12.0]))));
+        let entity = Entity { height_m: 1.8, ..entity(&[(DVec2::Y, [-0.3, 0.3])]) };
+        let rect = PixelRect { x: 0, y: 20, width: 40, height: 10 };
+        let opened = |owner: u16| {
+            let mut is_inside = vec![false; 20 * 30];
+            open_behind_people(&state, (&entity, &[(rect, owner)]), (&(10..30), &(0..30)), &mut is_inside);
+            is_inside
+        };
+        let found = opened(2);
+        let top = state.camera.project(DVec3::new(0.0, 0.0, 1.8)).unwrap().texture.y * 30.0;
+        let beside = state.camera.project(DVec3::new(BODY_M, 0.0, 0.9)).unwrap().texture.x * 40.0;
+        assert!((1.0..6.0).contains(&top) && (22.5..30.0).contains(&beside), "{top} {beside}");
+        for (place, is_in) in found.iter().enumerate() {
+            let (x, y) = (place % 20 + 10, place / 20);
+            let (off, row) = ((x as f64 + 0.5 - 20.0).abs(), y as f64 + 0.5);
+            if off > beside - 20.0 + 0.01 || y >= 10 {
+                assert!(!is_in, "{x} {y}");
+            } else if row > top {
+                assert!(*is_in, "{x} {y}");
+            }
+        }
+        assert!(opened(0).iter().all(|is_in| !is_in), "nobody is told apart");
+        assert!(opened(1).iter().all(|is_in| !is_in), "the nearest is hidden by nobody");
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod line;
 mod look;
 mod overlap;
 mod pieces;
+mod placing;
 mod points;
 #[cfg(test)]
 mod tests;
@@ -21,118 +22,37 @@ mod together;
 mod upright;
 mod walk;
 
-pub use association::Association;
+pub use crate::occupancy::OwnerMap;
+use association::Association;
 pub use exposure::Exposure;
 pub use hull_memory::HullMemory;
 pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
 pub use overlap::Overlap;
+pub use placing::Placing;
 pub(crate) use points::MAX_RUN;
 
-use crate::occupancy::Occupancy;
 use crate::scene::Scene;
 use estimate::{Estimate, Head};
 use glam::{DMat2, DVec2, DVec3, Vec3};
 use line::Followed;
 use std::sync::Arc;
-use together::Together;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::fields::Moment;
 use videofields_vision::frame::CameraId;
 use videofields_vision::geometry::Camera;
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::PixelRect;
-use videofields_vision::track::Track;
 
-/// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Who is who is
-/// told by this instant alone.
+/// Puts together what the cameras saw at one instant as [`Placing::assemble`] does; who is who is told by this instant alone.
 ///
-/// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the
-/// exact form).
-///
-/// **Cost** about two rays a row of every blob; with points, two more a run of texels in it.
+/// **Cost** of [`Placing::assemble`], and that of finding the places where people may stand: use a [`Placing`] for several instants.
 pub fn assemble(
     scene: &Arc<Scene>,
     instant: Timestamp,
     observe: impl FnMut(&CameraId) -> Option<Observation>,
     point_stride: Option<u32>,
 ) -> SceneState {
-    assemble_within(&mut Association::default(), scene, instant, observe, point_stride)
-}
-
-/// As [`assemble`], within the `association` of the scene's instants: entities keep their ids.
-pub fn assemble_within(
-    association: &mut Association,
-    scene: &Arc<Scene>,
-    instant: Timestamp,
-    observe: impl FnMut(&CameraId) -> Option<Observation>,
-    point_stride: Option<u32>,
-) -> SceneState {
-    assemble_by((association, None), scene, instant, observe, point_stride)
-}
-
-/// As [`assemble_within`], but people whom several cameras see are found by all their masks together.
-pub fn assemble_together(
-    (association, occupancy): (&mut Association, &mut Occupancy),
-    scene: &Arc<Scene>,
-    instant: Timestamp,
-    observe: impl FnMut(&CameraId) -> Option<Observation>,
-    point_stride: Option<u32>,
-) -> SceneState {
-    assemble_by((association, Some(occupancy)), scene, instant, observe, point_stride)
-}
-
-fn assemble_by(
-    (association, occupancy): (&mut Association, Option<&mut Occupancy>),
-    scene: &Arc<Scene>,
-    instant: Timestamp,
-    mut observe: impl FnMut(&CameraId) -> Option<Observation>,
-    point_stride: Option<u32>,
-) -> SceneState {
-    let (members, cameras): (Vec<usize>, Vec<CameraState>) = scene
-        .cameras
-        .iter()
-        .enumerate()
-        .filter_map(|(idx, member)| {
-            let observation = observe(&member.id)?;
-            let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
-            Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE }))
-        })
-        .unzip();
-    let together = occupancy.map(|occupancy| {
-        let expected = association.expected(instant);
-        Together::find(occupancy, scene, (&members, &cameras), &expected)
-    });
-    let of_camera = |(idx, (camera, member)): (usize, (&CameraState, &usize))| {
-        let all = billboard::sightings((idx, *member), camera, &scene.surfaces, together.as_ref());
-        all.collect::<Vec<_>>()
-    };
-    let of_cameras = cameras.iter().zip(&members).enumerate().flat_map(of_camera);
-    let of_people = together.iter().flat_map(|together| together.sightings(&cameras, &members));
-    let sightings: Vec<Sighting> = of_people
-        .chain(of_cameras)
-        .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
-        .collect();
-    let tracks = |(member, camera): (&usize, &CameraState)| {
-        let followed =
-            |track: &Track| Followed { member: *member, number: track.id, since: track.first_seen };
-        camera.observation.tracks.iter().map(followed).collect::<Vec<_>>()
-    };
-    let followed: Vec<Followed> = members.iter().zip(&cameras).flat_map(tracks).collect();
-    let entities = association.update(instant, sightings, &followed);
-    let mut state = SceneState {
-        scene: Arc::clone(scene),
-        instant,
-        entities,
-        cameras,
-        n_overlapping: 0,
-        points: Vec::new(),
-        hulls: Vec::new(),
-        sequences: Vec::new(),
-    };
-    if let Some(stride) = point_stride {
-        state.place_points(stride);
-    }
-    state
+    Placing::default().assemble(scene, instant, observe, point_stride)
 }
 
 /// A billboard with what it says of whom it shows.
@@ -210,6 +130,8 @@ pub struct CameraState {
     /// What its colours are multiplied by in linear light to agree with other cameras', a channel: 1 where nothing is
     /// evened out, above 0, finite.
     pub gain: Vec3,
+    /// Says whose what moves in its picture is, of the people whom several cameras tell together; none where its own blobs say all.
+    pub owners: Option<Arc<OwnerMap>>,
 }
 
 /// One thing that stands on the ground, seen by one camera or several.
@@ -271,6 +193,18 @@ pub struct Billboard {
     pub height_m: f64,
     /// Whether the foot may lie outside the picture, so that place and height are estimates.
     pub is_truncated: bool,
+    /// Number of whom it shows in [`CameraState::owners`]; [`OwnerMap::NOBODY`] of what is none of theirs.
+    pub owner: u16,
+    /// Share of them that the camera shows, where others or surfaces hide them: 0 to 1; 1 where nobody tells.
+    pub shown_share: f64,
+}
+
+impl CameraState {
+    /// Returns true if a pixel of the mask may show whom a billboard of this camera shows: it is theirs, or nobody is told apart here.
+    #[must_use]
+    pub fn may_show(&self, owner: u16, (x, y): (u32, u32)) -> bool {
+        self.owners.as_ref().is_none_or(|owners| owners.at(x, y) == owner)
+    }
 }
 
 impl Billboard {

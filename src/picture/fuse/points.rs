@@ -30,6 +30,7 @@ pub(super) fn runs<'a>(
 ) -> impl Iterator<Item = PointRun> + 'a {
     let plane = UprightPlane::of(billboard);
     let (labels, soft) = (&state.observation.labels, &state.observation.soft_mask);
+    let owner = billboard.owner;
     let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
     let calibrated = f64::from(state.camera.size_px().0);
     let texels_per_focal = state.camera.focal_px().min_element() * size.x / calibrated;
@@ -43,19 +44,20 @@ pub(super) fn runs<'a>(
     let rect = billboard.rect;
     let n_rows = stride.max(1);
     (rect.y..rect.y + rect.height).step_by(n_rows as usize).flat_map(move |y| {
-        stretches(rect.x..rect.x + rect.width, move |x| is_shown(labels, soft, (x, y))).filter_map(
-            move |[first, last]| {
-                let (first, last) = (end(first, y)?, end(last, y)?);
-                Some(PointRun {
-                    entity_idx,
-                    camera_idx: billboard.camera_idx,
-                    ends_in_world: [first.0, last.0],
-                    sizes_m: [first.1, last.1],
-                    textures: [first.2, last.2],
-                    n_rows,
-                })
-            },
-        )
+        stretches(rect.x..rect.x + rect.width, move |x| {
+            is_shown(labels, soft, (x, y)) && state.may_show(owner, (x, y))
+        })
+        .filter_map(move |[first, last]| {
+            let (first, last) = (end(first, y)?, end(last, y)?);
+            Some(PointRun {
+                entity_idx,
+                camera_idx: billboard.camera_idx,
+                ends_in_world: [first.0, last.0],
+                sizes_m: [first.1, last.1],
+                textures: [first.2, last.2],
+                n_rows,
+            })
+        })
     })
 }
 

@@ -27,6 +27,8 @@ fn sighting(member: usize, tracks: &[u64], at: DVec2, covariance: DMat2) -> Sigh
             left_right_m: [-0.3, 0.3],
             height_m: 1.75,
             is_truncated: false,
+            owner: 0,
+            shown_share: 1.0,
         },
         member,
         estimate: Estimate { foot: Foot::new(at, covariance), ground_m: 0.0, height: None, look: None },

@@ -9,7 +9,7 @@ use super::line::Followed;
 use super::look::Look;
 use super::pieces::Piece;
 use super::{Billboard, CameraState, Sighting};
-use crate::occupancy::{Expected, Occupancy, Owned, Owners, Person};
+use crate::occupancy::{Expected, Occupancy, Owned, OwnerMap, Owners, Person};
 use crate::scene::Scene;
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
@@ -47,6 +47,8 @@ pub(super) struct Together {
     owners: Vec<Owners>,
     /// By person and camera of the scene: the track that shows them.
     tracks: Vec<Vec<Option<Followed>>>,
+    /// By camera with an observation.
+    maps: Vec<Option<Arc<OwnerMap>>>,
 }
 
 impl Together {
@@ -79,7 +81,20 @@ impl Together {
                 tracks[person][*member] = Some(followed);
             }
         }
-        Self { people, owners, tracks }
+        let map = |(member, camera): (&usize, &CameraState)| {
+            let mask = (*member, camera.observation.labels.width);
+            let map = occupancy.owner_map((scene, &people), &owners[*member], mask);
+            map.map(Arc::new)
+        };
+        let maps = members.iter().zip(cameras).map(map).collect();
+        Self { people, owners, tracks, maps }
+    }
+
+    /// Gives each camera the map of whose what moves in its picture is.
+    pub(super) fn give_maps(&self, cameras: &mut [CameraState]) {
+        for (camera, map) in cameras.iter_mut().zip(&self.maps) {
+            camera.owners.clone_from(map);
+        }
     }
 
     /// Returns a sighting for each person and each camera that shows them.
@@ -159,6 +174,8 @@ impl Together {
             left_right_m: [left, right],
             height_m: top,
             is_truncated,
+            owner: u16::try_from(person + 1).unwrap_or(OwnerMap::NOBODY),
+            shown_share: (f64::from(owned.n_found) / of.area_px(member).max(1.0)).min(1.0),
         };
         let shows_much = owned.n_found as f32 >= LEAST_LOOK * owned.n_visible as f32;
         let factor = factor_of(owners, labels);
@@ -276,52 +293,29 @@ fn common_share(a: PixelRect, b: PixelRect) -> f64 {
 mod tests {
     use super::*;
     use crate::fuse::estimate::FLOOR_M;
-    use crate::fuse::{Association, SceneState, assemble_together};
-    use crate::occupancy::drawn_people::{SIZE, around, mask, scene};
+    use crate::fuse::{SceneState, assemble as assemble_instant};
+    use crate::occupancy::drawn_people::{SIZE, around, camera, mask, observation, scene};
     use glam::DVec3;
+    use std::collections::BTreeMap;
     use videofields_vision::clock::Timestamp;
-    use videofields_vision::config::SegmentSettings;
-    use videofields_vision::frame::{BitMask, CameraId, ColorMatrix, ColorRange, Frame, YuvImage};
-    use videofields_vision::observation::Observation;
-    use videofields_vision::segment::blobs_of;
-
-    fn observation(camera: CameraId, labels: Mask) -> Observation {
-        let image =
-            YuvImage::filled(SIZE.0, SIZE.1, [110, 128, 128], ColorMatrix::Bt601, ColorRange::Limited);
-        let image = Arc::new(image);
-        let mut moving = BitMask::new(SIZE.0, SIZE.1);
-        for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
-            if labels.get(x, y) == MOVING {
-                moving.set_run(y as usize, x as usize, x as usize + 1);
-            }
-        }
-        let labels = Arc::new(labels);
-        Observation {
-            frame: Frame {
-                camera,
-                timestamp: Timestamp::from_nanos(0),
-                number: 0,
-                image: Arc::clone(&image),
-            },
-            soft_mask: Arc::clone(&labels),
-            labels,
-            background: image,
-            blobs: blobs_of(&moving, &SegmentSettings::default()).into(),
-            tracks: Arc::default(),
-        }
-    }
+    use videofields_vision::frame::CameraId;
+    use videofields_vision::geometry::Camera;
 
     /// Assembles what three cameras see of the people that each of them shows.
     fn assemble(shown: [&[(DVec3, f64)]; 3]) -> SceneState {
-        let cameras = around(DVec3::ZERO);
-        let scene = scene(DVec3::ZERO, "", &cameras);
-        let masks = [0, 1, 2].map(|idx| mask(&scene, &cameras[idx], shown[idx]));
+        assemble_among("", &around(DVec3::ZERO), &shown)
+    }
+
+    /// Assembles what cameras see, of which each shows some people, among boxes as a scene's document names them.
+    fn assemble_among(boxes: &str, cameras: &[Camera], shown: &[&[(DVec3, f64)]]) -> SceneState {
+        let scene = scene(DVec3::ZERO, boxes, cameras);
+        let masks: Vec<Mask> =
+            cameras.iter().zip(shown).map(|(camera, people)| mask(&scene, camera, people)).collect();
         let observe = |id: &CameraId| {
             let member = scene.cameras.iter().position(|member| member.id == *id)?;
             Some(observation(id.clone(), masks[member].clone()))
         };
-        let memory = (&mut Association::default(), &mut Occupancy::default());
-        assemble_together(memory, &scene, Timestamp::from_nanos(0), observe, None)
+        assemble_instant(&scene, Timestamp::from_nanos(0), observe, Some(1))
     }
 
     fn farthest(state: &SceneState, people: &[(DVec3, f64)]) -> f64 {
@@ -352,6 +346,58 @@ mod tests {
             // However many cameras say it, what all say together is said once.
             let sd_m = entity.foot_covariance_m2.determinant().powf(0.25);
             assert!(sd_m >= 0.99 * FLOOR_M, "{sd_m}");
+        }
+    }
+
+    #[test]
+    fn what_moves_is_shown_once_and_as_the_one_whom_it_shows() {
+        let people = [(DVec3::new(0.0, 0.0, 0.0), 1.75), (DVec3::new(0.45, -0.4, 0.0), 1.65)];
+        let state = assemble([&people; 3]);
+        assert_eq!(state.entities.len(), 2);
+        let mut n_told = [0; 2];
+        for (camera_idx, camera) in state.cameras.iter().enumerate() {
+            let labels = &camera.observation.labels;
+            let (size, mut shown) = (DVec2::new(f64::from(SIZE.0), f64::from(SIZE.1)), BTreeMap::new());
+            for run in state.points.iter().filter(|run| run.camera_idx == camera_idx) {
+                let [first, last] =
+                    run.textures.map(|[x, y]| (DVec2::new(x.into(), y.into()) * size).floor());
+                for x in first.x as u32..=last.x as u32 {
+                    let other = shown.insert((x, first.y as u32), run.entity_idx);
+                    assert_eq!(other, None, "twice");
+                }
+            }
+            let n_moving = labels.data.iter().filter(|label| **label == MOVING).count();
+            assert!(shown.len() as f64 > 0.97 * n_moving as f64, "{} of {n_moving}", shown.len());
+            // Each is drawn alone too: most of what only one of them can be is theirs.
+            for (person, at) in people.iter().enumerate() {
+                let entity = |idx: &usize| state.entities[*idx].foot_in_world.distance(at.0) < 0.25;
+                let entity = (0..2).find(entity).unwrap();
+                let [own, other] = [person, 1 - person]
+                    .map(|person| mask(&state.scene, &camera.camera, &people[person..=person]));
+                let is_only = |(x, y): &(u32, u32)| own.get(*x, *y) == MOVING && other.get(*x, *y) != MOVING;
+                let only: Vec<_> = shown.iter().filter(|(at, _)| is_only(at)).collect();
+                let n_right = only.iter().filter(|(_, of)| **of == entity).count();
+                n_told = [n_told[0] + n_right, n_told[1] + only.len()];
+            }
+        }
+        assert!(
+            n_told[1] > 500 && f64::from(n_told[0] as u32) > 0.85 * f64::from(n_told[1] as u32),
+            "{n_told:?}"
+        );
+    }
+
+    #[test]
+    fn who_shows_but_their_head_over_a_high_counter_is_one_entity_about_where_they_stand() {
+        let cameras = [(5.0, -9.0), (-5.0, -9.0)].map(|(x, y)| camera(DVec3::new(x, y, 2.6), DVec3::Z * 1.2));
+        let counter = r#"{"id": "counter", "center_m": [0, -0.7, 0.65], "size_m": [9, 0.4, 1.3]}"#;
+        let people = [(DVec3::new(-1.2, 0.0, 0.0), 1.75), (DVec3::new(1.1, 0.2, 0.0), 1.65)];
+        let state = assemble_among(counter, &cameras, &[people.as_slice(); 2]);
+        let places: Vec<DVec3> = state.entities.iter().map(|of| of.foot_in_world).collect();
+        assert_eq!(places.len(), people.len(), "{places:?}");
+        // Whose feet nobody sees may be taken to stand on the counter, but before and behind it by no more than this.
+        for (at, _) in people {
+            let far = |of: &DVec3| (*of - at).truncate().length();
+            assert!(places.iter().map(far).fold(f64::INFINITY, f64::min) < 0.35, "{places:?}");
         }
     }
 

@@ -4,9 +4,12 @@ use crate::scene::{Scene, no_imports, parse};
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::TAU;
 use std::sync::Arc;
-use videofields_vision::frame::Mask;
+use videofields_vision::clock::Timestamp;
+use videofields_vision::config::SegmentSettings;
+use videofields_vision::frame::{BitMask, CameraId, ColorMatrix, ColorRange, Frame, Mask, YuvImage};
 use videofields_vision::geometry::{Camera, Pose};
-use videofields_vision::segment::MOVING;
+use videofields_vision::observation::Observation;
+use videofields_vision::segment::{MOVING, blobs_of};
 
 pub(crate) const SIZE: (u32, u32) = (320, 180);
 
@@ -77,4 +80,27 @@ pub(crate) fn mask(scene: &Scene, camera: &Camera, people: &[(DVec3, f64)]) -> M
 pub(crate) fn around(middle: DVec3) -> [Camera; 3] {
     [(9.0, -9.0), (-9.0, -8.0), (1.0, 10.0)]
         .map(|(x, y)| camera(middle + DVec3::new(x, y, 3.5), middle + DVec3::Z * 0.8))
+}
+
+/// Returns what a camera saw where `labels` is its mask: a grey picture, with the blobs of the mask and no tracks.
+pub(crate) fn observation(camera: CameraId, labels: Mask) -> Observation {
+    let (width, height) = (labels.width, labels.height);
+    let grey = [110, 128, 128];
+    let image = YuvImage::filled(width, height, grey, ColorMatrix::Bt601, ColorRange::Limited);
+    let image = Arc::new(image);
+    let mut moving = BitMask::new(width, height);
+    for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+        if labels.get(x, y) == MOVING {
+            moving.set_run(y as usize, x as usize, x as usize + 1);
+        }
+    }
+    let labels = Arc::new(labels);
+    Observation {
+        frame: Frame { camera, timestamp: Timestamp::from_nanos(0), number: 0, image: Arc::clone(&image) },
+        soft_mask: Arc::clone(&labels),
+        labels,
+        background: image,
+        blobs: blobs_of(&moving, &SegmentSettings::default()).into(),
+        tracks: Arc::default(),
+    }
 }

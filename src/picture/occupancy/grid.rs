@@ -32,6 +32,9 @@ const HEADROOM_M: f64 = 1.9;
 /// know may stand in their way.
 const PER_BLIND: usize = 4;
 
+/// Where fewer cameras see every place, there is nothing that they tell together.
+const LEAST_CAMERAS: usize = 2;
+
 /// No pixel: beside the picture, or hidden.
 const NO_PIXEL: u32 = u32::MAX;
 
@@ -94,6 +97,10 @@ impl Grid {
                 grid.add_storeys(scene, above, [column as u32, row as u32]);
             }
         }
+        // Where no two cameras see the same place, none can tell what another does not.
+        if (0..grid.cells.len()).all(|cell| grid.looks(cell).len() < LEAST_CAMERAS) {
+            (grid.cells, grid.looks) = (Vec::new(), Vec::new());
+        }
         grid
     }
 
@@ -149,12 +156,12 @@ impl Grid {
         &self.looks[self.cells[cell].first_look as usize..end]
     }
 
-    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place, and with
-    /// whether nearly all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
+    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place, with the share
+    /// of these cameras, and with whether nearly all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
     pub(super) fn candidates(
         &self,
         is_foreground: impl Fn(usize, usize) -> Option<bool>,
-        mut found: impl FnMut(usize, bool),
+        mut found: impl FnMut(usize, f32, bool),
     ) {
         for idx in 0..self.cells.len() {
             let (mut n_looks, mut n_hits, mut n_low_looks, mut n_low_hits) = (0, 0, 0, 0);
@@ -174,7 +181,8 @@ impl Grid {
                 n_low_hits += usize::from(low == Some(true));
             }
             if n_hits > 0 && 2 * n_hits >= n_looks {
-                found(idx, n_low_hits >= 2 && PER_BLIND * (n_low_looks - n_low_hits) <= n_low_looks);
+                let share = n_hits as f32 / n_looks as f32;
+                found(idx, share, n_low_hits >= 2 && PER_BLIND * (n_low_looks - n_low_hits) <= n_low_looks);
             }
         }
     }

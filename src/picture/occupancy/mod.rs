@@ -20,6 +20,7 @@ use crate::scene::Scene;
 use evidence::Evidence;
 use glam::{DVec2, DVec3};
 use grid::{Grid, Known, hidden_of, silhouettes};
+pub use owners::OwnerMap;
 pub(crate) use owners::{Owned, Owners};
 use silhouette::{Axis, Body, FIRST_M, Motion, Outliner, Silhouette, TYPICAL_M};
 use std::collections::BinaryHeap;
@@ -67,6 +68,9 @@ const HEIGHTS_M: [f64; 2] = [0.9, 2.1];
 /// Cost of a height other than the typical one, per square metre of difference.
 const HEIGHT_COST: f32 = 1.5;
 
+/// Most cells where people are looked for at one instant, those that most cameras show foreground: masks full of noise have more.
+const MOST_CELLS_AT_ONCE: usize = 8192;
+
 /// Most people of one scene at one instant.
 const MOST_PEOPLE: usize = 512;
 
@@ -95,6 +99,14 @@ pub struct Person {
     /// Bits of the discs that surfaces hide, by camera.
     hidden: Arc<[u16]>,
     is_expected: bool,
+}
+
+impl Person {
+    /// Returns the area of somebody's silhouette in a camera's picture with what is hidden of it, pixels of the mask as it is looked at; 0
+    /// where the camera does not show them.
+    pub(crate) fn area_px(&self, camera_idx: usize) -> f64 {
+        self.silhouettes[camera_idx].as_ref().map_or(0.0, |of| f64::from(of.area_px))
+    }
 }
 
 /// Finds people; keeps its memory from instant to instant.
@@ -265,13 +277,18 @@ impl Occupancy {
 
     /// Returns the cells where people may be by the masks, and whether nearly all cameras show foreground there.
     fn cells_with_foreground(&self, grid: &Grid) -> Vec<(usize, bool)> {
-        let mut cells = Vec::new();
+        let mut cells: Vec<(usize, f32, bool)> = Vec::new();
         let is_foreground = |camera: usize, pixel: usize| {
             let evidence = &self.evidence[camera];
             evidence.is_usable().then(|| evidence.is_foreground(pixel))
         };
-        grid.candidates(is_foreground, |cell, is_filled| cells.push((cell, is_filled)));
-        cells
+        grid.candidates(is_foreground, |cell, share, is_filled| cells.push((cell, share, is_filled)));
+        if cells.len() > MOST_CELLS_AT_ONCE {
+            cells.sort_by(|(a_cell, a, _), (b_cell, b, _)| b.total_cmp(a).then(a_cell.cmp(b_cell)));
+            cells.truncate(MOST_CELLS_AT_ONCE);
+            cells.sort_by_key(|(cell, ..)| *cell);
+        }
+        cells.into_iter().map(|(cell, _, is_filled)| (cell, is_filled)).collect()
     }
 
     /// Returns who may be in which of `cells`, by what they would explain if nobody but vehicles and whom is covered were there.

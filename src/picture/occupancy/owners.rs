@@ -9,6 +9,12 @@ use crate::scene::Scene;
 /// Foreground that hangs together with somebody is theirs up to this share of their height beyond their silhouette.
 const REACH: f32 = 0.12;
 
+/// ... and all that hangs together beyond that is, too, if it is no more than this share of what they cover: a leg, not somebody else.
+const MOST_PART: f32 = 0.3;
+
+/// Background up to so many cells beside somebody counts as theirs where they are shown.
+const EDGE_CELLS: u16 = 2;
+
 /// No owner.
 const NOBODY: u16 = u16::MAX;
 
@@ -35,6 +41,81 @@ pub(crate) struct Owned {
     pub(crate) bounds: [usize; 4],
 }
 
+/// Map of whose what moves in a camera's picture is, of the people whom several cameras tell together.
+#[derive(Clone, PartialEq)]
+pub struct OwnerMap {
+    width: u32,
+    height: u32,
+    side_px: u32,
+    of_cells: Box<[u16]>,
+    /// By person, metres from the camera.
+    distances_m: Box<[f64]>,
+}
+
+impl OwnerMap {
+    /// Number that stands for what is nobody's.
+    pub const NOBODY: u16 = 0;
+
+    /// Returns the map with these cells, row by row, of `side_px` pixels (0 counts as 1); `distances_m` gives by number, from 1 on, how
+    /// far the people stand from the camera.
+    ///
+    /// # Panics
+    /// When the cells are not as many as columns times rows.
+    #[must_use]
+    pub fn new(
+        (width, height): (u32, u32),
+        side_px: u32,
+        of_cells: Box<[u16]>,
+        distances_m: Box<[f64]>,
+    ) -> Self {
+        assert_eq!(of_cells.len(), width as usize * height as usize, "a cell for each column and row");
+        Self { width, height, side_px: side_px.max(1), of_cells, distances_m }
+    }
+
+    /// Returns the number of cells in a row, and of rows.
+    #[must_use]
+    pub const fn size(&self) -> (u32, u32) {
+        (self.width, self.height)
+    }
+
+    /// Returns the sides of a cell, pixels of the mask; at least 1.
+    #[must_use]
+    pub const fn side_px(&self) -> u32 {
+        self.side_px
+    }
+
+    /// Returns all cells, row by row: the number of the person (from 1 on) whose they are.
+    #[must_use]
+    pub const fn of_cells(&self) -> &[u16] {
+        &self.of_cells
+    }
+
+    /// Returns how far the person of a number stands from the camera, metres; none of [`Self::NOBODY`].
+    #[must_use]
+    pub fn distance_m(&self, number: u16) -> Option<f64> {
+        self.distances_m.get(usize::from(number).checked_sub(1)?).copied()
+    }
+
+    /// Returns the number of the person whose a pixel of the mask is.
+    #[must_use]
+    pub fn at(&self, x: u32, y: u32) -> u16 {
+        let (column, row) = (x / self.side_px, y / self.side_px);
+        let is_inside = column < self.width && row < self.height;
+        if is_inside { self.of_cells[(row * self.width + column) as usize] } else { Self::NOBODY }
+    }
+}
+
+impl std::fmt::Debug for OwnerMap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { width, height, side_px, .. } = self;
+        f.debug_struct("OwnerMap")
+            .field("width", width)
+            .field("height", height)
+            .field("side_px", side_px)
+            .finish_non_exhaustive()
+    }
+}
+
 impl Owners {
     /// Returns the index of the person whose foreground a pixel is.
     pub(crate) fn get(&self, x: usize, y: usize) -> Option<usize> {
@@ -45,14 +126,37 @@ impl Owners {
 
 impl Occupancy {
     /// Returns whose the foreground of each camera is, by the camera's place in the scene, of the masks that were looked at last; empty
-    /// of cameras that tell nothing.
+    /// of cameras that tell nothing, and of all where there is nobody.
     pub(crate) fn owners(&self, scene: &Scene, people: &[Person]) -> Vec<Owners> {
         (0..self.evidence.len()).map(|camera_idx| self.owners_in(scene, people, camera_idx)).collect()
     }
 
+    /// Returns the map of a camera's `owners`, of masks as wide as `mask_width_px`; none where they tell nothing. What is background
+    /// right beside somebody counts as theirs, so that soft edges are shown.
+    pub(crate) fn owner_map(
+        &self,
+        (scene, people): (&Scene, &[Person]),
+        owners: &Owners,
+        (camera_idx, mask_width_px): (usize, u32),
+    ) -> Option<OwnerMap> {
+        if owners.width == 0 {
+            return None;
+        }
+        let evidence = &self.evidence[camera_idx];
+        let mut ringed = owners.clone();
+        let reach = vec![EDGE_CELLS; owners.people.len()];
+        ringed.grow(&reach, |pixel| !evidence.is_foreground(pixel));
+        let eye = scene.cameras[camera_idx].camera.pose().position_in_world;
+        let number = |owner: &u16| if *owner == NOBODY { OwnerMap::NOBODY } else { *owner + 1 };
+        let of_cells = ringed.of_pixels.iter().map(number).collect();
+        let distances_m = people.iter().map(|person| person.foot_in_world.distance(eye)).collect();
+        let size = (owners.width as u32, owners.height as u32);
+        Some(OwnerMap::new(size, mask_width_px.div_ceil(owners.width as u32), of_cells, distances_m))
+    }
+
     fn owners_in(&self, scene: &Scene, people: &[Person], camera_idx: usize) -> Owners {
         let evidence = &self.evidence[camera_idx];
-        if !evidence.is_usable() {
+        if people.is_empty() || !evidence.is_usable() {
             return Owners { people: vec![Owned::default(); people.len()], ..Owners::default() };
         }
         let (width, height) = evidence.size();
@@ -63,7 +167,7 @@ impl Occupancy {
             people: vec![Owned::default(); people.len()],
         };
         let eye = scene.cameras[camera_idx].camera.pose().position_in_world;
-        let mut farthest_first: Vec<usize> = (0..people.len().min(usize::from(NOBODY))).collect();
+        let mut farthest_first: Vec<usize> = (0..people.len().min(usize::from(NOBODY) - 1)).collect();
         let distance_m = |idx: &usize| people[*idx].foot_in_world.distance(eye);
         farthest_first.sort_by(|a, b| distance_m(b).total_cmp(&distance_m(a)));
         for idx in farthest_first {
@@ -96,6 +200,7 @@ impl Occupancy {
             })
             .collect();
         owners.grow(&reach, |pixel| evidence.is_foreground(pixel));
+        owners.take_parts(|pixel| evidence.is_foreground(pixel));
         owners.count();
         owners
     }
@@ -119,8 +224,58 @@ impl Owners {
                     self.of_pixels[*other] = owner;
                 }
             }
+            if next.is_empty() {
+                return;
+            }
             std::mem::swap(&mut open, &mut next);
         }
+    }
+
+    /// Gives what hangs together with somebody and is small to whoever is nearest.
+    fn take_parts(&mut self, is_foreground: impl Fn(usize) -> bool) {
+        let mut is_seen = vec![false; self.of_pixels.len()];
+        let mut is_part = vec![false; self.of_pixels.len()];
+        let mut part = Vec::new();
+        for first in 0..self.of_pixels.len() {
+            let is_open = |pixel: usize| self.of_pixels[pixel] == NOBODY && is_foreground(pixel);
+            if is_seen[first] || !is_open(first) {
+                continue;
+            }
+            let most_visible = self.part_around(first, is_open, &mut is_seen, &mut part);
+            let is_small = part.len() as f32 <= MOST_PART * most_visible as f32;
+            part.drain(..).for_each(|pixel| is_part[pixel] = is_small);
+        }
+        let reach = vec![u16::MAX; self.people.len()];
+        if is_part.contains(&true) {
+            self.grow(&reach, |pixel| is_part[pixel]);
+        }
+    }
+
+    /// Fills `part` with the open pixels that hang together with one, and returns how many pixels are visible of the largest person
+    /// beside them; 0 where there is none.
+    fn part_around(
+        &self,
+        first: usize,
+        is_open: impl Fn(usize) -> bool,
+        is_seen: &mut [bool],
+        part: &mut Vec<usize>,
+    ) -> u32 {
+        let (mut most_visible, mut next) = (0, 0);
+        is_seen[first] = true;
+        part.push(first);
+        while let Some(pixel) = part.get(next).copied() {
+            next += 1;
+            for other in beside(pixel, (self.width, self.height)) {
+                let owner = self.of_pixels[other];
+                if owner != NOBODY {
+                    most_visible = most_visible.max(self.people[usize::from(owner)].n_visible);
+                } else if !is_seen[other] && is_open(other) {
+                    is_seen[other] = true;
+                    part.push(other);
+                }
+            }
+        }
+        most_visible
     }
 
     fn count(&mut self) {

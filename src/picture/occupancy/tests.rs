@@ -226,3 +226,121 @@ fn of_who_is_expected_less_must_be_seen() {
     // Where nothing is seen nobody is, whoever is expected.
     assert_eq!(n_found(&seen_above(3.0), &[expected]), 0);
 }
+
+#[test]
+fn who_stands_half_outside_of_every_picture_is_found_once() {
+    // The borders of both pictures run through the place.
+    let place = DVec3::new(0.4, 0.2, 0.0);
+    let cameras = [DVec3::new(0.0, -9.0, 3.0), DVec3::new(9.0, 0.0, 3.0)].map(|eye| {
+        let away = (place - eye).truncate().normalize();
+        let beside = away.perp() * 9.0 * (0.45_f64).tan() * f64::from(SIZE.0) / f64::from(SIZE.1);
+        camera(eye, place + beside.extend(0.8))
+    });
+    for camera in &cameras {
+        let x = camera.project(place + DVec3::Z * 0.9).map(|of| of.texture.x);
+        assert!(x.is_some_and(|x| !(0.06..0.94).contains(&x)), "{x:?}");
+    }
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &[(place, 1.7)]));
+    let found = find(&scene, &masks);
+    assert!(found.len() <= 1, "{}", found.len());
+    assert!(found.iter().all(|of| of.foot_in_world.distance(place) < 0.4), "{:?}", found[0].foot_in_world);
+}
+
+#[test]
+fn a_camera_five_pixels_off_moves_nobody_far_and_makes_no_second() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    for off in [0, 1, 2] {
+        let mut masks = cameras.each_ref().map(|camera| mask(&scene, camera, &SOME));
+        // Three of 320 columns are six of 640.
+        let (shown, by_px) = (masks[off].clone(), 3);
+        for (x, y) in (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y))) {
+            let from = if x < by_px { 0 } else { shown.get(x - by_px, y) };
+            masks[off].data[(y * SIZE.0 + x) as usize] = from;
+        }
+        let found = find(&scene, &masks);
+        assert_eq!(found.len(), SOME.len(), "{off}");
+        for (at, _) in SOME {
+            let nearest = found.iter().map(|of| of.foot_in_world.distance(at)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.45, "{off}: {nearest}");
+        }
+    }
+}
+
+#[test]
+fn clocks_a_tenth_of_a_second_apart_make_no_second_of_who_walks() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    // One camera shows everybody where they were 100 ms before, at 1.5 m a second.
+    for late in 0..3 {
+        let shown = |idx: usize| {
+            let back_m = if idx == late { 0.15 } else { 0.0 };
+            SOME.map(|(at, height_m)| (at - DVec3::new(0.8, 0.6, 0.0) * back_m, height_m))
+        };
+        let masks: Vec<Mask> =
+            cameras.iter().enumerate().map(|(idx, camera)| mask(&scene, camera, &shown(idx))).collect();
+        let found = find(&scene, &masks);
+        assert_eq!(found.len(), SOME.len(), "{late}");
+        for (at, _) in SOME {
+            let nearest = found.iter().map(|of| of.foot_in_world.distance(at)).fold(f64::INFINITY, f64::min);
+            assert!(nearest < 0.3, "{late}: {nearest}");
+        }
+    }
+}
+
+#[test]
+fn who_stands_between_cells_is_one_and_as_near_as_in_the_middle_of_one() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    for (x, y) in [(0.0, 0.0), (0.125, 0.0), (0.125, 0.125), (0.25, 0.125), (0.0625, 0.1875)] {
+        let far = farthest(&scene, &cameras, &[(DVec3::new(x, y, 0.0), 1.7)]);
+        assert!(far < 0.12, "{x} {y}: {far}");
+    }
+}
+
+#[test]
+fn who_stands_on_a_roof_is_found_there_and_not_behind_it_on_the_ground() {
+    let cameras = around(DVec3::ZERO).map(|of| {
+        let eye = of.pose().position_in_world + DVec3::Z * 3.0;
+        camera(eye, DVec3::Z * 2.0)
+    });
+    let steps = r#"{"id": "stage", "center_m": [0, 0, 0.6], "size_m": [3, 3, 1.2]},
+        {"id": "step", "center_m": [2, 0, 0.3], "size_m": [1, 3, 0.6]}"#;
+    let people = [
+        (DVec3::new(0.2, -0.3, 1.2), 1.75),
+        (DVec3::new(2.0, 0.9, 0.6), 1.7),
+        (DVec3::new(-3.0, 1.0, 0.0), 1.7),
+    ];
+    let scene = scene(DVec3::ZERO, steps, &cameras);
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &people));
+    let found = find(&scene, &masks);
+    assert_eq!(
+        found.len(),
+        people.len(),
+        "{:?}",
+        found.iter().map(|of| of.foot_in_world).collect::<Vec<_>>()
+    );
+    for (at, _) in people {
+        let nearest = found.iter().map(|of| of.foot_in_world.distance(at)).fold(f64::INFINITY, f64::min);
+        assert!(nearest < 0.3, "{at}: {nearest}");
+    }
+}
+
+#[test]
+fn of_two_hundred_people_most_are_found_and_none_beside_the_square() {
+    // From above, so that they can be told apart: 20 x 10 in steps of 0.75 m.
+    let cameras = around(DVec3::ZERO).map(|of| {
+        let eye = of.pose().position_in_world;
+        camera(DVec3::new(eye.x * 0.6, eye.y * 0.6, 11.0), DVec3::Z * 0.8)
+    });
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let place = |idx: u32| DVec3::new(f64::from(idx % 20) * 0.75 - 7.1, f64::from(idx / 20) * 1.1 - 5.0, 0.0);
+    let people: Vec<(DVec3, f64)> =
+        (0..200).map(|idx| (place(idx), 1.6 + 0.02 * f64::from(idx % 11))).collect();
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &people));
+    let found = find(&scene, &masks);
+    let is_met = |at: &DVec3| found.iter().any(|of| of.foot_in_world.distance(*at) < 0.35);
+    let n_met = people.iter().filter(|(at, _)| is_met(at)).count();
+    assert!(n_met >= 150 && found.len() <= 230, "{n_met} of {}", found.len());
+}

@@ -338,6 +338,8 @@ mod tests {
                 left_right_m: [-0.3, 0.3],
                 height_m: 1.8,
                 is_truncated: false,
+                owner: 0,
+                shown_share: 1.0,
             }],
         };
         SceneState {

@@ -15,6 +15,9 @@ const LEAST_WEIGHT: f64 = 0.15;
 /// Angles are told apart no finer, radians.
 const LEAST_RAD: f64 = 1e-3;
 
+/// A camera from which all of an entity is hidden counts as one that looks by so much less as the viewer does, radians; in proportion.
+const HIDDEN_RAD: f64 = 2.0;
+
 /// A camera that looks across the viewer shows another side; it counts less from this much before, radians.
 const FADE_RAD: f64 = 0.26;
 
@@ -40,7 +43,9 @@ pub(super) fn choose(
         let camera = state.cameras.get(source.camera_idx)?.camera.pose().position_in_world;
         let foot = source.foot_in_world;
         let cosine = level(foot - camera).dot(level(viewer.direction_to(foot)));
-        Some((cosine.clamp(-1.0, 1.0).acos().max(LEAST_RAD), idx))
+        let hidden_share = (1.0 - source.shown_share).clamp(0.0, 1.0);
+        let angle_rad = cosine.clamp(-1.0, 1.0).acos() + HIDDEN_RAD * hidden_share;
+        Some((angle_rad.max(LEAST_RAD), idx))
     };
     let mut angles: Vec<(f64, usize)> = candidates.filter_map(angle).collect();
     angles.sort_by(|(a, a_idx), (b, b_idx)| a.total_cmp(b).then(a_idx.cmp(b_idx)));
@@ -86,6 +91,10 @@ fn agreement(a: &Billboard, b: &Billboard) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fuse::assemble;
+    use crate::occupancy::drawn_people::{around, mask, observation, scene};
+    use videofields_vision::clock::Timestamp;
+    use videofields_vision::frame::CameraId;
     use videofields_vision::segment::PixelRect;
 
     #[test]
@@ -126,6 +135,30 @@ mod tests {
     }
 
     #[test]
+    fn who_is_hidden_from_the_nearest_camera_is_shown_by_another() {
+        let (cameras, person) = (around(DVec3::ZERO), (DVec3::ZERO, 1.75));
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let seen = |id: &CameraId| {
+            let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+            Some(observation(id.clone(), mask(&scene, &cameras[idx], &[person])))
+        };
+        let state = assemble(&scene, Timestamp::from_nanos(0), seen, None);
+        let mut entity = state.entities[0].clone();
+        assert_eq!(entity.sources.len(), 3);
+        let viewer = Viewer::At(cameras[1].pose().position_in_world + DVec3::X);
+        let shown = |entity: &Entity| entity.sources[choose(entity, &state, viewer).unwrap().0].camera_idx;
+        assert_eq!(shown(&entity), 1);
+        // The next looks 90 degrees beside: a little that is hidden changes nothing.
+        entity.sources[1].shown_share = 0.7;
+        assert_eq!(shown(&entity), 1);
+        entity.sources[1].shown_share = 0.1;
+        assert_eq!(shown(&entity), 0);
+        // Hidden as much from all, the nearest shows them.
+        entity.sources.iter_mut().for_each(|source| source.shown_share = 0.1);
+        assert_eq!(shown(&entity), 1);
+    }
+
+    #[test]
     fn rectangles_that_differ_are_not_mixed() {
         let billboard = |x: f64, height_m: f64| Billboard {
             camera_idx: 0,
@@ -135,6 +168,8 @@ mod tests {
             left_right_m: [-0.3, 0.3],
             height_m,
             is_truncated: false,
+            owner: 0,
+            shown_share: 1.0,
         };
         assert_eq!(agreement(&billboard(0.0, 1.7), &billboard(0.2, 1.8)), 1.0);
         assert!((0.1..0.9).contains(&agreement(&billboard(0.0, 1.7), &billboard(0.35, 1.7))));

@@ -29,11 +29,13 @@ pub(crate) struct Instance {
     beside_right: [f32; 3],
     beside_weight: f32,
     beside_rect: [f32; 4],
+    owners: [u32; 2],
 }
 
-const ATTRIBUTES: Attributes<14> = wgpu::vertex_attr_array![
+const ATTRIBUTES: Attributes<15> = wgpu::vertex_attr_array![
     0 => Float32x3, 1 => Uint32, 2 => Float32x3, 3 => Float32, 4 => Float32x3, 5 => Float32x3, 13 => Float32x3,
-    6 => Float32x4, 7 => Float32x2, 8 => Float32x3, 9 => Uint32, 10 => Float32x3, 11 => Float32, 12 => Float32x4
+    6 => Float32x4, 7 => Float32x2, 8 => Float32x3, 9 => Uint32, 10 => Float32x3, 11 => Float32, 12 => Float32x4,
+    14 => Uint32x2
 ];
 
 /// Pixels of the camera's picture by which a rectangle is drawn larger than its blob, for the mask's soft edge.
@@ -129,6 +131,7 @@ impl Instance {
             beside_right: direction(second.billboard.right_in_world),
             beside_weight: beside.map_or(0.0, |(_, weight)| *weight),
             beside_rect: second.rect(),
+            owners: [first, second].map(|seen| u32::from(seen.billboard.owner)),
         }
     }
 
@@ -167,11 +170,13 @@ fn turned_towards(right_in_world: DVec3, to_viewer: DVec3, away: DVec2) -> [DVec
 #[derive(Debug)]
 pub(crate) struct BillboardPass {
     frames: LiveFrames,
-    /// Without a second source, and with; each without gains, and with.
-    pipelines: [[BySamples; 2]; 2],
+    layout: wgpu::BindGroupLayout,
+    /// Without a second source, and with; each without gains, and with; each without owners, and with.
+    pipelines: [[[BySamples; 2]; 2]; 2],
     /// The same, of depths alone, which gains do not change.
-    cutouts: [BySamples; 2],
+    cutouts: [[BySamples; 2]; 2],
     instances: GrowingBuffer,
+    owners: GrowingBuffer,
 }
 
 const LABEL: &str = "billboard";
@@ -179,17 +184,34 @@ const LABEL: &str = "billboard";
 impl BillboardPass {
     pub(crate) fn new(gpu: &Gpu) -> Self {
         let frames = LiveFrames::new(gpu, LABEL);
-        let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX);
-        Self { frames, pipelines: Default::default(), cutouts: Default::default(), instances }
+        let bound = wgpu::BufferUsages::STORAGE;
+        let instances = GrowingBuffer::new("billboard instances", wgpu::BufferUsages::VERTEX.union(bound));
+        let owners = GrowingBuffer::new("owners of pixels", bound);
+        let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(LABEL),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Storage { read_only: true },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let (pipelines, cutouts) = (Default::default(), Default::default());
+        Self { frames, layout, pipelines, cutouts, instances, owners }
     }
 
     /// Records the rectangles, given from back to front, and among them the surfaces that are translucent: the first of
-    /// these after as many rectangles as the first of `ends` says, and so on.
+    /// these after as many rectangles as the first of `ends` says, and so on. `owners` are the words of
+    /// [`OwnerData`](crate::owner_data::OwnerData).
     pub(crate) fn record(
         &mut self,
         recording: &mut Recording<'_>,
         into: &DrawInto<'_>,
-        instances: &[Instance],
+        (instances, owners): (&[Instance], &[u32]),
         among: Option<(&Translucent, &[u32])>,
         frames: &mut ImageArray,
     ) -> Result<(), GpuError> {
@@ -201,7 +223,8 @@ impl BillboardPass {
         };
         let samples = into.targets.samples();
         let is_blended = instances.iter().any(Instance::is_blended);
-        let bind_groups = [Some(into.frame_layout), Some(&self.frames.layout)];
+        let has_owners = !owners.is_empty();
+        let bind_groups = [Some(into.frame_layout), Some(&self.frames.layout), Some(&self.layout)];
         let vertices = [Some(layout)];
         // Where depths are kept: what shows more than half has one. After all colours, so that these are as without.
         let cutout = if into.targets.keeps_depth() {
@@ -212,10 +235,13 @@ impl BillboardPass {
                 entry_points: ["vs_main", "fs_depth"],
                 topology: wgpu::PrimitiveTopology::TriangleStrip,
                 mixing: Mixing { blend: None, writes_depth: true, culls_back: false, writes_color: false },
-                variant: &[("HAS_BESIDE", f64::from(u8::from(is_blended)))],
+                variant: &[
+                    ("HAS_BESIDE", f64::from(u8::from(is_blended))),
+                    ("HAS_OWNERS", f64::from(u8::from(has_owners))),
+                ],
                 samples,
             };
-            let cutouts = &mut self.cutouts[usize::from(is_blended)];
+            let cutouts = &mut self.cutouts[usize::from(is_blended)][usize::from(has_owners)];
             Some(cutouts.get(samples, || draw_pipeline(gpu, wanted))?)
         } else {
             None
@@ -235,18 +261,28 @@ impl BillboardPass {
             variant: &[
                 ("HAS_BESIDE", f64::from(u8::from(is_blended))),
                 ("HAS_GAINS", f64::from(u8::from(into.has_gains))),
+                ("HAS_OWNERS", f64::from(u8::from(has_owners))),
             ],
             samples,
         };
         let pipeline = self.pipelines[usize::from(is_blended)][usize::from(into.has_gains)]
-            .get(samples, || draw_pipeline(gpu, wanted))?;
+            [usize::from(has_owners)]
+        .get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
         let buffer = self.instances.write(gpu, instances);
+        // Where nobody is told apart, something must be bound that nobody reads.
+        let owners = if has_owners { self.owners.write(gpu, owners) } else { buffer };
+        let owners = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(LABEL),
+            layout: &self.layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: owners.as_entire_binding() }],
+        });
         let mut pass = recording.draw(LABEL, into);
         let draw = |pass: &mut wgpu::RenderPass<'_>, which: Range<u32>| {
             if !which.is_empty() {
                 pass.set_pipeline(pipeline);
                 pass.set_bind_group(1, &textures, &[]);
+                pass.set_bind_group(2, &owners, &[]);
                 pass.set_vertex_buffer(0, buffer.slice(..));
                 pass.draw(0..4, which);
             }
@@ -263,6 +299,7 @@ impl BillboardPass {
         if let Some(cutout) = cutout {
             pass.set_pipeline(cutout);
             pass.set_bind_group(1, &textures, &[]);
+            pass.set_bind_group(2, &owners, &[]);
             pass.set_vertex_buffer(0, buffer.slice(..));
             pass.draw(0..4, 0..instances.len() as u32);
         }

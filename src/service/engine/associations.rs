@@ -1,17 +1,16 @@
-//! What is remembered of the scenes that are looked at from instant to instant, of few scenes: who is who, and how cameras'
-//! colours agree.
+//! What pictures remember of the scenes that are looked at from instant to instant, of few scenes: how cameras' colours agree, and
+//! hulls.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
-use videofields_picture::fuse::{Association, Exposure, HullMemory, Overlap};
+use videofields_picture::fuse::{Exposure, HullMemory, Overlap};
 use videofields_picture::scene::Scene;
 
-/// Scenes whose entities and gains are remembered, those asked for last: both are small, a scene's document may not be.
+/// Scenes of which anything is remembered, those asked for last.
 pub(super) const MAX_SCENES: usize = 32;
 
 /// What pictures of one scene remember.
 #[derive(Debug, Default)]
 pub(super) struct Remembered {
-    pub(super) association: Association,
     /// None before colours are first evened.
     pub(super) exposure: Option<Exposure>,
     pub(super) hulls: HullMemory,

@@ -25,6 +25,7 @@ mod pace;
 mod past;
 mod permitted;
 mod picture;
+mod placings;
 mod planned;
 mod playheads;
 mod presence;

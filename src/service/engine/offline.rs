@@ -11,7 +11,7 @@ use super::resolve::limits_of;
 use super::view::{ViewAnswer, ViewRequest};
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_picture::fuse::{HullMemory, SceneState};
+use videofields_picture::fuse::{HullMemory, Placing, SceneState};
 use videofields_picture::plan::Plan;
 use videofields_picture::scene::{Scene, object_sizes};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline};
@@ -74,7 +74,8 @@ pub fn view_once(
     let forecaster = Forecaster::default();
     let sequences = Recordings::default().of(&subject, &|| roots.clone());
     let started = clock.monotonic();
-    let state = subject.state(&found, &mut Remembered::default(), (&Overlaps::default(), sequences));
+    let memory = (&mut Placing::default(), &mut Remembered::default());
+    let state = subject.state(&found, memory, (&Overlaps::default(), sequences));
     let fused = clock.monotonic();
     let deadline = subject.deadline.map(|(deadline, _)| deadline);
     let left = || deadline.map_or(Duration::MAX, |of| of.total.saturating_sub(of.reserve));

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 use videofields_picture::fuse::SequenceAtInstant;
-use videofields_picture::fuse::{self, Exposure, HullMemory, SceneState};
+use videofields_picture::fuse::{Exposure, HullMemory, Placing, SceneState};
 use videofields_picture::plan::{
     self, ACROSS_M, Colors, Deadline, Named, Pending, Picture, Plan, Settings, StageTimes, Survey, View,
     ViewLimits, ViewSession, Wishes,
@@ -144,19 +144,19 @@ impl Subject {
         Self { wishes, deadline: None, ..self.clone() }
     }
 
-    /// What stands where, by what was seen, without points.
-    /// Entities keep the ids, and cameras go on from the gains, that are `remembered` of the scene.
+    /// Returns what stands where, by what was seen, without points. Entities keep the ids that are known in `placing`, and cameras go
+    /// on from the gains that are `remembered` of the scene.
     pub(super) fn state(
         &self,
         observations: &Observations,
-        remembered: &mut Remembered,
+        (placing, remembered): (&mut Placing, &mut Remembered),
         (overlaps, sequences): (&Overlaps, Vec<SequenceAtInstant>),
     ) -> SceneState {
         let find = |id: &CameraId| {
             observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
         };
-        let Remembered { association, exposure, .. } = remembered;
-        let mut state = fuse::assemble_within(association, &self.scene, self.instant, find, None);
+        let Remembered { exposure, .. } = remembered;
+        let mut state = placing.assemble(&self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
         }

@@ -82,9 +82,11 @@ impl Shared {
     pub(super) fn planned(&self, request: &ViewRequest) -> Result<PlannedView, EngineError> {
         let Resolved { subject, seen: (observations, _) } = self.resolve(request)?;
         self.refresh_forecaster();
-        // What is remembered from picture to picture is the render thread's; this is what it comes to.
+        // Gains that are remembered from picture to picture are the render thread's; this is what they come to.
         let sequences = self.sequences_of(&subject);
-        let state = subject.state(&observations, &mut Remembered::default(), (&self.overlaps, sequences));
+        let placing = self.placings.of(&subject.scene);
+        let memory = (&mut *placing.lock(), &mut Remembered::default());
+        let state = subject.state(&observations, memory, (&self.overlaps, sequences));
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let waits = self.queue.retry_after();
         let left = || {

@@ -1,7 +1,6 @@
 //! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at another time.
 //!
-//! Remembers who is who by itself, so that whoever looks at pictures of the past disturbs nobody's present. What is answered
-//! hangs on the scene's identity, and so on the cameras that the caller may see.
+//! What is answered hangs on the scene's identity, and so on the cameras that the caller may see.
 
 use super::EngineError;
 use super::associations::MAX_SCENES;
@@ -11,7 +10,7 @@ use super::shared::Shared;
 use super::view::SourceTime;
 use glam::DVec3;
 use std::sync::{Arc, Mutex, PoisonError};
-use videofields_picture::fuse::{self, Association, Entity, SceneState};
+use videofields_picture::fuse::{self, Entity, SceneState};
 use videofields_picture::scene::Scene;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::CameraId;
@@ -48,7 +47,6 @@ pub(super) struct Presences(Mutex<Vec<Kept>>);
 #[derive(Debug)]
 struct Kept {
     scene: Arc<Scene>,
-    association: Association,
     /// What was told last, and how often privacy zones had been changed when it was seen.
     newest: Option<(u64, Arc<Present>)>,
 }
@@ -70,8 +68,8 @@ impl Shared {
             let known = own.newest.clone().filter(|(number, of)| *number == changes && is_it(of));
             let known = known.map(|(_, present)| present);
             let present = known.unwrap_or_else(|| {
-                let state =
-                    fuse::assemble_within(&mut own.association, scene, instant, find_in(&observations), None);
+                let placing = self.placings.of(scene);
+                let state = placing.lock().assemble(scene, instant, find_in(&observations), None);
                 Arc::new(Present { instant, sources, entities: present_in(&state) })
             });
             own.newest = Some((changes, Arc::clone(&present)));
@@ -87,19 +85,17 @@ impl Shared {
             At::Time(instant) => instant,
         };
         let (observations, _gaps) = self.seen_at(scene, at, (instant, None))?;
-        let assembled = |association: &mut Association| {
-            fuse::assemble_within(association, scene, instant, find_in(&observations), None)
-        };
+        let placing = self.placings.of(scene);
+        let mut placing = placing.lock();
         Ok(match at {
-            At::Live => self.presences.within(scene, |own| assembled(&mut own.association)),
-            At::Time(_) => assembled(&mut Association::default()),
+            At::Live => placing.assemble(scene, instant, find_in(&observations), None),
+            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations), None),
         })
     }
 }
 
 impl Presences {
-    /// Has something done with what is known of who is who in a scene. A panic costs that of one scene: its entry is out of the list
-    /// meanwhile.
+    /// Has something done with what was told last of a scene. A panic costs that of one scene: its entry is out of the list meanwhile.
     fn within<T>(&self, scene: &Arc<Scene>, with: impl FnOnce(&mut Kept) -> T) -> T {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let place = kept.iter().position(|of| Arc::ptr_eq(&of.scene, scene));
@@ -107,7 +103,7 @@ impl Presences {
             Some(place) => kept.remove(place),
             None => {
                 kept.retain(|of| !scene.replaces(&of.scene));
-                Kept { scene: Arc::clone(scene), association: Association::default(), newest: None }
+                Kept { scene: Arc::clone(scene), newest: None }
             }
         };
         let done = with(&mut own);

@@ -210,7 +210,7 @@ impl<'a> RenderThread<'a> {
             )));
         }
         shared.metrics.render_cache_misses.inc();
-        // A panic on the way costs what is known of who is who and of gains, and no more.
+        // A panic on the way costs what is known of gains and hulls, and no more.
         let mut associations = std::mem::take(&mut self.associations);
         let remembered = associations.of(&subject.scene);
         let mut session = subject.session.as_deref().map(|name| self.sessions.take(&subject.scene, name));
@@ -256,7 +256,9 @@ impl<'a> RenderThread<'a> {
         let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
         let sequences = shared.sequences_of(subject);
         let started = clock.monotonic();
-        let state = subject.state(&seen.0, remembered, (&shared.overlaps, sequences));
+        let placing = shared.placings.of(&subject.scene);
+        let memory = (&mut *placing.lock(), &mut *remembered);
+        let state = subject.state(&seen.0, memory, (&shared.overlaps, sequences));
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let left = || {

@@ -10,6 +10,7 @@ use super::forecaster::Forecaster;
 use super::handle::{At, DeviceSummary, Door};
 use super::object_sizes::CameraObjectSizes;
 use super::past::Past;
+use super::placings::Placings;
 use super::playheads::Playheads;
 use super::presence::Presences;
 use super::privacy::Privacies;
@@ -93,6 +94,7 @@ pub(super) struct Shared {
     pub(super) accuracy: Arc<AccuracyBoard>,
     pub(super) playheads: Playheads,
     pub(super) presences: Presences,
+    pub(super) placings: Placings,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// Scenes as callers may see them.
@@ -153,6 +155,7 @@ impl Shared {
             store_health,
             playheads: Playheads::new(),
             presences: Presences::default(),
+            placings: Placings::default(),
             maps: Mutex::new(maps),
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),

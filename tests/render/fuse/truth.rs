@@ -6,7 +6,7 @@ use super::{Figure, camera, observe, scene as scene_with};
 use glam::DVec3;
 use std::sync::Arc;
 use videofields_lab::entities::EntityScore;
-use videofields_picture::fuse::{Association, SceneState, assemble, assemble_within};
+use videofields_picture::fuse::{Placing, SceneState, assemble};
 use videofields_picture::scene::{self, Scene};
 use videofields_recording::ingest::Pipeline;
 use videofields_simulate::{ActorKind, FigurePosition, Station, Wanted, World};
@@ -54,7 +54,7 @@ fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
     let world = World::named("plaza").unwrap();
     let (scene, instants) = play(&world, (480, 270), 10.0, world.period_secs());
     let (mut within, mut alone) = (EntityScore::default(), EntityScore::default());
-    let mut association = Association::default();
+    let mut placing = Placing::default();
     for instant in &instants {
         let at = instant[0].0.frame.timestamp;
         let observe = |id: &CameraId| {
@@ -63,7 +63,7 @@ fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
         };
         let truths: Vec<&Mask> = instant.iter().map(|(_, truth)| truth).collect();
         let figures = world.figures(at.as_nanos() as f64 * 1e-9 % world.period_secs()).unwrap();
-        within.add(&assemble_within(&mut association, &scene, at, observe, None), &truths, &figures);
+        within.add(&placing.assemble(&scene, at, observe, None), &truths, &figures);
         alone.add(&assemble(&scene, at, observe, None), &truths, &figures);
     }
     assert!(within.n_seen_twice > 500 && within.n_joined > 400, "{within:?}");

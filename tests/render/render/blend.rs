@@ -3,7 +3,7 @@
 use super::{Brush, keep, pixel, plaza, renderer, v, view};
 use glam::DVec3;
 use std::sync::Arc;
-use videofields_picture::fuse::SceneState;
+use videofields_picture::fuse::{OwnerMap, SceneState};
 use videofields_picture::plan::{EntityStyle, Plan, PlannedBillboard, PlannedSource};
 use videofields_render::View;
 use videofields_vision::frame::{Mask, RgbImage};
@@ -94,6 +94,36 @@ fn whom_the_second_camera_misses_stays_opaque() {
         alone.iter().flatten().zip(both.iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 2),
         "{alone:?} {both:?}"
     );
+}
+
+#[test]
+fn what_of_a_camera_is_somebody_elses_is_not_shown() {
+    let Some(mut brush) = renderer("", 1) else { return };
+    let mut state = plaza(DVec3::ZERO).with_person(FOOT).state();
+    let whole = chest(&drawn(&mut brush, &state, None));
+    // To the left of the person's middle all is theirs, to the right another's; cells of three pixels, of which the last is not whole.
+    let camera = &state.cameras[0];
+    let mask = &camera.observation.soft_mask;
+    let size = (mask.width.div_ceil(3), mask.height.div_ceil(3));
+    let middle = camera.camera.project(FOOT + v(0.0, 0.0, 1.2)).expect("in view").texture.x;
+    let middle = (middle * f64::from(mask.width) / 3.0).round() as u32;
+    let cell = |column: u32| if column < middle { 7 } else { 9 };
+    let cells = (0..size.1).flat_map(|_| (0..size.0).map(cell)).collect();
+    state.cameras[0].owners = Some(Arc::new(OwnerMap::new(size, 3, cells, Box::new([1.0; 9]))));
+    // Nobody is told apart of whom no number is known.
+    assert_eq!(chest(&drawn(&mut brush, &state, None)), whole);
+    let bare = Plan { billboards: Vec::new(), ..planned(&brush, &state, None) };
+    let ground = chest(&brush.render(&state, &between(), &bare).expect("a picture").image);
+    let is_near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) <= 2);
+    for (owner, shown) in [(7, [whole[0], ground[1]]), (9, [ground[0], whole[1]]), (3, ground)] {
+        state.entities[0].sources[0].owner = owner;
+        let found = chest(&drawn(&mut brush, &state, None));
+        assert!((0..2).all(|side| is_near(found[side], shown[side])), "{owner}: {found:?} {shown:?}");
+    }
+    // With the second camera, where nobody is told apart, all is shown.
+    state.entities[0].sources[0].owner = 7;
+    let both = chest(&drawn(&mut brush, &state, Some((1, 0.5))));
+    assert!(both[1].iter().zip(&whole[1]).all(|(a, b)| a.abs_diff(*b) <= 40), "{both:?} {whole:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use super::stage::Stage;
 use super::textures::{changed, gradient, imagery, panorama};
 use super::{Brush, GREEN, RED, points_of, renderer, v, view};
 use glam::{DVec3, Vec3};
-use videofields_picture::fuse::SceneState;
+use videofields_picture::fuse::{OwnerMap, SceneState};
 use videofields_picture::plan::{
     self, Colors, Detail, EntityStyle, Filtering, Picture, Sampling, Settings, Wishes,
 };
@@ -368,6 +368,33 @@ fn entities_cost_their_cameras_frames_and_their_pass() {
         let wishes = with(|settings| settings.entities = style);
         check_effect(name, (&state, N_LEVEL_PIPELINES), (bare(), wishes), (&added, &again));
     }
+}
+
+#[test]
+fn people_who_are_told_apart_cost_one_buffer() {
+    let mut state = ground().with_person(FOOT).state();
+    by_the_first_camera(&mut state);
+    let mask = &state.cameras[0].observation.soft_mask;
+    let size = (mask.width, mask.height);
+    let cells = vec![1; (size.0 * size.1) as usize].into();
+    state.cameras[0].owners = Some(std::sync::Arc::new(OwnerMap::new(size, 1, cells, Box::new([9.0]))));
+    state.entities[0].sources[0].owner = 1;
+    let again = [(Pass, "billboard", 1), (Pass, "surface", 1)];
+    let added = [
+        (Pipeline, "billboard", 1),
+        (Texture, "frames", 1),
+        (Texture, "masks", 1),
+        (Texture, "planes", 3),
+        (Upload, "masks", 1),
+        (Upload, "planes", 3),
+        (Buffer, "billboard instances", 1),
+        (Buffer, "owners of pixels", 1),
+        (Pass, "billboard", 1),
+        (Pass, "surface", 1),
+        (Pass, "yuv", 1),
+    ];
+    let wishes = with(|settings| settings.entities = EntityStyle::Billboards);
+    check_effect("owners", (&state, N_LEVEL_PIPELINES), (bare(), wishes), (&added, &again));
 }
 
 #[test]

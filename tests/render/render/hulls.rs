@@ -107,6 +107,8 @@ pub(super) fn peopled(stage: &Stage, feet: &[DVec3]) -> SceneState {
             left_right_m: [-0.4, 0.5],
             height_m: 1.76,
             is_truncated: false,
+            owner: 0,
+            shown_share: 1.0,
         }
     };
     state.entities = feet

@@ -208,7 +208,7 @@ impl Stage {
             blobs: Arc::from([]),
             tracks: Arc::from([]),
         };
-        CameraState { id, camera: Arc::clone(camera), observation, gain: Vec3::ONE }
+        CameraState { id, camera: Arc::clone(camera), observation, gain: Vec3::ONE, owners: None }
     }
 
     /// The person is a flat figure that faces every camera: what billboards assume.
@@ -247,6 +247,8 @@ impl Stage {
             left_right_m: [-0.3, 0.3],
             height_m: 1.8,
             is_truncated: false,
+            owner: 0,
+            shown_share: 1.0,
         })
     }
 }

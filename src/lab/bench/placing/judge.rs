@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_picture::fuse::{Association, Entity, SceneState, assemble_together, assemble_within};
+use videofields_picture::fuse::{Entity, Placing, SceneState};
 use videofields_picture::occupancy::Occupancy;
 use videofields_picture::scene::Scene;
 use videofields_simulate::ActorKind;
@@ -74,11 +74,11 @@ impl Figure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Method {
-    /// By each camera's blobs, joined afterwards: as the daemon does.
+    /// By each camera's blobs, joined afterwards.
     Association,
-    /// By all cameras' masks together; proposed, and knows nothing of who is who.
+    /// By all cameras' masks together; knows nothing of who is who.
     Occupancy,
-    /// By all cameras' masks together where several see somebody, by each camera's blobs elsewhere; proposed.
+    /// By all cameras' masks together where several see somebody, by each camera's blobs elsewhere: as the daemon does.
     Both,
 }
 
@@ -86,11 +86,9 @@ pub(super) enum Method {
 pub(super) struct Judge<'a> {
     clock: &'a dyn Clock,
     gate_m: f64,
-    association: Association,
-    /// None where people are placed by association.
+    placing: Placing,
+    /// None but where people are placed by occupancy alone.
     occupancy: Option<Occupancy>,
-    /// None but where both methods place people.
-    together: Option<Occupancy>,
     /// Places of the instant by occupancy, each with a number that is given once.
     placed: Vec<FoundPlace>,
     n_placed: u64,
@@ -105,9 +103,8 @@ impl<'a> Judge<'a> {
         Self {
             clock,
             gate_m,
-            association: Association::default(),
+            placing: if method == Method::Both { Placing::default() } else { Placing::by_blobs() },
             occupancy: (method == Method::Occupancy).then(Occupancy::default),
-            together: (method == Method::Both).then(Occupancy::default),
             placed: Vec::new(),
             n_placed: 0,
             scores: [(Kind::Walker, PlacingScore::new(gate_m))].into(),
@@ -125,12 +122,7 @@ impl<'a> Judge<'a> {
     ) -> SceneState {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         let started = self.clock.monotonic();
-        let state = match &mut self.together {
-            Some(together) => {
-                assemble_together((&mut self.association, together), scene, instant, find, None)
-            }
-            None => assemble_within(&mut self.association, scene, instant, find, None),
-        };
+        let state = self.placing.assemble(scene, instant, find, None);
         let took = match self.occupancy.take() {
             Some(occupancy) => self.place_by(occupancy, scene, seen),
             None => self.clock.monotonic().saturating_sub(started),

@@ -159,7 +159,7 @@ impl RenderThread<'_> {
     /// Draws what nobody waits for; whether nobody came meanwhile.
     fn draw_unasked(&mut self, subject: &Subject, seen: &Seen) -> Result<bool, Failure> {
         let shared = self.shared;
-        // A panic on the way costs what is known of who is who and of gains, and no more.
+        // A panic on the way costs what is known of gains and hulls, and no more.
         let mut associations = std::mem::take(&mut self.associations);
         let remembered = associations.of(&subject.scene);
         shared.refresh_forecaster();
