@@ -9,7 +9,7 @@ use super::renderer::Renderer;
 use super::{Picture, RenderError, View};
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
-use videofields_picture::fuse::{OwnerMap, PointRun, SceneState};
+use videofields_picture::fuse::{PointRun, SceneState};
 use videofields_picture::plan::{
     EntityStyle, Filtering, Opened, Plan, PlannedBillboard, PlannedSource, Projection,
 };
@@ -164,14 +164,8 @@ impl Renderer {
                     let instance = BillboardInstance::new(&first, beside.as_ref(), anchor, picture.viewer);
                     Some((slot(planned.entity), distance(first.place_in_world()), instance))
                 };
-                let is_cut = |of: &PlannedBillboard| {
-                    state.entities[of.entity].sources.iter().any(|source| source.owner != OwnerMap::NOBODY)
-                };
-                // Where nobody is told apart, no owner is looked up.
-                let is_any_cut = plan.billboards.iter().any(is_cut);
                 let maps = places
                     .iter()
-                    .filter(|_| is_any_cut)
                     .filter_map(|(camera, place)| Some((*place, state.cameras[*camera].owners.as_deref()?)));
                 let n_cameras = places.iter().map(|(_, place)| place + 1).max().unwrap_or(0);
                 self.owners.fill(n_cameras, maps);

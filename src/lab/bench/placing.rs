@@ -49,8 +49,8 @@ pub(super) struct Placing {
     /// Masks that blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
     #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
     masks: Masks,
-    /// Selects how people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing; the table of
-    /// pixels is of association whatever is given.
+    /// Selects how people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing, and its table
+    /// of pixels is association's.
     #[arg(long, value_enum, default_value_t = Method::Both)]
     by: Method,
     /// Puts every camera's pose off before cameras are associated, until the ground that it shows is shifted by so many pixels of its

@@ -5,7 +5,7 @@ use super::{Entity, Sighting};
 use crate::occupancy::Expected;
 use videofields_vision::clock::Timestamp;
 
-/// Lines that are kept: the present, and some who look at the past.
+/// Lines that are kept: the present, which stays, and some who look at the past.
 const MAX_LINES: usize = 6;
 
 /// A line goes on to an instant this near, either way, seconds; for one further on, a copy of it does.
@@ -68,7 +68,11 @@ impl Association {
             self.lines.push(begun);
             return self.lines.len() - 1;
         }
-        let oldest = self.lines.iter().enumerate().min_by_key(|(_, line)| line.used);
+        // The newest instants are the present, which nobody who looks elsewhere may disturb.
+        let present =
+            self.lines.iter().enumerate().max_by_key(|(_, line)| line.instant()).map(|(idx, _)| idx);
+        let others = self.lines.iter().enumerate().filter(|(idx, _)| Some(*idx) != present);
+        let oldest = others.min_by_key(|(_, line)| line.used);
         let idx = oldest.map_or(0, |(idx, _)| idx);
         self.lines[idx] = begun;
         idx

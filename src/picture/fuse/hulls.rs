@@ -249,7 +249,7 @@ fn cut(polygon: &[DVec2], at: DVec2, outwards: DVec2) -> Vec<DVec2> {
     left
 }
 
-/// What one camera has of the entity, whose pieces lie in rectangles and are somebody's, in the part of its picture that may show the bounds to it where it is
+/// Returns what one camera has of the entity, of whose `pieces` it has the rectangles and the owners' numbers, in the part of its picture that may show the bounds to it where it is
 /// taken to stand.
 fn silhouette(
     (state, moved): (&CameraState, &Camera),
@@ -282,7 +282,7 @@ fn silhouette(
         })
     };
     open_hidden((width, height), &mut is_inside, is_hidden);
-    open_behind_people(state, (entity, pieces), (&columns, &rows), &mut is_inside);
+    open_behind_people((state, moved), (entity, pieces), (&columns, &rows), &mut is_inside);
     Some(Window {
         picture_px: [labels.width as usize, labels.height as usize],
         left_top: [columns.start, rows.start],
@@ -293,7 +293,7 @@ fn silhouette(
 
 /// Lets what nearer people hide of somebody be inside a window of the picture: other cameras tell what is there.
 fn open_behind_people(
-    state: &CameraState,
+    (state, moved): (&CameraState, &Camera),
     (entity, pieces): (&Entity, &[(PixelRect, u16)]),
     (columns, rows): (&std::ops::Range<usize>, &std::ops::Range<usize>),
     is_inside: &mut [bool],
@@ -304,7 +304,7 @@ fn open_behind_people(
     let labels = &state.observation.labels;
     let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
     let end = |up_m: f64| {
-        let seen = state.camera.project(entity.foot_in_world + DVec3::Z * up_m)?;
+        let seen = moved.project(entity.foot_in_world + DVec3::Z * up_m)?;
         Some((seen.texture * size, seen.depth_m))
     };
     let Some(((foot, depth_m), (head, _))) = end(0.0).zip(end(entity.height_m)) else { return };
@@ -504,12 +504,17 @@ mod tests {
         state.owners = Some(Arc::new(OwnerMap::new(size, 1, cells, Box::new([4.0, 8.0, 12.0]))));
         let entity = Entity { height_m: 1.8, ..entity(&[(DVec2::Y, [-0.3, 0.3])]) };
         let rect = PixelRect { x: 0, y: 20, width: 40, height: 10 };
-        let opened = |owner: u16| {
+        let opened = |owner: u16, moved: &Camera| {
             let mut is_inside = vec![false; 20 * 30];
-            open_behind_people(&state, (&entity, &[(rect, owner)]), (&(10..30), &(0..30)), &mut is_inside);
+            open_behind_people(
+                (&state, moved),
+                (&entity, &[(rect, owner)]),
+                (&(10..30), &(0..30)),
+                &mut is_inside,
+            );
             is_inside
         };
-        let found = opened(2);
+        let found = opened(2, &state.camera);
         let top = state.camera.project(DVec3::new(0.0, 0.0, 1.8)).unwrap().texture.y * 30.0;
         let beside = state.camera.project(DVec3::new(BODY_M, 0.0, 0.9)).unwrap().texture.x * 40.0;
         assert!((1.0..6.0).contains(&top) && (22.5..30.0).contains(&beside), "{top} {beside}");
@@ -522,8 +527,12 @@ mod tests {
                 assert!(*is_in, "{x} {y}");
             }
         }
-        assert!(opened(0).iter().all(|is_in| !is_in), "nobody is told apart");
-        assert!(opened(1).iter().all(|is_in| !is_in), "the nearest is hidden by nobody");
+        assert!(opened(0, &state.camera).iter().all(|is_in| !is_in), "nobody is told apart");
+        assert!(opened(1, &state.camera).iter().all(|is_in| !is_in), "the nearest is hidden by nobody");
+        // The frame is of where it stood before: its camera is taken to stand further on.
+        let moved = (*state.camera).clone().moved(DVec3::new(-0.4, 0.0, 0.0)).unwrap();
+        let [here, there] = [&found, &opened(2, &moved)].map(|of| (0..20).find(|x| of[6 * 20 + x]).unwrap());
+        assert!(there >= here + 3, "{here} {there}");
     }
 
     #[test]

@@ -109,6 +109,11 @@ pub(super) struct Line {
 }
 
 impl Line {
+    /// Returns the instant that was seen last.
+    pub(super) const fn instant(&self) -> Option<Timestamp> {
+        self.instant
+    }
+
     /// Seconds from here to `instant`; `None` where nothing was seen yet.
     pub(super) fn secs_to(&self, instant: Timestamp) -> Option<f64> {
         self.instant.map(|own| instant.secs_since(own))
@@ -191,7 +196,7 @@ impl Line {
                 }
             };
             known.is_together = grouping.is_person(group);
-            known.n_seen += u32::from(is_new);
+            known.n_seen += u32::from(is_new || passed_secs != 0.0);
             let is_certain = !known.is_together || known.n_seen >= LEAST_SEEN || is_first;
             // Arms that are spread are theirs at once.
             let alone_m = reach_m(&grouping, group, &sightings);

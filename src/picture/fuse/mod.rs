@@ -101,6 +101,13 @@ pub struct SequenceAtInstant {
 }
 
 impl SceneState {
+    /// Has every picture of a camera shown whole within its rectangles, as if nobody were told apart.
+    pub fn forget_owners(&mut self) {
+        self.cameras.iter_mut().for_each(|camera| camera.owners = None);
+        let sources = self.entities.iter_mut().flat_map(|entity| &mut entity.sources);
+        sources.for_each(|source| source.owner = OwnerMap::NOBODY);
+    }
+
     /// Places the entities' texels as points, every `stride`-th row, in place of the points that there are. What several
     /// cameras see stands where the entity does, or one person would show beside themselves.
     pub fn place_points(&mut self, stride: u32) {

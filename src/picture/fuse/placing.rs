@@ -4,13 +4,13 @@
 //! are joined afterwards.
 
 use super::together::Together;
-use super::{Association, CameraState, SceneState, Sighting, billboard, line::Followed};
+use super::{Association, CameraState, Entity, OwnerMap, SceneState, Sighting, billboard, line::Followed};
 use crate::occupancy::Occupancy;
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneCamera};
 use glam::Vec3;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
-use videofields_vision::frame::CameraId;
+use videofields_vision::frame::{CameraId, Mask, YuvImage};
 use videofields_vision::observation::Observation;
 use videofields_vision::track::Track;
 
@@ -23,11 +23,62 @@ pub struct Placing {
     association: Association,
     /// None where people are placed by each camera's own blobs.
     occupancy: Option<Occupancy>,
+    /// What was answered last; the latest is the last.
+    answers: Vec<Answer>,
+}
+
+/// Answers that are kept: tiles of a wall, pictures and lists of one instant are asked for one after the other.
+const MOST_ANSWERS: usize = 8;
+
+/// Camera by its place in the scene, and what it saw by its memory: weak, so that nothing is held, and nothing else can take its address.
+#[derive(Debug)]
+struct SeenBy {
+    member: usize,
+    labels: Weak<Mask>,
+    image: Weak<YuvImage>,
+}
+
+/// Conclusion about an instant.
+#[derive(Debug)]
+struct Answer {
+    scene: Weak<Scene>,
+    instant: Timestamp,
+    seen: Vec<SeenBy>,
+    entities: Vec<Entity>,
+    owners: Vec<Option<Arc<OwnerMap>>>,
+}
+
+impl SeenBy {
+    fn new(member: usize, camera: &CameraState) -> Self {
+        let of = &camera.observation;
+        Self { member, labels: Arc::downgrade(&of.labels), image: Arc::downgrade(&of.frame.image) }
+    }
+
+    fn is(&self, member: usize, camera: &CameraState) -> bool {
+        self.member == member
+            && std::ptr::eq(self.labels.as_ptr(), Arc::as_ptr(&camera.observation.labels))
+            && std::ptr::eq(self.image.as_ptr(), Arc::as_ptr(&camera.observation.frame.image))
+    }
+}
+
+impl Answer {
+    fn is_of(
+        &self,
+        scene: &Arc<Scene>,
+        instant: Timestamp,
+        (members, cameras): (&[usize], &[CameraState]),
+    ) -> bool {
+        let seen = self.seen.iter().zip(members.iter().zip(cameras));
+        self.instant == instant
+            && std::ptr::eq(self.scene.as_ptr(), Arc::as_ptr(scene))
+            && self.seen.len() == members.len()
+            && seen.into_iter().all(|(of, (member, camera))| of.is(*member, camera))
+    }
 }
 
 impl Default for Placing {
     fn default() -> Self {
-        Self { association: Association::default(), occupancy: Some(Occupancy::default()) }
+        Self { occupancy: Some(Occupancy::default()), ..Self::by_blobs() }
     }
 }
 
@@ -35,7 +86,7 @@ impl Placing {
     /// Returns a memory with which people are placed by each camera's own blobs alone, to compare.
     #[must_use]
     pub fn by_blobs() -> Self {
-        Self { association: Association::default(), occupancy: None }
+        Self { association: Association::default(), occupancy: None, answers: Vec::new() }
     }
 
     /// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Entities keep their ids
@@ -43,8 +94,9 @@ impl Placing {
     ///
     /// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the exact form).
     ///
-    /// **Cost** about two rays a row of every blob, with points two more a run of texels in it; some 0.5 ms a person where several
-    /// cameras see them (docs/benchmarks/placing.md).
+    /// **Cost** about two rays a row of every blob, with points two more a run of texels in it. Where several cameras see people, some
+    /// 0.5 ms for each of them, and at most 8192 cells are looked at (docs/decisions/0029-placing.md); the first time, and where a
+    /// picture's size is new, the cells of the whole scene are found, a ray for each of them and camera.
     pub fn assemble(
         &mut self,
         scene: &Arc<Scene>,
@@ -52,8 +104,30 @@ impl Placing {
         observe: impl FnMut(&CameraId) -> Option<Observation>,
         point_stride: Option<u32>,
     ) -> SceneState {
-        let Self { association, occupancy } = self;
-        assembled((association, occupancy.as_mut()), scene, instant, observe, point_stride)
+        let (members, mut cameras) = observed(scene, observe);
+        let is_known = |answer: &Answer| answer.is_of(scene, instant, (&members, &cameras));
+        if let Some(place) = self.answers.iter().position(is_known) {
+            let known = self.answers.remove(place);
+            for (camera, owners) in cameras.iter_mut().zip(&known.owners) {
+                camera.owners.clone_from(owners);
+            }
+            let state = state_of(scene, instant, (cameras, known.entities.clone()), point_stride);
+            self.answers.push(known);
+            return state;
+        }
+        let memory = (&mut self.association, self.occupancy.as_mut());
+        let entities = placed(memory, scene, instant, (&members, &mut cameras));
+        if self.answers.len() == MOST_ANSWERS {
+            self.answers.remove(0);
+        }
+        self.answers.push(Answer {
+            scene: Arc::downgrade(scene),
+            instant,
+            seen: members.iter().zip(&cameras).map(|(member, camera)| SeenBy::new(*member, camera)).collect(),
+            entities: entities.clone(),
+            owners: cameras.iter().map(|camera| camera.owners.clone()).collect(),
+        });
+        state_of(scene, instant, (cameras, entities), point_stride)
     }
 
     /// Puts together what the cameras saw as [`Self::assemble`] does, with ids that hold for this instant alone; changes nothing of who
@@ -65,39 +139,44 @@ impl Placing {
         observe: impl FnMut(&CameraId) -> Option<Observation>,
         point_stride: Option<u32>,
     ) -> SceneState {
+        let (members, mut cameras) = observed(scene, observe);
         let memory = (&mut Association::default(), self.occupancy.as_mut());
-        assembled(memory, scene, instant, observe, point_stride)
+        let entities = placed(memory, scene, instant, (&members, &mut cameras));
+        state_of(scene, instant, (cameras, entities), point_stride)
     }
 }
 
-fn assembled(
+/// Returns the cameras that have an observation, with their places in the scene.
+fn observed(
+    scene: &Scene,
+    mut observe: impl FnMut(&CameraId) -> Option<Observation>,
+) -> (Vec<usize>, Vec<CameraState>) {
+    let of = |(idx, member): (usize, &SceneCamera)| {
+        let observation = observe(&member.id)?;
+        let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
+        Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE, owners: None }))
+    };
+    scene.cameras.iter().enumerate().filter_map(of).unzip()
+}
+
+/// Returns what stands where, and gives the cameras their owner maps.
+fn placed(
     (association, occupancy): (&mut Association, Option<&mut Occupancy>),
     scene: &Arc<Scene>,
     instant: Timestamp,
-    mut observe: impl FnMut(&CameraId) -> Option<Observation>,
-    point_stride: Option<u32>,
-) -> SceneState {
-    let (members, mut cameras): (Vec<usize>, Vec<CameraState>) = scene
-        .cameras
-        .iter()
-        .enumerate()
-        .filter_map(|(idx, member)| {
-            let observation = observe(&member.id)?;
-            let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
-            Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE, owners: None }))
-        })
-        .unzip();
+    (members, cameras): (&[usize], &mut [CameraState]),
+) -> Vec<Entity> {
     let n_seeing = cameras.iter().filter(|camera| !camera.observation.blobs.is_empty()).count();
     let together = occupancy.filter(|_| n_seeing >= LEAST_CAMERAS).map(|occupancy| {
         let expected = association.expected(instant);
-        Together::find(occupancy, scene, (&members, &cameras), &expected)
+        Together::find(occupancy, scene, (members, cameras), &expected)
     });
     let of_camera = |(idx, (camera, member)): (usize, (&CameraState, &usize))| {
         let all = billboard::sightings((idx, *member), camera, &scene.surfaces, together.as_ref());
         all.collect::<Vec<_>>()
     };
-    let of_cameras = cameras.iter().zip(&members).enumerate().flat_map(of_camera);
-    let of_people = together.iter().flat_map(|together| together.sightings(&cameras, &members));
+    let of_cameras = cameras.iter().zip(members).enumerate().flat_map(of_camera);
+    let of_people = together.iter().flat_map(|together| together.sightings(cameras, members));
     let sightings: Vec<Sighting> = of_people
         .chain(of_cameras)
         .filter(|sighting| sighting.billboard.is_at_least(scene.min_entity_size_m))
@@ -107,11 +186,19 @@ fn assembled(
             |track: &Track| Followed { member: *member, number: track.id, since: track.first_seen };
         camera.observation.tracks.iter().map(followed).collect::<Vec<_>>()
     };
-    let followed: Vec<Followed> = members.iter().zip(&cameras).flat_map(tracks).collect();
+    let followed: Vec<Followed> = members.iter().zip(&*cameras).flat_map(tracks).collect();
     if let Some(together) = &together {
-        together.give_maps(&mut cameras);
+        together.give_maps(cameras);
     }
-    let entities = association.update(instant, sightings, &followed);
+    association.update(instant, sightings, &followed)
+}
+
+fn state_of(
+    scene: &Arc<Scene>,
+    instant: Timestamp,
+    (cameras, entities): (Vec<CameraState>, Vec<Entity>),
+    point_stride: Option<u32>,
+) -> SceneState {
     let mut state = SceneState {
         scene: Arc::clone(scene),
         instant,
@@ -126,4 +213,94 @@ fn assembled(
         state.place_points(stride);
     }
     state
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::occupancy::drawn_people::{around, mask, observation, scene};
+    use glam::DVec3;
+
+    const STEP_NANOS: i64 = 200_000_000;
+
+    /// Returns what three cameras saw of two people at steps of 0.2 s: one walks along x, the other stands.
+    fn seen(scene: &Scene, step: i64) -> Vec<Observation> {
+        let walks = DVec3::new(0.2 * step as f64 - 1.0, -1.5, 0.0);
+        let people = [(walks, 1.7), (DVec3::new(0.4, 1.2, 0.0), 1.8)];
+        let of = |member: &SceneCamera| observation(member.id.clone(), mask(scene, &member.camera, &people));
+        scene.cameras.iter().map(of).collect()
+    }
+
+    fn at(step: i64) -> Timestamp {
+        Timestamp::from_nanos(step * STEP_NANOS)
+    }
+
+    #[test]
+    fn people_are_there_with_their_ids_asked_again_and_backwards_in_time() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let steps: Vec<Vec<Observation>> = (0..4).map(|step| seen(&scene, step)).collect();
+        let mut placing = Placing::default();
+        let mut ids = |step: usize| {
+            let find = |id: &CameraId| steps[step].iter().find(|of| of.frame.camera == *id).cloned();
+            let state = placing.assemble(&scene, at(step as i64), find, None);
+            assert!(state.cameras.iter().all(|camera| camera.owners.is_some()), "{step}");
+            state.entities.iter().map(|entity| entity.id).collect::<Vec<_>>()
+        };
+        let first = ids(0);
+        assert_eq!(first.len(), 2);
+        for step in [0, 1, 1, 2, 3, 3, 2, 1, 0, 1] {
+            assert_eq!(ids(step), first, "{step}");
+        }
+    }
+
+    #[test]
+    fn whoever_appears_while_time_runs_backwards_is_shown_from_their_second_instant_on() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let nobody = |member: &SceneCamera| {
+            observation(member.id.clone(), mask(&scene, &member.camera, &[(DVec3::new(5.0, 5.0, 0.0), 1.7)]))
+        };
+        let nobody: Vec<Observation> = scene.cameras.iter().map(nobody).collect();
+        let mut placing = Placing::default();
+        let mut count = |of: &[Observation], step: i64| {
+            let find = |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned();
+            placing.assemble(&scene, at(step), find, None).entities.len()
+        };
+        count(&nobody, 5);
+        count(&seen(&scene, 4), 4);
+        assert_eq!(count(&seen(&scene, 3), 3), 2);
+        assert_eq!(count(&seen(&scene, 2), 2), 2);
+    }
+
+    #[test]
+    fn an_instant_that_is_asked_for_alone_leaves_ids_as_they_are() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let steps: Vec<Vec<Observation>> = (0..3).map(|step| seen(&scene, step)).collect();
+        let find = |step: usize| {
+            let of = &steps[step];
+            move |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned()
+        };
+        let ids = |state: SceneState| state.entities.iter().map(|entity| entity.id).collect::<Vec<_>>();
+        let mut placing = Placing::default();
+        let first = ids(placing.assemble(&scene, at(0), find(0), None));
+        let alone = ids(placing.assemble_alone(&scene, at(1000), find(2), None));
+        assert_eq!(alone, ids(placing.assemble_alone(&scene, at(1000), find(2), None)));
+        assert_eq!(ids(placing.assemble(&scene, at(1), find(1), None)), first);
+    }
+
+    #[test]
+    fn a_camera_whose_mask_says_nothing_neither_adds_nor_takes_anybody() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let places = |of: &[Observation]| {
+            let find = |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned();
+            let state = Placing::default().assemble(&scene, at(0), find, None);
+            state.entities.iter().map(|entity| entity.foot_in_world).collect::<Vec<_>>()
+        };
+        let all = seen(&scene, 0);
+        let without = places(&all[..2]);
+        let mut with_gap = all;
+        with_gap[2].labels = Arc::new(Mask::filled(0, 0, 0));
+        with_gap[2].blobs = Arc::default();
+        assert_eq!(places(&with_gap), without);
+        assert_eq!(without.len(), 2);
+    }
 }

@@ -494,3 +494,13 @@ fn who_appears_for_an_instant_between_others_is_not_shown() {
     seen.push(plain(2, 9, DVec2::new(-4.0, 0.0)));
     assert_eq!(see(&mut association, 0.6, seen).len(), 3);
 }
+
+#[test]
+fn whoever_looks_far_into_the_past_takes_no_id_from_the_present() {
+    let mut association = Association::default();
+    let live = ids(&see(&mut association, 1000.0, vec![plain(0, 1, DVec2::ZERO)]));
+    for far in 0..20 {
+        see(&mut association, 40.0 * f64::from(far), vec![plain(0, 100 + far as u64, DVec2::ZERO)]);
+    }
+    assert_eq!(ids(&see(&mut association, 1000.4, vec![plain(0, 1, DVec2::ZERO)])), live);
+}

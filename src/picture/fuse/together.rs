@@ -387,6 +387,23 @@ mod tests {
     }
 
     #[test]
+    fn once_owners_are_forgotten_all_in_a_rectangle_is_shown() {
+        let people = [(DVec3::new(0.0, 0.0, 0.0), 1.75), (DVec3::new(0.45, -0.4, 0.0), 1.65)];
+        let mut state = assemble([&people; 3]);
+        let sources =
+            |state: &SceneState| state.entities.iter().flat_map(|of| of.sources.clone()).collect::<Vec<_>>();
+        let is_hidden = |state: &SceneState, of: &Billboard| {
+            let (camera, rect) = (&state.cameras[of.camera_idx], of.rect);
+            let mut all =
+                (0..rect.height).flat_map(|y| (0..rect.width).map(move |x| (rect.x + x, rect.y + y)));
+            all.any(|at| !camera.may_show(of.owner, at))
+        };
+        assert!(sources(&state).iter().any(|of| is_hidden(&state, of)));
+        state.forget_owners();
+        assert!(!sources(&state).iter().any(|of| is_hidden(&state, of)));
+    }
+
+    #[test]
     fn who_shows_but_their_head_over_a_high_counter_is_one_entity_about_where_they_stand() {
         let cameras = [(5.0, -9.0), (-5.0, -9.0)].map(|(x, y)| camera(DVec3::new(x, y, 2.6), DVec3::Z * 1.2));
         let counter = r#"{"id": "counter", "center_m": [0, -0.7, 0.65], "size_m": [9, 0.4, 1.3]}"#;

@@ -38,8 +38,8 @@ const LEAST_CAMERAS: usize = 2;
 /// No pixel: beside the picture, or hidden.
 const NO_PIXEL: u32 = u32::MAX;
 
-/// Silhouettes of typical people that are kept, cells: what more cells need is made again.
-const MOST_KEPT: usize = 20_000;
+/// Silhouettes of typical people that are kept, some 300 bytes each, of all cameras together: what more cells need is made again.
+const MOST_KEPT: usize = 100_000;
 
 /// Pixels of one camera that show a cell.
 #[derive(Clone, Copy, Debug)]
@@ -141,9 +141,10 @@ impl Grid {
         }
     }
 
-    /// Returns whether it is for pictures of these sizes.
+    /// Returns true if it is for pictures of these sizes; those of cameras without pictures (0) do not matter.
     pub(super) fn is_for(&self, sizes: &[(usize, usize)]) -> bool {
-        self.sizes == sizes
+        self.sizes.len() == sizes.len()
+            && self.sizes.iter().zip(sizes).all(|(own, size)| size.0 == 0 || own == size)
     }
 
     pub(super) fn sizes(&self) -> &[(usize, usize)] {
@@ -221,7 +222,7 @@ impl Grid {
         outliner: &mut Outliner,
         (cell, height): (usize, usize),
     ) -> Known {
-        if self.silhouettes.len() > MOST_KEPT {
+        if self.silhouettes.len() > MOST_KEPT / self.sizes.len().max(1) {
             self.silhouettes.clear();
         }
         let body = Body { foot_in_world: self.cells[cell].foot_in_world, height_m: FIRST_M[height] };

@@ -175,6 +175,12 @@ impl Occupancy {
         let is_known =
             self.grid.as_ref().is_some_and(|(of, grid)| Arc::ptr_eq(of, scene) && grid.is_for(&sizes));
         if !is_known {
+            // Cameras that show nothing now may do so again.
+            let before = self.grid.take().filter(|(of, _)| Arc::ptr_eq(of, scene)).map(|(_, grid)| grid);
+            if let Some(before) = before {
+                let absent = sizes.iter_mut().zip(before.sizes()).filter(|(size, _)| size.0 == 0);
+                absent.for_each(|(size, known)| *size = *known);
+            }
             self.grid = Some((Arc::clone(scene), Grid::new(scene, sizes)));
         }
     }
@@ -247,7 +253,7 @@ impl Occupancy {
 
     fn cover_widened(&mut self, person: &Person, by: i16) {
         for (evidence, silhouette) in self.evidence.iter_mut().zip(person.silhouettes.iter()) {
-            if let Some(silhouette) = silhouette {
+            if let Some(silhouette) = silhouette.as_ref().filter(|_| evidence.is_usable()) {
                 evidence.cover(&silhouette.widened(WIDER, evidence.size().0), by);
             }
         }
@@ -314,7 +320,7 @@ impl Occupancy {
 
     fn cover(&mut self, person: &Person, by: i16) {
         for (evidence, silhouette) in self.evidence.iter_mut().zip(person.silhouettes.iter()) {
-            if let Some(silhouette) = silhouette {
+            if let Some(silhouette) = silhouette.as_ref().filter(|_| evidence.is_usable()) {
                 evidence.cover(silhouette, by);
             }
         }

@@ -10,6 +10,7 @@ use glam::DVec2;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::sync::Arc;
+use videofields_picture::fuse::SceneState;
 use videofields_picture::scene::Scene;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::error::{Fault, Gatherer};
@@ -222,10 +223,19 @@ impl CameraBlur {
         Arc::new(image.blurred_of(&BufferPool::new(1), &self.blur))
     }
 
+    /// Blurs people as `blurs` have it in all that the cameras of a state saw. Nobody is told apart in it any more: whoever is a rectangle
+    /// must not be cut to their outline again.
+    pub(super) fn apply_to(blurs: &[Self], state: &mut SceneState) {
+        state.forget_owners();
+        for camera in &mut state.cameras {
+            camera.observation = Self::applied(blurs, &camera.id, &camera.observation);
+        }
+    }
+
     /// What a camera saw, with people blurred as `blurs` have it before anything is drawn of it: in the frame and in the
     /// background, which may hold what is left of them. Whom a mask cuts out is a rectangle then, since an outline tells who
     /// somebody is.
-    pub(super) fn applied(blurs: &[Self], camera: &CameraId, seen: &Observation) -> Observation {
+    fn applied(blurs: &[Self], camera: &CameraId, seen: &Observation) -> Observation {
         let unknown = || Self { camera: camera.clone(), blur: Blur::Whole, n_shown: 0 };
         let own = blurs.iter().find(|of| of.camera == *camera).cloned().unwrap_or_else(unknown);
         let mut hidden = seen.clone();
@@ -341,6 +351,8 @@ impl Shared {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use videofields_picture::fuse::{OwnerMap, assemble};
+    use videofields_picture::scene::{no_imports, parse};
     use videofields_vision::frame::{ColorMatrix, ColorRange, Frame};
 
     fn rect(x: u32, width: u32) -> PixelRect {
@@ -412,6 +424,25 @@ mod tests {
         let place = DVec2::new(24.0 / 64.0, 30.0 / 48.0);
         let placed = Shown { path: vec![(Timestamp::from_nanos(9), place)], ..followed(7) };
         assert_eq!(columns(&blur_of(&seen, &[placed], Numbers::Others).0), [4]);
+    }
+
+    #[test]
+    fn who_is_a_rectangle_is_not_cut_to_their_outline() {
+        let scene = r#"{"version": 1, "ground": [{"polygon": [[-9, -9], [9, -9], [9, 9], [-9, 9]]}], "cameras": [{"id": "north",
+            "calibration": {"image_size_px": [64, 48], "focal_px": [64, 64], "center_px": [32, 24],
+            "position_m": [0, 0, 6], "world_from_camera": [1, 0, 0, 0]}}]}"#;
+        let scene = Arc::new(parse("a", scene, no_imports).unwrap().scene);
+        let seen = seen();
+        let mut state = assemble(&scene, Timestamp::from_nanos(9), |_| Some(seen.clone()), None);
+        // Their outline is one column of their rectangle, and all else another's.
+        let cells = (0..48 * 64).map(|cell| if cell % 64 == 5 { 1 } else { 2 }).collect();
+        state.cameras[0].owners = Some(Arc::new(OwnerMap::new((64, 48), 1, cells, Box::new([6.0; 2]))));
+        let (blur, n_shown) = blur_of(&seen, &[], Numbers::Own);
+        let blurs = [CameraBlur { camera: seen.frame.camera.clone(), blur, n_shown }];
+        CameraBlur::apply_to(&blurs, &mut state);
+        let camera = &state.cameras[0];
+        assert!(camera.observation.labels.data.contains(&MOVING));
+        assert!((0..48).all(|y| (0..64).all(|x| camera.may_show(0, (x, y)) && camera.may_show(1, (x, y)))));
     }
 
     #[test]

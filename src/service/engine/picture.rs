@@ -6,7 +6,7 @@ use super::blurring::CameraBlur;
 use super::forecaster::{Decision, Forecaster, NoneFits};
 use super::view::{Origin, SourceTime, ViewAnswer, ViewKind, ViewRequest};
 use glam::{DVec2, DVec3};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, LazyLock, Weak};
 use std::time::Duration;
 use videofields_picture::fuse::SequenceAtInstant;
 use videofields_picture::fuse::{Exposure, HullMemory, Placing, SceneState};
@@ -152,9 +152,7 @@ impl Subject {
         (placing, remembered): (&mut Placing, &mut Remembered),
         (overlaps, sequences): (&Overlaps, Vec<SequenceAtInstant>),
     ) -> SceneState {
-        let find = |id: &CameraId| {
-            observations.iter().find(|(of, _)| of == id).map(|(_, observation)| observation.clone())
-        };
+        let find = find_in(observations, &self.gaps);
         let Remembered { exposure, .. } = remembered;
         let mut state = placing.assemble(&self.scene, self.instant, find, None);
         if self.wishes.colors == Colors::Even {
@@ -163,9 +161,7 @@ impl Subject {
         state.sequences = sequences;
         // Last, so that who is who and where follows from what was seen.
         if let Some(blurs) = &self.blurs {
-            for camera in &mut state.cameras {
-                camera.observation = CameraBlur::applied(blurs, &camera.id, &camera.observation);
-            }
+            CameraBlur::apply_to(blurs, &mut state);
         }
         state
     }
@@ -253,6 +249,22 @@ impl Subject {
             origin: Origin::Drawn,
             identity: None,
         }))
+    }
+}
+
+/// Gives each camera's observation; of those in a gap with a mask that says nothing: nobody knows who is before them.
+pub(super) fn find_in<'a>(
+    observations: &'a Observations,
+    gaps: &'a [CameraId],
+) -> impl FnMut(&CameraId) -> Option<Observation> + 'a {
+    static NOTHING: LazyLock<Arc<Mask>> = LazyLock::new(|| Arc::new(Mask::filled(0, 0, 0)));
+    |id: &CameraId| {
+        let (_, seen) = observations.iter().find(|(of, _)| of == id)?;
+        let mut seen = seen.clone();
+        if gaps.contains(id) {
+            seen.labels = Arc::clone(&NOTHING);
+        }
+        Some(seen)
     }
 }
 

@@ -3,10 +3,13 @@
 //!
 //! What is remembered hangs on the scene's identity, and so on the cameras that the caller may see.
 
-use super::associations::MAX_SCENES;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use videofields_picture::fuse::Placing;
 use videofields_picture::scene::Scene;
+
+/// Scenes that are remembered, those asked for last: where people may stand in one, and how cameras would show them there, takes some tens
+/// of megabytes.
+const MAX_SCENES: usize = 8;
 
 /// Memory of one scene.
 #[derive(Clone, Debug, Default)]

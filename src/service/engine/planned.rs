@@ -85,8 +85,10 @@ impl Shared {
         // Gains that are remembered from picture to picture are the render thread's; this is what they come to.
         let sequences = self.sequences_of(&subject);
         let placing = self.placings.of(&subject.scene);
-        let memory = (&mut *placing.lock(), &mut Remembered::default());
-        let state = subject.state(&observations, memory, (&self.overlaps, sequences));
+        let state = {
+            let mut own = placing.lock();
+            subject.state(&observations, (&mut own, &mut Remembered::default()), (&self.overlaps, sequences))
+        };
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let waits = self.queue.retry_after();
         let left = || {

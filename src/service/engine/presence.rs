@@ -5,7 +5,7 @@
 use super::EngineError;
 use super::associations::MAX_SCENES;
 use super::handle::At;
-use super::picture::Observations;
+use super::picture::find_in;
 use super::shared::Shared;
 use super::view::SourceTime;
 use glam::DVec3;
@@ -40,15 +40,18 @@ pub struct PresentEntity {
     pub seen_by: Vec<CameraId>,
 }
 
-/// Who is present, scene by scene; the scene asked for last is the last.
+/// Who is present, scene by scene; the scene that was told of last is the last.
 #[derive(Debug, Default)]
 pub(super) struct Presences(Mutex<Vec<Kept>>);
+
+/// How often privacy zones had been changed when somebody was seen, and who was.
+type Told = (u64, Arc<Present>);
 
 #[derive(Debug)]
 struct Kept {
     scene: Arc<Scene>,
-    /// What was told last, and how often privacy zones had been changed when it was seen.
-    newest: Option<(u64, Arc<Present>)>,
+    /// What was told last.
+    newest: Told,
 }
 
 impl Shared {
@@ -57,24 +60,25 @@ impl Shared {
         // Asked for first: what is seen then hides at least this.
         let changes = self.privacies.changes();
         let instant = self.live_instant(scene)?;
-        let (observations, _gaps) = self.seen_at(scene, At::Live, (instant, None))?;
+        let (observations, gaps) = self.seen_at(scene, At::Live, (instant, None))?;
         let source = |(camera, of): &(CameraId, Observation)| SourceTime {
             camera: camera.clone(),
             timestamp: of.frame.timestamp,
         };
         let sources: Vec<SourceTime> = observations.iter().map(source).collect();
-        self.presences.within(scene, |own| {
-            let is_it = |of: &Present| of.instant == instant && of.sources == sources;
-            let known = own.newest.clone().filter(|(number, of)| *number == changes && is_it(of));
-            let known = known.map(|(_, present)| present);
-            let present = known.unwrap_or_else(|| {
-                let placing = self.placings.of(scene);
-                let state = placing.lock().assemble(scene, instant, find_in(&observations), None);
-                Arc::new(Present { instant, sources, entities: present_in(&state) })
-            });
-            own.newest = Some((changes, Arc::clone(&present)));
-            Ok(present)
-        })
+        let is_it = |of: &Present| of.instant == instant && of.sources == sources;
+        let known = self.presences.newest(scene).filter(|(number, of)| *number == changes && is_it(of));
+        if let Some((_, present)) = known {
+            return Ok(present);
+        }
+        let state = {
+            let placing = self.placings.of(scene);
+            let mut own = placing.lock();
+            own.assemble(scene, instant, find_in(&observations, &gaps), None)
+        };
+        let present = Arc::new(Present { instant, sources, entities: present_in(&state) });
+        self.presences.keep(scene, (changes, Arc::clone(&present)));
+        Ok(present)
     }
 
     /// What stands in `scene` at a time: now with the ids that [`Self::present_of`] tells, at another time with such as hold for that
@@ -84,40 +88,32 @@ impl Shared {
             At::Live => self.live_instant(scene)?,
             At::Time(instant) => instant,
         };
-        let (observations, _gaps) = self.seen_at(scene, at, (instant, None))?;
+        let (observations, gaps) = self.seen_at(scene, at, (instant, None))?;
         let placing = self.placings.of(scene);
         let mut placing = placing.lock();
         Ok(match at {
-            At::Live => placing.assemble(scene, instant, find_in(&observations), None),
-            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations), None),
+            At::Live => placing.assemble(scene, instant, find_in(&observations, &gaps), None),
+            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations, &gaps), None),
         })
     }
 }
 
 impl Presences {
-    /// Has something done with what was told last of a scene. A panic costs that of one scene: its entry is out of the list meanwhile.
-    fn within<T>(&self, scene: &Arc<Scene>, with: impl FnOnce(&mut Kept) -> T) -> T {
+    /// Returns what was told last of a scene.
+    fn newest(&self, scene: &Arc<Scene>) -> Option<Told> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().find(|of| Arc::ptr_eq(&of.scene, scene)).map(|of| of.newest.clone())
+    }
+
+    /// Keeps what was told last of a scene, in place of what was told of it before it was changed.
+    fn keep(&self, scene: &Arc<Scene>, newest: Told) {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let place = kept.iter().position(|of| Arc::ptr_eq(&of.scene, scene));
-        let mut own = match place {
-            Some(place) => kept.remove(place),
-            None => {
-                kept.retain(|of| !scene.replaces(&of.scene));
-                Kept { scene: Arc::clone(scene), newest: None }
-            }
-        };
-        let done = with(&mut own);
+        kept.retain(|of| !Arc::ptr_eq(&of.scene, scene) && !scene.replaces(&of.scene));
         if kept.len() == MAX_SCENES {
             kept.remove(0);
         }
-        kept.push(own);
-        done
+        kept.push(Kept { scene: Arc::clone(scene), newest });
     }
-}
-
-/// Gives each camera's observation.
-fn find_in(observations: &Observations) -> impl FnMut(&CameraId) -> Option<Observation> {
-    |id: &CameraId| observations.iter().find(|(of, _)| of == id).map(|(_, seen)| seen.clone())
 }
 
 /// Who stands in a state.

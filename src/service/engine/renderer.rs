@@ -257,8 +257,11 @@ impl<'a> RenderThread<'a> {
         let sequences = shared.sequences_of(subject);
         let started = clock.monotonic();
         let placing = shared.placings.of(&subject.scene);
-        let memory = (&mut *placing.lock(), &mut *remembered);
-        let state = subject.state(&seen.0, memory, (&shared.overlaps, sequences));
+        // Nobody waits for a picture to be drawn to learn who is there.
+        let state = {
+            let mut own = placing.lock();
+            subject.state(&seen.0, (&mut own, remembered), (&shared.overlaps, sequences))
+        };
         let fused = clock.monotonic();
         let deadline = subject.deadline.map(|(deadline, _)| deadline);
         let left = || {
