@@ -15,11 +15,11 @@ const RECT_FEATHER_PX: f32 = 2.0;
 
 // Whether any rectangle shows a second source: a variant without looks none up.
 override HAS_BESIDE: bool = true;
-// Whether people are told apart in any camera's picture: a variant without asks for no pixel's owner.
+// Says that people are told apart in some camera's picture: a variant without asks for no pixel's owner.
 override HAS_OWNERS: bool = true;
 
-// Whose what moves is: for each camera where its cells begin, cells in a row, rows, and their sides in pixels (0 where nobody is told
-// apart); then cells, two a word. src/render/owner_data.rs is its counterpart.
+// Owners of what moves: for each camera the word at which its cells begin, cells in a row, rows, and their sides in pixels (0 where
+// nobody is told apart); then cells, two a word. src/render/owner_data.rs is its counterpart.
 @group(2) @binding(0) var<storage, read> owner_words: array<u32>;
 
 // Share of a place's surroundings that must be the entity's to begin to show, and to show in full.
@@ -79,16 +79,16 @@ fn vs_main(in: BillboardIn, @builtin(vertex_index) corner: u32) -> Varying {
     );
 }
 
-// 1 where a cell is the owner's.
-fn is_owned(header: vec4<u32>, cell: vec2<i32>, owner: u32) -> f32 {
+// Returns 1 where a cell is the owner's, 0 elsewhere.
+fn cell_share(header: vec4<u32>, cell: vec2<i32>, owner: u32) -> f32 {
     let at = vec2<u32>(clamp(cell, vec2<i32>(0), vec2<i32>(header.yz) - 1));
     let idx = at.y * header.y + at.x;
     let number = (owner_words[header.x + idx / 2u] >> (16u * (idx & 1u))) & 0xffffu;
     return select(0.0, 1.0, number == owner);
 }
 
-// How much of a place in a camera's picture is the owner's, 0 to 1: between the middles of four cells.
-fn owned(camera_idx: u32, texture: vec2<f32>, owner: u32) -> f32 {
+// Returns the share of a place in a camera's picture that is the owner's, 0 to 1: between the middles of four cells.
+fn owned_share(camera_idx: u32, texture: vec2<f32>, owner: u32) -> f32 {
     let first = camera_idx * 4u;
     let header = vec4<u32>(
         owner_words[first], owner_words[first + 1u], owner_words[first + 2u], owner_words[first + 3u],
@@ -100,14 +100,14 @@ fn owned(camera_idx: u32, texture: vec2<f32>, owner: u32) -> f32 {
     let low = floor(place);
     let share = place - low;
     let cell = vec2<i32>(low);
-    let upper = mix(is_owned(header, cell, owner), is_owned(header, cell + vec2<i32>(1, 0), owner), share.x);
+    let upper = mix(cell_share(header, cell, owner), cell_share(header, cell + vec2<i32>(1, 0), owner), share.x);
     let below = cell + vec2<i32>(0, 1);
-    let lower = mix(is_owned(header, below, owner), is_owned(header, below + vec2<i32>(1, 0), owner), share.x);
+    let lower = mix(cell_share(header, below, owner), cell_share(header, below + vec2<i32>(1, 0), owner), share.x);
     return smoothstep(LEAST_OWNED, FULL_OWNED, mix(upper, lower, share.y));
 }
 
-// What a camera shows of the entity at a point: premultiplied by how much of it is the entity's.
-fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>, owner: u32) -> vec4<f32> {
+// Returns the colour that a camera shows of the entity at a point, premultiplied by the share of it that is the entity's.
+fn entity_color(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>, owner: u32) -> vec4<f32> {
     let projection = project(camera_idx, point_from_anchor);
     let texture = clamp(projection.texture, vec2<f32>(0.0), vec2<f32>(1.0));
     let place = texture * cameras[camera_idx].frame_scale;
@@ -117,7 +117,7 @@ fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>, owner: 
     let inside = 1.0 - smoothstep(0.0, RECT_FEATHER_PX, max(beside_px.x, beside_px.y));
     var alpha = select(0.0, smoothstep(LEAST_MASK, FULL_MASK, color.a) * inside, projection.is_seen);
     if HAS_OWNERS && alpha > 0.0 {
-        alpha *= owned(camera_idx, texture, owner);
+        alpha *= owned_share(camera_idx, texture, owner);
     }
     return vec4<f32>(evened(camera_idx, color.rgb) * alpha, alpha);
 }
@@ -125,9 +125,9 @@ fn shown(camera_idx: u32, point_from_anchor: vec3<f32>, rect: vec4<f32>, owner: 
 // Two sources of one entity are mixed before they cover anything. Where both show it, it is as opaque as by one; what one
 // alone shows is as opaque as that if it has half of the weight or more, and fades with less.
 fn mixed(in: Varying) -> vec4<f32> {
-    var color = shown(in.camera_idx, in.seen_from_anchor, in.rect, in.owners.x);
+    var color = entity_color(in.camera_idx, in.seen_from_anchor, in.rect, in.owners.x);
     if HAS_BESIDE {
-        let beside = shown(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect, in.owners.y);
+        let beside = entity_color(in.beside_camera_idx, in.beside_from_anchor, in.beside_rect, in.owners.y);
         let weights = vec2<f32>(1.0 - in.beside_weight, in.beside_weight);
         let claims = vec2<f32>(color.a, beside.a) * min(2.0 * weights, vec2<f32>(1.0));
         let sum = color * weights.x + beside * weights.y;

@@ -1,4 +1,4 @@
-//! Whose what moves in each camera's picture is, as shaders read it.
+//! Packs the owners of what moves in cameras' pictures as shaders read them.
 //!
 //! Owner maps of the cameras of one frame flow in; the words of one buffer flow out: four for each camera of the frame (where its cells
 //! begin, how many there are in a row, how many rows, their sides in pixels; sides of 0 where nobody is told apart), then the cells of

@@ -73,7 +73,7 @@ pub struct Renderer {
     pub(super) textures: TextureStore,
     passes: Passes,
     pub(super) billboards: Vec<BillboardInstance>,
-    /// Whose what moves in the cameras' pictures is, of billboards.
+    /// Owners of what moves in the cameras' pictures, for billboards.
     pub(super) owners: OwnerData,
     /// How many of the billboards are drawn before each building that is open.
     pub(super) slot_ends: Vec<u32>,

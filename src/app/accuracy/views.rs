@@ -89,7 +89,7 @@ impl Easel {
             Some(Observation { background, ..observations.of_frame(moment.frame, id)?.clone() })
         };
         let instant = subject.instant(moment.frame + subject.n_frames());
-        let mut state = self.placing.assemble_alone(&subject.scene, instant, find, None);
+        let mut state = self.placing.assemble_alone(&subject.scene, instant, find);
         let picture = Picture::from(view.view);
         let settings = surface.with(entities);
         settings.place(&mut state, &mut HullMemory::default());

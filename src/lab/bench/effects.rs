@@ -156,7 +156,7 @@ fn last_state(subject: &Subject) -> Result<SceneState> {
     play(subject, |_, number, seen| {
         let find =
             |id: &videofields_vision::frame::CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
-        last = Some(placing.assemble(&subject.scene, subject.instant(number), find, None));
+        last = Some(placing.assemble(&subject.scene, subject.instant(number), find));
         Ok(())
     })?;
     last.context("the world was played for no frame")

@@ -284,7 +284,7 @@ pub(crate) fn judged_states(subject: &Subject) -> Result<Vec<(usize, SceneState)
     play(subject, |frame, number, seen| {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         // At every frame: who is who follows from those before.
-        let state = placing.assemble(scene, subject.instant(number), find, None);
+        let state = placing.assemble(scene, subject.instant(number), find);
         if judged.contains(&frame) {
             states.push((frame, state));
         }

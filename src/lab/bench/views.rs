@@ -171,7 +171,7 @@ impl Lineup {
             seen.iter().find(|of| is_used && of.frame.camera == *id).cloned()
         };
         let scene = Arc::clone(&subject.scene);
-        self.placing.assemble(&scene, subject.instant(number), find, None)
+        self.placing.assemble(&scene, subject.instant(number), find)
     }
 
     /// Whom each pixel shows, of the cameras that are used, in the scene's order.

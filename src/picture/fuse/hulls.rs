@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::Mask;
-use videofields_vision::geometry::{Camera, NEAR_M, Surfaces};
+use videofields_vision::geometry::{Camera, NEAR_M, Surfaces, distance_to_stretch};
 use videofields_vision::hull::{Bounds, Hull, Shell, View, Window};
 use videofields_vision::segment::{DistanceTransform, PixelRect};
 
@@ -41,7 +41,7 @@ const MOST_UNCERTAIN_M: f64 = 0.15;
 /// By how much what an entity reached to of late may be exceeded.
 const LARGER: f64 = 1.4;
 
-/// How far bodies reach from the line between foot and head, metres, where nearer people hide them.
+/// Reach of bodies from the line between foot and head, metres, where nearer people hide them.
 const BODY_M: f64 = 0.3;
 
 /// Half the side of bounds where cameras do not agree on any place, metres.
@@ -249,8 +249,8 @@ fn cut(polygon: &[DVec2], at: DVec2, outwards: DVec2) -> Vec<DVec2> {
     left
 }
 
-/// Returns what one camera has of the entity, of whose `pieces` it has the rectangles and the owners' numbers, in the part of its picture that may show the bounds to it where it is
-/// taken to stand.
+/// Returns the silhouette of an entity in one camera's picture, in the part that may show `bounds` to the camera where it is taken to
+/// stand. `pieces` are the rectangles of what it shows of the entity, with their owners' numbers.
 fn silhouette(
     (state, moved): (&CameraState, &Camera),
     surfaces: &Surfaces,
@@ -315,20 +315,13 @@ fn open_behind_people(
         let at = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
         !own(number)
             && owners.distance_m(number).is_some_and(|of| of < own_m)
-            && distance_to_line(at, [foot, head]) <= reach_px
+            && distance_to_stretch(at, [foot, head]) <= reach_px
     };
     for (row, y) in rows.clone().enumerate() {
         for (column, x) in columns.clone().enumerate() {
             is_inside[row * columns.len() + column] |= hides(x, y);
         }
     }
-}
-
-/// Returns how far a point lies from the line between two others, in their units.
-fn distance_to_line(point: DVec2, [from, to]: [DVec2; 2]) -> f64 {
-    let along = to - from;
-    let share = ((point - from).dot(along) / along.length_squared().max(1e-12)).clamp(0.0, 1.0);
-    point.distance(from + along * share)
 }
 
 /// The columns and rows of a picture that may show a box; all where part of it is beside the lens or behind the camera.
@@ -353,7 +346,8 @@ fn seen_at(camera: &Camera, [low, high]: [DVec3; 2], size: [u32; 2]) -> [std::op
     })
 }
 
-/// What `moves` in a window (by column and row of it) and is joined, within it, to what moves in the rectangles of the picture.
+/// Returns true for each pixel of a window that `moves` (asked by its column and row there) and is joined, within the window, to one that
+/// moves in the rectangles of the picture.
 fn joined(
     moves: impl Fn(usize, usize) -> bool,
     (columns, rows): (&std::ops::Range<usize>, &std::ops::Range<usize>),

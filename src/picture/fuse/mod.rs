@@ -43,7 +43,8 @@ use videofields_vision::geometry::Camera;
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::PixelRect;
 
-/// Puts together what the cameras saw at one instant as [`Placing::assemble`] does; who is who is told by this instant alone.
+/// Puts together what the cameras saw at one instant as [`Placing::assemble`] does; who is who is told by this instant alone. With
+/// `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the exact form).
 ///
 /// **Cost** of [`Placing::assemble`], and that of finding the places where people may stand: use a [`Placing`] for several instants.
 pub fn assemble(
@@ -52,7 +53,11 @@ pub fn assemble(
     observe: impl FnMut(&CameraId) -> Option<Observation>,
     point_stride: Option<u32>,
 ) -> SceneState {
-    Placing::default().assemble(scene, instant, observe, point_stride)
+    let mut state = Placing::default().assemble(scene, instant, observe);
+    if let Some(stride) = point_stride {
+        state.place_points(stride);
+    }
+    state
 }
 
 /// A billboard with what it says of whom it shows.

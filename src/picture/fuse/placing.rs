@@ -14,7 +14,7 @@ use videofields_vision::frame::{CameraId, Mask, YuvImage};
 use videofields_vision::observation::Observation;
 use videofields_vision::track::Track;
 
-/// Where fewer cameras see anything, their own blobs say all there is.
+/// Cameras that must see anything for their masks to be looked at together: of fewer, their own blobs say all there is.
 const LEAST_CAMERAS: usize = 2;
 
 /// Memory of the instants of one scene. What it knows of one scene says nothing of another: that begins anew.
@@ -23,7 +23,7 @@ pub struct Placing {
     association: Association,
     /// None where people are placed by each camera's own blobs.
     occupancy: Option<Occupancy>,
-    /// What was answered last; the latest is the last.
+    /// Answers of late, the latest last.
     answers: Vec<Answer>,
 }
 
@@ -92,9 +92,7 @@ impl Placing {
     /// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Entities keep their ids
     /// from the instants before.
     ///
-    /// With `point_stride`, the entities' texels are placed as points too, every `point_stride`-th row (1 is the exact form).
-    ///
-    /// **Cost** about two rays a row of every blob, with points two more a run of texels in it. Where several cameras see people, some
+    /// **Cost** about two rays a row of every blob. Where several cameras see people, some
     /// 0.5 ms for each of them, and at most 8192 cells are looked at (docs/decisions/0029-placing.md); the first time, and where a
     /// picture's size is new, the cells of the whole scene are found, a ray for each of them and camera.
     pub fn assemble(
@@ -102,7 +100,6 @@ impl Placing {
         scene: &Arc<Scene>,
         instant: Timestamp,
         observe: impl FnMut(&CameraId) -> Option<Observation>,
-        point_stride: Option<u32>,
     ) -> SceneState {
         let (members, mut cameras) = observed(scene, observe);
         let is_known = |answer: &Answer| answer.is_of(scene, instant, (&members, &cameras));
@@ -111,7 +108,7 @@ impl Placing {
             for (camera, owners) in cameras.iter_mut().zip(&known.owners) {
                 camera.owners.clone_from(owners);
             }
-            let state = state_of(scene, instant, (cameras, known.entities.clone()), point_stride);
+            let state = state_of(scene, instant, (cameras, known.entities.clone()));
             self.answers.push(known);
             return state;
         }
@@ -127,7 +124,7 @@ impl Placing {
             entities: entities.clone(),
             owners: cameras.iter().map(|camera| camera.owners.clone()).collect(),
         });
-        state_of(scene, instant, (cameras, entities), point_stride)
+        state_of(scene, instant, (cameras, entities))
     }
 
     /// Puts together what the cameras saw as [`Self::assemble`] does, with ids that hold for this instant alone; changes nothing of who
@@ -137,12 +134,11 @@ impl Placing {
         scene: &Arc<Scene>,
         instant: Timestamp,
         observe: impl FnMut(&CameraId) -> Option<Observation>,
-        point_stride: Option<u32>,
     ) -> SceneState {
         let (members, mut cameras) = observed(scene, observe);
         let memory = (&mut Association::default(), self.occupancy.as_mut());
         let entities = placed(memory, scene, instant, (&members, &mut cameras));
-        state_of(scene, instant, (cameras, entities), point_stride)
+        state_of(scene, instant, (cameras, entities))
     }
 }
 
@@ -193,13 +189,13 @@ fn placed(
     association.update(instant, sightings, &followed)
 }
 
+/// Returns the state of an instant, without points and hulls.
 fn state_of(
     scene: &Arc<Scene>,
     instant: Timestamp,
     (cameras, entities): (Vec<CameraState>, Vec<Entity>),
-    point_stride: Option<u32>,
 ) -> SceneState {
-    let mut state = SceneState {
+    SceneState {
         scene: Arc::clone(scene),
         instant,
         entities,
@@ -208,11 +204,7 @@ fn state_of(
         points: Vec::new(),
         hulls: Vec::new(),
         sequences: Vec::new(),
-    };
-    if let Some(stride) = point_stride {
-        state.place_points(stride);
     }
-    state
 }
 
 #[cfg(test)]
@@ -224,7 +216,7 @@ mod tests {
     const STEP_NANOS: i64 = 200_000_000;
 
     /// Returns what three cameras saw of two people at steps of 0.2 s: one walks along x, the other stands.
-    fn seen(scene: &Scene, step: i64) -> Vec<Observation> {
+    fn observations_at(scene: &Scene, step: i64) -> Vec<Observation> {
         let walks = DVec3::new(0.2 * step as f64 - 1.0, -1.5, 0.0);
         let people = [(walks, 1.7), (DVec3::new(0.4, 1.2, 0.0), 1.8)];
         let of = |member: &SceneCamera| observation(member.id.clone(), mask(scene, &member.camera, &people));
@@ -238,11 +230,11 @@ mod tests {
     #[test]
     fn people_are_there_with_their_ids_asked_again_and_backwards_in_time() {
         let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
-        let steps: Vec<Vec<Observation>> = (0..4).map(|step| seen(&scene, step)).collect();
+        let steps: Vec<Vec<Observation>> = (0..4).map(|step| observations_at(&scene, step)).collect();
         let mut placing = Placing::default();
         let mut ids = |step: usize| {
             let find = |id: &CameraId| steps[step].iter().find(|of| of.frame.camera == *id).cloned();
-            let state = placing.assemble(&scene, at(step as i64), find, None);
+            let state = placing.assemble(&scene, at(step as i64), find);
             assert!(state.cameras.iter().all(|camera| camera.owners.is_some()), "{step}");
             state.entities.iter().map(|entity| entity.id).collect::<Vec<_>>()
         };
@@ -263,28 +255,28 @@ mod tests {
         let mut placing = Placing::default();
         let mut count = |of: &[Observation], step: i64| {
             let find = |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned();
-            placing.assemble(&scene, at(step), find, None).entities.len()
+            placing.assemble(&scene, at(step), find).entities.len()
         };
         count(&nobody, 5);
-        count(&seen(&scene, 4), 4);
-        assert_eq!(count(&seen(&scene, 3), 3), 2);
-        assert_eq!(count(&seen(&scene, 2), 2), 2);
+        count(&observations_at(&scene, 4), 4);
+        assert_eq!(count(&observations_at(&scene, 3), 3), 2);
+        assert_eq!(count(&observations_at(&scene, 2), 2), 2);
     }
 
     #[test]
     fn an_instant_that_is_asked_for_alone_leaves_ids_as_they_are() {
         let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
-        let steps: Vec<Vec<Observation>> = (0..3).map(|step| seen(&scene, step)).collect();
+        let steps: Vec<Vec<Observation>> = (0..3).map(|step| observations_at(&scene, step)).collect();
         let find = |step: usize| {
             let of = &steps[step];
             move |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned()
         };
         let ids = |state: SceneState| state.entities.iter().map(|entity| entity.id).collect::<Vec<_>>();
         let mut placing = Placing::default();
-        let first = ids(placing.assemble(&scene, at(0), find(0), None));
-        let alone = ids(placing.assemble_alone(&scene, at(1000), find(2), None));
-        assert_eq!(alone, ids(placing.assemble_alone(&scene, at(1000), find(2), None)));
-        assert_eq!(ids(placing.assemble(&scene, at(1), find(1), None)), first);
+        let first = ids(placing.assemble(&scene, at(0), find(0)));
+        let alone = ids(placing.assemble_alone(&scene, at(1000), find(2)));
+        assert_eq!(alone, ids(placing.assemble_alone(&scene, at(1000), find(2))));
+        assert_eq!(ids(placing.assemble(&scene, at(1), find(1))), first);
     }
 
     #[test]
@@ -292,10 +284,10 @@ mod tests {
         let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
         let places = |of: &[Observation]| {
             let find = |id: &CameraId| of.iter().find(|seen| seen.frame.camera == *id).cloned();
-            let state = Placing::default().assemble(&scene, at(0), find, None);
+            let state = Placing::default().assemble(&scene, at(0), find);
             state.entities.iter().map(|entity| entity.foot_in_world).collect::<Vec<_>>()
         };
-        let all = seen(&scene, 0);
+        let all = observations_at(&scene, 0);
         let without = places(&all[..2]);
         let mut with_gap = all;
         with_gap[2].labels = Arc::new(Mask::filled(0, 0, 0));

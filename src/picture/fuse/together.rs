@@ -411,7 +411,7 @@ mod tests {
         let state = assemble_among(counter, &cameras, &[people.as_slice(); 2]);
         let places: Vec<DVec3> = state.entities.iter().map(|of| of.foot_in_world).collect();
         assert_eq!(places.len(), people.len(), "{places:?}");
-        // Whose feet nobody sees may be taken to stand on the counter, but before and behind it by no more than this.
+        // Somebody whose feet nobody sees may be taken to stand on the counter, but no farther before or behind it than this.
         for (at, _) in people {
             let far = |of: &DVec3| (*of - at).truncate().length();
             assert!(places.iter().map(far).fold(f64::INFINITY, f64::min) < 0.35, "{places:?}");

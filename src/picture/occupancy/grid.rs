@@ -28,11 +28,11 @@ const MOST_STOREYS: usize = 3;
 /// Room above a place where people stand, metres.
 const HEADROOM_M: f64 = 1.9;
 
-/// Of the cameras that see a cell one in so many may show no foreground, and it still counts as filled: something that the scene does not
-/// know may stand in their way.
+/// A cell counts as filled though one in so many of the cameras that see it shows no foreground: something that the scene does not know may
+/// stand in its way.
 const PER_BLIND: usize = 4;
 
-/// Where fewer cameras see every place, there is nothing that they tell together.
+/// Cameras that must see a place: fewer tell nothing together.
 const LEAST_CAMERAS: usize = 2;
 
 /// No pixel: beside the picture, or hidden.
@@ -97,7 +97,7 @@ impl Grid {
                 grid.add_storeys(scene, above, [column as u32, row as u32]);
             }
         }
-        // Where no two cameras see the same place, none can tell what another does not.
+        // Cameras of which no two see the same place tell nothing together.
         if (0..grid.cells.len()).all(|cell| grid.looks(cell).len() < LEAST_CAMERAS) {
             (grid.cells, grid.looks) = (Vec::new(), Vec::new());
         }

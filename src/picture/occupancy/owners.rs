@@ -41,7 +41,7 @@ pub(crate) struct Owned {
     pub(crate) bounds: [usize; 4],
 }
 
-/// Map of whose what moves in a camera's picture is, of the people whom several cameras tell together.
+/// Map that names, for each cell of a camera's picture, the person whose it is, among those whom several cameras tell together.
 #[derive(Clone, PartialEq)]
 pub struct OwnerMap {
     width: u32,
@@ -60,7 +60,7 @@ impl OwnerMap {
     /// far the people stand from the camera.
     ///
     /// # Panics
-    /// When the cells are not as many as columns times rows.
+    /// If the cells are not as many as columns times rows.
     #[must_use]
     pub fn new(
         (width, height): (u32, u32),

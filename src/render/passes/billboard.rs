@@ -2,7 +2,7 @@
 
 use super::{
     Attributes, BySamples, DrawInto, DrawPipeline, LiveFrames, MAIN, Mixing, Recording, Translucent,
-    draw_pipeline,
+    draw_pipeline, read_entry,
 };
 use crate::gpu::{Gpu, GpuError, GrowingBuffer};
 use crate::image_array::ImageArray;
@@ -189,16 +189,7 @@ impl BillboardPass {
         let owners = GrowingBuffer::new("owners of pixels", bound);
         let layout = gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Storage { read_only: true },
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
+            entries: &[read_entry(0, wgpu::ShaderStages::FRAGMENT)],
         });
         let (pipelines, cutouts) = (Default::default(), Default::default());
         Self { frames, layout, pipelines, cutouts, instances, owners }
@@ -270,7 +261,7 @@ impl BillboardPass {
         .get(samples, || draw_pipeline(gpu, wanted))?;
         let textures = self.frames.bind(gpu, frames);
         let buffer = self.instances.write(gpu, instances);
-        // Where nobody is told apart, something must be bound that nobody reads.
+        // Something must be bound even if nobody is told apart; then nothing reads it.
         let owners = if has_owners { self.owners.write(gpu, owners) } else { buffer };
         let owners = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(LABEL),

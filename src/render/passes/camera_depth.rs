@@ -3,7 +3,7 @@
 //! Maps are pinhole maps of the undistorted frustum: one face for usual lenses, a cube for wide ones. They hold no
 //! picture, so they are kept until the scene or the camera changes.
 
-use super::{Recording, picture_pass, texture_entry};
+use super::{Recording, picture_pass, read_entry, texture_entry};
 use crate::RenderError;
 use crate::camera_data::Camera;
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, TextureDescriptor, mirror};
@@ -277,16 +277,7 @@ impl CameraDepthPass {
         let device = &gpu.device;
         let faces_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("camera_depth faces"),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::VERTEX,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Storage { read_only: true },
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
+            entries: &[read_entry(0, wgpu::ShaderStages::VERTEX)],
         });
         let depth_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some(LABEL),

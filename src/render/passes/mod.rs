@@ -265,6 +265,20 @@ pub(super) fn texture_entry(
     }
 }
 
+/// Returns the layout entry of a buffer that shaders of these stages read.
+pub(super) const fn read_entry(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}
+
 pub(super) const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };
 const UNFILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: false };
 

@@ -1,6 +1,6 @@
 //! Pictures that are new since the last frame: from the decoder's planes to sRGB layers and their smaller levels.
 
-use super::{Recording, UNFILTERED, picture_pass, texture_entry};
+use super::{Recording, UNFILTERED, picture_pass, read_entry, texture_entry};
 use crate::gpu::{Gpu, GpuError, GrowingBuffer, mirror};
 use crate::image_array::{CODED_FORMAT, IMAGE_FORMAT, ImageArray, Job, Store, Wanted};
 use videofields_vision::frame::{Mask, Plane};
@@ -72,22 +72,7 @@ impl YuvPass {
         let array = |binding| texture_entry(binding, wgpu::TextureViewDimension::D2Array, UNFILTERED);
         let planes_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("yuv planes"),
-            entries: &[
-                wgpu::BindGroupLayoutEntry {
-                    binding: 0,
-                    visibility: wgpu::ShaderStages::FRAGMENT,
-                    ty: wgpu::BindingType::Buffer {
-                        ty: wgpu::BufferBindingType::Storage { read_only: true },
-                        has_dynamic_offset: false,
-                        min_binding_size: None,
-                    },
-                    count: None,
-                },
-                array(1),
-                array(2),
-                array(3),
-                array(4),
-            ],
+            entries: &[read_entry(0, wgpu::ShaderStages::FRAGMENT), array(1), array(2), array(3), array(4)],
         });
         let level_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("yuv level"),

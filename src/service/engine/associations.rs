@@ -1,5 +1,4 @@
-//! What pictures remember of the scenes that are looked at from instant to instant, of few scenes: how cameras' colours agree, and
-//! hulls.
+//! Memory of the scenes that pictures are drawn of from instant to instant, of few scenes: how cameras' colours agree, and hulls.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 use videofields_picture::fuse::{Exposure, HullMemory, Overlap};

@@ -154,7 +154,7 @@ impl Subject {
     ) -> SceneState {
         let find = find_in(observations, &self.gaps);
         let Remembered { exposure, .. } = remembered;
-        let mut state = placing.assemble(&self.scene, self.instant, find, None);
+        let mut state = placing.assemble(&self.scene, self.instant, find);
         if self.wishes.colors == Colors::Even {
             exposure.get_or_insert_with(|| Exposure::new(overlaps.of(&self.scene))).even(&mut state);
         }

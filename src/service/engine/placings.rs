@@ -1,7 +1,7 @@
 //! Memory of who stands where, scene by scene, that everybody who looks at a scene shares: pictures, lists of entities, plans. So one
 //! person has one id, whoever asks.
 //!
-//! What is remembered hangs on the scene's identity, and so on the cameras that the caller may see.
+//! The memory hangs on the scene's identity, and so on the cameras that the caller may see.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use videofields_picture::fuse::Placing;
@@ -13,9 +13,9 @@ const MAX_SCENES: usize = 8;
 
 /// Memory of one scene.
 #[derive(Clone, Debug, Default)]
-pub(super) struct OfScene(Arc<Mutex<Placing>>);
+pub(super) struct ScenePlacing(Arc<Mutex<Placing>>);
 
-impl OfScene {
+impl ScenePlacing {
     /// Waits for whoever places people in the scene. A panic while somebody did costs what is known of who is who, and no more.
     pub(super) fn lock(&self) -> MutexGuard<'_, Placing> {
         self.0.lock().unwrap_or_else(|poisoned| {
@@ -29,19 +29,19 @@ impl OfScene {
 
 /// Memory by scene; the scene asked for last is the last.
 #[derive(Debug, Default)]
-pub(super) struct Placings(Mutex<Vec<(Arc<Scene>, OfScene)>>);
+pub(super) struct Placings(Mutex<Vec<(Arc<Scene>, ScenePlacing)>>);
 
 impl Placings {
     /// Returns what is remembered of `scene`. A scene that was changed is another one: its cameras and ground are.
-    pub(super) fn of(&self, scene: &Arc<Scene>) -> OfScene {
+    pub(super) fn of(&self, scene: &Arc<Scene>) -> ScenePlacing {
         // A panic leaves the list whole: it is changed entry by entry.
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let own = match known.iter().position(|(of, _)| Arc::ptr_eq(of, scene)) {
             Some(place) => known.remove(place),
             None => {
-                // What a changed scene was before is of no use to anybody. A part of a scene, with fewer cameras, is no change.
+                // Memory of a scene before it was changed is of no use. A part of a scene, with fewer cameras, is no change.
                 known.retain(|(of, _)| !scene.replaces(of));
-                (Arc::clone(scene), OfScene::default())
+                (Arc::clone(scene), ScenePlacing::default())
             }
         };
         if known.len() == MAX_SCENES {
@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn a_panic_costs_no_more_than_what_was_known() {
-        let memory = OfScene::default();
+        let memory = ScenePlacing::default();
         let panicked = std::panic::catch_unwind(|| {
             let _own = memory.lock();
             panic!("while people are placed");

@@ -1,6 +1,6 @@
 //! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at another time.
 //!
-//! What is answered hangs on the scene's identity, and so on the cameras that the caller may see.
+//! Answers hang on the scene's identity, and so on the cameras that the caller may see.
 
 use super::EngineError;
 use super::associations::MAX_SCENES;
@@ -40,18 +40,17 @@ pub struct PresentEntity {
     pub seen_by: Vec<CameraId>,
 }
 
-/// Who is present, scene by scene; the scene that was told of last is the last.
+/// Latest answer about who is present in each scene; the newest is the last.
 #[derive(Debug, Default)]
 pub(super) struct Presences(Mutex<Vec<Kept>>);
 
-/// How often privacy zones had been changed when somebody was seen, and who was.
-type Told = (u64, Arc<Present>);
+/// Answer, with the number of times that privacy zones had been changed before.
+type Answer = (u64, Arc<Present>);
 
 #[derive(Debug)]
 struct Kept {
     scene: Arc<Scene>,
-    /// What was told last.
-    newest: Told,
+    newest: Answer,
 }
 
 impl Shared {
@@ -74,7 +73,7 @@ impl Shared {
         let state = {
             let placing = self.placings.of(scene);
             let mut own = placing.lock();
-            own.assemble(scene, instant, find_in(&observations, &gaps), None)
+            own.assemble(scene, instant, find_in(&observations, &gaps))
         };
         let present = Arc::new(Present { instant, sources, entities: present_in(&state) });
         self.presences.keep(scene, (changes, Arc::clone(&present)));
@@ -92,21 +91,21 @@ impl Shared {
         let placing = self.placings.of(scene);
         let mut placing = placing.lock();
         Ok(match at {
-            At::Live => placing.assemble(scene, instant, find_in(&observations, &gaps), None),
-            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations, &gaps), None),
+            At::Live => placing.assemble(scene, instant, find_in(&observations, &gaps)),
+            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations, &gaps)),
         })
     }
 }
 
 impl Presences {
-    /// Returns what was told last of a scene.
-    fn newest(&self, scene: &Arc<Scene>) -> Option<Told> {
+    /// Returns the latest answer about a scene.
+    fn newest(&self, scene: &Arc<Scene>) -> Option<Answer> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         kept.iter().find(|of| Arc::ptr_eq(&of.scene, scene)).map(|of| of.newest.clone())
     }
 
-    /// Keeps what was told last of a scene, in place of what was told of it before it was changed.
-    fn keep(&self, scene: &Arc<Scene>, newest: Told) {
+    /// Keeps the latest answer about a scene, in place of those before, also of those about the scene before it was changed.
+    fn keep(&self, scene: &Arc<Scene>, newest: Answer) {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         kept.retain(|of| !Arc::ptr_eq(&of.scene, scene) && !scene.replaces(&of.scene));
         if kept.len() == MAX_SCENES {

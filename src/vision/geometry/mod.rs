@@ -11,6 +11,7 @@ mod least_squares;
 mod pose;
 mod ray;
 mod registration;
+mod stretch;
 mod surface;
 
 pub use bounds_tree::{Bounds, BoundsTree, Quality};
@@ -21,6 +22,7 @@ pub(crate) use least_squares::least_squares;
 pub use pose::Pose;
 pub use ray::Ray;
 pub use registration::{ControlPoint, PlaneMap, PlaneTransform, Registration, RegistrationError, register};
+pub use stretch::distance_to_stretch;
 pub use surface::{
     Cylinder, ExtrudedFootprint, Face, GroundPolygon, HeightField, Hit, MAX_POSTS, MAX_TRIANGLES,
     OrientedBox, Shape, Sheet, SheetKind, SurfaceError, SurfaceId, Surfaces, Triangle, TriangleMesh,

@@ -10,6 +10,7 @@
 //! The line between two pixels of unlike kind runs half-way between their centres (marching squares of a binary picture), which
 //! is the pixels' border where that is straight.
 
+use crate::geometry::distance_to_stretch;
 use glam::{DVec2, DVec3};
 
 /// Edges of an outline beneath one leaf of its hierarchy: `LEAF_EDGES` of common/hull.wgsl.
@@ -143,7 +144,7 @@ pub(super) fn simplified(polygon: &[DVec2], error_px: f64) -> Vec<DVec2> {
     let mut open = vec![(0, second), (second, turned.len() - 1)];
     while let Some((from, to)) = open.pop() {
         (is_kept[from], is_kept[to]) = (true, true);
-        let middle = (from + 1..to).map(|i| (distance_to(turned[i], turned[from], turned[to]), i));
+        let middle = (from + 1..to).map(|i| (distance_to_stretch(turned[i], [turned[from], turned[to]]), i));
         if let Some((distance, at)) = middle.max_by(|a, b| a.0.total_cmp(&b.0))
             && distance > error_px
         {
@@ -164,13 +165,6 @@ pub(super) fn refined(polygon: &[DVec2], most_px: f64) -> Vec<DVec2> {
         (0..n).map(move |part| from.lerp(to, part as f64 / n as f64))
     };
     sides.flat_map(parts).collect()
-}
-
-/// How far a point is from a stretch of a line.
-fn distance_to(point: DVec2, from: DVec2, to: DVec2) -> f64 {
-    let along = to - from;
-    let share = ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    point.distance(if share.is_nan() { from } else { from + along * share })
 }
 
 /// Closed polygons in a camera's tangent plane (x / z, y / z), with boxes over stretches of them.
@@ -388,7 +382,8 @@ mod tests {
         let fewer = simplified(disc, 0.75);
         assert!(fewer.len() * 4 < disc.len(), "{} of {}", fewer.len(), disc.len());
         for at in disc {
-            let nearest = (0..fewer.len()).map(|i| distance_to(*at, fewer[i], fewer[(i + 1) % fewer.len()]));
+            let nearest =
+                (0..fewer.len()).map(|i| distance_to_stretch(*at, [fewer[i], fewer[(i + 1) % fewer.len()]]));
             assert!(nearest.fold(f64::INFINITY, f64::min) <= 0.75 + 1e-9, "{at}");
         }
         assert_eq!(simplified(disc, 0.0), *disc);

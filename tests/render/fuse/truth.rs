@@ -63,7 +63,7 @@ fn people_on_the_plaza_are_drawn_once_and_keep_their_ids() {
         };
         let truths: Vec<&Mask> = instant.iter().map(|(_, truth)| truth).collect();
         let figures = world.figures(at.as_nanos() as f64 * 1e-9 % world.period_secs()).unwrap();
-        within.add(&placing.assemble(&scene, at, observe, None), &truths, &figures);
+        within.add(&placing.assemble(&scene, at, observe), &truths, &figures);
         alone.add(&assemble(&scene, at, observe, None), &truths, &figures);
     }
     assert!(within.n_seen_twice > 500 && within.n_joined > 400, "{within:?}");

@@ -122,7 +122,7 @@ impl<'a> Judge<'a> {
     ) -> SceneState {
         let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
         let started = self.clock.monotonic();
-        let state = self.placing.assemble(scene, instant, find, None);
+        let state = self.placing.assemble(scene, instant, find);
         let took = match self.occupancy.take() {
             Some(occupancy) => self.place_by(occupancy, scene, seen),
             None => self.clock.monotonic().saturating_sub(started),
