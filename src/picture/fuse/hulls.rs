@@ -404,7 +404,7 @@ fn open_hidden(
 mod tests {
     use super::*;
     use crate::occupancy::OwnerMap;
-    use crate::occupancy::drawn_people::observation;
+    use crate::occupancy::drawn_people::{around, mask as drawn, observation, scene};
 
     fn mask(rows: &[&str]) -> Mask {
         let data: Vec<u8> =
@@ -527,6 +527,52 @@ mod tests {
         let moved = (*state.camera).clone().moved(DVec3::new(-0.4, 0.0, 0.0)).unwrap();
         let [here, there] = [&found, &opened(2, &moved)].map(|of| (0..20).find(|x| of[6 * 20 + x]).unwrap());
         assert!(there >= here + 3, "{here} {there}");
+    }
+
+    #[test]
+    fn a_silhouette_is_cut_by_its_owner() {
+        let size = (40_u32, 30_u32);
+        let (eye, target) = (DVec3::new(0.0, -8.0, 0.9), DVec3::new(0.0, 0.0, 0.9));
+        let camera = Camera::pinhole(eye, target, 0.3, size).unwrap();
+        let id = videofields_vision::frame::CameraId::new("a").unwrap();
+        // All moves; the left half is the entity's, the right half somebody's behind it.
+        let cells = (0..size.1).flat_map(|_| (0..size.0).map(|x| if x < 20 { 1 } else { 2 })).collect();
+        let state = CameraState {
+            observation: observation(id.clone(), Mask::filled(size.0, size.1, MOVING)),
+            id,
+            camera: Arc::new(camera),
+            gain: glam::Vec3::ONE,
+            owners: Some(Arc::new(OwnerMap::new(size, 1, cells, Box::new([8.0, 12.0])))),
+        };
+        let entity = entity(&[(DVec2::Y, [-0.3, 0.3])]);
+        let rect = PixelRect { x: 0, y: 0, width: 40, height: 30 };
+        let bounds = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 1.8)];
+        let views = (&state, &*state.camera);
+        let window = silhouette(views, &Surfaces::default(), (&entity, bounds), &[(rect, 1)]).unwrap();
+        for (place, is_in) in window.is_inside.iter().enumerate() {
+            let x = window.left_top[0] + place % window.width;
+            assert_eq!(*is_in, x < 20, "{x}");
+        }
+    }
+
+    #[test]
+    fn a_hull_that_is_kept_is_made_anew_where_pixels_have_another_owner() {
+        let cameras = around(DVec3::ZERO);
+        let scene = scene(DVec3::ZERO, "", &cameras);
+        let seen = |id: &videofields_vision::frame::CameraId| {
+            let idx = scene.cameras.iter().position(|member| member.id == *id)?;
+            Some(observation(id.clone(), drawn(&scene, &cameras[idx], &[(DVec3::ZERO, 1.7)])))
+        };
+        let mut state = crate::fuse::assemble(&scene, Timestamp::from_nanos(0), seen, None);
+        let (making, mut memory) = (HullMaking { error_px: 0.5, n_voxels: None }, HullMemory::default());
+        let mut made = |state: &mut SceneState| {
+            state.place_hulls(making, &mut memory);
+            Arc::clone(&state.hulls[0])
+        };
+        let first = made(&mut state);
+        assert!(Arc::ptr_eq(&made(&mut state), &first));
+        state.cameras[1].owners = None;
+        assert!(!Arc::ptr_eq(&made(&mut state), &first));
     }
 
     #[test]

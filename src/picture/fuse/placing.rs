@@ -246,6 +246,24 @@ mod tests {
     }
 
     #[test]
+    fn what_is_asked_again_is_not_placed_again_and_another_instant_is() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let seen = observations_at(&scene, 0);
+        let mut placing = Placing::default();
+        let mut state = |step: i64| {
+            let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
+            let state = placing.assemble(&scene, at(step), find);
+            (state.cameras[0].owners.clone().unwrap(), state.entities)
+        };
+        let (map, entities) = state(0);
+        let (again, same) = state(0);
+        assert!(Arc::ptr_eq(&again, &map) && same == entities);
+        // The same pictures a minute later say nothing of who these are.
+        let (_, later) = state(300);
+        assert!(later.iter().all(|of| entities.iter().all(|known| known.id != of.id)), "{later:?}");
+    }
+
+    #[test]
     fn whoever_appears_while_time_runs_backwards_is_shown_from_their_second_instant_on() {
         let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
         let nobody = |member: &SceneCamera| {

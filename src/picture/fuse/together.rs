@@ -387,6 +387,26 @@ mod tests {
     }
 
     #[test]
+    fn how_much_of_somebody_a_camera_shows_is_told() {
+        let alone = (DVec3::new(0.0, 0.0, 0.0), 1.75);
+        let shares = |people: &[(DVec3, f64)]| {
+            let state = assemble([people; 3]);
+            let entity = state.entities.iter().find(|of| of.foot_in_world.distance(alone.0) < 0.25).unwrap();
+            entity.sources.iter().map(|of| (of.camera_idx, of.shown_share)).collect::<BTreeMap<_, _>>()
+        };
+        let whole = shares(&[alone]);
+        assert!(whole.len() == 3 && whole.values().all(|share| (0.7..=1.0).contains(share)), "{whole:?}");
+        // Somebody stands before them as the first camera sees them, and half beside.
+        let eye = around(DVec3::ZERO)[0].pose().position_in_world;
+        let towards = eye.truncate().normalize();
+        let before = (towards * 0.9 + towards.perp() * 0.18).extend(0.0);
+        let hidden = shares(&[alone, (before, 1.75)]);
+        let first = hidden.get(&0).copied().unwrap_or(0.0);
+        assert!(first < whole[&0] - 0.15, "{hidden:?} {whole:?}");
+        assert!((hidden[&1] - whole[&1]).abs() < 0.1, "{hidden:?} {whole:?}");
+    }
+
+    #[test]
     fn once_owners_are_forgotten_all_in_a_rectangle_is_shown() {
         let people = [(DVec3::new(0.0, 0.0, 0.0), 1.75), (DVec3::new(0.45, -0.4, 0.0), 1.65)];
         let mut state = assemble([&people; 3]);

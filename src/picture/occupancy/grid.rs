@@ -197,6 +197,11 @@ impl Grid {
     }
 
     #[cfg(test)]
+    pub(super) fn n_kept_silhouettes(&self) -> usize {
+        self.silhouettes.len()
+    }
+
+    #[cfg(test)]
     pub(super) fn n_cells(&self) -> usize {
         self.cells.len()
     }

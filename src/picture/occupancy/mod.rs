@@ -289,11 +289,7 @@ impl Occupancy {
             evidence.is_usable().then(|| evidence.is_foreground(pixel))
         };
         grid.candidates(is_foreground, |cell, share, is_filled| cells.push((cell, share, is_filled)));
-        if cells.len() > MOST_CELLS_AT_ONCE {
-            cells.sort_by(|(a_cell, a, _), (b_cell, b, _)| b.total_cmp(a).then(a_cell.cmp(b_cell)));
-            cells.truncate(MOST_CELLS_AT_ONCE);
-            cells.sort_by_key(|(cell, ..)| *cell);
-        }
+        keep_likeliest(&mut cells, MOST_CELLS_AT_ONCE);
         cells.into_iter().map(|(cell, _, is_filled)| (cell, is_filled)).collect()
     }
 
@@ -438,6 +434,15 @@ impl Occupancy {
             score += share_score(evidence.moved_gain(silhouette, &motion) / area_px.max(1.0));
         }
         Some(score)
+    }
+}
+
+/// Keeps so many of cells that most cameras show foreground (with the share of these cameras), in their order.
+fn keep_likeliest(cells: &mut Vec<(usize, f32, bool)>, most: usize) {
+    if cells.len() > most {
+        cells.sort_by(|(a_cell, a, _), (b_cell, b, _)| b.total_cmp(a).then(a_cell.cmp(b_cell)));
+        cells.truncate(most);
+        cells.sort_by_key(|(cell, ..)| *cell);
     }
 }
 

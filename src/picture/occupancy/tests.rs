@@ -1,7 +1,7 @@
 //! Finds people who are known to stand somewhere.
 
 use super::drawn_people::{SIZE, around, camera, mask, scene};
-use super::{Expected, Occupancy, Person};
+use super::{Expected, Occupancy, Person, keep_likeliest};
 use crate::scene::Scene;
 use glam::DVec3;
 use std::sync::Arc;
@@ -345,4 +345,94 @@ fn of_two_hundred_people_most_are_found_and_none_beside_the_square() {
     assert!(n_met >= 150 && found.len() <= 230, "{n_met} of {}", found.len());
     let is_beside = |at: DVec3| at.x.abs() > 7.7 || !(-5.6..5.6).contains(&at.y);
     assert!(!found.iter().any(|of| is_beside(of.foot_in_world)));
+}
+
+#[test]
+fn of_too_many_cells_those_that_most_cameras_show_are_kept_in_their_order() {
+    let all = vec![(3, 0.5, false), (4, 1.0, true), (7, 0.5, true), (8, 0.75, false), (9, 0.5, false)];
+    let kept = |most: usize| {
+        let mut cells = all.clone();
+        keep_likeliest(&mut cells, most);
+        cells.into_iter().map(|(cell, ..)| cell).collect::<Vec<_>>()
+    };
+    assert_eq!(kept(5), [3, 4, 7, 8, 9]);
+    assert_eq!(kept(3), [3, 4, 8]);
+    assert_eq!(kept(1), [4]);
+}
+
+#[test]
+fn cells_stay_known_while_cameras_show_nothing() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &SOME));
+    let empty = Mask::filled(SIZE.0, SIZE.1, 0);
+    let mut occupancy = Occupancy::default();
+    let known = |of: &Occupancy| {
+        let (_, grid) = of.grid.as_ref().unwrap();
+        (grid.n_kept_silhouettes(), grid.sizes().to_vec())
+    };
+    occupancy.find(&scene, |idx| masks.get(idx), &[]);
+    let (n_kept, sizes) = known(&occupancy);
+    assert!(n_kept > 0);
+    occupancy.find(&scene, |idx| (idx != 2).then_some(&empty), &[]);
+    assert_eq!(known(&occupancy), (n_kept, sizes.clone()));
+    // With another size of one camera's pictures cells are found anew; for that which shows nothing as before.
+    let small = Mask::filled(SIZE.0 / 2, SIZE.1 / 2, 0);
+    occupancy.find(&scene, |idx| [Some(&small), Some(&empty), None][idx], &[]);
+    let half = (sizes[0].0 / 2, sizes[0].1 / 2);
+    assert_eq!(known(&occupancy), (0, vec![half, sizes[1], sizes[2]]));
+    assert_eq!(occupancy.find(&scene, |idx| masks.get(idx), &[]).len(), SOME.len());
+}
+
+#[test]
+fn a_limb_is_its_persons_and_what_is_as_large_as_they_are_is_not() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let somebody = (DVec3::ZERO, 1.75);
+    let plain = cameras.each_ref().map(|camera| mask(&scene, camera, &[somebody]));
+    // Beside their hips, to the right, in the first camera's picture: twice as long as what is theirs within reach.
+    let rows: Vec<u32> = (0..SIZE.1).filter(|y| plain[0].row(*y).contains(&MOVING)).collect();
+    let (top, n_rows) = (rows[0], rows.len() as u32);
+    let hip = top + n_rows / 2;
+    let edge = plain[0].row(hip).iter().rposition(|label| *label == MOVING).unwrap() as u32 + 1;
+    let n_owned = |(columns, rows): (u32, u32)| {
+        let mut masks = plain.clone();
+        for (x, y) in (hip..hip + rows).flat_map(|y| (edge - 1..edge + columns).map(move |x| (x, y))) {
+            masks[0].data[(y * SIZE.0 + x) as usize] = MOVING;
+        }
+        let mut occupancy = Occupancy::default();
+        let people = occupancy.find(&scene, |idx| masks.get(idx), &[]);
+        assert_eq!(people.len(), 1);
+        let owners = occupancy.owners(&scene, &people);
+        let all = (hip..hip + rows).flat_map(|y| (edge..edge + columns).map(move |x| (x, y)));
+        all.filter(|(x, y)| owners[0].get(*x as usize, *y as usize) == Some(0)).count() as u32
+    };
+    let (length, thick) = (n_rows / 3, n_rows / 20 + 1);
+    assert_eq!(n_owned((length, thick)), length * thick);
+    let large = (n_rows, n_rows / 2);
+    assert!(n_owned(large) < large.0 * large.1 / 2, "{}", n_owned(large));
+}
+
+#[test]
+fn soft_edges_two_cells_wide_are_shown_with_somebody() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &[(DVec3::ZERO, 1.75)]));
+    let mut occupancy = Occupancy::default();
+    let people = occupancy.find(&scene, |idx| masks.get(idx), &[]);
+    let owners = occupancy.owners(&scene, &people);
+    let map = occupancy.owner_map((&scene, &people), &owners[0], (0, SIZE.0)).unwrap();
+    for y in 0..SIZE.1 {
+        let own: Vec<u32> =
+            (0..SIZE.0).filter(|x| owners[0].get(*x as usize, y as usize).is_some()).collect();
+        let Some((first, last)) = own.first().zip(own.last()) else { continue };
+        for beside in [first - 1, first - 2, last + 1, last + 2] {
+            assert_eq!(map.at(beside, y), 1, "{beside} {y}");
+        }
+        // Rows above and beneath may be wider by two.
+        assert_eq!((map.at(first.saturating_sub(30), y), map.at(last + 30, y)), (0, 0), "{y}");
+    }
+    let cells = || map.of_cells().iter().filter(|of| **of == 1).count();
+    let n_owned = owners[0].people[0].n_px as usize;
+    assert!(cells() > n_owned + 80 && cells() < 2 * n_owned, "{} of {n_owned}", cells());
 }

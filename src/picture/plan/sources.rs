@@ -159,6 +159,13 @@ mod tests {
         assert_eq!(shown(&entity), 1);
         entity.sources[1].shown_share = 0.1;
         assert_eq!(shown(&entity), 0);
+        // What is left of another blob is no picture of them, however the camera looks.
+        let mut scrap = entity.clone();
+        scrap.sources[1].shown_share = 1.0;
+        scrap.sources[1].owner = OwnerMap::NOBODY;
+        assert_eq!(shown(&scrap), 0);
+        scrap.sources.iter_mut().for_each(|source| source.owner = OwnerMap::NOBODY);
+        assert_eq!(shown(&scrap), 1);
         // Hidden as much from all, the nearest shows them.
         entity.sources.iter_mut().for_each(|source| source.shown_share = 0.1);
         assert_eq!(shown(&entity), 1);
