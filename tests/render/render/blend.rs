@@ -118,25 +118,21 @@ fn what_of_a_camera_is_somebody_elses_is_not_shown() {
         let found = chest(&drawn(&mut brush, &state, None));
         assert!((0..2).all(|side| is_near(found[side], shown[side])), "{owner}: {found:?} {shown:?}");
     }
-    // The second camera has a map of its own, with an odd number of cells: all of it is another's, or all theirs.
-    for (number, is_shown) in [(4, false), (5, true)] {
-        let mut both = state.clone();
-        both.entities[0].sources[0].owner = 3;
-        both.entities[0].sources[1].owner = 5;
-        let mask = &both.cameras[1].observation.soft_mask;
-        let size = (mask.width.div_ceil(7), mask.height.div_ceil(7) | 1);
+    // Of a second camera where nobody is told apart all is shown.
+    state.entities[0].sources[0].owner = 3;
+    state.entities[0].sources[1].owner = 5;
+    let second = chest(&drawn(&mut brush, &state, Some((1, 0.5))));
+    let is_apart = |a: [u8; 3], b: [u8; 3]| a.iter().zip(&b).any(|(a, b)| a.abs_diff(*b) > 60);
+    assert!((0..2).all(|side| is_apart(second[side], ground[side])), "{second:?} {ground:?}");
+    // With a map of its own, of an odd number of cells: all of it is another's, or all theirs.
+    let mask = &state.cameras[1].observation.soft_mask;
+    let size = (mask.width.div_ceil(7) | 1, mask.height.div_ceil(7) | 1);
+    for (number, shown) in [(4, ground), (5, second)] {
         let cells: Box<[u16]> = vec![number; (size.0 * size.1) as usize].into();
-        both.cameras[1].owners = Some(Arc::new(OwnerMap::new(size, 7, cells, Box::new([1.0; 9]))));
-        let found = chest(&drawn(&mut brush, &both, Some((1, 0.5))));
-        let is_body =
-            (0..2).all(|side| found[side].iter().zip(&whole[side]).all(|(a, b)| a.abs_diff(*b) <= 40));
-        let is_ground = (0..2).all(|side| is_near(found[side], ground[side]));
-        assert_eq!((is_body, is_ground), (is_shown, !is_shown), "{number}: {found:?}");
+        state.cameras[1].owners = Some(Arc::new(OwnerMap::new(size, 7, cells, Box::new([1.0; 9]))));
+        let found = chest(&drawn(&mut brush, &state, Some((1, 0.5))));
+        assert!((0..2).all(|side| is_near(found[side], shown[side])), "{number}: {found:?} {shown:?}");
     }
-    // With the second camera, where nobody is told apart, all is shown.
-    state.entities[0].sources[0].owner = 7;
-    let both = chest(&drawn(&mut brush, &state, Some((1, 0.5))));
-    assert!(both[1].iter().zip(&whole[1]).all(|(a, b)| a.abs_diff(*b) <= 40), "{both:?} {whole:?}");
 }
 
 #[test]
