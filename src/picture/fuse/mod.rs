@@ -149,7 +149,7 @@ pub struct CameraState {
 /// One thing that stands on the ground, seen by one camera or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entity {
-    /// Its number: the same from camera to camera and from instant to instant of one [`Association`].
+    /// Its number: the same from camera to camera and from instant to instant of one [`Placing`].
     pub id: u64,
     /// Where it touches the ground: the mean of its sources' feet, the better known counting more.
     pub foot_in_world: DVec3,
