@@ -4,19 +4,21 @@ use super::error::Problem;
 use super::identity::Asked;
 use super::openapi::Routes;
 use super::operation::{Answer, Operation};
+use super::pages;
 use super::parameters::Parameter;
 use super::query::Query;
 use super::segments::Segments;
-use super::{scenes, schema};
+use super::{scenes, schema, tracks};
 use axum::Json;
 use axum::extract::RawQuery;
-use axum::http::{HeaderValue, header};
+use axum::http::{HeaderValue, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
 use std::ops::RangeInclusive;
 use videofields_picture::fuse::{EntityHull, HullMaking, HullMemory, LEAST_VIEWS, SceneState};
-use videofields_service::engine::{PresentEntity, present_in};
+use videofields_service::engine::{EntityQuery, FoundEntity, FoundStand, PresentEntity};
 use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::RgbImage;
 use videofields_vision::hull::{self, Bounds, Method};
@@ -49,6 +51,13 @@ const PARAMETERS: &[Parameter] = &[
     Parameter::whole("resolution", &(16..=256), "Places of the grid along the longest side").default_is("96"),
 ];
 
+const PATHS: &[Parameter] = &[
+    Parameter::instant("from", "Where the time begins").required(),
+    Parameter::instant("to", "Where it ends").required(),
+    pages::LIMIT,
+    pages::CURSOR,
+];
+
 const SEGMENTS: &[Parameter] = &[
     Parameter::id("id", "A scene"),
     Parameter::whole("entity", &(0..=(1 << 53) - 1), "An entity"),
@@ -62,7 +71,7 @@ const SEGMENTS: &[Parameter] = &[
 /// Routes about who stands in a scene.
 pub(super) fn routes() -> Routes {
     let list = Operation::new("list_entities", "Who stands before a scene's cameras at a time")
-        .about("Now with the ids of its tracks' stream; at another time with ids of that instant alone.")
+        .about("With the ids of its tracks' stream, now and when it is over.")
         .right(Right::Live)
         .parameters(T)
         .answers(Answer::json(200, "Who is there and where", schema::scenes::entities()));
@@ -76,11 +85,51 @@ pub(super) fn routes() -> Routes {
                 .field("Videofields-Cameras", "The cameras whose silhouettes it is of")
                 .field("Videofields-Skew", "How far apart their frames are, seconds"),
         );
-    Routes::of(scenes::TAG, SEGMENTS).get("/api/v1/scenes/{id}/entities", self::list, list).get(
-        "/api/v1/scenes/{id}/entities/{entity}/{file}",
-        self::mesh,
-        mesh,
-    )
+    let paths = Operation::new("list_entity_paths", "Who was where before a scene's cameras in a time")
+        .about("By all of its cameras together, with one id for one person; whoever began first comes first.")
+        .right(Right::History)
+        .parameters(PATHS)
+        .answers(Answer::page("Who was where", schema::past::entity_paths()));
+    Routes::of(scenes::TAG, SEGMENTS)
+        .get("/api/v1/scenes/{id}/entities", self::list, list)
+        .get("/api/v1/scenes/{id}/entities/paths", self::paths, paths)
+        .get("/api/v1/scenes/{id}/entities/{entity}/{file}", self::mesh, mesh)
+}
+
+/// Returns who was where in a time.
+async fn paths(Asked(api): Asked, Segments(id): Segments<String>, uri: Uri) -> Result<Response, Problem> {
+    let mut query = Query::parse(uri.query(), PATHS);
+    let span = tracks::span(&mut query);
+    let limit = pages::limit(&mut query);
+    let after = pages::cursor(&mut query, |text| text.parse().ok());
+    let (from, to) = tracks::ordered(query.finish(span)?)?;
+    let asked = EntityQuery { span: (from, to), after, limit };
+    let found = api.ask("searching entities", move |door| door.search_entities(&id, &asked)).await;
+    let found = found.map_err(|error| scenes::problem_of(&api, error))?;
+    let unknown =
+        |(from, to): &(Timestamp, Timestamp)| json!({ "from": from.to_string(), "to": to.to_string() });
+    let body = json!({
+        "from": from.to_string(),
+        "to": to.to_string(),
+        "entities": found.entities.iter().map(path).collect::<Vec<_>>(),
+        "unknown": found.unknown.iter().map(unknown).collect::<Vec<_>>(),
+        "is_complete": found.next.is_none(),
+    });
+    Ok(pages::answer(&uri, body, found.next.map(|next| next.to_string())))
+}
+
+fn path(of: &FoundEntity) -> Value {
+    let stand = |of: &FoundStand| json!({ "at": of.at.to_string(), "point_m": of.point_m.map(millimetres), "cameras": of.cameras });
+    json!({
+        "id": of.id,
+        "height_m": millimetres(of.height_m),
+        "path": of.path.iter().map(stand).collect::<Vec<_>>(),
+    })
+}
+
+/// Rounds to a millimetre; never -0.
+fn millimetres(metres: f64) -> f64 {
+    (metres * 1e3).round() / 1e3 + 0.0
 }
 
 /// Who stands there.
@@ -93,9 +142,8 @@ async fn list(
     let moment = query.moment(|id| api.door.playhead_at(id));
     let moment = query.finish(Some(moment))?;
     let scene = id.clone();
-    let state = api.ask("looking who was there", move |door| door.standing(&scene, moment.at)).await;
-    let state = state.map_err(|error| scenes::problem_of(&api, error))?;
-    let millimetres = |metres: f64| (metres * 1e3).round() / 1e3;
+    let present = api.ask("looking who was there", move |door| door.present_at(&scene, moment.at)).await;
+    let present = present.map_err(|error| scenes::problem_of(&api, error))?;
     let entity = |of: &PresentEntity| {
         json!({
             "id": of.id,
@@ -105,8 +153,8 @@ async fn list(
             "has_hull": of.seen_by.len() >= LEAST_VIEWS,
         })
     };
-    let entities: Vec<Value> = present_in(&state).iter().map(entity).collect();
-    let body = json!({ "scene": id, "time": state.instant.to_string(), "entities": entities });
+    let entities: Vec<Value> = present.entities.iter().map(entity).collect();
+    let body = json!({ "scene": id, "time": present.instant.to_string(), "entities": entities });
     Ok(([(header::CACHE_CONTROL, "no-store")], Json(body)).into_response())
 }
 

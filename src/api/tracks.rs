@@ -17,6 +17,7 @@ use glam::DVec2;
 use serde_json::{Value, json};
 use videofields_service::engine::{FoundPoint, FoundTrack, TrackQuery};
 use videofields_vision::access::Right;
+use videofields_vision::clock::Timestamp;
 use videofields_vision::error::{ErrorKind, Fault};
 use videofields_vision::frame::CameraId;
 use videofields_vision::geometry::GroundPolygon;
@@ -75,9 +76,7 @@ pub(super) async fn list(
 
 fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
     let mut query = Query::parse(raw, PARAMETERS);
-    query.require("from");
-    query.require("to");
-    let (from, to) = (query.instant("from"), query.instant("to"));
+    let span = span(&mut query);
     let cameras = query.value("cameras", "ids of cameras with commas between them", cameras);
     let around = format!(
         "x,y;x,y;x,y: 3 to {MAX_CORNERS} corners of two numbers of metres, each within +-{MAX_COORDINATE_M:e}, around an \
@@ -86,12 +85,25 @@ fn read(raw: Option<&str>) -> Result<TrackQuery, Problem> {
     let region = query.value("region", &around, region);
     let limit = pages::limit(&mut query);
     let before = pages::cursor(&mut query, |text| text.parse().ok());
-    let span = query.finish(from.zip(to))?;
+    let span = ordered(query.finish(span)?)?;
+    Ok(TrackQuery { span, cameras, region, before, limit })
+}
+
+/// Returns the time from `from` to `to`, which must be there.
+pub(super) fn span(query: &mut Query) -> Option<(Timestamp, Timestamp)> {
+    query.require("from");
+    query.require("to");
+    let (from, to) = (query.instant("from"), query.instant("to"));
+    from.zip(to)
+}
+
+/// Refuses a time that ends before it begins.
+pub(super) fn ordered(span: (Timestamp, Timestamp)) -> Result<(Timestamp, Timestamp), Problem> {
     if span.0 >= span.1 {
         let fault = Fault::new("to", format!("must be after from, which is {}", span.0));
         return Err(Problem::at(ErrorKind::Invalid, vec![fault]));
     }
-    Ok(TrackQuery { span, cameras, region, before, limit })
+    Ok(span)
 }
 
 /// Ids of cameras with commas between them.
@@ -114,6 +126,7 @@ fn track(of: &FoundTrack) -> Value {
     json!({
         "camera": of.camera.as_str(),
         "track": of.number,
+        "entity": of.entity,
         "began": of.began_at.to_string(),
         "ended": of.ended_at.to_string(),
         "height": rounded(of.height_share, 1e5),

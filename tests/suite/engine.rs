@@ -8,6 +8,7 @@ mod blurred;
 mod calibrations;
 mod costs;
 mod deadlines;
+mod entities;
 mod evidence;
 mod feed;
 mod frozen;

@@ -106,9 +106,18 @@ fn the_example_names_every_key() {
         assert_eq!(written, known, "{path}");
     };
     check(&example, "", "zzz = 1");
-    for section in
-        ["server", "storage", "archive", "media", "timeline", "render", "accuracy", "log", "telemetry"]
-    {
+    for section in [
+        "server",
+        "storage",
+        "archive",
+        "media",
+        "timeline",
+        "entities",
+        "render",
+        "accuracy",
+        "log",
+        "telemetry",
+    ] {
         check(example[section].as_table().expect("a table"), section, &format!("{section}.zzz = 1"));
     }
     let camera = example["camera"][0].as_table().expect("a table");
@@ -173,7 +182,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
             "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, archive, media, \
-           timeline, render, accuracy, log, telemetry, camera, scene, snapshot",
+           timeline, entities, render, accuracy, log, telemetry, camera, scene, snapshot",
         ],
     );
 }

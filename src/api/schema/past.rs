@@ -60,6 +60,7 @@ pub(crate) fn tracks() -> Value {
     let track = object([
         ("camera", id(), "Who followed it"),
         ("track", count(), "Its number; numbers begin anew with each start of the camera"),
+        ("entity", nullable(count()), "Id of the entity that it shows; null where that is not known"),
         ("began", time(), "First sighting"),
         ("ended", time(), "Last sighting"),
         ("height", number(), "Largest height in the picture, share of the picture's"),
@@ -72,6 +73,33 @@ pub(crate) fn tracks() -> Value {
         ("to", time(), ""),
         ("tracks", list(track), "The one that began last first"),
         ("is_complete", boolean(), "Whether no further track fits the question"),
+        super::next(),
+    ])
+}
+
+/// Who was where, by all cameras of a scene together.
+pub(crate) fn entity_paths() -> Value {
+    let point = object([
+        ("at", time(), "Within 0.05 s"),
+        ("point_m", exactly(3, number()), "Where it touched the ground, metres"),
+        ("cameras", list(id()), "Those that saw it"),
+    ]);
+    let entity = object([
+        ("id", count(), "The same for one person, now and when it is over"),
+        ("height_m", number(), ""),
+        ("path", list(point), "Where it was within the time, in order of time, at most 514 points"),
+    ]);
+    let unknown = object([("from", time(), ""), ("to", time(), "")]);
+    object([
+        ("from", time(), ""),
+        ("to", time(), ""),
+        ("entities", list(entity), "Whoever began first comes first; one who was away for 3 s is told again"),
+        (
+            "unknown",
+            list(unknown),
+            "Times of which nothing is known: no camera followed anybody, or it was a minute ago",
+        ),
+        ("is_complete", boolean(), "Whether nobody else was there"),
         super::next(),
     ])
 }

@@ -25,11 +25,28 @@ pub(super) struct Association {
 
 impl Default for Association {
     fn default() -> Self {
-        Self { lines: Vec::new(), next_id: 1, n_updates: 0 }
+        Self::counting_from(1)
     }
 }
 
 impl Association {
+    /// Returns a memory that gives ids from `next_id` on.
+    pub(super) const fn counting_from(next_id: u64) -> Self {
+        Self { lines: Vec::new(), next_id, n_updates: 0 }
+    }
+
+    /// Returns the least id that was not given yet.
+    pub(super) const fn next_id(&self) -> u64 {
+        self.next_id
+    }
+
+    /// Gives `count` ids away, and returns the first of them.
+    pub(super) const fn take_ids(&mut self, count: u64) -> u64 {
+        let first = self.next_id;
+        self.next_id += count;
+        first
+    }
+
     /// Who is seen at `instant`, in growing order of ids; `followed` are all tracks of all cameras.
     ///
     /// **Cost** about a microsecond a sighting where few are near; no more than the square of what is near.

@@ -104,6 +104,7 @@ impl<'a> Grouping<'a> {
     }
 
     /// Puts the signs of each person whom all cameras together tell into one group: that of the known whom they are, or one of its own.
+    /// By place, height and colours alone: where people touch, a camera's tracks pass from one to another.
     fn assign_people(&mut self) {
         let mut people: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (idx, sign) in self.signs.iter().enumerate() {
@@ -118,18 +119,11 @@ impl<'a> Grouping<'a> {
             .collect();
         let places = Places::of(&self.current);
         let mut pairs = Vec::new();
-        for (target, (own, said)) in people.iter().zip(&said).enumerate() {
+        for (target, said) in said.iter().enumerate() {
             let Some(said) = said else { continue };
-            let ties = || own.iter().flat_map(|sign| &self.signs[*sign].ties);
-            let mut near = places.near_any(&[Some(*said)]);
-            near.extend(ties().map(|(known, _)| *known));
-            near.sort_unstable();
-            near.dedup();
-            for known in near {
-                let odds: f64 = ties().filter(|(of, _)| *of == known).map(|(_, odds)| odds).sum();
-                let cost = said.cost_or_by_head(None, &self.expected[known], FOLLOWED_GATE);
-                let cost = cost.map_or(BESIDE_COST, |(cost, _)| cost) - odds.clamp(-MAX_COST, MAX_COST);
-                if cost < 0.0 {
+            for known in places.near(said) {
+                let found = said.cost_or_by_head(None, &self.expected[known], FOLLOWED_GATE);
+                if let Some((cost, _)) = found.filter(|(cost, _)| *cost < 0.0) {
                     pairs.push(Pair { target, blob: known, cost: cost.max(-MAX_COST) + MAX_COST });
                 }
             }

@@ -5,11 +5,13 @@
 
 mod association;
 mod billboard;
+mod entity_path;
 mod estimate;
 mod exposure;
 mod grouping;
 mod hull_memory;
 mod hulls;
+mod joined;
 mod line;
 mod look;
 mod overlap;
@@ -24,9 +26,11 @@ mod walk;
 
 pub use crate::occupancy::OwnerMap;
 use association::Association;
+pub use entity_path::{EntityPath, MAX_ENTITY_PATH_BYTES, Stand, stand_at};
 pub use exposure::Exposure;
 pub use hull_memory::HullMemory;
 pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
+pub use joined::{Joined, Part, PartOf, join, middle_of};
 pub use overlap::Overlap;
 pub use placing::Placing;
 pub(crate) use points::MAX_RUN;

@@ -89,6 +89,23 @@ impl Placing {
         Self { association: Association::default(), occupancy: None, answers: Vec::new() }
     }
 
+    /// Returns a memory that gives ids from `next_id` on, 1 at least.
+    #[must_use]
+    pub fn counting_from(next_id: u64) -> Self {
+        Self { association: Association::counting_from(next_id.max(1)), ..Self::default() }
+    }
+
+    /// Returns the least id that was not given yet.
+    #[must_use]
+    pub const fn next_id(&self) -> u64 {
+        self.association.next_id()
+    }
+
+    /// Gives `count` ids to others, and returns the first of them: nobody gets one of these any more.
+    pub const fn take_ids(&mut self, count: u64) -> u64 {
+        self.association.take_ids(count)
+    }
+
     /// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Entities keep their ids
     /// from the instants before.
     ///
@@ -210,8 +227,10 @@ fn state_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::occupancy::drawn_people::{around, mask, observation, scene};
-    use glam::DVec3;
+    use crate::occupancy::drawn_people::{SIZE, around, mask, observation, scene};
+    use glam::{DVec2, DVec3};
+    use videofields_vision::geometry::Camera;
+    use videofields_vision::segment::PixelRect;
 
     const STEP_NANOS: i64 = 200_000_000;
 
@@ -312,5 +331,54 @@ mod tests {
         with_gap[2].blobs = Arc::default();
         assert_eq!(places(&with_gap), without);
         assert_eq!(without.len(), 2);
+    }
+
+    /// Returns a camera's track of somebody under a number, as large as they are in its picture.
+    fn track_of(camera: &Camera, id: u64, (foot, height_m): (DVec3, f64)) -> Track {
+        let size = DVec2::new(f64::from(SIZE.0), f64::from(SIZE.1));
+        let [low, high] =
+            [foot, foot + DVec3::Z * height_m].map(|at| camera.project(at).unwrap().texture * size);
+        let half_width = 0.15 * (low.y - high.y);
+        let [x, y, width, height] =
+            [high.x - half_width, high.y, 2.0 * half_width, low.y - high.y].map(|value| value.round() as u32);
+        Track {
+            id,
+            rect: PixelRect { x, y, width, height },
+            blob_idx: Some(0),
+            foot_in_image: low.to_array(),
+            velocity_px_per_sec: [0.0; 2],
+            first_seen: at(0),
+            last_seen: at(0),
+            is_in_group: false,
+            still_since: None,
+        }
+    }
+
+    #[test]
+    fn whom_several_cameras_see_keeps_their_id_where_tracks_pass_from_one_to_another() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let people = [(DVec3::new(-0.4, 0.3, 0.0), 1.75), (DVec3::new(0.5, -0.3, 0.0), 1.72)];
+        let mut placing = Placing::default();
+        let mut places = |step: i64| {
+            let of = |member: &SceneCamera| {
+                let mut seen = observation(member.id.clone(), mask(&scene, &member.camera, &people));
+                // From the fourth step on, each track is of the other.
+                let numbers = if step < 3 { [1, 2] } else { [2, 1] };
+                let mut tracks: Vec<Track> =
+                    (0..2).map(|idx| track_of(&member.camera, numbers[idx], people[idx])).collect();
+                tracks.sort_by_key(|track| track.id);
+                seen.tracks = tracks.into();
+                seen
+            };
+            let seen: Vec<Observation> = scene.cameras.iter().map(of).collect();
+            let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
+            let state = placing.assemble(&scene, at(step), find);
+            state.entities.iter().map(|of| (of.id, of.foot_in_world.x > 0.0)).collect::<Vec<_>>()
+        };
+        let first = places(0);
+        assert_eq!(first.len(), 2);
+        for step in 1..8 {
+            assert_eq!(places(step), first, "{step}");
+        }
     }
 }

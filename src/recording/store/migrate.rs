@@ -7,7 +7,7 @@ use sqlx::migrate::{Migration, MigrationType, Migrator};
 type Step = (i64, &'static str, &'static str);
 
 /// Never edited or reordered once released: their digests are kept in the database.
-const STEPS: [Step; 15] = [
+const STEPS: [Step; 16] = [
     (1, "create_scene", include_str!("../../../migrations/0001_create_scene.sql")),
     (2, "create_background", include_str!("../../../migrations/0002_create_background.sql")),
     (3, "create_texture_map", include_str!("../../../migrations/0003_create_texture_map.sql")),
@@ -23,6 +23,7 @@ const STEPS: [Step; 15] = [
     (13, "create_snapshot", include_str!("../../../migrations/0013_create_snapshot.sql")),
     (14, "create_privacy", include_str!("../../../migrations/0014_create_privacy.sql")),
     (15, "create_audit_anchor", include_str!("../../../migrations/0015_create_audit_anchor.sql")),
+    (16, "create_entity", include_str!("../../../migrations/0016_create_entity.sql")),
 ];
 
 /// The newest schema that this release knows.

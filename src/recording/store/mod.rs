@@ -1,5 +1,5 @@
 //! The SQLite database: scenes, backgrounds and those of the past, texture-to-world maps, measured costs, the rows of
-//! recorded segments, how much moved and where it went, users and tokens, what they did and what they keep, one file a
+//! recorded segments, how much moved and where it went, who was where in scenes, users and tokens, what they did and what they keep, one file a
 //! table.
 //!
 //! Rows go in and come out as bytes and text; what they mean is others' business. Two pools of connections open
@@ -14,6 +14,7 @@ mod background;
 mod background_history;
 mod copy;
 mod document;
+mod entity;
 mod error;
 mod measured_cost;
 mod migrate;
@@ -35,6 +36,7 @@ pub use background::BackgroundRecord;
 pub use background_history::BackgroundHistoryBounds;
 pub use copy::{Contents, Depth, ReadOnly, copy, verify};
 pub use document::{DocumentKind, DocumentRecord, MAX_VERSIONS, MAX_VERSIONS_BYTES};
+pub use entity::{EntityRecord, EntitySet, EntitySpan, SpanChange};
 pub use error::StoreError;
 pub use migrate::SCHEMA_VERSION;
 pub use open::{file_system_of, is_network_file_system};

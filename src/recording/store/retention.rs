@@ -1,4 +1,4 @@
-//! What goes for its age: tracks, activity, and backgrounds of the past.
+//! What goes for its age: tracks, entities, activity, and backgrounds of the past.
 
 use super::{Store, StoreError};
 use videofields_vision::clock::Timestamp;
@@ -7,7 +7,7 @@ use videofields_vision::frame::CameraId;
 /// How old rows may be, nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AgeLimits {
-    /// Tracks, by their beginning.
+    /// Tracks, by their beginning, and entities, by their end.
     pub tracks_nanos: i64,
     /// How much moved.
     pub activity_nanos: i64,
@@ -55,6 +55,7 @@ impl Store {
                 n_gone += gone.map_err(|error| self.classify(error))?;
             }
         }
+        n_gone += self.forget_old_entities(limits.tracks_nanos, now, steady).await?;
         Ok(n_gone)
     }
 

@@ -48,6 +48,14 @@ pub struct Metrics {
     pub archive_sync: Histogram,
     /// Bytes of observations kept. Labels: camera.
     pub timeline_kept: IntGaugeVec,
+    /// Instants at which everybody before a scene's cameras was placed.
+    pub entities_instants: IntCounter,
+    /// Instants that were left out, since placing those before took too long.
+    pub entities_instants_skipped: IntCounter,
+    /// Seconds that placing everybody at one instant took.
+    pub entities_instant: Histogram,
+    /// Sightings of entities that were lost while the database failed.
+    pub entities_lost: IntCounter,
     /// Seconds from taking a request off the queue to its finished picture.
     pub render_picture: Histogram,
     /// What a picture took, fusing to reading back, over what was expected.
@@ -191,6 +199,27 @@ impl Metrics {
                 &REQUEST_SECONDS,
             ),
             timeline_kept: int_gauges(r, "timeline_kept_bytes", "Observations kept in memory.", &["camera"]),
+            entities_instants: counter(
+                r,
+                "entities_instants_total",
+                "Instants at which everybody before a scene's cameras was placed.",
+            ),
+            entities_instants_skipped: counter(
+                r,
+                "entities_instants_skipped_total",
+                "Instants that were left out, since placing those before took too long.",
+            ),
+            entities_instant: histogram(
+                r,
+                "entities_instant_seconds",
+                "Time that placing everybody at one instant took.",
+                &FRAME_SECONDS,
+            ),
+            entities_lost: counter(
+                r,
+                "entities_lost_total",
+                "Sightings of entities that were lost while the database failed.",
+            ),
             render_picture: histogram(
                 r,
                 "render_picture_seconds",

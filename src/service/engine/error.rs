@@ -1,6 +1,7 @@
 //! Why the engine could not answer.
 
 use std::time::Duration;
+use videofields_recording::store::StoreError;
 use videofields_recording::timeline::edges;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::error::{ErrorKind, Fault};
@@ -148,6 +149,15 @@ pub enum EngineError {
     /// A fault of the daemon.
     #[error("{0}")]
     Internal(String),
+}
+
+impl From<StoreError> for EngineError {
+    fn from(error: StoreError) -> Self {
+        match error.kind() {
+            ErrorKind::Internal => Self::Internal(error.to_string()),
+            _ => Self::Unavailable(error.to_string()),
+        }
+    }
 }
 
 impl EngineError {

@@ -1,9 +1,9 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, BlurAsked, CameraBlur, EngineError, FoundSources, FoundTracks, MapSummary, PlannedView,
-    PlayheadState, Present, Privacy, PrivacySummary, SceneAlignment, SceneMoment, SceneTimeline, TrackQuery,
-    ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyStatus, BlurAsked, CameraBlur, EngineError, EntityQuery, FoundEntities, FoundSources,
+    FoundTracks, MapSummary, PlannedView, PlayheadState, Present, Privacy, PrivacySummary, SceneAlignment,
+    SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use glam::DVec2;
 use serde::Serialize;
@@ -457,20 +457,34 @@ pub trait Door: Send + Sync {
     /// [`EngineError::Unavailable`] where the database fails.
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError>;
 
+    /// Who was where before a scene's cameras in a span of time. A time of which that was not concluded while it passed is concluded from
+    /// the cameras' tracks, and kept. Blocks for the database, and for up to some seconds of work.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`]; [`EngineError::Unavailable`] where the database fails.
+    fn search_entities(&self, scene: &str, query: &EntityQuery) -> Result<FoundEntities, EngineError>;
+
     /// How far the clocks of a scene's cameras are apart, from what they saw of late. Takes up to some seconds.
     ///
     /// # Errors
     /// [`EngineError::NoScene`].
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
 
-    /// Who is before a scene's cameras now. Takes some milliseconds.
+    /// Who is before a scene's cameras now, at the instant that was placed last. Takes some milliseconds at most.
     ///
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
 
-    /// What stands in a scene at a time. Who stands there now has the ids that [`Self::present`] tells; at another time, such as hold
-    /// for that instant alone. Blocks where an instant is asked for that memory does not hold.
+    /// Who was before a scene's cameras at a time, with the ids that they had when it was now. Blocks for the database where that is over.
+    ///
+    /// # Errors
+    /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Gap`], [`EngineError::Forbidden`],
+    /// [`EngineError::Unavailable`].
+    fn present_at(&self, scene: &str, at: At) -> Result<Arc<Present>, EngineError>;
+
+    /// What stands in a scene at a time, with its pictures; with the ids that [`Self::present_at`] tells. Blocks where an instant is asked for that
+    /// memory does not hold.
     ///
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Gap`], [`EngineError::Forbidden`].

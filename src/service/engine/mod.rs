@@ -9,6 +9,7 @@ mod blurring;
 mod camera;
 mod checkpoint;
 mod chronicle;
+mod entities;
 mod error;
 mod exports;
 mod forecaster;
@@ -52,6 +53,7 @@ pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
 pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
 pub use blurring::{BlurAsked, CameraBlur, TrackAsked};
 pub use chronicle::{CameraTimeline, SceneTimeline};
+pub use entities::{EntityCursor, EntityQuery, FoundEntities, FoundEntity, FoundStand};
 pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
 pub use forecaster::Expected;
@@ -76,6 +78,7 @@ pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, View
 pub use videofields_recording::ingest::{FoundFile, FoundFiles, Look, StopFlag};
 
 use checkpoint::StoreHealth;
+use entities::Entities;
 use object_sizes::CameraObjectSizes;
 use past::Past;
 use privacy::Privacies;
@@ -196,7 +199,8 @@ impl Engine {
             metrics,
             (cameras, privacies, Some(Arc::clone(&roster))),
             (events, Some(past)),
-            (scenes, object_sizes, settings.render.clone()),
+            (scenes, object_sizes),
+            (settings.render.clone(), Entities::new(settings.entities.rate_hz)),
             store_health,
         ));
         let renderer = {
@@ -211,10 +215,14 @@ impl Engine {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
+        let placer = {
+            let (shared, stop) = (Arc::clone(&shared), stop.clone());
+            spawn("entities", move || entities::run(&shared, &stop))?
+        };
         Ok(Self {
             shared,
             roster,
-            threads: vec![renderer, deadlines, builder],
+            threads: vec![renderer, deadlines, builder, placer],
             stop,
             stop_requested: OnceLock::new(),
         })

@@ -12,7 +12,8 @@ use tokio::runtime::Handle as Runtime;
 use videofields_recording::archive::{Archive, ArchiveError, CameraRecording};
 use videofields_recording::ingest::Pipeline;
 use videofields_recording::store::{
-    ActivityRecord, SegmentRecord, SegmentState, Store, StoreError, TrackRecord,
+    ActivityRecord, EntityRecord, EntitySet, EntitySpan, SegmentRecord, SegmentState, SpanChange, Store,
+    StoreError, TrackRecord,
 };
 use videofields_recording::timeline::{PastFrame, Replay, ReplayError};
 use videofields_vision::clock::Timestamp;
@@ -226,6 +227,40 @@ impl Past {
         limit: u32,
     ) -> Result<Vec<TrackRecord>, StoreError> {
         self.runtime.block_on(self.store.tracks(camera, span, before, limit))
+    }
+
+    /// Writes who was where, as [`Store::put_entities`] does.
+    pub(super) fn put_entities(
+        &self,
+        set: &EntitySet,
+        span: &SpanChange,
+        records: &[EntityRecord],
+    ) -> Result<i64, StoreError> {
+        self.runtime.block_on(self.store.put_entities(set, span, records))
+    }
+
+    /// Returns the least id that was never given in a set.
+    pub(super) fn next_entity_id(&self, set: &EntitySet) -> Result<u64, StoreError> {
+        self.runtime.block_on(self.store.next_entity_id(set))
+    }
+
+    /// Returns the spans of a set that reach into a time, the one that counts first.
+    pub(super) fn entity_spans(
+        &self,
+        set: &EntitySet,
+        span: (Timestamp, Timestamp),
+    ) -> Result<Vec<EntitySpan>, StoreError> {
+        self.runtime.block_on(self.store.entity_spans(set, span))
+    }
+
+    /// Returns who was where, as [`Store::entities`] does.
+    pub(super) fn entities(
+        &self,
+        span: i64,
+        time: (Timestamp, Timestamp),
+        limit: u32,
+    ) -> Result<Vec<EntityRecord>, StoreError> {
+        self.runtime.block_on(self.store.entities(span, time, limit))
     }
 
     /// What `camera` saw nearest to `at`; none where it is not recorded.

@@ -9,6 +9,7 @@ use super::accuracy::AccuracyStatus;
 use super::alignment::SceneAlignment;
 use super::blurring::{BlurAsked, CameraBlur};
 use super::chronicle::SceneTimeline;
+use super::entities::{EntityQuery, FoundEntities};
 use super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
 };
@@ -407,6 +408,11 @@ impl Door for Permitted {
         self.shared.find_tracks(&scene, query)
     }
 
+    fn search_entities(&self, scene: &str, query: &EntityQuery) -> Result<FoundEntities, EngineError> {
+        let scene = self.scene_with(scene, &self.having(Right::History), "history")?;
+        self.shared.find_entities(&scene, query)
+    }
+
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
         let scene = self.scene_with(scene, &self.having(Right::Manage), "manage")?;
         self.shared.align_scene(&scene)
@@ -415,6 +421,12 @@ impl Door for Permitted {
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
         let scene = self.scene_with(scene, &self.seeing(At::Live), "live")?;
         self.shared.present_of(&scene)
+    }
+
+    fn present_at(&self, scene: &str, at: At) -> Result<Arc<Present>, EngineError> {
+        let what = if at == At::Live { "live" } else { "history" };
+        let scene = self.scene_with(scene, &self.seeing(at), what)?;
+        self.shared.present_at(&scene, at)
     }
 
     fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError> {

@@ -9,7 +9,7 @@ use videofields_picture::scene::Scene;
 
 /// Scenes that are remembered, those asked for last: where people may stand in one, and how cameras would show them there, takes some tens
 /// of megabytes.
-const MAX_SCENES: usize = 8;
+const MAX_SCENES: usize = 24;
 
 /// Memory of one scene.
 #[derive(Clone, Debug, Default)]
@@ -21,7 +21,7 @@ impl ScenePlacing {
         self.0.lock().unwrap_or_else(|poisoned| {
             self.0.clear_poison();
             let mut own = PoisonError::into_inner(poisoned);
-            *own = Placing::default();
+            *own = Placing::counting_from(own.next_id());
             own
         })
     }
@@ -32,8 +32,9 @@ impl ScenePlacing {
 pub(super) struct Placings(Mutex<Vec<(Arc<Scene>, ScenePlacing)>>);
 
 impl Placings {
-    /// Returns what is remembered of `scene`. A scene that was changed is another one: its cameras and ground are.
-    pub(super) fn of(&self, scene: &Arc<Scene>) -> ScenePlacing {
+    /// Returns what is remembered of `scene`; where nothing is, ids begin with what `first_id` returns. A scene that was changed is another one: its
+    /// cameras and ground are.
+    pub(super) fn of(&self, scene: &Arc<Scene>, first_id: impl FnOnce() -> u64) -> ScenePlacing {
         // A panic leaves the list whole: it is changed entry by entry.
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let own = match known.iter().position(|(of, _)| Arc::ptr_eq(of, scene)) {
@@ -41,7 +42,8 @@ impl Placings {
             None => {
                 // Memory of a scene before it was changed is of no use. A part of a scene, with fewer cameras, is no change.
                 known.retain(|(of, _)| !scene.replaces(of));
-                (Arc::clone(scene), ScenePlacing::default())
+                let placing = Placing::counting_from(first_id());
+                (Arc::clone(scene), ScenePlacing(Arc::new(Mutex::new(placing))))
             }
         };
         if known.len() == MAX_SCENES {
@@ -65,25 +67,26 @@ mod tests {
     #[test]
     fn all_who_look_at_a_scene_share_its_memory_and_a_changed_scene_begins_anew() {
         let (placings, first, changed) = (Placings::default(), scene("a"), scene("a"));
-        let memory = placings.of(&first);
-        assert!(Arc::ptr_eq(&memory.0, &placings.of(&first).0));
-        assert!(!Arc::ptr_eq(&memory.0, &placings.of(&changed).0));
-        assert!(!Arc::ptr_eq(&memory.0, &placings.of(&first).0), "the first was let go of");
+        let memory = placings.of(&first, || 1);
+        assert!(Arc::ptr_eq(&memory.0, &placings.of(&first, || 1).0));
+        assert!(!Arc::ptr_eq(&memory.0, &placings.of(&changed, || 1).0));
+        assert!(!Arc::ptr_eq(&memory.0, &placings.of(&first, || 1).0), "the first was let go of");
         for number in 0..2 * MAX_SCENES {
-            placings.of(&scene(&format!("s{number}")));
+            placings.of(&scene(&format!("s{number}")), || 1);
         }
         assert_eq!(placings.0.lock().unwrap().len(), MAX_SCENES);
     }
 
     #[test]
     fn a_panic_costs_no_more_than_what_was_known() {
-        let memory = ScenePlacing::default();
+        let memory = Placings::default().of(&scene("a"), || 41);
         let panicked = std::panic::catch_unwind(|| {
-            let _own = memory.lock();
+            let mut own = memory.lock();
+            own.take_ids(5);
             panic!("while people are placed");
         });
         assert!(panicked.is_err() && memory.0.is_poisoned());
-        drop(memory.lock());
+        assert_eq!(memory.lock().next_id(), 46, "ids are not given again");
         assert!(!memory.0.is_poisoned());
     }
 }

@@ -84,7 +84,7 @@ impl Shared {
         self.refresh_forecaster();
         // Gains that are remembered from picture to picture are the render thread's; this is what they come to.
         let sequences = self.sequences_of(&subject);
-        let placing = self.placings.of(&subject.scene);
+        let placing = self.placing_of(&subject.scene);
         let state = {
             let mut own = placing.lock();
             subject.state(&observations, (&mut own, &mut Remembered::default()), (&self.overlaps, sequences))

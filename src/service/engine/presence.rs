@@ -1,4 +1,4 @@
-//! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at another time.
+//! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at a time that is over.
 //!
 //! Answers hang on the scene's identity, and so on the cameras that the caller may see.
 
@@ -21,7 +21,7 @@ use videofields_vision::observation::Observation;
 pub struct Present {
     /// The instant.
     pub instant: Timestamp,
-    /// The cameras that had a frame for it.
+    /// The cameras that had a frame for it; none at a time that is over.
     pub sources: Vec<SourceTime>,
     /// What stands there, in growing order of ids.
     pub entities: Vec<PresentEntity>,
@@ -30,7 +30,7 @@ pub struct Present {
 /// One thing that stands there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PresentEntity {
-    /// The same from camera to camera and from instant to instant while the daemon runs.
+    /// The same from camera to camera and from instant to instant, now and when it is over.
     pub id: u64,
     /// Where it touches the ground, metres.
     pub foot_in_world: DVec3,
@@ -39,6 +39,9 @@ pub struct PresentEntity {
     /// The cameras that see it.
     pub seen_by: Vec<CameraId>,
 }
+
+/// How far from where somebody is kept they may stand by the pictures of the same instant, metres.
+const SAME_M: f64 = 1.0;
 
 /// Latest answer about who is present in each scene; the newest is the last.
 #[derive(Debug, Default)]
@@ -54,8 +57,26 @@ struct Kept {
 }
 
 impl Shared {
-    /// Who is present in `scene` now.
+    /// Returns who is present in `scene` now: at the instant that was placed last, where everybody is placed unasked.
     pub(super) fn present_of(&self, scene: &Arc<Scene>) -> Result<Arc<Present>, EngineError> {
+        self.ask_to_place(scene);
+        match self.placed_lately(scene) {
+            Some(present) => Ok(present),
+            None => self.place(scene).map(|(present, _)| present),
+        }
+    }
+
+    /// Returns who was placed last, where that goes on unasked and was not long ago.
+    fn placed_lately(&self, scene: &Arc<Scene>) -> Option<Arc<Present>> {
+        let period = self.entities.period().filter(|_| self.entities.is_placed(scene))?;
+        let (changes, present) = self.presences.newest(scene)?;
+        let passed = self.live_instant(scene).ok()?.nanos_since(present.instant);
+        let is_of_late = (0..=2 * period.as_nanos() as i64).contains(&passed);
+        (is_of_late && changes == self.privacies.changes()).then_some(present)
+    }
+
+    /// Places everybody in `scene` now, and tells whether that was not known before.
+    pub(super) fn place(&self, scene: &Arc<Scene>) -> Result<(Arc<Present>, bool), EngineError> {
         // Asked for first: what is seen then hides at least this.
         let changes = self.privacies.changes();
         let instant = self.live_instant(scene)?;
@@ -68,33 +89,77 @@ impl Shared {
         let is_it = |of: &Present| of.instant == instant && of.sources == sources;
         let known = self.presences.newest(scene).filter(|(number, of)| *number == changes && is_it(of));
         if let Some((_, present)) = known {
-            return Ok(present);
+            return Ok((present, false));
         }
         let state = {
-            let placing = self.placings.of(scene);
+            let placing = self.placing_of(scene);
             let mut own = placing.lock();
             own.assemble(scene, instant, find_in(&observations, &gaps))
         };
         let present = Arc::new(Present { instant, sources, entities: present_in(&state) });
+        self.gather(scene, &present);
         self.presences.keep(scene, (changes, Arc::clone(&present)));
-        Ok(present)
+        Ok((present, true))
     }
 
-    /// What stands in `scene` at a time: now with the ids that [`Self::present_of`] tells, at another time with such as hold for that
-    /// instant alone.
-    pub(super) fn standing_in(&self, scene: &Arc<Scene>, at: At) -> Result<SceneState, EngineError> {
-        let instant = match at {
-            At::Live => self.live_instant(scene)?,
-            At::Time(instant) => instant,
+    /// Returns who was present in `scene` at a time: as it is kept, or by what the cameras saw where it is not.
+    pub(super) fn present_at(&self, scene: &Arc<Scene>, at: At) -> Result<Arc<Present>, EngineError> {
+        let At::Time(instant) = at else { return self.present_of(scene) };
+        let entities = match self.recalled_at(scene, instant)? {
+            Some(entities) => entities,
+            None => present_in(&self.standing_named(scene, at, (instant, None))?),
         };
-        let (observations, gaps) = self.seen_at(scene, at, (instant, None))?;
-        let placing = self.placings.of(scene);
-        let mut placing = placing.lock();
-        Ok(match at {
-            At::Live => placing.assemble(scene, instant, find_in(&observations, &gaps)),
-            At::Time(_) => placing.assemble_alone(scene, instant, find_in(&observations, &gaps)),
-        })
+        Ok(Arc::new(Present { instant, sources: Vec::new(), entities }))
     }
+
+    /// Returns what stands in `scene` at a time, with the ids that [`Self::present_at`] tells; whom that does not tell of is left out.
+    pub(super) fn standing_in(&self, scene: &Arc<Scene>, at: At) -> Result<SceneState, EngineError> {
+        let (instant, kept) = match at {
+            At::Live => (self.live_instant(scene)?, None),
+            At::Time(instant) => (instant, self.recalled_at(scene, instant)?),
+        };
+        self.standing_named(scene, at, (instant, kept))
+    }
+
+    fn standing_named(
+        &self,
+        scene: &Arc<Scene>,
+        at: At,
+        (instant, kept): (Timestamp, Option<Vec<PresentEntity>>),
+    ) -> Result<SceneState, EngineError> {
+        let (observations, gaps) = self.seen_at(scene, at, (instant, None))?;
+        let find = find_in(&observations, &gaps);
+        let placing = self.placing_of(scene);
+        let mut placing = placing.lock();
+        let Some(kept) = kept else { return Ok(placing.assemble(scene, instant, find)) };
+        let mut state = placing.assemble_alone(scene, instant, find);
+        name_as_kept(&mut state, &kept);
+        Ok(state)
+    }
+}
+
+/// Names the entities of a state as those that are kept of its instant, the nearest first; leaves out whom these do not tell of.
+fn name_as_kept(state: &mut SceneState, kept: &[PresentEntity]) {
+    let mut pairs: Vec<(f64, usize, u64)> = Vec::new();
+    for (idx, entity) in state.entities.iter().enumerate() {
+        let away = |of: &PresentEntity| of.foot_in_world.distance(entity.foot_in_world);
+        let near = kept.iter().map(|of| (away(of), idx, of.id)).filter(|(away_m, ..)| *away_m <= SAME_M);
+        pairs.extend(near);
+    }
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut names: Vec<Option<u64>> = vec![None; state.entities.len()];
+    for (_, idx, id) in pairs {
+        if names[idx].is_none() && !names.contains(&Some(id)) {
+            names[idx] = Some(id);
+        }
+    }
+    let mut names = names.into_iter();
+    state.entities.retain_mut(|entity| {
+        let name = names.next().flatten();
+        entity.id = name.unwrap_or(entity.id);
+        name.is_some()
+    });
+    state.entities.sort_by_key(|entity| entity.id);
 }
 
 impl Presences {

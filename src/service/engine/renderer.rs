@@ -256,7 +256,7 @@ impl<'a> RenderThread<'a> {
         let renderer = self.renderer.as_mut().ok_or_else(|| no_renderer(shared, shared.renderer_state()))?;
         let sequences = shared.sequences_of(subject);
         let started = clock.monotonic();
-        let placing = shared.placings.of(&subject.scene);
+        let placing = shared.placing_of(&subject.scene);
         // Nobody waits for a picture to be drawn to learn who is there.
         let state = {
             let mut own = placing.lock();
@@ -482,7 +482,8 @@ mod tests {
             Arc::new(Metrics::new()),
             (Vec::new(), Arc::new(Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
-            (Vec::new(), Arc::default(), settings),
+            (Vec::new(), Arc::default()),
+            (settings, crate::engine::entities::Entities::default()),
             Arc::default(),
         );
         (clock, shared)

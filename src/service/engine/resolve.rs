@@ -159,7 +159,8 @@ mod tests {
             Arc::new(Metrics::new()),
             (cameras, Arc::new(crate::engine::privacy::Privacies::new(&[])), None),
             (Arc::new(EventLog::new(1)), None),
-            (vec![scene], Arc::default(), RenderSettings::default()),
+            (vec![scene], Arc::default()),
+            (RenderSettings::default(), crate::engine::entities::Entities::default()),
             Arc::default(),
         );
         (shared, timelines)

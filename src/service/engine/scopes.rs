@@ -57,6 +57,12 @@ impl Scopes {
         part
     }
 
+    /// Tells that a part of a scene is kept.
+    pub(super) fn has(&self, part: &Arc<Scene>) -> bool {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.iter().any(|of| Arc::ptr_eq(&of.part, part))
+    }
+
     /// Lets go of parts of scenes that are not `kept`.
     pub(super) fn retain(&self, is_kept: impl Fn(&Arc<Scene>) -> bool) {
         let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -6,11 +6,12 @@ use super::EngineError;
 use super::accuracy::AccuracyBoard;
 use super::associations::Overlaps;
 use super::checkpoint::StoreHealth;
+use super::entities::Entities;
 use super::forecaster::Forecaster;
 use super::handle::{At, DeviceSummary, Door};
 use super::object_sizes::CameraObjectSizes;
 use super::past::Past;
-use super::placings::Placings;
+use super::placings::{Placings, ScenePlacing};
 use super::playheads::Playheads;
 use super::presence::Presences;
 use super::privacy::Privacies;
@@ -94,7 +95,8 @@ pub(super) struct Shared {
     pub(super) accuracy: Arc<AccuracyBoard>,
     pub(super) playheads: Playheads,
     pub(super) presences: Presences,
-    pub(super) placings: Placings,
+    placings: Placings,
+    pub(super) entities: Entities,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
     /// Scenes as callers may see them.
@@ -124,7 +126,8 @@ impl Shared {
         metrics: Arc<Metrics>,
         (cameras, privacies, roster): (Vec<CameraEntry>, Arc<Privacies>, Option<Arc<Roster>>),
         (events, past): (Arc<EventLog>, Option<Arc<Past>>),
-        (scenes, object_sizes, render_settings): (Vec<Arc<Scene>>, Arc<CameraObjectSizes>, RenderSettings),
+        (scenes, object_sizes): (Vec<Arc<Scene>>, Arc<CameraObjectSizes>),
+        (render_settings, entities): (RenderSettings, Entities),
         store_health: Arc<StoreHealth>,
     ) -> Self {
         let maps = scenes
@@ -156,6 +159,7 @@ impl Shared {
             playheads: Playheads::new(),
             presences: Presences::default(),
             placings: Placings::default(),
+            entities,
             maps: Mutex::new(maps),
             scopes: Scopes::default(),
             renderer: Mutex::new(Err("starting".to_owned())),
@@ -266,6 +270,16 @@ impl Shared {
         let part = self.scopes.part(&whole, scope);
         let is_hidden = part.cameras.is_empty() && !whole.cameras.is_empty();
         if is_hidden { Err(EngineError::NoScene { id: id.to_owned() }) } else { Ok(part) }
+    }
+
+    /// Tells that a scene, or a part of it as some callers see it, was not changed since.
+    pub(super) fn is_there(&self, scene: &Arc<Scene>) -> bool {
+        self.scenes.is_current(scene) || self.scopes.has(scene)
+    }
+
+    /// Returns the memory of who stands where in a scene.
+    pub(super) fn placing_of(&self, scene: &Arc<Scene>) -> ScenePlacing {
+        self.placings.of(scene, || self.first_entity_id(scene))
     }
 
     pub(super) fn running(&self, camera: &str) -> Result<&Roster, EngineError> {

@@ -12,10 +12,11 @@ use glam::DVec2;
 use std::collections::VecDeque;
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 use videofields_picture::scene::{Scene, SceneCamera};
 use videofields_recording::store::{StoreError, TrackRecord};
 use videofields_vision::clock::Timestamp;
-use videofields_vision::error::{ErrorKind, Fault, unknown};
+use videofields_vision::error::{Fault, unknown};
 use videofields_vision::frame::CameraId;
 use videofields_vision::geometry::GroundPolygon;
 use videofields_vision::mapping;
@@ -81,6 +82,8 @@ pub struct FoundTrack {
     pub camera: CameraId,
     /// Its number in that run of the camera.
     pub number: u64,
+    /// Id of the entity that it shows; none where that is not known.
+    pub entity: Option<u64>,
     /// Its first sighting.
     pub began_at: Timestamp,
     /// Its last sighting.
@@ -127,7 +130,11 @@ impl FromStr for TrackCursor {
 
 impl Shared {
     /// What moved before a scene's cameras. Blocks for the database, and for as much work as the bounds allow.
-    pub(super) fn find_tracks(&self, scene: &Scene, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
+    pub(super) fn find_tracks(
+        &self,
+        scene: &Arc<Scene>,
+        query: &TrackQuery,
+    ) -> Result<FoundTracks, EngineError> {
         let members = members(scene, query.cameras.as_deref())?;
         let Some(past) = &self.past else { return Ok(FoundTracks::default()) };
         let mut lanes: Vec<Lane<'_>> =
@@ -148,7 +155,10 @@ impl Shared {
             let n_left_out = search.n_unusable;
             tracing::warn!(scene = %scene.id, n_left_out, %error, "tracks that cannot be read are left out");
         }
-        Ok(FoundTracks { tracks: search.found, next })
+        let mut tracks = search.found;
+        let entities = self.entities_of_tracks(scene, &tracks)?;
+        tracks.iter_mut().zip(entities).for_each(|(track, entity)| track.entity = entity);
+        Ok(FoundTracks { tracks, next })
     }
 }
 
@@ -204,10 +214,7 @@ fn newest<'a>(
     span: (Timestamp, Timestamp),
 ) -> Result<Option<(&'a SceneCamera, TrackRecord)>, EngineError> {
     for lane in &mut *lanes {
-        lane.fill(past, span).map_err(|error| match error.kind() {
-            ErrorKind::Internal => EngineError::Internal(error.to_string()),
-            _ => EngineError::Unavailable(error.to_string()),
-        })?;
+        lane.fill(past, span)?;
     }
     let place = |lane: &&mut Lane<'a>| lane.page.front().map(|next| (next.began_at, lane.member.id.clone()));
     let next = lanes.iter_mut().filter(|lane| !lane.page.is_empty()).max_by_key(place);
@@ -274,6 +281,7 @@ impl<'a> Search<'a> {
         self.found.push(FoundTrack {
             camera: member.id.clone(),
             number: record.number,
+            entity: None,
             began_at,
             ended_at,
             height_share: f64::from(record.height) / f64::from(u16::MAX),

@@ -9,8 +9,18 @@ use std::ffi::OsString;
 use toml::de::DeValue;
 
 const PREFIX: &str = "VIDEOFIELDS_";
-const SECTIONS: [&str; 9] =
-    ["server", "storage", "archive", "media", "timeline", "render", "accuracy", "log", "telemetry"];
+const SECTIONS: [&str; 10] = [
+    "server",
+    "storage",
+    "archive",
+    "media",
+    "timeline",
+    "entities",
+    "render",
+    "accuracy",
+    "log",
+    "telemetry",
+];
 
 /// Keys whose values are text as they stand: a GPU may be called "4090".
 const TEXTS: [&str; 10] = [

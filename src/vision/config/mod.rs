@@ -193,6 +193,7 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         archive: section!("archive"),
         media: section!("media"),
         timeline: section!("timeline"),
+        entities: section!("entities"),
         render: section!("render"),
         accuracy: section!("accuracy"),
         log: section!("log"),

@@ -89,6 +89,7 @@ keys! {
     media.networks: ForNewCameras,
     timeline.mib_per_camera: ForNewCameras,
     timeline.replay_mib: AtRestart,
+    entities.rate_hz: AtRestart,
     render.adapter: AtRestart,
     render.samples: AtRestart,
     render.depth_map_side_px: AtRestart,

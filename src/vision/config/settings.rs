@@ -30,6 +30,8 @@ pub struct Settings {
     pub media: MediaSettings,
     /// What is kept of the past.
     pub timeline: TimelineSettings,
+    /// Where people and other entities are placed.
+    pub entities: EntitySettings,
     /// The renderer.
     pub render: RenderSettings,
     /// What is measured of the machine.
@@ -156,6 +158,21 @@ impl Default for RenderSettings {
             cache_mib: 64,
             warm_up: true,
         }
+    }
+}
+
+/// Where people and other entities are placed.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct EntitySettings {
+    /// How often a second everybody who is before a scene's cameras is placed, whether anyone asks or not, 0 to 25. With 0 they are
+    /// placed when somebody asks, and of the past by the cameras' tracks. Default 5.
+    pub rate_hz: f64,
+}
+
+impl Default for EntitySettings {
+    fn default() -> Self {
+        Self { rate_hz: 5.0 }
     }
 }
 

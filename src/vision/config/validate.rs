@@ -48,6 +48,7 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     range(gatherer, "/timeline/mib_per_camera", mib, 8.0, 65_536.0, "MiB");
     let mib = f64::from(settings.timeline.replay_mib);
     range(gatherer, "/timeline/replay_mib", mib, 32.0, 65_536.0, "MiB");
+    range(gatherer, "/entities/rate_hz", settings.entities.rate_hz, 0.0, 25.0, "times a second");
     let render = &settings.render;
     check_text(&render.adapter, "/render/adapter", gatherer);
     if !matches!(render.samples, 1 | 4) {

@@ -1,23 +1,13 @@
 //! Where a tracked thing's feet were, thinned out while it is followed, and encoded in few bytes.
 //!
-//! A point a second, and one where it moved far, is kept; of what stands still, the first and the last of the time. Once
-//! there are too many, every second one goes and the next ones come half as often, so that an hour takes no more than a
-//! minute does. Knows nothing of pictures, of the world, or of where the bytes are kept.
+//! Knows nothing of pictures, of the world, or of where the bytes are kept.
 //!
 //! Encoding: a byte of version, then for each point the time since the one before it, in units of 0.1 s (LEB128), and u
 //! and v (16 bits each, little endian).
 
+use super::thinned::{MAX_PATH_POINTS, PathPlace, ThinnedPath, TimedPlace, push_number, take_number};
 use crate::clock::Timestamp;
 use crate::error::ErrorKind;
-
-/// Most points of a path.
-pub const MAX_PATH_POINTS: usize = 512;
-
-/// Unit of time of a path.
-const TICK_NANOS: i64 = 100_000_000;
-
-/// Time between two points of what moves slowly, ticks.
-const TICKS_BETWEEN: u32 = 10;
 
 /// How far a thing moves before a point is kept at once: 2 % of the picture.
 const FAR: u32 = 1311;
@@ -25,41 +15,36 @@ const FAR: u32 = 1311;
 /// How far a thing wanders that stands still: 0.3 % of the picture.
 const STILL: u32 = 197;
 
-/// Most times that the points come half as often.
-const MAX_HALVINGS: u32 = 16;
-
 const VERSION: u8 = 1;
 
+/// Place in a texture (u, v), 0 at the left and top, 65535 at the right and bottom.
+pub type Foot = [u16; 2];
+
 /// Where feet were at a time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PathPoint {
-    /// Since the path began, units of 0.1 s.
-    pub ticks: u32,
-    /// Place in the texture (u, v), 0 at the left and top, 65535 at the right and bottom.
-    pub foot: [u16; 2],
-}
+pub type PathPoint = TimedPlace<Foot>;
 
 /// A path while it grows.
 #[derive(Clone, Debug)]
 pub struct FootPath {
-    began_at: Timestamp,
-    ended_at: Timestamp,
-    /// In growing order of time, the first at 0; fewer than [`MAX_PATH_POINTS`].
-    points: Vec<PathPoint>,
-    latest: PathPoint,
-    feet: [[u16; 2]; 2],
+    path: ThinnedPath<Foot>,
+    feet: [Foot; 2],
     n_seen: u64,
-    n_halvings: u32,
 }
 
 /// Bytes that are no path.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the path of a track is unusable, {what}")]
+#[error("the path is unusable, {what}")]
 pub struct PathError {
     what: &'static str,
 }
 
 impl PathError {
+    /// Returns the error of bytes of which `what` is wrong.
+    #[must_use]
+    pub const fn new(what: &'static str) -> Self {
+        Self { what }
+    }
+
     /// What a caller can do about it.
     #[must_use]
     pub const fn kind(&self) -> ErrorKind {
@@ -71,20 +56,23 @@ impl PathPoint {
     /// Place in the texture, from (0, 0) at the top left corner to (1, 1).
     #[must_use]
     pub fn foot_in_texture(&self) -> [f64; 2] {
-        self.foot.map(|value| f64::from(value) / f64::from(u16::MAX))
+        self.place.map(|value| f64::from(value) / f64::from(u16::MAX))
+    }
+}
+
+impl PathPlace for Foot {
+    fn is_far_from(&self, before: &Self, spacing: u32) -> bool {
+        away(self, before) > FAR * spacing
     }
 
-    /// When it was, on a path of that beginning; within 0.05 s.
-    #[must_use]
-    pub const fn at(&self, began_at: Timestamp) -> Timestamp {
-        began_at.saturating_add_nanos(self.ticks as i64 * TICK_NANOS)
+    fn is_still_at(&self, stood: &Self) -> bool {
+        away(self, stood) <= STILL
     }
+}
 
-    /// The larger of the distances along u and v.
-    fn away_from(&self, other: &Self) -> u32 {
-        let along = |axis: usize| u32::from(self.foot[axis].abs_diff(other.foot[axis]));
-        along(0).max(along(1))
-    }
+/// Returns the larger of the distances along u and v.
+fn away([u, v]: &Foot, [from_u, from_v]: &Foot) -> u32 {
+    u32::from(u.abs_diff(*from_u)).max(u32::from(v.abs_diff(*from_v)))
 }
 
 /// 0 to 65535 for 0 to 1; `None` outside, and for what is no number.
@@ -98,72 +86,32 @@ impl FootPath {
     #[must_use]
     pub fn new(at: Timestamp, foot_in_texture: [f64; 2]) -> Option<Self> {
         let [u, v] = foot_in_texture.map(sixteen_bits);
-        let first = PathPoint { ticks: 0, foot: [u?, v?] };
-        Some(Self {
-            began_at: at,
-            ended_at: at,
-            points: vec![first],
-            latest: first,
-            feet: [first.foot; 2],
-            n_seen: 1,
-            n_halvings: 0,
-        })
+        let first = [u?, v?];
+        Some(Self { path: ThinnedPath::new(at, first), feet: [first; 2], n_seen: 1 })
     }
 
     /// Takes the next sighting. One outside of the picture, or no later than the one before it, says nothing.
     pub fn add(&mut self, at: Timestamp, foot_in_texture: [f64; 2]) {
         let [Some(u), Some(v)] = foot_in_texture.map(sixteen_bits) else { return };
-        if at <= self.ended_at {
+        if !self.path.add(at, [u, v]) {
             return;
         }
-        let ticks = at.nanos_since(self.began_at).saturating_add(TICK_NANOS / 2) / TICK_NANOS;
-        let Ok(ticks) = u32::try_from(ticks) else { return };
-        let point = PathPoint { ticks, foot: [u, v] };
-        (self.ended_at, self.latest) = (at, point);
         self.n_seen += 1;
         let [low, high] = &mut self.feet;
         *low = [low[0].min(u), low[1].min(v)];
         *high = [high[0].max(u), high[1].max(v)];
-        self.keep(point);
-    }
-
-    /// Keeps a point if the ones before it do not say it already.
-    fn keep(&mut self, point: PathPoint) {
-        let [.., last] = self.points[..] else { return };
-        let passed = point.ticks - last.ticks;
-        let is_far = passed >= 1 << self.n_halvings && point.away_from(&last) > FAR << self.n_halvings;
-        if !is_far && passed < TICKS_BETWEEN << self.n_halvings {
-            return;
-        }
-        // Held against where it began to stand, so that what creeps is not taken for still.
-        if let [.., stood, last] = &mut self.points[..]
-            && last.away_from(stood) <= STILL
-            && point.away_from(stood) <= STILL
-        {
-            *last = point;
-            return;
-        }
-        self.points.push(point);
-        if self.points.len() >= MAX_PATH_POINTS {
-            let mut is_kept = false;
-            self.points.retain(|_| {
-                is_kept = !is_kept;
-                is_kept
-            });
-            self.n_halvings = (self.n_halvings + 1).min(MAX_HALVINGS);
-        }
     }
 
     /// Time of the first sighting.
     #[must_use]
     pub const fn began_at(&self) -> Timestamp {
-        self.began_at
+        self.path.began_at()
     }
 
     /// Time of the latest sighting.
     #[must_use]
     pub const fn ended_at(&self) -> Timestamp {
-        self.ended_at
+        self.path.ended_at()
     }
 
     /// How often it was seen.
@@ -172,34 +120,26 @@ impl FootPath {
         self.n_seen
     }
 
-    /// The least box around all sightings: lower and upper corner (u, v), as [`PathPoint::foot`].
+    /// The least box around all sightings: lower and upper corner.
     #[must_use]
-    pub const fn feet(&self) -> [[u16; 2]; 2] {
+    pub const fn feet(&self) -> [Foot; 2] {
         self.feet
     }
 
     /// What is kept of it, the latest sighting last: 1 to [`MAX_PATH_POINTS`] points.
     pub fn points(&self) -> impl Iterator<Item = PathPoint> + '_ {
-        let last_ticks = self.points.last().map(|last| last.ticks);
-        let latest = last_ticks.is_none_or(|ticks| ticks < self.latest.ticks).then_some(self.latest);
-        self.points.iter().copied().chain(latest)
+        self.path.points().copied()
     }
 
     /// The same in bytes: 5 a point, seldom more.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        let mut bytes = Vec::with_capacity(1 + 5 * (self.points.len() + 1));
-        bytes.push(VERSION);
+        let mut bytes = vec![VERSION];
         let mut before = 0;
         for point in self.points() {
-            let mut passed = point.ticks - before;
+            push_number(&mut bytes, point.ticks - before);
             before = point.ticks;
-            while passed >= 0x80 {
-                bytes.push(passed as u8 | 0x80);
-                passed >>= 7;
-            }
-            bytes.push(passed as u8);
-            bytes.extend(point.foot.iter().flat_map(|value| value.to_le_bytes()));
+            bytes.extend(point.place.iter().flat_map(|value| value.to_le_bytes()));
         }
         bytes
     }
@@ -209,13 +149,13 @@ impl FootPath {
     /// # Errors
     /// When the bytes are none of that: damaged, or of another version.
     pub fn decode(bytes: &[u8]) -> Result<Vec<PathPoint>, PathError> {
-        let unusable = |what| Err(PathError { what });
+        let unusable = |what| Err(PathError::new(what));
         let Some((&VERSION, mut rest)) = bytes.split_first() else {
             return unusable("its version is not known");
         };
         let mut points: Vec<PathPoint> = Vec::with_capacity((rest.len() / 5).min(MAX_PATH_POINTS));
         while !rest.is_empty() {
-            let Some((passed, behind)) = decode_ticks(rest) else {
+            let Some((passed, behind)) = take_number(rest) else {
                 return unusable("a time does not end or is too large");
             };
             let Some((&[u0, u1, v0, v1], behind)) = behind.split_first_chunk() else {
@@ -232,8 +172,8 @@ impl FootPath {
             if points.len() == MAX_PATH_POINTS {
                 return unusable("it has too many points");
             }
-            let foot = [u16::from_le_bytes([u0, u1]), u16::from_le_bytes([v0, v1])];
-            points.push(PathPoint { ticks, foot });
+            let place = [u16::from_le_bytes([u0, u1]), u16::from_le_bytes([v0, v1])];
+            points.push(PathPoint { ticks, place });
         }
         if points.is_empty() { unusable("it has no points") } else { Ok(points) }
     }
@@ -242,26 +182,14 @@ impl FootPath {
     ///
     /// # Errors
     /// As [`Self::decode`], and when a point lies outside of the box: one of the two is damaged.
-    pub fn decode_within(bytes: &[u8], feet: [[u16; 2]; 2]) -> Result<Vec<PathPoint>, PathError> {
+    pub fn decode_within(bytes: &[u8], feet: [Foot; 2]) -> Result<Vec<PathPoint>, PathError> {
         let [low, high] = feet;
         let points = Self::decode(bytes)?;
         let is_within = |point: &PathPoint| {
-            [0, 1].iter().all(|&axis| (low[axis]..=high[axis]).contains(&point.foot[axis]))
+            [0, 1].iter().all(|&axis| (low[axis]..=high[axis]).contains(&point.place[axis]))
         };
-        if points.iter().all(is_within) { Ok(points) } else { Err(PathError { what: "it leaves its box" }) }
+        if points.iter().all(is_within) { Ok(points) } else { Err(PathError::new("it leaves its box")) }
     }
-}
-
-/// A number of at most 32 bits and what follows it.
-fn decode_ticks(bytes: &[u8]) -> Option<(u32, &[u8])> {
-    let mut value = 0_u64;
-    for (i, byte) in bytes.iter().enumerate().take(5) {
-        value |= u64::from(byte & 0x7f) << (7 * i);
-        if byte & 0x80 == 0 {
-            return Some((u32::try_from(value).ok()?, &bytes[i + 1..]));
-        }
-    }
-    None
 }
 
 #[cfg(test)]
@@ -305,7 +233,7 @@ mod tests {
         assert_eq!(ticks(&still), [0, 5990, 5999]);
         let creeping = seen(6000, 100, |i| [0.1 + 0.0001 * i as f64, 0.5]);
         for pair in creeping.points().collect::<Vec<_>>().windows(2) {
-            assert!(pair[1].away_from(&pair[0]) < 600, "{pair:?}");
+            assert!(away(&pair[1].place, &pair[0].place) < 600, "{pair:?}");
         }
     }
 
@@ -382,7 +310,7 @@ mod tests {
             prop_assert_eq!(&points, &path.points().collect::<Vec<_>>());
             prop_assert!(points.len() <= MAX_PATH_POINTS);
             for point in &points {
-                prop_assert!(point.at(path.began_at()) <= path.ended_at().saturating_add_nanos(TICK_NANOS / 2));
+                prop_assert!(point.at(path.began_at()) <= path.ended_at().saturating_add_nanos(50_000_000));
             }
         }
 

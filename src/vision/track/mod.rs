@@ -5,7 +5,7 @@
 //!
 //! The parts, one file each: rectangles with real edges (`extent`), how a place moves (`motion`), what a blob says of
 //! a place (`sighting`), one tracked thing (`target`), who gets which blob (`assign`), people who touch (`group`),
-//! their order (`tracker`), and where a thing went, thinned out and in few bytes (`foot_path`).
+//! their order (`tracker`), and where a thing went, thinned out (`thinned`) and in few bytes (`foot_path`).
 
 mod assign;
 mod extent;
@@ -16,10 +16,12 @@ mod sighting;
 mod target;
 #[cfg(test)]
 mod tests;
+mod thinned;
 mod tracker;
 
 pub use assign::{Pair, assign};
-pub use foot_path::{FootPath, MAX_PATH_POINTS, PathError, PathPoint};
+pub use foot_path::{Foot, FootPath, PathError, PathPoint};
+pub use thinned::{MAX_PATH_POINTS, PathPlace, ThinnedPath, TimedPlace, push_number, take_number};
 pub use tracker::{MAX_TRACKS, Tracker};
 
 use crate::clock::Timestamp;

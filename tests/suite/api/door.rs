@@ -19,11 +19,12 @@ use videofields_recording::timeline::{
 };
 use videofields_service::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CameraAlignment, CameraBlur, CameraSummary, CameraTimeline,
-    DeviceSummary, Door, EngineError, Expected, FoundPoint, FoundSources, FoundTrack, FoundTracks,
-    LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
-    PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary,
-    Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
-    StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    DeviceSummary, Door, EngineError, EntityCursor, EntityQuery, Expected, FoundEntities, FoundEntity,
+    FoundPoint, FoundSources, FoundStand, FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress,
+    MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present,
+    PresentEntity, Preview, Privacy, PrivacySummary, Readiness, RecordingSummary, SceneAlignment,
+    SceneMoment, SceneSummary, SceneTimeline, SourceTime, StopFlag, TrackCursor, TrackQuery, ViewAnswer,
+    ViewIdentity, ViewRequest,
 };
 use videofields_vision::access::Grants;
 use videofields_vision::clock::Timestamp;
@@ -67,6 +68,7 @@ pub(crate) struct State {
     pub(super) view: Option<ViewRequest>,
     pub(super) located: Option<(String, DVec2, Option<String>, LocateMethod)>,
     pub(super) searched: Option<TrackQuery>,
+    pub(super) entities_after: Option<EntityCursor>,
     /// Every answer counted: route, status, duration.
     pub(super) counted: Vec<(String, u16, Duration)>,
     pub(super) playheads: Vec<PlayheadState>,
@@ -196,6 +198,7 @@ impl Door for FakeDoor {
         let track = FoundTrack {
             camera: id("north"),
             number: 17,
+            entity: Some(3),
             began_at: from,
             ended_at: to,
             height_share: 1.0 / 3.0,
@@ -246,6 +249,21 @@ impl Door for FakeDoor {
             seen_by: vec![id("north")],
         };
         Ok(Arc::new(Present { instant: LAST, sources: Vec::new(), entities: vec![entity] }))
+    }
+
+    fn present_at(&self, scene: &str, _at: At) -> Result<Arc<Present>, EngineError> {
+        self.present(scene)
+    }
+
+    fn search_entities(&self, scene: &str, query: &EntityQuery) -> Result<FoundEntities, EngineError> {
+        self.failure()?;
+        Self::has_scene(scene)?;
+        let (from, to) = query.span;
+        let stand = |at, x| FoundStand { at, point_m: [x, -2.000_000_4, -1e-9], cameras: vec![id("north")] };
+        let entity = FoundEntity { id: 3, height_m: 1.749_96, path: vec![stand(from, 1.5), stand(to, 2.0)] };
+        let next = (query.limit == 1).then_some(EntityCursor { began_at: from, id: 3 });
+        self.0.lock().unwrap().entities_after = query.after;
+        Ok(FoundEntities { entities: vec![entity], unknown: vec![(from, from)], next })
     }
 
     fn standing(&self, scene: &str, _at: At) -> Result<SceneState, EngineError> {

@@ -28,7 +28,7 @@ async fn tracks_are_told_with_their_places() {
         "from": from,
         "to": to,
         "tracks": [{
-            "camera": "north", "track": 17, "began": from, "ended": to, "height": 0.33333,
+            "camera": "north", "track": 17, "entity": 3, "began": from, "ended": to, "height": 0.33333,
             "first_in_region": null, "last_in_region": null,
             "path": [
                 {"at": from, "u": 0.5, "v": 0.75, "point_m": [1.5, -2.0, 0.0]},
@@ -142,4 +142,43 @@ proptest! {
             assert!([200, 400].contains(&status), "{target}: {status}");
         });
     }
+}
+
+#[tokio::test]
+async fn who_was_where_is_told_with_ids_and_page_by_page() {
+    const PATHS: &str = "/api/v1/scenes/plaza/entities/paths";
+    let bench = Bench::new();
+    let answer = bench.get(&format!("{PATHS}?{SPAN}")).await;
+    let (from, to) = ("1970-01-01T00:00:00Z", "1970-01-01T01:00:00Z");
+    let expected = json!({
+        "from": from,
+        "to": to,
+        "entities": [{
+            "id": 3, "height_m": 1.75,
+            "path": [
+                {"at": from, "point_m": [1.5, -2.0, 0.0], "cameras": ["north"]},
+                {"at": to, "point_m": [2.0, -2.0, 0.0], "cameras": ["north"]},
+            ],
+        }],
+        "unknown": [{"from": from, "to": from}],
+        "is_complete": true,
+        "next": null,
+    });
+    assert_eq!((answer.status, answer.json()), (StatusCode::OK, expected));
+    assert!(!String::from_utf8_lossy(&answer.body).contains("-0.0"), "what is nearly 0 is 0");
+    let first = bench.get(&format!("{PATHS}?{SPAN}&limit=1")).await.json();
+    assert_eq!((&first["is_complete"], &first["next"]), (&json!(false), &json!("0:3")));
+    assert_eq!(bench.get(&format!("{PATHS}?{SPAN}&cursor=0:3")).await.status, StatusCode::OK);
+    let after = bench.door.0.lock().unwrap().entities_after.unwrap();
+    assert_eq!((after.began_at, after.id), (Timestamp::from_nanos(0), 3));
+    for (query, parameter) in
+        [("to=5", "from"), ("from=5&to=5", "to"), (&*format!("{SPAN}&cursor=3"), "cursor")]
+    {
+        let problem = bench.get(&format!("{PATHS}?{query}")).await.problem(400, PATHS);
+        assert_eq!(problem["errors"][0]["parameter"], parameter, "{query}: {problem}");
+    }
+    bench
+        .get("/api/v1/scenes/plazza/entities/paths?from=1&to=2")
+        .await
+        .problem(404, "/api/v1/scenes/plazza/entities/paths");
 }

@@ -43,7 +43,7 @@ fn left(frame: u32, walker: (u32, u32)) -> u32 {
 }
 
 /// Makes a folder of pictures of a noisy floor over which a walker goes, as often as `walks` says; their pattern.
-fn pictures_of(folder: &Path, walks: &[(u32, u32)], walker: (u32, u32)) -> PathBuf {
+pub(super) fn pictures_of(folder: &Path, walks: &[(u32, u32)], walker: (u32, u32)) -> PathBuf {
     let folder = folder.join("walks");
     std::fs::create_dir(&folder).unwrap();
     let end = walks.last().map_or(0, |(first, _)| first + WALK + 20);

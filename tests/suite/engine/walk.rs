@@ -295,6 +295,7 @@ fn looks() -> Vec<Ask> {
             ["entities", "entities?t=200000000", "entities/1/hull.glb", "entities/2/hull.ply?t=200000000"]
                 .map(|rest| format!("{of}/{rest}")),
         );
+        paths.push(format!("{of}/entities/paths?{SPAN}"));
         paths.extend(["frames", "tracks/stream"].map(|rest| format!("{of}/{rest}")));
         for what in ["view.png", "view.jpg", "plan"] {
             for wishes in [

@@ -1,31 +1,27 @@
-// Tracks of several cameras at one place are one person, who keeps their name from camera to camera.
+// Whoever was there has the id that the daemon keeps, between the first and the last step of a path.
 
 import { expect, test } from "vitest";
-import { type Track, positionAt, renamed, sightingsAt } from "./passed";
+import { type Path, sightingsAt, standAt } from "./passed";
 
-const along = (camera: string, track: number, began: number, ended: number, y = 0): Track => ({
-  camera, track, began, ended,
-  path: Array.from({ length: (ended - began) / 1e3 + 1 }, (_, i) => ({ at: began + i * 1e3, position: [(began / 1e3 + i) * 1.5, y, 0] as const })),
+const along = (id: string, began: number, ended: number, cameras: readonly string[]): Path => ({
+  id, height: 1.8,
+  steps: Array.from({ length: (ended - began) / 1e3 + 1 }, (_, i) => ({ at: began + i * 1e3, position: [(began / 1e3 + i) * 1.5, 0, 0] as const, cameras })),
 });
 
-test("between two points of a path it is on the straight way", () => {
-  const track = along("west", 1, 0, 4_000);
-  expect(positionAt(track, 1_500)?.[0]).toBeCloseTo(2.25, 9);
-  expect(positionAt(track, 4_001)).toBeNull();
-  expect(positionAt({ ...track, path: [{ at: 0, position: null }] }, 100)).toBeNull();
+test("between two steps of a path it is on the straight way, and beyond its ends nowhere", () => {
+  const path = along("4", 1_000, 4_000, ["west"]);
+  expect(standAt(path, 1_500)?.position[0]).toBeCloseTo(2.25, 9);
+  expect([1_000, 4_000].map((at) => standAt(path, at)?.position[0])).toEqual([1.5, 6]);
+  expect([999, 4_001].map((at) => standAt(path, at))).toEqual([null, null]);
 });
 
-test("what two cameras see at one place is one, what one camera sees twice is two", () => {
-  const tracks = [along("west", 1, 0, 4_000), along("east", 9, 2_000, 8_000, 0.4), along("west", 2, 0, 4_000, 0.5)];
-  const found = sightingsAt(tracks, 3_000);
-  expect(found.map(({ id, cameras }) => [id, cameras])).toEqual([["west:1", ["west", "east"]], ["west:2", ["west"]]]);
-});
-
-test("whoever is followed keeps the name when the first camera has lost them", () => {
-  const tracks = [along("west", 1, 0, 4_000), along("east", 9, 2_000, 8_000)];
-  const known = new Set(sightingsAt(tracks, 3_000)[0]?.members);
-  const later = sightingsAt(tracks, 6_000);
-  expect(later[0]?.id).toBe("east:9");
-  expect(renamed(later, "west:1", known)[0]?.id).toBe("west:1");
-  expect(renamed(later, null, known)[0]?.id).toBe("east:9");
+test("everybody who was there is told with the id, the height and the cameras that are kept", () => {
+  const handedOver: Path = { id: "9", height: 1.6, steps: [
+    { at: 0, position: [0, 0, 0], cameras: ["west"] }, { at: 2_000, position: [2, 0, 0], cameras: ["east"] }, { at: 4_000, position: [4, 0, 0], cameras: ["east"] },
+  ] };
+  const paths = [along("4", 1_000, 4_000, ["west", "east"]), handedOver];
+  const told = (at: number) => sightingsAt(paths, at).map(({ id, height, cameras }) => [id, height, cameras]);
+  expect(told(500)).toEqual([["9", 1.6, ["west"]]]);
+  expect(told(3_000)).toEqual([["4", 1.8, ["west", "east"]], ["9", 1.6, ["east"]]]);
+  expect(told(5_000)).toEqual([]);
 });

@@ -4,7 +4,7 @@
 import type { Point } from "./orbit";
 
 /** What is told of one of them at an instant. */
-export type Sighting = { readonly id: string; readonly position: Point; readonly height: number; readonly cameras: readonly string[]; readonly members?: readonly string[] };
+export type Sighting = { readonly id: string; readonly position: Point; readonly height: number; readonly cameras: readonly string[] };
 export type Step = { readonly at: number; readonly position: Point };
 export type HandOver = { readonly at: number; readonly from: string; readonly to: string };
 export type Person = Sighting & {

@@ -1,9 +1,8 @@
-// People and things that are shown: of now as the daemon's stream tells them, of the past from what the cameras' tracks say of the
-// instant on the screen.
+// People and things that are shown: of now as the daemon's stream tells them, of the past as it keeps who was where, with the same ids.
 
 import { computed, effect, signal } from "@preact/signals";
 import { api, content, told } from "../ask";
-import { type Track, renamed, sightingsAt } from "./passed";
+import { type Path, sightingsAt } from "./passed";
 import { instant, millisOf } from "./moments";
 import { type People, type Person, type Sighting, TRAIL_MILLIS, advance, nearest } from "./people";
 import { allowed } from "./rights";
@@ -14,12 +13,12 @@ import type { Point } from "./orbit";
 /** How often the present is told, a second. */
 const RATE = 5;
 const AGAIN_MILLIS = 3_000;
-/** Tracks are asked for by the minute, a little more on both sides. */
+/** Who was where is asked for by the minute, a little more on both sides. */
 const PIECE_MILLIS = 60_000;
 const BESIDE_MILLIS = TRAIL_MILLIS + 2_000;
-/** The minute at hand is asked for again, since tracks are told after they began. */
+/** The minute at hand is asked for again, since it goes on. */
 const STALE_MILLIS = 4_000;
-const MOST_TRACKS = 1_000;
+const MOST_PATHS = 1_000;
 /** How a trail of the past is sampled. */
 const TRAIL_STEP_MILLIS = 500;
 /** Who is lost may be who appears near there soon after. */
@@ -78,22 +77,19 @@ function listen(scene: string): () => void {
 
 const pointOf = ([x = 0, y = 0, z = 0]: readonly number[]): Point => [x, y, z];
 
-type Piece = { scene: string; from: number; tracks: Track[]; askedAt: number };
+type Piece = { scene: string; from: number; paths: Path[]; askedAt: number };
 let piece: Piece | null = null;
 let asking: Promise<void> | null = null;
-/** The tracks of whom the view follows in the past. */
-const theirs = new Set<string>();
 
 async function learnPiece(scene: string, from: number): Promise<void> {
-  const query = { from: instant(Math.max(from - BESIDE_MILLIS, 0)), to: instant(from + PIECE_MILLIS + BESIDE_MILLIS), limit: MOST_TRACKS };
-  const answer = await content(api.GET("/api/v1/scenes/{id}/tracks", { params: { path: { id: scene }, query } }));
-  const tracks = answer.tracks.map(({ camera, track, began, ended, path }) => ({
-    camera, track,
-    began: millisOf(began),
-    ended: millisOf(ended),
-    path: path.map(({ at, point_m }) => ({ at: millisOf(at), position: point_m ? pointOf(point_m) : null })),
+  const query = { from: instant(Math.max(from - BESIDE_MILLIS, 0)), to: instant(from + PIECE_MILLIS + BESIDE_MILLIS), limit: MOST_PATHS };
+  const answer = await content(api.GET("/api/v1/scenes/{id}/entities/paths", { params: { path: { id: scene }, query } }));
+  const paths = answer.entities.map(({ id, height_m, path }) => ({
+    id: String(id),
+    height: height_m,
+    steps: path.map(({ at, point_m, cameras }) => ({ at: millisOf(at), position: pointOf(point_m), cameras })),
   }));
-  piece = { scene, from, tracks, askedAt: performance.now() };
+  piece = { scene, from, paths, askedAt: performance.now() };
 }
 
 /** Everybody at an instant of the past. */
@@ -112,21 +108,16 @@ async function recall(scene: string, at: number): Promise<void> {
     }
   }
   if (piece?.scene !== scene || state.at.peek() === null || state.shown.peek()?.millis !== at) return;
-  show(piece.tracks, at);
+  show(piece.paths, at);
 }
 
-function show(tracks: readonly Track[], at: number): void {
+function show(paths: readonly Path[], at: number): void {
   const followed = state.followed.peek() ?? null;
-  if (!followed || !people.peek().has(followed)) theirs.clear();
   // The trail is looked up as well, so that whoever comes here by the timeline sees where people came from.
   const isAnew = !(Math.abs(at - peopleAt.peek()) < TRAIL_STEP_MILLIS * 4);
   if (isAnew) people.value = new Map([...people.peek()].filter(([id]) => id === followed));
   const first = isAnew ? at - TRAIL_MILLIS : at;
-  for (let moment = first; moment <= at; moment += TRAIL_STEP_MILLIS) {
-    const named = renamed(sightingsAt(tracks, moment), followed, theirs);
-    for (const member of named.find(({ id }) => id === followed)?.members ?? []) theirs.add(member);
-    take(moment, named);
-  }
+  for (let moment = first; moment <= at; moment += TRAIL_STEP_MILLIS) take(moment, sightingsAt(paths, moment));
 }
 
 /** Keeps `people` up to date until the answered function is called. */

@@ -5,6 +5,7 @@ use super::super::accuracy::AccuracyStatus;
 use super::super::alignment::SceneAlignment;
 use super::super::blurring::{BlurAsked, CameraBlur};
 use super::super::chronicle::SceneTimeline;
+use super::super::entities::{EntityQuery, FoundEntities};
 use super::super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary,
     SceneSummary, surface_name,
@@ -347,7 +348,11 @@ impl Door for Shared {
     }
 
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError> {
-        self.find_tracks(&*self.scene(scene)?, query)
+        self.find_tracks(&self.scene(scene)?, query)
+    }
+
+    fn search_entities(&self, scene: &str, query: &EntityQuery) -> Result<FoundEntities, EngineError> {
+        self.find_entities(&self.scene(scene)?, query)
     }
 
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError> {
@@ -356,6 +361,10 @@ impl Door for Shared {
 
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError> {
         self.present_of(&self.scene(scene)?)
+    }
+
+    fn present_at(&self, scene: &str, at: At) -> Result<Arc<Present>, EngineError> {
+        Self::present_at(self, &self.scene(scene)?, at)
     }
 
     fn standing(&self, scene: &str, at: At) -> Result<SceneState, EngineError> {
