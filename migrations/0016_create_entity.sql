@@ -6,7 +6,7 @@ create table entity_set (
     scene text not null check (length(scene) between 1 and 64),
     -- The cameras' ids in the scene's order, with commas between them.
     cameras text not null check (length(cameras) between 1 and 65536),
-    -- Ids below this one may have been given; none is given twice.
+    -- The least id that was not handed out; none is handed out twice.
     next_id integer not null check (next_id > 0),
     unique (scene, cameras)
 ) strict;
@@ -14,7 +14,8 @@ create table entity_set (
 -- A time of which it is known who was where. Of two spans of a set that overlap, the one that was begun later counts: clocks step and
 -- clips begin again.
 create table entity_span (
-    id integer primary key,
+    -- Never that of another, so that nothing goes on a span that is gone.
+    id integer primary key autoincrement,
     entity_set integer not null references entity_set (id) on delete cascade,
     -- Scene time: nanoseconds since 1970-01-01, UTC.
     began_at integer not null,

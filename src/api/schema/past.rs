@@ -77,7 +77,7 @@ pub(crate) fn tracks() -> Value {
     ])
 }
 
-/// Who was where, by all cameras of a scene together.
+/// Describes who was where, by all cameras of a scene together.
 pub(crate) fn entity_paths() -> Value {
     let point = object([
         ("at", time(), "Within 0.05 s"),
@@ -93,11 +93,15 @@ pub(crate) fn entity_paths() -> Value {
     object([
         ("from", time(), ""),
         ("to", time(), ""),
-        ("entities", list(entity), "Whoever began first comes first; one who was away for 3 s is told again"),
+        (
+            "entities",
+            list(entity),
+            "Whoever began first comes first; one who was away for 3 s is told once more",
+        ),
         (
             "unknown",
             list(unknown),
-            "Times of which nothing is known: no camera followed anybody, or it was a minute ago",
+            "Times of which nothing is known yet, or no camera followed anybody; the first hundred",
         ),
         ("is_complete", boolean(), "Whether nobody else was there"),
         super::next(),

@@ -1,4 +1,4 @@
-//! Where an entity was, and which cameras saw it: gathered instant by instant, thinned out, and encoded in few bytes.
+//! Path of an entity, with the cameras that saw it: gathered instant by instant, thinned out, and encoded in few bytes.
 //!
 //! Encoding: a byte of version; the first place (three 64-bit floats, metres, little endian); then for each point the time since the
 //! one before it, in units of 0.1 s, how far it lies from the one before it along x, y and z, whole centimetres, the sign in the lowest
@@ -11,10 +11,10 @@ use videofields_vision::track::{
     MAX_PATH_POINTS, PathError, PathPlace, ThinnedPath, TimedPlace, push_number, take_number,
 };
 
-/// How far an entity moves before a point is kept at once, metres.
+/// Metres that an entity moves before a point is kept at once.
 const FAR_M: f64 = 0.3;
 
-/// How far an entity wanders that stands still, metres.
+/// Metres that an entity wanders while it stands still.
 const STILL_M: f64 = 0.15;
 
 /// Most cameras that are kept of one point.
@@ -29,7 +29,7 @@ const VERSION: u8 = 1;
 /// A place of an entity, and the cameras that saw it there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stand {
-    /// Where it touched the ground, metres.
+    /// Place where it touched the ground, metres.
     pub foot_in_world: DVec3,
     /// The cameras, by their places in a list that whoever keeps the path knows, in growing order.
     pub cameras: Vec<u16>,

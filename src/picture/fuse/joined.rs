@@ -1,4 +1,4 @@
-//! Whose tracks of several cameras are one person's, of a time that is over: every track is known from its beginning to its end, so
+//! Joins tracks of several cameras that are one person's, of a time that is over: every track is known from its beginning to its end, so
 //! that what comes later helps to tell what was before.
 //!
 //! Two tracks of different cameras that were at one place while both lasted are one person's; so are two of which one begins where the
@@ -15,7 +15,7 @@ const STEP_SECS: f64 = 0.25;
 /// Instants at which both of two tracks must be seen to be compared by their places.
 const LEAST_COMMON: usize = 3;
 
-/// How far apart, in the mean, two cameras may see one person's feet, metres.
+/// Most metres, in the mean, between where two cameras see one person's feet.
 const SAME_M: f64 = 1.2;
 
 /// Two who were this far apart in the mean are two, metres, whatever else speaks for one.
@@ -24,7 +24,7 @@ const APART_M: f64 = 2.5;
 /// Time after which a track is no more joined with one before.
 const GAP_NANOS: i64 = 3_000_000_000;
 
-/// How far from where the one before leads a track may begin: metres at once, and metres a second of the gap.
+/// Most metres between where the one before leads and where a track begins: at once, and a second of the gap.
 const BESIDE_M: f64 = 0.8;
 const BESIDE_M_PER_S: f64 = 0.5;
 
@@ -40,13 +40,13 @@ const MOST_SHARED: usize = 1;
 /// A part of a path of somebody: what one camera followed, or somebody whose id is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Of whom it is.
+    /// The one whose part it is.
     pub of: PartOf,
-    /// Where their feet were, in growing order of time: metres.
+    /// Places of their feet, metres, in growing order of time.
     pub steps: Vec<(Timestamp, DVec3)>,
 }
 
-/// Of whom a part is.
+/// The one whose part a part is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum PartOf {
     /// Somebody whose id is known.
@@ -85,19 +85,8 @@ impl Sampled {
         let first = began_at.as_nanos().div_euclid(STEP_NANOS)
             + i64::from(began_at.as_nanos().rem_euclid(STEP_NANOS) != 0);
         let last = ended_at.as_nanos().div_euclid(STEP_NANOS);
-        let mut next = 0;
-        let place = |step: i64| {
-            let instant = Timestamp::from_nanos(step * STEP_NANOS);
-            while steps[next].0 < instant {
-                next += 1;
-            }
-            let (to, there) = steps[next];
-            match next.checked_sub(1).map(|before| steps[before]) {
-                Some((from, here)) => here.lerp(there, instant.secs_since(from) / to.secs_since(from)),
-                None => there,
-            }
-        };
-        Some(Self { first, places: (first..=last).map(place).collect(), began_at, ended_at })
+        let place = |step: i64| place_at(steps, Timestamp::from_nanos(step * STEP_NANOS));
+        Some(Self { first, places: (first..=last).filter_map(place).collect(), began_at, ended_at })
     }
 
     /// Returns the instants that both have, as indices into this one's and the other's.
@@ -213,25 +202,39 @@ fn may_be_one(sampled: &[Sampled], (a, b): (usize, usize), of: impl Fn(usize) ->
     }
 }
 
-/// Returns where somebody was, of the parts that are theirs, and which of the parts say so: at every quarter of a second at which any
-/// does, in the middle of what they say.
+/// Returns where somebody was in a time, of the parts that are theirs, and which of the parts say so: at every quarter of a second at
+/// which any does, and at the time's ends, in the middle of what they say.
 #[must_use]
-pub fn middle_of(parts: &[&Part]) -> Vec<(Timestamp, DVec3, Vec<usize>)> {
-    let sampled: Vec<Option<Sampled>> = parts.iter().map(|part| Sampled::of(&part.steps)).collect();
-    let ends = sampled.iter().flatten().filter(|of| !of.places.is_empty());
-    let first = ends.clone().map(|of| of.first).min();
-    let last = ends.map(|of| of.first + of.places.len() as i64 - 1).max();
-    let (Some(first), Some(last)) = (first, last) else { return Vec::new() };
-    let at = |step: i64| {
-        let place =
-            |of: &Sampled| usize::try_from(step - of.first).ok().and_then(|i| of.places.get(i).copied());
+pub fn middle_of(parts: &[&Part], (from, to): (Timestamp, Timestamp)) -> Vec<(Timestamp, DVec3, Vec<usize>)> {
+    let ends = parts.iter().filter_map(|part| Some((part.steps.first()?.0, part.steps.last()?.0)));
+    let Some((began, ended)) = ends.reduce(|(a, b), (first, last)| (a.min(first), b.max(last))) else {
+        return Vec::new();
+    };
+    let (first, last) = (began.max(from), ended.min(to));
+    let step_after = |at: Timestamp| at.as_nanos().div_euclid(STEP_NANOS) + 1;
+    let steps = (step_after(first)..step_after(last)).map(|step| Timestamp::from_nanos(step * STEP_NANOS));
+    let instants = [first].into_iter().chain(steps.filter(|at| *at < last)).chain([last]);
+    let at = |at: Timestamp| {
         let said: Vec<(usize, DVec3)> =
-            sampled.iter().enumerate().filter_map(|(idx, of)| Some((idx, place(of.as_ref()?)?))).collect();
+            parts.iter().enumerate().filter_map(|(idx, of)| Some((idx, place_at(&of.steps, at)?))).collect();
         let sum: DVec3 = said.iter().map(|(_, place)| *place).sum();
         let who: Vec<usize> = said.iter().map(|(idx, _)| *idx).collect();
-        (!said.is_empty()).then(|| (Timestamp::from_nanos(step * STEP_NANOS), sum / said.len() as f64, who))
+        (!said.is_empty()).then(|| (at, sum / said.len() as f64, who))
     };
-    (first..=last).filter_map(at).collect()
+    let mut middle: Vec<_> = instants.filter(|_| first <= last).filter_map(at).collect();
+    middle.dedup_by_key(|(at, ..)| *at);
+    middle
+}
+
+/// Returns the place at an instant, straight between two steps; `None` before the first and after the last.
+fn place_at(steps: &[(Timestamp, DVec3)], instant: Timestamp) -> Option<DVec3> {
+    let next = steps.partition_point(|(at, _)| *at < instant);
+    let (to, there) = *steps.get(next)?;
+    match next.checked_sub(1).map(|before| steps[before]) {
+        _ if to == instant => Some(there),
+        Some((from, here)) => Some(here.lerp(there, instant.secs_since(from) / to.secs_since(from))),
+        None => None,
+    }
 }
 
 #[cfg(test)]
@@ -304,8 +307,10 @@ mod tests {
         ];
         let found = people(&parts);
         assert_eq!(found.len(), 3, "{found:?}");
-        assert!(found.iter().any(|(id, parts)| *id == Some(41) || parts.contains(&0)));
-        assert_eq!(found.iter().filter(|(id, _)| id.is_some()).count(), 2);
+        // The track is of one of the two, and of that alone.
+        let [of_41, of_42] = [Some(41), Some(42)].map(|id| found.iter().find(|(of, _)| *of == id).unwrap());
+        assert!(of_41.1.contains(&0) && of_42.1.contains(&2), "{found:?}");
+        assert!(of_41.1.contains(&1) != of_42.1.contains(&1), "{found:?}");
         assert_eq!(found[2], (None, vec![3]));
         // Two parts of one who is known are of one.
         let again = [
@@ -320,14 +325,23 @@ mod tests {
     fn the_middle_says_which_parts_say_so() {
         let one = part(PartOf::Camera(0, 1), (0.0, 1.0), |_| [0.0, 0.0]);
         let other = part(PartOf::Camera(1, 1), (0.6, 2.0), |_| [1.0, 0.0]);
-        let middle = middle_of(&[&one, &other]);
-        let told: Vec<(i64, f64, Vec<usize>)> =
-            middle.iter().map(|(at, place, who)| (at.as_nanos() / 1_000_000, place.x, who.clone())).collect();
+        let millis = |from: i64, to: i64| {
+            (Timestamp::from_nanos(from * 1_000_000), Timestamp::from_nanos(to * 1_000_000))
+        };
+        let told = |from: i64, to: i64| -> Vec<(i64, f64, Vec<usize>)> {
+            let middle = middle_of(&[&one, &other], millis(from, to));
+            middle.iter().map(|(at, place, who)| (at.as_nanos() / 1_000_000, place.x, who.clone())).collect()
+        };
         let first = (0..=2).map(|i| (250 * i, 0.0, vec![0]));
         let both = (3..=4).map(|i| (250 * i, 0.5, vec![0, 1]));
         let second = (5..=8).map(|i| (250 * i, 1.0, vec![1]));
-        assert_eq!(told, first.chain(both).chain(second).collect::<Vec<_>>());
-        assert_eq!(middle_of(&[]), []);
+        assert_eq!(told(-99, 9000), first.chain(both).chain(second).collect::<Vec<_>>());
+        // A time that is cut out of it has its ends.
+        let cut = [(510, 0.0, vec![0]), (750, 0.5, vec![0, 1]), (999, 0.5, vec![0, 1])];
+        assert_eq!(told(510, 999), cut);
+        assert_eq!(told(510, 520), [(510, 0.0, vec![0]), (520, 0.0, vec![0])]);
+        assert_eq!((told(510, 510).len(), told(3000, 4000).len(), told(-9, -1).len()), (1, 0, 0));
+        assert_eq!(middle_of(&[], millis(0, 9000)), []);
     }
 
     #[test]
@@ -337,7 +351,8 @@ mod tests {
         let once = Part { of: PartOf::Camera(0, 1), steps: vec![(Timestamp::from_nanos(1), place)] };
         let never = Part { of: PartOf::Camera(0, 2), steps: Vec::new() };
         assert_eq!(people(&[once.clone(), never]), [(None, vec![0])]);
-        assert_eq!(middle_of(&[&once]), []);
+        let all = (Timestamp::from_nanos(i64::MIN), Timestamp::from_nanos(i64::MAX));
+        assert_eq!(middle_of(&[&once], all), [(Timestamp::from_nanos(1), place, vec![0])]);
     }
 
     proptest! {

@@ -12,8 +12,8 @@ const ROWS_KEPT: i64 = 200_000;
 /// Sets of cameras that are kept of a scene; those that saw anything last longest ago go.
 const SETS_KEPT: i64 = 32;
 
-/// Ids beyond those given that are held back: whoever begins anew after a crash gives none of those that were shown, not yet written.
-const IDS_AHEAD: u64 = 256;
+/// Spans that are kept of a set, and that are read at once; those begun first go.
+const SPANS_KEPT: i64 = 4096;
 
 /// A scene, and those of its cameras from which it was concluded who was where.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -46,7 +46,7 @@ pub struct EntityRecord {
     pub ended_at: Timestamp,
     /// Height, millimetres, 0 to 1,000,000.
     pub height_mm: u32,
-    /// When it was where and who saw it, encoded by others: 1 to 65,536 bytes.
+    /// Path with the cameras that saw it, encoded by others: 1 to 65,536 bytes.
     pub path: Vec<u8>,
 }
 
@@ -59,8 +59,6 @@ pub struct SpanChange {
     pub began_at: Timestamp,
     /// Scene time of its end.
     pub ended_at: Timestamp,
-    /// The least id that was not given yet.
-    pub next_id: u64,
 }
 
 type Row = (i64, i64, i64, i64, Vec<u8>);
@@ -96,15 +94,13 @@ impl Store {
         records: &[EntityRecord],
     ) -> Result<i64, sqlx::Error> {
         let mut transaction = self.cache.begin_with("begin immediate").await?;
-        let next_id = i64::try_from(span.next_id.saturating_add(IDS_AHEAD)).unwrap_or(i64::MAX);
         let set_id: i64 = sqlx::query_scalar(
-            "insert into entity_set (scene, cameras, next_id) values (?1, ?2, ?3)
-             on conflict (scene, cameras) do update set next_id = max(next_id, excluded.next_id)
+            "insert into entity_set (scene, cameras, next_id) values (?1, ?2, 1)
+             on conflict (scene, cameras) do update set next_id = next_id
              returning id",
         )
         .bind(&set.scene)
         .bind(&set.cameras)
-        .bind(next_id)
         .fetch_one(&mut *transaction)
         .await?;
         // One that retention removed meanwhile begins anew.
@@ -134,22 +130,26 @@ impl Store {
         Ok(span_id)
     }
 
-    /// Returns the least id that was never given in a set.
+    /// Hands out `count` ids of a set, and returns the first of them: nobody else gets one of these, also after a crash.
     ///
     /// # Errors
     /// When the database fails.
-    pub async fn next_entity_id(&self, set: &EntitySet) -> Result<u64, StoreError> {
-        let next: Option<i64> =
-            sqlx::query_scalar("select next_id from entity_set where scene = ?1 and cameras = ?2")
-                .bind(&set.scene)
-                .bind(&set.cameras)
-                .fetch_optional(&self.cache)
-                .await
-                .map_err(|error| self.classify(error))?;
-        Ok(next.and_then(|next| u64::try_from(next).ok()).unwrap_or(1))
+    pub async fn reserve_entity_ids(&self, set: &EntitySet, count: u32) -> Result<u64, StoreError> {
+        let next: i64 = sqlx::query_scalar(
+            "insert into entity_set (scene, cameras, next_id) values (?1, ?2, 1 + ?3)
+             on conflict (scene, cameras) do update set next_id = next_id + ?3
+             returning next_id",
+        )
+        .bind(&set.scene)
+        .bind(&set.cameras)
+        .bind(count)
+        .fetch_one(&self.cache)
+        .await
+        .map_err(|error| self.classify(error))?;
+        Ok(u64::try_from(next - i64::from(count)).unwrap_or(1))
     }
 
-    /// Returns the spans of a set that reach into a time, the one begun last first.
+    /// Returns the spans of a set that reach into a time, the one begun last first; 4096 at most.
     ///
     /// # Errors
     /// When the database fails.
@@ -162,12 +162,13 @@ impl Store {
             "select id, began_at, ended_at from entity_span
              where entity_set = (select id from entity_set where scene = ?1 and cameras = ?2)
                  and ended_at >= ?3 and began_at <= ?4
-             order by id desc",
+             order by id desc limit ?5",
         )
         .bind(&set.scene)
         .bind(&set.cameras)
         .bind(from.as_nanos())
         .bind(to.as_nanos())
+        .bind(SPANS_KEPT)
         .fetch_all(&self.cache)
         .await
         .map_err(|error| self.classify(error))?;
@@ -268,9 +269,26 @@ impl Store {
                 .bind(least)
                 .execute(&self.cache)
                 .await?;
+            self.remove_further_spans(set).await?;
         }
         self.remove_further_sets().await?;
         Ok(n_gone)
+    }
+
+    /// Removes the spans of a set of which nothing counts, since one begun later has all of their time, and those beyond what is kept.
+    async fn remove_further_spans(&self, set: i64) -> Result<(), sqlx::Error> {
+        sqlx::query(
+            "delete from entity_span where entity_set = ?1 and (
+                 exists (
+                     select 1 from entity_span as later where later.entity_set = ?1 and later.id > entity_span.id
+                         and later.began_at <= entity_span.began_at and later.ended_at >= entity_span.ended_at)
+                 or id <= (select id from entity_span where entity_set = ?1 order by id desc limit 1 offset ?2))",
+        )
+        .bind(set)
+        .bind(SPANS_KEPT)
+        .execute(&self.cache)
+        .await?;
+        Ok(())
     }
 
     /// Returns the end of the oldest of the newest `rows_kept` sightings of a set; the beginning of time where there are fewer.
@@ -363,8 +381,8 @@ mod tests {
         EntityRecord { id, began_at: secs(began), ended_at: secs(ended), height_mm: 1700, path }
     }
 
-    fn change(id: Option<i64>, began: i64, ended: i64, next_id: u64) -> SpanChange {
-        SpanChange { id, began_at: secs(began), ended_at: secs(ended), next_id }
+    fn change(id: Option<i64>, began: i64, ended: i64) -> SpanChange {
+        SpanChange { id, began_at: secs(began), ended_at: secs(ended) }
     }
 
     async fn store(folder: &TempDir) -> Store {
@@ -381,9 +399,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = store(&folder).await;
         let all = set(&["north", "south"]);
-        let span = store.put_entities(&all, &change(None, 0, 10, 3), &[record(1, 0, 9)]).await.unwrap();
+        let span = store.put_entities(&all, &change(None, 0, 10), &[record(1, 0, 9)]).await.unwrap();
         let longer = [record(1, 0, 900), record(2, 5, 12)];
-        assert_eq!(store.put_entities(&all, &change(Some(span), 0, 1000, 9), &longer).await.unwrap(), span);
+        assert_eq!(store.put_entities(&all, &change(Some(span), 0, 1000), &longer).await.unwrap(), span);
         let (one, two) = (ids(&store, span, 13, 2000).await, ids(&store, span, 9, 12).await);
         assert_eq!((one, two), (vec![1], vec![1, 2]));
         assert!(ids(&store, span, 901, 2000).await.is_empty());
@@ -393,7 +411,7 @@ mod tests {
         assert_eq!(spans, [EntitySpan { id: span, began_at: secs(0), ended_at: secs(1000) }]);
         assert_eq!(store.entity_spans(&all, (secs(1001), secs(2000))).await.unwrap(), []);
         assert_eq!(store.entity_spans(&set(&["north"]), (secs(0), secs(2000))).await.unwrap(), []);
-        let later = store.put_entities(&all, &change(None, 100, 200, 9), &[]).await.unwrap();
+        let later = store.put_entities(&all, &change(None, 100, 200), &[]).await.unwrap();
         let spans = store.entity_spans(&all, (secs(0), secs(2000))).await.unwrap();
         assert_eq!(spans.iter().map(|of| of.id).collect::<Vec<_>>(), [later, span]);
     }
@@ -403,24 +421,19 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = store(&folder).await;
         let (all, part) = (set(&["north", "south"]), set(&["north"]));
-        assert_eq!(store.next_entity_id(&all).await.unwrap(), 1);
-        store.put_entities(&all, &change(None, 0, 1, 40), &[]).await.unwrap();
-        assert_eq!(store.next_entity_id(&all).await.unwrap(), 40 + IDS_AHEAD);
-        // What another wrote earlier takes nothing back.
-        store.put_entities(&all, &change(None, 0, 1, 7), &[]).await.unwrap();
-        assert_eq!(store.next_entity_id(&all).await.unwrap(), 40 + IDS_AHEAD);
-        assert_eq!(store.next_entity_id(&part).await.unwrap(), 1);
-        let span = store.put_entities(&part, &change(None, 0, 9, 2), &[record(1, 0, 9)]).await.unwrap();
+        assert_eq!(store.reserve_entity_ids(&all, 40).await.unwrap(), 1);
+        store.put_entities(&all, &change(None, 0, 1), &[]).await.unwrap();
+        assert_eq!(store.reserve_entity_ids(&all, 8).await.unwrap(), 41);
+        assert_eq!(store.reserve_entity_ids(&all, 8).await.unwrap(), 49);
+        let span = store.put_entities(&part, &change(None, 0, 9), &[record(1, 0, 9)]).await.unwrap();
         // A span of another set does not go on.
-        let other = store.put_entities(&all, &change(Some(span), 0, 9, 50), &[]).await.unwrap();
+        let other = store.put_entities(&all, &change(Some(span), 0, 9), &[]).await.unwrap();
         assert_ne!(other, span);
         assert!(ids(&store, other, 0, 9).await.is_empty());
         let refused = EntityRecord { path: Vec::new(), ..record(3, 0, 9) };
-        store
-            .put_entities(&part, &change(Some(span), 0, 99, 9), &[record(2, 0, 9), refused])
-            .await
-            .unwrap_err();
+        store.put_entities(&part, &change(Some(span), 0, 99), &[record(2, 0, 9), refused]).await.unwrap_err();
         assert_eq!(ids(&store, span, 0, 99).await, [1], "all or nothing");
+        assert_eq!(store.reserve_entity_ids(&part, 1).await.unwrap(), 1, "each set counts its own");
         assert_eq!(store.entity_spans(&part, (secs(10), secs(99))).await.unwrap(), []);
     }
 
@@ -430,12 +443,13 @@ mod tests {
         let store = store(&folder).await;
         let (live, film) = (set(&["gate"]), set(&["gate", "film"]));
         let now = secs(100 * DAY);
+        store.reserve_entity_ids(&film, 7).await.unwrap();
         let mut spans = Vec::new();
         for (of, newest) in [(&live, 100), (&film, 3)] {
             for age in [0, 1, 9] {
                 let began = (newest - age) * DAY;
                 let written = [record(1, began - 20, began - 10), record(2, began - 5, began)];
-                let span = store.put_entities(of, &change(None, began - 30, began, 3), &written).await;
+                let span = store.put_entities(of, &change(None, began - 30, began), &written).await;
                 spans.push(span.unwrap());
             }
         }
@@ -455,13 +469,33 @@ mod tests {
         // A film that nobody plays any more is as old as the clock says.
         store.forget_old_entities(50 * DAY * 1_000_000_000, now, &[]).await.unwrap();
         assert_eq!(store.entity_spans(&film, (secs(-99 * DAY), secs(99 * DAY))).await.unwrap(), []);
-        assert_eq!(store.next_entity_id(&film).await.unwrap(), 3 + IDS_AHEAD, "ids are not given again");
+        assert_eq!(store.reserve_entity_ids(&film, 1).await.unwrap(), 8, "ids are not given again");
         for number in 0..SETS_KEPT {
             let other = set(&[&format!("c{number}")]);
-            store.put_entities(&other, &change(None, 0, 1, 1), &[]).await.unwrap();
+            store.put_entities(&other, &change(None, 0, 1), &[]).await.unwrap();
         }
         store.forget_old_entities(i64::MAX, now, &[]).await.unwrap();
         assert_eq!(store.entity_spans(&live, (secs(0), now)).await.unwrap(), [], "the one used longest ago");
         assert_eq!(store.entity_spans(&set(&["c0"]), (secs(0), now)).await.unwrap().len(), 1);
+    }
+
+    #[tokio::test]
+    async fn spans_whose_time_a_later_one_has_go_and_others_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(&folder).await;
+        let all = set(&["gate"]);
+        let mut put = Vec::new();
+        for (began, ended) in [(0, 10), (20, 30), (5, 15), (18, 40), (0, 10)] {
+            put.push(
+                store
+                    .put_entities(&all, &change(None, began, ended), &[record(1, began, ended)])
+                    .await
+                    .unwrap(),
+            );
+        }
+        store.forget_old_entities(i64::MAX, secs(50), &[]).await.unwrap();
+        let left = store.entity_spans(&all, (secs(0), secs(50))).await.unwrap();
+        assert_eq!(left.iter().map(|of| of.id).collect::<Vec<_>>(), [put[4], put[3], put[2]]);
+        assert!(ids(&store, put[0], 0, 50).await.is_empty() && ids(&store, put[2], 0, 50).await == [1]);
     }
 }

@@ -110,6 +110,31 @@ impl Store {
     }
 }
 
+impl Store {
+    /// Returns when the first of a camera's tracks began that was seen at `at` or later.
+    ///
+    /// # Errors
+    /// When the database fails.
+    pub async fn next_track_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Result<Option<Timestamp>, StoreError> {
+        let began: Option<i64> = sqlx::query_scalar(
+            "select began_at from track
+             where camera = ?1 and ended_at >= ?2
+                 and began_at >= ?2 - coalesce((select max(ended_at - began_at) from track where camera = ?1), 0)
+             order by began_at limit 1",
+        )
+        .bind(camera.as_str())
+        .bind(at.as_nanos())
+        .fetch_optional(&self.cache)
+        .await
+        .map_err(|error| self.classify(error))?;
+        Ok(began.map(Timestamp::from_nanos))
+    }
+}
+
 async fn insert(
     connection: &mut SqliteConnection,
     camera: &CameraId,
@@ -218,6 +243,20 @@ mod tests {
         assert_eq!(store.tracks(&yard, (secs(0), secs(99)), None, 9).await.unwrap(), [record(5, 6, 1)]);
         let ends = (Timestamp::from_nanos(i64::MIN), Timestamp::from_nanos(i64::MAX));
         assert_eq!(store.tracks(&gate, ends, None, 9).await.unwrap().len(), all.len());
+    }
+
+    #[tokio::test]
+    async fn the_next_track_is_the_first_that_is_not_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = store(&folder).await;
+        let gate = camera("gate");
+        store.put_tracks(&gate, &[record(0, 50, 1), record(10, 12, 2), record(90, 91, 3)]).await.unwrap();
+        for (at, expected) in [(i64::MIN / 1_000_000_000, Some(0)), (12, Some(0)), (51, Some(90)), (92, None)]
+        {
+            let next = store.next_track_at(&gate, secs(at)).await.unwrap();
+            assert_eq!(next, expected.map(secs), "{at}");
+        }
+        assert_eq!(store.next_track_at(&camera("yard"), secs(0)).await.unwrap(), None);
     }
 
     #[tokio::test]

@@ -457,7 +457,7 @@ pub trait Door: Send + Sync {
     /// [`EngineError::Unavailable`] where the database fails.
     fn search_tracks(&self, scene: &str, query: &TrackQuery) -> Result<FoundTracks, EngineError>;
 
-    /// Who was where before a scene's cameras in a span of time. A time of which that was not concluded while it passed is concluded from
+    /// Returns who was where before a scene's cameras in a span of time. A time of which that was not concluded while it passed is concluded from
     /// the cameras' tracks, and kept. Blocks for the database, and for up to some seconds of work.
     ///
     /// # Errors
@@ -470,20 +470,20 @@ pub trait Door: Send + Sync {
     /// [`EngineError::NoScene`].
     fn alignment(&self, scene: &str) -> Result<SceneAlignment, EngineError>;
 
-    /// Who is before a scene's cameras now, at the instant that was placed last. Takes some milliseconds at most.
+    /// Returns who is before a scene's cameras now, at the instant that was placed last. Takes some milliseconds at most.
     ///
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Forbidden`].
     fn present(&self, scene: &str) -> Result<Arc<Present>, EngineError>;
 
-    /// Who was before a scene's cameras at a time, with the ids that they had when it was now. Blocks for the database where that is over.
+    /// Returns who was before a scene's cameras at a time, with the ids that they had when it was now. Blocks for the database where that is over.
     ///
     /// # Errors
     /// [`EngineError::NoScene`], [`EngineError::NoFrame`], [`EngineError::Gap`], [`EngineError::Forbidden`],
     /// [`EngineError::Unavailable`].
     fn present_at(&self, scene: &str, at: At) -> Result<Arc<Present>, EngineError>;
 
-    /// What stands in a scene at a time, with its pictures; with the ids that [`Self::present_at`] tells. Blocks where an instant is asked for that
+    /// Returns what stands in a scene at a time, with its pictures; with the ids that [`Self::present_at`] tells. Blocks where an instant is asked for that
     /// memory does not hold.
     ///
     /// # Errors

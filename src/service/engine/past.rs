@@ -239,9 +239,18 @@ impl Past {
         self.runtime.block_on(self.store.put_entities(set, span, records))
     }
 
-    /// Returns the least id that was never given in a set.
-    pub(super) fn next_entity_id(&self, set: &EntitySet) -> Result<u64, StoreError> {
-        self.runtime.block_on(self.store.next_entity_id(set))
+    /// Hands out ids of a set, as [`Store::reserve_entity_ids`] does.
+    pub(super) fn reserve_entity_ids(&self, set: &EntitySet, count: u32) -> Result<u64, StoreError> {
+        self.runtime.block_on(self.store.reserve_entity_ids(set, count))
+    }
+
+    /// Returns when the first of a camera's tracks began that was seen at `at` or later.
+    pub(super) fn next_track_at(
+        &self,
+        camera: &CameraId,
+        at: Timestamp,
+    ) -> Result<Option<Timestamp>, StoreError> {
+        self.runtime.block_on(self.store.next_track_at(camera, at))
     }
 
     /// Returns the spans of a set that reach into a time, the one that counts first.

@@ -1,4 +1,4 @@
-//! Who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at a time that is over.
+//! Tells who is before a scene's cameras, without a picture: now, asked for again and again by those who follow it, or at a time that is over.
 //!
 //! Answers hang on the scene's identity, and so on the cameras that the caller may see.
 
@@ -16,23 +16,23 @@ use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::CameraId;
 use videofields_vision::observation::Observation;
 
-/// What stands before a scene's cameras at an instant.
+/// Entities before a scene's cameras at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Present {
     /// The instant.
     pub instant: Timestamp,
     /// The cameras that had a frame for it; none at a time that is over.
     pub sources: Vec<SourceTime>,
-    /// What stands there, in growing order of ids.
+    /// The entities, in growing order of ids.
     pub entities: Vec<PresentEntity>,
 }
 
 /// One thing that stands there.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PresentEntity {
-    /// The same from camera to camera and from instant to instant, now and when it is over.
+    /// Id, the same from camera to camera and from instant to instant, now and when it is over.
     pub id: u64,
-    /// Where it touches the ground, metres.
+    /// Place where it touches the ground, metres.
     pub foot_in_world: DVec3,
     /// Its height, metres.
     pub height_m: f64,
@@ -40,7 +40,7 @@ pub struct PresentEntity {
     pub seen_by: Vec<CameraId>,
 }
 
-/// How far from where somebody is kept they may stand by the pictures of the same instant, metres.
+/// Most metres between where somebody is kept and where pictures of the same instant show them.
 const SAME_M: f64 = 1.0;
 
 /// Latest answer about who is present in each scene; the newest is the last.
@@ -180,7 +180,7 @@ impl Presences {
     }
 }
 
-/// Who stands in a state.
+/// Returns who stands in a state.
 #[must_use]
 pub fn present_in(state: &SceneState) -> Vec<PresentEntity> {
     state.entities.iter().map(|entity| present(state, entity)).collect()

@@ -279,7 +279,7 @@ impl Shared {
 
     /// Returns the memory of who stands where in a scene.
     pub(super) fn placing_of(&self, scene: &Arc<Scene>) -> ScenePlacing {
-        self.placings.of(scene, || self.first_entity_id(scene))
+        self.placings.of(scene, |count| self.reserve_entity_ids(scene, count))
     }
 
     pub(super) fn running(&self, camera: &str) -> Result<&Roster, EngineError> {

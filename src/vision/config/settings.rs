@@ -30,7 +30,7 @@ pub struct Settings {
     pub media: MediaSettings,
     /// What is kept of the past.
     pub timeline: TimelineSettings,
-    /// Where people and other entities are placed.
+    /// Placing of people and other entities.
     pub entities: EntitySettings,
     /// The renderer.
     pub render: RenderSettings,
@@ -161,11 +161,11 @@ impl Default for RenderSettings {
     }
 }
 
-/// Where people and other entities are placed.
+/// Placing of people and other entities.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct EntitySettings {
-    /// How often a second everybody who is before a scene's cameras is placed, whether anyone asks or not, 0 to 25. With 0 they are
+    /// Times a second at which everybody who is before a scene's cameras is placed, whether anyone asks or not, 0 to 25. With 0 they are
     /// placed when somebody asks, and of the past by the cameras' tracks. Default 5.
     pub rate_hz: f64,
 }

@@ -19,6 +19,7 @@ const BESIDE_MILLIS = TRAIL_MILLIS + 2_000;
 /** The minute at hand is asked for again, since it goes on. */
 const STALE_MILLIS = 4_000;
 const MOST_PATHS = 1_000;
+const MOST_PAGES = 5;
 /** How a trail of the past is sampled. */
 const TRAIL_STEP_MILLIS = 500;
 /** Who is lost may be who appears near there soon after. */
@@ -83,12 +84,20 @@ let asking: Promise<void> | null = null;
 
 async function learnPiece(scene: string, from: number): Promise<void> {
   const query = { from: instant(Math.max(from - BESIDE_MILLIS, 0)), to: instant(from + PIECE_MILLIS + BESIDE_MILLIS), limit: MOST_PATHS };
-  const answer = await content(api.GET("/api/v1/scenes/{id}/entities/paths", { params: { path: { id: scene }, query } }));
-  const paths = answer.entities.map(({ id, height_m, path }) => ({
-    id: String(id),
-    height: height_m,
-    steps: path.map(({ at, point_m, cameras }) => ({ at: millisOf(at), position: pointOf(point_m), cameras })),
-  }));
+  const paths: Path[] = [];
+  let cursor: string | undefined;
+  for (let page = 0; page < MOST_PAGES; page++) {
+    const answer = await content(api.GET("/api/v1/scenes/{id}/entities/paths", {
+      params: { path: { id: scene }, query: cursor === undefined ? query : { ...query, cursor } },
+    }));
+    paths.push(...answer.entities.map(({ id, height_m, path }) => ({
+      id: String(id),
+      height: height_m,
+      steps: path.map(({ at, point_m, cameras }) => ({ at: millisOf(at), position: pointOf(point_m), cameras })),
+    })));
+    if (answer.next === null) break;
+    cursor = answer.next;
+  }
   piece = { scene, from, paths, askedAt: performance.now() };
 }
 

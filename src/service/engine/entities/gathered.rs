@@ -1,4 +1,4 @@
-//! Who is where before one set of a scene's cameras, gathered instant by instant until it is written: a sighting that is over once, one
+//! Gathers who is where before one set of a scene's cameras, instant by instant, until it is written: a sighting that is over once, one
 //! that goes on again and again, so that a daemon that is killed loses little.
 
 use std::collections::VecDeque;
@@ -30,16 +30,27 @@ pub(super) struct Placed {
     pub(super) stand: Stand,
 }
 
-/// What is gathered and not yet written.
+/// Sightings that are gathered and not yet written.
 #[derive(Debug, Default)]
 pub(super) struct Gathered {
     /// Spans that are over, the earliest first.
     ended: VecDeque<Span>,
     /// The span that goes on.
     current: Option<Span>,
-    /// Who is there, of the span that goes on.
+    /// Entities that are there, of the span that goes on.
     followed: Vec<Followed>,
+    /// The end of what was written.
+    written_to: Option<Timestamp>,
     n_lost: u64,
+}
+
+/// Part of a span, as it is written.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Unwritten {
+    pub(super) change: SpanChange,
+    pub(super) records: Vec<EntityRecord>,
+    /// Number of those that are over, from the first on; the others go on.
+    n_over: usize,
 }
 
 #[derive(Debug)]
@@ -85,10 +96,8 @@ impl Gathered {
         }
         let is_gone = |of: &mut Followed| instant.nanos_since(of.path.ended_at()) > GONE_NANOS;
         span.over.extend(self.followed.extract_if(.., is_gone).filter_map(|of| of.record()));
-        let n_surplus = span.over.len().saturating_sub(MAX_WAITING);
-        span.over.drain(..n_surplus);
-        self.n_lost += n_surplus as u64;
         self.current = Some(span);
+        self.lose_surplus();
     }
 
     fn follow(&mut self, instant: Timestamp, Placed { id, height_m, stand }: Placed) {
@@ -111,45 +120,82 @@ impl Gathered {
         let gone = std::mem::take(&mut self.followed);
         let Some(mut span) = self.current.take() else { return };
         span.over.extend(gone.iter().filter_map(Followed::record));
+        self.written_to = None;
         self.ended.push_back(span);
-        if self.ended.len() > MAX_SPANS {
+        self.lose_surplus();
+    }
+
+    /// Returns what is not written yet, to be written by whoever asks, and then to be told of by [`Self::note_written`] or
+    /// [`Self::take_back`]. A span of a single instant is nothing yet.
+    pub(super) fn unwritten(&mut self) -> Vec<Unwritten> {
+        let ended = self.ended.drain(..).filter(|span| span.began_at < span.ended_at);
+        let mut all: Vec<Unwritten> = ended
+            .map(|span| Unwritten { change: span.change(), records: span.over, n_over: usize::MAX })
+            .collect();
+        if let Some(span) = self.current.as_mut().filter(|span| span.began_at < span.ended_at) {
+            let mut records = std::mem::take(&mut span.over);
+            let n_over = records.len();
+            records.extend(self.followed.iter().filter(|of| !of.is_written).filter_map(Followed::record));
+            self.followed.iter_mut().for_each(|of| of.is_written = true);
+            all.push(Unwritten { change: span.change(), records, n_over });
+        }
+        all
+    }
+
+    /// Notes under which number a span was written that began so.
+    pub(super) fn note_written(&mut self, change: &SpanChange, id: i64) {
+        let spans = self.ended.iter_mut().chain(&mut self.current);
+        // One that ended meanwhile goes on under the same number.
+        spans
+            .filter(|span| span.began_at == change.began_at && span.id == change.id)
+            .for_each(|span| span.id = Some(id));
+        self.written_to = self.written_to.max(Some(change.ended_at));
+    }
+
+    /// Takes back what could not be written.
+    pub(super) fn take_back(&mut self, unwritten: Vec<Unwritten>) {
+        for Unwritten { change, mut records, n_over } in unwritten.into_iter().rev() {
+            records.truncate(n_over);
+            let is_it = |span: &&mut Span| span.began_at == change.began_at && span.id == change.id;
+            match self.ended.iter_mut().chain(&mut self.current).find(is_it) {
+                Some(span) => span.over.splice(..0, records).for_each(drop),
+                None => {
+                    let SpanChange { id, began_at, ended_at } = change;
+                    self.ended.push_front(Span { id, began_at, ended_at, over: records });
+                }
+            }
+        }
+        self.followed.iter_mut().for_each(|of| of.is_written = false);
+        self.lose_surplus();
+    }
+
+    /// Lets go of the oldest of what waits, where that is too much.
+    fn lose_surplus(&mut self) {
+        while self.ended.len() > MAX_SPANS {
             self.n_lost += self.ended.pop_front().map_or(0, |lost| lost.over.len() as u64);
+        }
+        for span in self.ended.iter_mut().chain(&mut self.current) {
+            let n_surplus = span.over.len().saturating_sub(MAX_WAITING);
+            span.over.drain(..n_surplus);
+            self.n_lost += n_surplus as u64;
         }
     }
 
-    /// Has all written that was not yet: `put` writes part of a span and returns its number. What was not written waits. Returns how
-    /// many sightings were lost meanwhile.
-    pub(super) fn write<E>(
-        &mut self,
-        next_id: u64,
-        mut put: impl FnMut(&SpanChange, &[EntityRecord]) -> Result<i64, E>,
-    ) -> Result<u64, E> {
-        while let Some(span) = self.ended.front() {
-            put(&span.change(next_id), &span.over)?;
-            self.ended.pop_front();
-        }
-        if let Some(span) = &mut self.current {
-            let mut records = std::mem::take(&mut span.over);
-            let n_over = records.len();
-            let fresh = self.followed.iter().filter(|of| !of.is_written);
-            records.extend(fresh.filter_map(Followed::record));
-            match put(&span.change(next_id), &records) {
-                Ok(id) => span.id = Some(id),
-                Err(error) => {
-                    records.truncate(n_over);
-                    span.over = records;
-                    return Err(error);
-                }
-            }
-            self.followed.iter_mut().for_each(|of| of.is_written = true);
-        }
-        Ok(std::mem::take(&mut self.n_lost))
+    /// Returns how many sightings were lost since this was asked for last.
+    pub(super) const fn take_lost(&mut self) -> u64 {
+        std::mem::replace(&mut self.n_lost, 0)
+    }
+
+    /// Tells that something of `from` or later, of what was gathered, may not be written yet.
+    pub(super) fn is_news_from(&self, from: Timestamp) -> bool {
+        let ends = self.current.as_ref().map(|span| span.ended_at);
+        !self.ended.is_empty() || (ends > self.written_to && ends >= Some(from))
     }
 }
 
 impl Span {
-    const fn change(&self, next_id: u64) -> SpanChange {
-        SpanChange { id: self.id, began_at: self.began_at, ended_at: self.ended_at, next_id }
+    const fn change(&self) -> SpanChange {
+        SpanChange { id: self.id, began_at: self.began_at, ended_at: self.ended_at }
     }
 }
 
@@ -197,14 +243,14 @@ mod tests {
     fn written(gathered: &mut Gathered) -> Written {
         let millis = |at: Timestamp| at.as_nanos() / 1_000_000;
         let mut all = Vec::new();
-        let lost = gathered.write::<()>(9, |change, records| {
+        for Unwritten { change, records, .. } in gathered.unwritten() {
             let of = |of: &EntityRecord| (of.id, [of.began_at, of.ended_at].map(millis));
             let ends = [change.began_at, change.ended_at].map(millis);
+            assert!(records.iter().all(|of| of.height_mm == 1750));
             all.push((change.id, ends, records.iter().map(of).collect()));
-            assert!(change.next_id == 9 && records.iter().all(|of| of.height_mm == 1750));
-            Ok(change.id.unwrap_or(70 + all.len() as i64))
-        });
-        assert_eq!(lost, Ok(0));
+            gathered.note_written(&change, change.id.unwrap_or(70 + all.len() as i64));
+        }
+        assert!(gathered.take_lost() == 0 && !gathered.is_news_from(at(i64::MIN / 1_000_000)));
         all
     }
 
@@ -256,18 +302,29 @@ mod tests {
             show(&mut gathered, (4000 * i, 4000 * i + 400), &[i as u64]);
             show(&mut gathered, (4000 * i + 400, 4000 * i + 4000), &[]);
         }
-        let fail = |_: &SpanChange, _: &[EntityRecord]| Err("gone");
-        assert_eq!(gathered.write(9, fail), Err("gone"));
-        let mut n_written = 0;
-        let lost = gathered.write::<()>(9, |_, records| {
-            n_written += records.len();
-            Ok(1)
-        });
-        assert_eq!((lost, n_written), (Ok(50), MAX_WAITING));
+        let waiting = gathered.unwritten();
+        gathered.take_back(waiting.clone());
+        assert_eq!(gathered.unwritten(), waiting, "it waits as it was");
+        assert_eq!((waiting[0].records.len(), gathered.take_lost()), (MAX_WAITING, 50));
         for i in 0..MAX_SPANS as i64 + 3 {
             show(&mut gathered, (60_000_000 + 9000 * i, 60_000_400 + 9000 * i), &[1]);
         }
-        let lost = gathered.write::<()>(9, |_, _| Ok(1));
-        assert_eq!(lost, Ok(2));
+        let n_lost = gathered.take_lost();
+        assert!((2..=3).contains(&n_lost) && gathered.unwritten().len() == MAX_SPANS + 1, "{n_lost}");
+    }
+
+    #[test]
+    fn what_ends_while_it_is_written_goes_on_under_the_same_number() {
+        let mut gathered = Gathered::default();
+        show(&mut gathered, (0, 1000), &[1]);
+        assert!(gathered.is_news_from(at(500)) && !gathered.is_news_from(at(801)));
+        let in_hand = gathered.unwritten();
+        gathered.end();
+        gathered.note_written(&in_hand[0].change, 7);
+        assert_eq!(gathered.unwritten()[0].change.id, Some(7));
+        // A single instant is no time.
+        gathered.observe(at(60_000), vec![placed(1, 60_000)]);
+        gathered.end();
+        assert_eq!(gathered.unwritten(), []);
     }
 }

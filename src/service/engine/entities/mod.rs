@@ -1,7 +1,7 @@
-//! Who is where in every scene, placed again and again whether anyone asks or not, and kept: so that the past has the ids that the
+//! Places everybody in every scene again and again, whether anyone asks or not, and keeps it: so that the past has the ids that the
 //! present had (docs/decisions/0030-entity-rows.md).
 //!
-//! What is concluded hangs on the cameras it was concluded from: a scene, and each part of it that callers with fewer cameras ask
+//! Conclusions belong to the cameras that they are drawn from: a scene, and each part of it that callers with fewer cameras ask
 //! for, are sets of their own, with ids of their own.
 
 mod gathered;
@@ -20,6 +20,7 @@ use videofields_picture::fuse::Stand;
 use videofields_picture::scene::Scene;
 use videofields_recording::ingest::StopFlag;
 use videofields_recording::store::EntitySet;
+use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::CameraId;
 
 /// Sets that are placed at each turn: scenes in their order, then parts of scenes, those asked for last.
@@ -31,10 +32,13 @@ const ASKED_TIME: Duration = Duration::from_secs(600);
 /// Time between two writings of what is still there.
 const WRITE_PERIOD: Duration = Duration::from_secs(5);
 
+/// Time until it is tried again where the database failed.
+const FAILED_PERIOD: Duration = Duration::from_secs(30);
+
 /// Longest that the thread sleeps before it looks whether it is to stop.
 const NAP: Duration = Duration::from_millis(50);
 
-/// What is gathered by set.
+/// Sets that are placed.
 #[derive(Debug, Default)]
 pub(super) struct Entities {
     sets: Mutex<Vec<PlacedSet>>,
@@ -48,9 +52,11 @@ pub(super) struct Entities {
 #[derive(Clone, Debug)]
 struct PlacedSet {
     scene: Arc<Scene>,
-    /// When it was asked for last; none of a scene as it is.
+    /// Monotonic time at which it was asked for last; none of a scene as it is.
     asked_at: Option<Duration>,
     gathered: Arc<Mutex<Gathered>>,
+    /// Held by whoever writes what was gathered.
+    writing: Arc<Mutex<()>>,
 }
 
 impl Entities {
@@ -74,16 +80,16 @@ impl Entities {
         self.lock().iter().find(|set| Arc::ptr_eq(&set.scene, scene)).cloned()
     }
 
-    /// Notes that somebody asked at `now` who is in a part of a scene: it is placed at each turn for a while.
+    /// Notes that somebody asked at `now` who is in a part of a scene: it is placed at each turn for a while. Where as many are placed as
+    /// may be, it is not: none is displaced that others ask for.
     fn ask(&self, scene: &Arc<Scene>, now: Duration) {
-        if self.period.is_none() {
+        if self.period.is_none() || scene.cameras.is_empty() {
             return;
         }
         let mut sets = self.lock();
         if let Some(set) = sets.iter_mut().find(|set| Arc::ptr_eq(&set.scene, scene)) {
             set.asked_at = set.asked_at.map(|_| now);
-        } else if sets.len() < 2 * MAX_SETS {
-            // The next turn lets go of those that are too many.
+        } else if sets.len() < MAX_SETS {
             sets.push(PlacedSet::new(scene, Some(now)));
         }
     }
@@ -96,7 +102,7 @@ impl Entities {
 
 impl PlacedSet {
     fn new(scene: &Arc<Scene>, asked_at: Option<Duration>) -> Self {
-        Self { scene: Arc::clone(scene), asked_at, gathered: Arc::default() }
+        Self { scene: Arc::clone(scene), asked_at, gathered: Arc::default(), writing: Arc::default() }
     }
 
     fn lock(&self) -> MutexGuard<'_, Gathered> {
@@ -114,20 +120,18 @@ pub(super) fn set_of(scene: &Scene) -> EntitySet {
 pub(super) fn run(shared: &Shared, stop: &StopFlag) {
     let Some(period) = shared.entities.period() else { return };
     let clock = &shared.clock;
-    let mut written_at = clock.monotonic();
+    let mut write_at = clock.monotonic();
     let mut due = clock.monotonic();
     while !stop.is_raised() {
-        let turn = catch_unwind(AssertUnwindSafe(|| {
-            let sets = shared.placed_sets();
-            sets.iter().take_while(|_| !stop.is_raised()).for_each(|set| shared.place_now(set));
-        }));
-        if turn.is_err() {
-            tracing::error!("placing people panicked; it goes on with the next instant");
+        let sets = unless_panics(|| shared.placed_sets()).unwrap_or_default();
+        for set in sets.iter().take_while(|_| !stop.is_raised()) {
+            // One scene's failure never touches another.
+            unless_panics(|| shared.place_now(set));
         }
-        let now = clock.monotonic();
-        if now.saturating_sub(written_at) >= WRITE_PERIOD {
-            written_at = now;
-            shared.write_entities();
+        if clock.monotonic() >= write_at {
+            let is_written = unless_panics(|| shared.write_entities()).unwrap_or(false);
+            let pause = if is_written { WRITE_PERIOD } else { FAILED_PERIOD };
+            write_at = clock.monotonic().saturating_add(pause);
         }
         due += period;
         let late = clock.monotonic().saturating_sub(due);
@@ -144,6 +148,15 @@ pub(super) fn run(shared: &Shared, stop: &StopFlag) {
     }
     shared.entities.lock().iter().for_each(|set| set.lock().end());
     shared.write_entities();
+}
+
+/// Returns what `work` does; `None` where it panicked.
+fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
+    let done = catch_unwind(AssertUnwindSafe(work));
+    if done.is_err() {
+        tracing::error!("placing people panicked; it goes on with the next instant");
+    }
+    done.ok()
 }
 
 impl Shared {
@@ -208,39 +221,56 @@ impl Shared {
         }
     }
 
-    /// Writes what was gathered of all sets.
-    fn write_entities(&self) {
+    /// Writes what was gathered of all sets, until one cannot be, and tells that all was.
+    fn write_entities(&self) -> bool {
         let sets = self.entities.lock().clone();
-        sets.iter().for_each(|set| self.write_set(set));
+        sets.iter().all(|set| self.write_set(set))
     }
 
-    /// Writes what was gathered of a scene, so that whoever asks finds it.
-    fn write_entities_of(&self, scene: &Arc<Scene>) {
-        if let Some(set) = self.entities.find(scene) {
+    /// Writes what was gathered of a scene from an instant on, so that whoever asks finds it.
+    fn write_entities_of(&self, scene: &Arc<Scene>, from: Timestamp) {
+        if let Some(set) = self.entities.find(scene).filter(|set| set.lock().is_news_from(from)) {
             self.write_set(&set);
         }
     }
 
-    fn write_set(&self, set: &PlacedSet) {
-        let Some(past) = &self.past else { return };
+    /// Writes what was gathered of a set, and tells that all was; meanwhile more may be gathered.
+    fn write_set(&self, set: &PlacedSet) -> bool {
+        let Some(past) = &self.past else { return true };
         let key = set_of(&set.scene);
-        let next_id = self.placing_of(&set.scene).lock().next_id();
-        match set.lock().write(next_id, |change, records| past.put_entities(&key, change, records)) {
-            Ok(0) => {}
-            Ok(n_lost) => {
-                self.metrics.entities_lost.inc_by(n_lost);
-                tracing::warn!(scene = %key.scene, n_lost, "sightings lost while the database failed");
+        let _turn = set.writing.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut unwritten = set.lock().unwritten();
+        let mut failure = None;
+        while let Some(part) = unwritten.first() {
+            match past.put_entities(&key, &part.change, &part.records) {
+                Ok(id) => set.lock().note_written(&part.change, id),
+                Err(error) => {
+                    failure = Some(error);
+                    break;
+                }
             }
-            Err(error) => tracing::warn!(scene = %key.scene, %error, "who was where is not written"),
+            unwritten.remove(0);
         }
+        if !unwritten.is_empty() {
+            set.lock().take_back(unwritten);
+        }
+        let n_lost = set.lock().take_lost();
+        if n_lost > 0 {
+            self.metrics.entities_lost.inc_by(n_lost);
+            tracing::warn!(scene = %key.scene, n_lost, "sightings lost while the database failed");
+        }
+        if let Some(error) = &failure {
+            tracing::warn!(scene = %key.scene, %error, "who was where is not written");
+        }
+        failure.is_none()
     }
 
-    /// Returns the least id that nobody in a scene has had.
-    pub(super) fn first_entity_id(&self, scene: &Scene) -> u64 {
-        let Some(past) = &self.past else { return 1 };
-        past.next_entity_id(&set_of(scene)).unwrap_or_else(|error| {
-            // Beyond all that were counted, and exact in JSON.
-            let first = self.clock.now().as_nanos().unsigned_abs() / 1_000_000_000;
+    /// Hands out ids of a scene, and returns the first of them.
+    pub(super) fn reserve_entity_ids(&self, scene: &Scene, count: u32) -> u64 {
+        let Some(past) = self.past.as_ref().filter(|_| !scene.cameras.is_empty()) else { return 1 };
+        past.reserve_entity_ids(&set_of(scene), count).unwrap_or_else(|error| {
+            // Beyond all that were counted, one a microsecond, and exact in JSON.
+            let first = self.clock.now().as_nanos().unsigned_abs() / 1000;
             tracing::warn!(scene = %scene.id, %error, first, "ids are counted anew");
             first
         })

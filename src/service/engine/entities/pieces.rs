@@ -1,4 +1,4 @@
-//! Times, divided among those who know of them.
+//! Divides times among the spans that know of them.
 
 use videofields_recording::store::EntitySpan;
 use videofields_vision::clock::Timestamp;
@@ -39,19 +39,6 @@ pub(super) fn divide(
     (known, left)
 }
 
-/// Returns the parts of a time that are concluded at once, in order: they end where the clock has whole five minutes, so that it says
-/// nothing which time was asked for.
-pub(super) fn cut((from, to): Piece) -> impl Iterator<Item = Piece> {
-    let mut next = Some(from);
-    std::iter::from_fn(move || {
-        let first = next.take().filter(|first| *first <= to)?;
-        let (_, end) = around(Timestamp::from_nanos(first));
-        let last = to.min(end);
-        next = last.checked_add(1);
-        Some((first, last))
-    })
-}
-
 /// Returns the whole five minutes that an instant lies in.
 pub(super) fn around(instant: Timestamp) -> Piece {
     let past = instant.as_nanos().rem_euclid(PIECE_NANOS);
@@ -85,13 +72,14 @@ mod tests {
     }
 
     #[test]
-    fn a_time_is_cut_where_the_clock_has_whole_five_minutes() {
+    fn five_minutes_are_the_clock_s() {
         let p = PIECE_NANOS;
-        assert_eq!(cut((p - 5, p + 5)).collect::<Vec<_>>(), [(p - 5, p - 1), (p, p + 5)]);
-        assert_eq!(cut((-1, 2 * p - 1)).collect::<Vec<_>>(), [(-1, -1), (0, p - 1), (p, 2 * p - 1)]);
-        assert_eq!(cut((7, 7)).collect::<Vec<_>>(), [(7, 7)]);
-        assert_eq!(cut((i64::MAX - 1, i64::MAX)).count(), 1);
         assert_eq!(around(Timestamp::from_nanos(p + 3)), (p, 2 * p - 1));
+        assert_eq!(around(Timestamp::from_nanos(p)), (p, 2 * p - 1));
         assert_eq!(around(Timestamp::from_nanos(-3)), (-p, -1));
+        let (first, last) = around(Timestamp::from_nanos(i64::MAX));
+        assert!(last == i64::MAX && last - first < p);
+        let (first, last) = around(Timestamp::from_nanos(i64::MIN));
+        assert!(first == i64::MIN && last - first < p);
     }
 }

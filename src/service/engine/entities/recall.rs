@@ -1,23 +1,23 @@
-//! Who was where at a time that is over: what was kept of it, and, where nothing was kept, what follows from the tracks that each
-//! camera kept, which is kept then.
+//! Answers to who was where at a time that is over: what was kept of it, and, where nothing was kept, what follows from the tracks that
+//! each camera kept, which is kept then.
 //!
-//! Of one set of cameras, a time is concluded once: whoever asks for it again gets the same. What one question may cost is bounded.
+//! Of one set of cameras, whole five minutes are concluded once, when all tracks of them are written: whoever asks again gets the same.
 
 use super::gathered::{GONE_NANOS, record};
-use super::pieces::{Piece, around, cut, divide};
+use super::pieces::{Piece, around, divide};
 use super::set_of;
 use crate::engine::EngineError;
 use crate::engine::past::Past;
 use crate::engine::presence::PresentEntity;
 use crate::engine::privacy::Privacy;
-use crate::engine::shared::Shared;
+use crate::engine::shared::{CameraEntry, Shared};
 use crate::engine::track_search::{FoundTrack, ParseCursorError};
 use glam::{DVec2, DVec3};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 use std::sync::{Arc, PoisonError};
-use videofields_picture::fuse::{EntityPath, Joined, Part, PartOf, Stand, join, middle_of, stand_at};
+use videofields_picture::fuse::{EntityPath, Part, PartOf, Stand, join, middle_of, stand_at};
 use videofields_picture::scene::{Scene, SceneCamera};
 use videofields_recording::ingest::CameraState;
 use videofields_recording::store::{EntityRecord, EntitySet, SpanChange, TrackRecord};
@@ -27,14 +27,23 @@ use videofields_vision::geometry::Camera;
 use videofields_vision::mapping;
 use videofields_vision::track::{FootPath, PathError, TimedPlace};
 
-/// Pieces of five minutes that one question concludes at most.
+/// Most times of five minutes that one question concludes.
 const MAX_PIECES: usize = 12;
 
 /// Tracks that are put together at once at most; of more, the latest.
 const MAX_TRACKS: usize = 4096;
 
-/// Sightings that one question looks at.
-const MAX_LOOKED_AT: u32 = 20_000;
+/// Sightings that are read at once.
+const MAX_ROWS: u32 = 4096;
+
+/// Sightings after which no more are read to tell whose tracks are.
+const MAX_LOOKED_AT: usize = 20_000;
+
+/// Times of which nothing is known that an answer tells.
+const MAX_UNKNOWN: usize = 100;
+
+/// A camera whose newest frame is this much older than another's is not waited for.
+const LAG_NANOS: i64 = 600_000_000_000;
 
 /// Points after which an answer is full: some 5 MB of JSON.
 const MAX_ANSWERED: usize = 50_000;
@@ -46,18 +55,18 @@ const SETTLED_NANOS: i64 = 70_000_000_000;
 const USUAL_M: f64 = 1.7;
 const HEIGHTS_M: [f64; 2] = [0.3, 3.0];
 
-/// How far a camera may see somebody's feet from where all cameras together see them, metres, and be looking at them.
+/// Most metres between where one camera sees somebody's feet and where all cameras together do.
 const SAME_M: f64 = 1.5;
 
 /// Points of a track at which it is asked whose it is.
 const MAX_ASKED: usize = 8;
 
-/// Who is asked for.
+/// Question for who was where.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EntityQuery {
-    /// Seen at some time from the one to the other.
+    /// The time that is asked for.
     pub span: (Timestamp, Timestamp),
-    /// Behind this one in the order of answers.
+    /// Place in the order of answers behind which the answer begins.
     pub after: Option<EntityCursor>,
     /// Most sightings of the answer, 1 or more.
     pub limit: usize,
@@ -66,40 +75,40 @@ pub struct EntityQuery {
 /// A place in the order of answers: by beginning, then by id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct EntityCursor {
-    /// When the sighting at it began, within the time asked for.
+    /// Beginning of the sighting at it, within the time asked for.
     pub began_at: Timestamp,
-    /// Its id.
+    /// Id of the sighting at it.
     pub id: u64,
 }
 
-/// Who was found.
+/// Answer to an [`EntityQuery`].
 #[derive(Clone, Debug, PartialEq, Default)]
 pub struct FoundEntities {
-    /// In the order of beginning.
+    /// Sightings in the order of beginning.
     pub entities: Vec<FoundEntity>,
-    /// Times of which nothing is known, in order; the first of them where there are many.
+    /// Times of which nothing is known, in order, the first hundred.
     pub unknown: Vec<(Timestamp, Timestamp)>,
-    /// Where to go on; none where all were found.
+    /// Place to go on behind; none where all were found.
     pub next: Option<EntityCursor>,
 }
 
 /// Somebody, from one sighting to another without a longer break, within the time asked for.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FoundEntity {
-    /// The same from sighting to sighting.
+    /// Id of the entity, from sighting to sighting.
     pub id: u64,
     /// Height, metres.
     pub height_m: f64,
-    /// Where they were, in order of time; never empty.
+    /// Places in order of time; never empty.
     pub path: Vec<FoundStand>,
 }
 
-/// Where somebody was.
+/// Place of somebody at an instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FoundStand {
-    /// When, within 0.05 s.
+    /// The instant, within 0.05 s.
     pub at: Timestamp,
-    /// Where in the world, metres.
+    /// Place in the world, metres.
     pub point_m: [f64; 3],
     /// The cameras that saw them.
     pub cameras: Vec<CameraId>,
@@ -122,7 +131,7 @@ impl FromStr for EntityCursor {
     }
 }
 
-/// What is kept of a time: which span has which part of it, and of which parts nothing is known.
+/// Parts of a time: which span has which, and of which nothing is known.
 struct Kept {
     known: Vec<(i64, Piece)>,
     unknown: Vec<Piece>,
@@ -130,10 +139,22 @@ struct Kept {
 
 /// A track, in the world.
 struct PlacedTrack {
-    /// Where its feet were, metres.
-    steps: Vec<(Timestamp, DVec3)>,
-    /// How tall it was about, metres, where its camera tells that.
+    /// Places of its feet, metres: in parts, where a zone hides them in between.
+    parts: Vec<Vec<(Timestamp, DVec3)>>,
+    /// Height, about, metres; none where its camera does not tell it.
     height_m: Option<f64>,
+}
+
+/// Somebody in a time that is concluded.
+struct Sighted {
+    /// Number among the people that were put together.
+    person: usize,
+    /// Number of the part of the time.
+    piece: usize,
+    /// The id that they are known by.
+    known: Option<u64>,
+    path: EntityPath,
+    height_m: f64,
 }
 
 /// A sighting that is kept.
@@ -144,6 +165,14 @@ struct Sighting {
     points: Vec<TimedPlace<Stand>>,
 }
 
+/// Time that is asked for of a scene, and how much may still be concluded of it.
+struct Asked<'a> {
+    past: &'a Past,
+    scene: &'a Arc<Scene>,
+    set: EntitySet,
+    n_pieces: usize,
+}
+
 impl Shared {
     /// Returns who was where in a scene. Blocks for the database, and for as much work as the bounds allow.
     pub(in crate::engine) fn find_entities(
@@ -152,37 +181,39 @@ impl Shared {
         query: &EntityQuery,
     ) -> Result<FoundEntities, EngineError> {
         let Some(past) = &self.past else { return Ok(FoundEntities::default()) };
-        let kept = self.kept(past, scene, query.span)?;
-        let mut found = FoundEntities::default();
-        let mut n_looked_at = 0;
-        let mut all = Vec::new();
-        for (span, piece) in kept.known {
-            let time = instants(piece);
-            let records = past.entities(span, time, MAX_LOOKED_AT - n_looked_at);
-            let records = records?;
-            n_looked_at += records.len() as u32;
-            for sighting in sightings(&scene.id, &records) {
-                all.extend(self.found(scene, &sighting, time));
-            }
-            if n_looked_at == MAX_LOOKED_AT {
-                break;
-            }
-        }
+        let kept = self.kept(&mut Asked::new(past, scene), query.span)?;
         let place = |of: &FoundEntity| EntityCursor { began_at: of.path[0].at, id: of.id };
-        all.retain(|of| query.after.is_none_or(|after| place(of) > after));
-        all.sort_by_key(place);
-        let (mut n_answered, mut n_found) = (0, 0);
-        for of in &all {
-            if n_found == query.limit || n_answered >= MAX_ANSWERED {
-                found.next = n_found.checked_sub(1).map(|last| place(&all[last]));
-                break;
+        let mut found = FoundEntities::default();
+        let (mut n_answered, mut goes_on) = (0, false);
+        for (span, piece) in kept.known {
+            let (from, to) = instants(piece);
+            let begin = query.after.map_or(from, |after| after.began_at.max(from));
+            if goes_on || begin > to {
+                continue;
             }
-            n_answered += of.path.len();
-            n_found += 1;
+            let records = past.entities(span, (begin, to), MAX_ROWS)?;
+            let mut of_piece: Vec<FoundEntity> = Vec::new();
+            for sighting in sightings(&scene.id, &records) {
+                of_piece.extend(self.found(scene, &sighting, (from, to)));
+            }
+            of_piece.retain(|of| query.after.is_none_or(|after| place(of) > after));
+            of_piece.sort_by_key(place);
+            for of in of_piece {
+                if found.entities.len() == query.limit || n_answered >= MAX_ANSWERED {
+                    goes_on = true;
+                    break;
+                }
+                n_answered += of.path.len();
+                found.entities.push(of);
+            }
+            found.next = found.entities.last().filter(|_| goes_on).map(place);
+            if !goes_on && records.len() == MAX_ROWS as usize {
+                let last =
+                    records.last().map(|of| EntityCursor { began_at: of.began_at.max(from), id: of.id });
+                (found.next, goes_on) = (last, true);
+            }
         }
-        all.truncate(n_found);
-        found.entities = all;
-        found.unknown = kept.unknown.into_iter().map(instants).collect();
+        found.unknown = kept.unknown.into_iter().take(MAX_UNKNOWN).map(instants).collect();
         Ok(found)
     }
 
@@ -193,9 +224,9 @@ impl Shared {
         instant: Timestamp,
     ) -> Result<Option<Vec<PresentEntity>>, EngineError> {
         let Some(past) = &self.past else { return Ok(None) };
-        let kept = self.kept(past, scene, (instant, instant))?;
+        let kept = self.kept(&mut Asked::new(past, scene), (instant, instant))?;
         let Some((span, piece)) = kept.known.first() else { return Ok(None) };
-        let records = past.entities(*span, instants(*piece), MAX_LOOKED_AT)?;
+        let records = past.entities(*span, instants(*piece), MAX_ROWS)?;
         let present = |sighting: &Sighting| {
             let stand = stand_at(&sighting.points, sighting.ends, instant)?;
             let seen_by: Vec<CameraId> = self.seeing(scene, instant, &stand).collect();
@@ -209,6 +240,7 @@ impl Shared {
         let mut entities: Vec<PresentEntity> =
             sightings(&scene.id, &records).filter_map(|of| present(&of)).collect();
         entities.sort_by_key(|of| of.id);
+        entities.dedup_by_key(|of| of.id);
         Ok(Some(entities))
     }
 
@@ -218,159 +250,152 @@ impl Shared {
         scene: &Arc<Scene>,
         tracks: &[FoundTrack],
     ) -> Result<Vec<Option<u64>>, EngineError> {
-        let Some(past) = &self.past else { return Ok(vec![None; tracks.len()]) };
-        let mut n_pieces = MAX_PIECES;
-        self.write_entities_of(scene);
-        let whose = |track: &FoundTrack| {
-            let time = (track.began_at, track.ended_at);
-            let kept = self.kept_within(past, scene, time, &mut n_pieces)?;
-            let mut known = Vec::new();
-            for (span, piece) in kept.known {
-                let records = past.entities(span, instants(piece), MAX_LOOKED_AT / 16);
-                let records = records?;
-                known.extend(sightings(&scene.id, &records).map(|sighting| (piece, sighting)));
+        let ends = tracks.iter().map(|track| (track.began_at, track.ended_at));
+        let time = ends.reduce(|(from, to), (began, ended)| (from.min(began), to.max(ended)));
+        let (Some(past), Some(time)) = (&self.past, time) else { return Ok(vec![None; tracks.len()]) };
+        let kept = self.kept(&mut Asked::new(past, scene), time)?;
+        let mut known = Vec::new();
+        let mut n_rows = 0;
+        // Tracks are told from the newest on.
+        for (span, piece) in kept.known.into_iter().rev() {
+            let records = past.entities(span, instants(piece), MAX_ROWS)?;
+            n_rows += records.len();
+            known.extend(sightings(&scene.id, &records).map(|sighting| (piece, sighting)));
+            if n_rows >= MAX_LOOKED_AT {
+                break;
             }
-            Ok(whose(scene, track, &known))
-        };
-        tracks.iter().map(whose).collect()
+        }
+        Ok(tracks.iter().map(|track| whose(scene, track, &known)).collect())
     }
 
     /// Returns what is kept of a time, once all was concluded that can be.
-    fn kept(
-        &self,
-        past: &Past,
-        scene: &Arc<Scene>,
-        time: (Timestamp, Timestamp),
-    ) -> Result<Kept, EngineError> {
-        self.write_entities_of(scene);
-        self.kept_within(past, scene, time, &mut { MAX_PIECES })
-    }
-
-    fn kept_within(
-        &self,
-        past: &Past,
-        scene: &Arc<Scene>,
-        time: (Timestamp, Timestamp),
-        n_pieces: &mut usize,
-    ) -> Result<Kept, EngineError> {
-        let set = set_of(scene);
-        let look = || -> Result<Kept, EngineError> {
-            let spans = past.entity_spans(&set, time)?;
-            let (known, unknown) = divide(time, &spans);
-            Ok(Kept { known, unknown })
-        };
-        let kept = look()?;
-        if kept.unknown.is_empty() || *n_pieces == 0 {
+    fn kept(&self, asked: &mut Asked<'_>, time: (Timestamp, Timestamp)) -> Result<Kept, EngineError> {
+        self.write_entities_of(asked.scene, time.0);
+        let kept = asked.look(time)?;
+        let settled = self.settled(asked.scene);
+        let is_settled = |piece: &&Piece| around(Timestamp::from_nanos(piece.0)).1 <= settled;
+        if !kept.unknown.iter().any(|piece| is_settled(&piece)) {
             return Ok(kept);
         }
         // One after the other, so that nobody concludes what another just did.
         let _turn = self.entities.recalling.lock().unwrap_or_else(PoisonError::into_inner);
-        for piece in look()?.unknown.into_iter().flat_map(cut) {
-            if *n_pieces == 0 {
-                break;
+        let kept = asked.look(time)?;
+        let mut done: Option<i64> = None;
+        for piece in kept.unknown.iter().filter(is_settled) {
+            let (mut from, to) = *piece;
+            while let Some(at) = asked.next_track(from, to)?.filter(|_| asked.n_pieces > 0) {
+                let (first, last) = around(Timestamp::from_nanos(at));
+                if last > settled {
+                    break;
+                }
+                if done < Some(last) {
+                    asked.n_pieces -= 1;
+                    self.conclude(asked, (first, last))?;
+                    done = Some(last);
+                }
+                let Some(next) = last.checked_add(1) else { break };
+                from = next;
             }
-            *n_pieces -= 1;
-            self.conclude(past, (scene, &set), piece)?;
         }
-        look()
+        asked.look(time)
     }
 
-    /// Concludes who was where in the five minutes around a time, as far as nothing is kept of them, and keeps it. What is too new for
-    /// tracks to tell, or of which there are none, stays unknown.
-    fn conclude(
-        &self,
-        past: &Past,
-        (scene, set): (&Arc<Scene>, &EntitySet),
-        piece: Piece,
-    ) -> Result<(), EngineError> {
-        let (first, last) = around(Timestamp::from_nanos(piece.0));
-        let (first, last) = (first, last.min(self.settled(scene)));
-        if first > last {
-            return Ok(());
-        }
+    /// Concludes who was where in whole five minutes, as far as nothing is kept of them, and keeps it.
+    fn conclude(&self, asked: &Asked<'_>, (first, last): Piece) -> Result<(), EngineError> {
+        let Asked { past, scene, set, .. } = asked;
         let wide = (first.saturating_sub(GONE_NANOS), last.saturating_add(GONE_NANOS));
         let spans = past.entity_spans(set, instants(wide))?;
-        let (known, _) = divide(instants(wide), &spans);
         let (_, unknown) = divide(instants((first, last)), &spans);
-        let mut parts = known_parts(past, &scene.id, &known)?;
-        let n_known = parts.len();
-        let mut heights = BTreeMap::new();
-        for (idx, member) in scene.cameras.iter().enumerate() {
-            let records = tracks_of(past, member, instants(wide), MAX_TRACKS.saturating_sub(parts.len()))?;
-            for record in &records {
-                let Ok(PlacedTrack { steps, height_m }) = placed(scene, member, record) else { continue };
-                heights.insert(parts.len(), height_m);
-                parts.push(Part { of: PartOf::Camera(idx as u16, record.number), steps });
-            }
-        }
-        if parts.len() == n_known {
+        if unknown.is_empty() {
             return Ok(());
         }
-        let people = join(&parts);
-        for piece in unknown {
-            self.keep(past, (scene, set), piece, &people, (&parts, &heights))?;
+        let (known, _) = divide(instants(wide), &spans);
+        let mut parts = known_parts(past, &scene.id, &known)?;
+        let mut heights = BTreeMap::new();
+        let most = (MAX_TRACKS / scene.cameras.len().max(1)) as u32;
+        for (idx, member) in scene.cameras.iter().enumerate() {
+            let privacy = self.privacies.of_known(&member.id).now();
+            for record in past.tracks(&member.id, instants(wide), None, most)? {
+                let Ok(track) = placed(scene, member, &record, (wide, &privacy)) else { continue };
+                for steps in track.parts {
+                    heights.insert(parts.len(), track.height_m);
+                    parts.push(Part { of: PartOf::Camera(idx as u16, record.number), steps });
+                }
+            }
         }
-        Ok(())
-    }
-
-    /// Keeps who was where in a time, of the people that were put together of `parts`.
-    fn keep(
-        &self,
-        past: &Past,
-        (scene, set): (&Arc<Scene>, &EntitySet),
-        piece: Piece,
-        people: &[Joined],
-        (parts, heights): (&[Part], &BTreeMap<usize, Option<f64>>),
-    ) -> Result<(), EngineError> {
-        let paths = people.iter().filter_map(|person| {
+        let people = join(&parts);
+        let mut sighted: Vec<Sighted> = Vec::new();
+        for (person, of) in people.iter().enumerate() {
             let tracks: Vec<usize> =
-                person.parts.iter().copied().filter(|idx| heights.contains_key(idx)).collect();
-            let path = path_of(&tracks, parts, piece)?;
+                of.parts.iter().copied().filter(|idx| heights.contains_key(idx)).collect();
             let known = tracks.iter().filter_map(|idx| heights[idx]);
             let (n_known, sum_m) = known.fold((0, 0.0), |(n, sum), height_m| (n + 1, sum + height_m));
             let height_m = if n_known == 0 { USUAL_M } else { sum_m / f64::from(n_known) };
-            Some((person.known, path, height_m))
-        });
-        let paths: Vec<_> = paths.collect();
-        let n_new = paths.iter().filter(|(known, ..)| known.is_none()).count();
-        let (mut id, next_id) = {
-            let placing = self.placing_of(scene);
-            let mut placing = placing.lock();
-            (placing.take_ids(n_new as u64), placing.next_id())
-        };
-        let mut name = || {
-            id += 1;
-            id - 1
-        };
-        let records: Vec<EntityRecord> = paths
-            .iter()
-            .map(|(known, path, height_m)| record(known.unwrap_or_else(&mut name), path, *height_m))
-            .collect();
-        let (began_at, ended_at) = instants(piece);
-        let change = SpanChange { id: None, began_at, ended_at, next_id };
-        past.put_entities(set, &change, &records)?;
+            for (piece, part) in unknown.iter().enumerate() {
+                if let Some(path) = path_of(&tracks, &parts, *part) {
+                    sighted.push(Sighted { person, piece, known: of.known, path, height_m });
+                }
+            }
+        }
+        let names = self.names(scene, &sighted);
+        for (idx, piece) in unknown.iter().enumerate() {
+            let own = sighted.iter().filter(|of| of.piece == idx);
+            let records: Vec<EntityRecord> =
+                own.map(|of| record(names[&of.person], &of.path, of.height_m)).collect();
+            let (began_at, ended_at) = instants(*piece);
+            let change = SpanChange { id: None, began_at, ended_at };
+            if let Err(error) = past.put_entities(set, &change, &records) {
+                // It is concluded again when somebody asks again.
+                tracing::warn!(scene = %scene.id, %error, "who was where is not kept");
+                break;
+            }
+        }
         Ok(())
+    }
+
+    /// Returns everybody's id: the one that they are known by, unless another has it at the same time, or a new one.
+    fn names(&self, scene: &Arc<Scene>, sighted: &[Sighted]) -> BTreeMap<usize, u64> {
+        let mut names = BTreeMap::new();
+        let mut ends: BTreeMap<u64, (usize, Timestamp)> = BTreeMap::new();
+        let placing = self.placing_of(scene);
+        let mut placing = placing.lock();
+        for of in sighted {
+            let is_theirs = |id: &u64| {
+                ends.get(id).is_none_or(|(person, end)| *person == of.person || *end < of.path.began_at())
+            };
+            let name = names.get(&of.person).copied().or(of.known.filter(is_theirs));
+            let name = name.unwrap_or_else(|| placing.take_ids(1));
+            names.insert(of.person, name);
+            ends.insert(name, (of.person, of.path.ended_at()));
+        }
+        names
     }
 
     /// Returns until when the tracks of a scene's cameras tell all there was.
     fn settled(&self, scene: &Scene) -> i64 {
-        let last = |member: &SceneCamera| {
-            let camera = self.camera(member.id.as_str()).ok()?;
+        let cameras: Vec<_> =
+            scene.cameras.iter().filter_map(|member| self.camera(member.id.as_str()).ok()).collect();
+        let last = |camera: &Arc<CameraEntry>| {
             // One that has ended has written all of its tracks before.
             let is_over = camera.status.read().state == CameraState::Ended;
-            let (_, last) = camera.timeline.range().filter(|_| !is_over)?;
-            Some(last.as_nanos().saturating_sub(SETTLED_NANOS))
+            (!is_over).then(|| camera.timeline.range().map(|(_, last)| last.as_nanos()))
         };
-        scene.cameras.iter().filter_map(last).min().unwrap_or(i64::MAX)
+        let going_on: Vec<Option<i64>> = cameras.iter().filter_map(last).collect();
+        let Some(newest) = going_on.iter().copied().max() else { return i64::MAX };
+        // Before the first frames of a run, what other runs saw is told by all of their tracks, up to now at most.
+        let newest = newest.unwrap_or_else(|| self.clock.now().as_nanos());
+        // One that lags for long, or is gone, holds nobody back.
+        let slowest = going_on.iter().flatten().copied().min().unwrap_or(newest);
+        slowest.max(newest.saturating_sub(LAG_NANOS)).saturating_sub(SETTLED_NANOS)
     }
 
-    /// Returns what of a sighting lies in a time, and may be seen; none where nothing does.
+    /// Returns what of a sighting lies in a time, and may be seen: in parts, where it may not be seen in between.
     fn found(
         &self,
         scene: &Scene,
         sighting: &Sighting,
         (from, to): (Timestamp, Timestamp),
-    ) -> Option<FoundEntity> {
+    ) -> Vec<FoundEntity> {
         let Sighting { id, height_m, ends: of, points } = sighting;
         let ends = [from, to].map(|end| Some((end, stand_at(points, *of, end)?)));
         // Rounding must not lead out of the sighting.
@@ -380,11 +405,11 @@ impl Shared {
         let all = first.into_iter().chain(between).chain(last.filter(|_| from < to));
         let stand = |(at, stand): (Timestamp, Stand)| {
             let cameras: Vec<CameraId> = self.seeing(scene, at, &stand).collect();
-            let point_m = stand.foot_in_world.to_array();
-            (!cameras.is_empty()).then_some(FoundStand { at, point_m, cameras })
+            FoundStand { at, point_m: stand.foot_in_world.to_array(), cameras }
         };
-        let path: Vec<FoundStand> = all.filter_map(stand).collect();
-        (!path.is_empty()).then_some(FoundEntity { id: *id, height_m: *height_m, path })
+        let stands: Vec<FoundStand> = all.map(stand).collect();
+        let shown = stands.split(|stand| stand.cameras.is_empty()).filter(|path| !path.is_empty());
+        shown.map(|path| FoundEntity { id: *id, height_m: *height_m, path: path.to_vec() }).collect()
     }
 
     /// Returns the cameras that saw somebody where no zone hides them.
@@ -400,6 +425,29 @@ impl Shared {
             !is_hidden(&privacy, &member.camera, at, stand.foot_in_world)
         };
         members.filter(is_shown).map(|member| member.id.clone())
+    }
+}
+
+impl<'a> Asked<'a> {
+    fn new(past: &'a Past, scene: &'a Arc<Scene>) -> Self {
+        Self { past, scene, set: set_of(scene), n_pieces: MAX_PIECES }
+    }
+
+    /// Returns what is kept of a time.
+    fn look(&self, time: (Timestamp, Timestamp)) -> Result<Kept, EngineError> {
+        let (known, unknown) = divide(time, &self.past.entity_spans(&self.set, time)?);
+        Ok(Kept { known, unknown })
+    }
+
+    /// Returns when a camera first follows anything in a time.
+    fn next_track(&self, from: i64, to: i64) -> Result<Option<i64>, EngineError> {
+        let mut next: Option<i64> = None;
+        for member in &self.scene.cameras {
+            let began = self.past.next_track_at(&member.id, Timestamp::from_nanos(from))?;
+            let began = began.map(|at| at.as_nanos().max(from)).filter(|at| *at <= to);
+            next = next.into_iter().chain(began).min();
+        }
+        Ok(next)
     }
 }
 
@@ -438,7 +486,7 @@ fn known_parts(past: &Past, scene: &str, known: &[(i64, Piece)]) -> Result<Vec<P
     let mut parts = Vec::new();
     for (span, piece) in known {
         let (from, to) = instants(*piece);
-        let records = past.entities(*span, (from, to), MAX_LOOKED_AT)?;
+        let records = past.entities(*span, (from, to), MAX_ROWS)?;
         for Sighting { id, ends, points, .. } in sightings(scene, &records) {
             let place = |at: Timestamp| Some((at, stand_at(&points, ends, at)?.foot_in_world));
             let between =
@@ -453,47 +501,50 @@ fn known_parts(past: &Past, scene: &str, known: &[(i64, Piece)]) -> Result<Vec<P
     Ok(parts)
 }
 
-/// Returns a camera's tracks in a time, the one that began last first; `most` at most.
-fn tracks_of(
-    past: &Past,
+/// Returns where in the world a track was in a time, as far as no zone hides it, and how tall.
+fn placed(
+    scene: &Scene,
     member: &SceneCamera,
-    time: (Timestamp, Timestamp),
-    most: usize,
-) -> Result<Vec<TrackRecord>, EngineError> {
-    let most = u32::try_from(most).unwrap_or(u32::MAX);
-    Ok(past.tracks(&member.id, time, None, most)?)
-}
-
-/// Returns where in the world a track was, and how tall.
-fn placed(scene: &Scene, member: &SceneCamera, record: &TrackRecord) -> Result<PlacedTrack, PathError> {
+    record: &TrackRecord,
+    ((from, to), privacy): (Piece, &Privacy),
+) -> Result<PlacedTrack, PathError> {
     let points = FootPath::decode_within(&record.path, record.feet)?;
     let mut most_per_metre = 0.0_f64;
-    let mut steps = Vec::with_capacity(points.len());
+    let mut parts = vec![Vec::with_capacity(points.len())];
     for point in points {
-        let texture = DVec2::from_array(point.foot_in_texture());
-        let Some(place) = mapping::place(&member.camera, &scene.surfaces, texture) else { continue };
         // Rounding must not lead out of the track.
-        steps.push((point.at(record.began_at).min(record.ended_at), place));
+        let at = point.at(record.began_at).min(record.ended_at);
+        let texture = point.foot_in_texture();
+        if privacy.at(at).any(|zone| zone.holds(texture)) {
+            parts.push(Vec::new());
+            continue;
+        }
+        if !(from..=to).contains(&at.as_nanos()) {
+            continue;
+        }
+        let texture = DVec2::from_array(texture);
+        let Some(place) = mapping::place(&member.camera, &scene.surfaces, texture) else { continue };
+        if let Some(steps) = parts.last_mut().filter(|steps| steps.last().is_none_or(|(last, _)| *last < at))
+        {
+            steps.push((at, place));
+        }
         if let Some(above) = member.camera.project(place + DVec3::Z) {
             most_per_metre = most_per_metre.max((texture.y - above.texture.y).abs());
         }
     }
-    steps.dedup_by_key(|(at, _)| *at);
+    parts.retain(|steps: &Vec<(Timestamp, DVec3)>| !steps.is_empty());
     let height_m = f64::from(record.height) / f64::from(u16::MAX) / most_per_metre;
     let [least, most] = HEIGHTS_M;
     let height_m = (least..=most).contains(&height_m).then_some(height_m);
-    Ok(PlacedTrack { steps, height_m })
+    Ok(PlacedTrack { parts, height_m })
 }
 
 /// Returns where somebody was in a time, of their tracks; none where they were not there.
-fn path_of(tracks: &[usize], parts: &[Part], (from, to): Piece) -> Option<EntityPath> {
+fn path_of(tracks: &[usize], parts: &[Part], piece: Piece) -> Option<EntityPath> {
     let own: Vec<&Part> = tracks.iter().map(|idx| &parts[*idx]).collect();
     let mut path: Option<EntityPath> = None;
     let mut n_stands = 0;
-    for (at, foot_in_world, who) in middle_of(&own) {
-        if !(from..=to).contains(&at.as_nanos()) {
-            continue;
-        }
+    for (at, foot_in_world, who) in middle_of(&own, instants(piece)) {
         let camera = |idx: &usize| match own[*idx].of {
             PartOf::Camera(camera, _) => Some(camera),
             PartOf::Known(_) => None,
