@@ -297,6 +297,37 @@ mod tests {
     }
 
     #[test]
+    fn feet_that_two_cameras_see_a_step_apart_are_one_person_s_and_further_apart_two() {
+        let apart = |y: f64| {
+            let of = |camera: u16, y: f64| part(PartOf::Camera(camera, 1), (0.0, 5.0), move |secs| [secs, y]);
+            people(&[of(0, 0.0), of(1, y)]).len()
+        };
+        assert_eq!((apart(1.1), apart(1.3)), (1, 2));
+    }
+
+    #[test]
+    fn being_seen_at_one_place_says_more_than_beginning_where_another_ended() {
+        let along = |of: PartOf, ends: (f64, f64), y: f64| part(of, ends, move |secs| [secs, y]);
+        let parts = [
+            along(PartOf::Camera(0, 1), (0.0, 4.0), 0.0),
+            along(PartOf::Camera(0, 2), (6.0, 9.0), 0.85),
+            along(PartOf::Camera(1, 1), (0.0, 9.0), 0.0),
+            along(PartOf::Camera(1, 2), (0.0, 9.0), 1.5),
+        ];
+        assert_eq!(people(&parts), [(None, vec![0, 2]), (None, vec![1, 3])]);
+    }
+
+    #[test]
+    fn whoever_is_lost_is_not_at_two_places() {
+        let parts = [
+            part(PartOf::Camera(2, 1), (0.0, 4.0), |secs| [secs, 0.0]),
+            part(PartOf::Camera(0, 1), (4.2, 9.0), |secs| [secs, 1.5 * (secs - 4.2)]),
+            part(PartOf::Camera(1, 1), (4.2, 9.0), |secs| [secs, -1.5 * (secs - 4.2)]),
+        ];
+        assert_eq!(people(&parts).len(), 2);
+    }
+
+    #[test]
     fn known_ids_are_taken_over_and_never_joined() {
         let walk = |secs: f64| [secs, 0.0];
         let parts = [
