@@ -102,7 +102,7 @@ impl EntityPath {
                 push_number(&mut bytes, cameras.len() as u32 + 1);
                 cameras.iter().for_each(|camera| push_number(&mut bytes, u32::from(*camera)));
             }
-            // Where whoever reads it finds the point, so that what is rounded does not add up.
+            // The place as it is read back, so that rounding does not add up.
             let foot_in_world = origin + steps / CENTIMETRES;
             let place = Stand { foot_in_world, cameras: cameras.clone() };
             before = Some(TimedPlace { ticks: point.ticks, place });

@@ -362,7 +362,7 @@ mod tests {
         let mut places = |step: i64| {
             let of = |member: &SceneCamera| {
                 let mut seen = observation(member.id.clone(), mask(&scene, &member.camera, &people));
-                // From the fourth step on, each track is of the other.
+                // Each track passes to the other person at the fourth step.
                 let numbers = if step < 3 { [1, 2] } else { [2, 1] };
                 let mut tracks: Vec<Track> =
                     (0..2).map(|idx| track_of(&member.camera, numbers[idx], people[idx])).collect();

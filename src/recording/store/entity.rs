@@ -258,7 +258,7 @@ impl Store {
             .execute(&self.cache)
             .await?
             .rows_affected();
-            // What is left of a span that began before is not all that there was before.
+            // A span that began before is no longer known from its beginning.
             sqlx::query("delete from entity_span where entity_set = ?1 and ended_at < ?2")
                 .bind(set)
                 .bind(least)

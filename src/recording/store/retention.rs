@@ -1,4 +1,4 @@
-//! What goes for its age: tracks, entities, activity, and backgrounds of the past.
+//! Removes what is too old: tracks, entities, activity, and backgrounds of the past.
 
 use super::{Store, StoreError};
 use videofields_vision::clock::Timestamp;

@@ -50,7 +50,7 @@ impl<P> TimedPlace<P> {
 pub struct ThinnedPath<P> {
     began_at: Timestamp,
     ended_at: Timestamp,
-    /// In growing order of time, the first at 0; fewer than [`MAX_PATH_POINTS`].
+    /// Points in growing order of time, the first at 0; fewer than [`MAX_PATH_POINTS`].
     points: Vec<TimedPlace<P>>,
     latest: TimedPlace<P>,
     n_halvings: u32,

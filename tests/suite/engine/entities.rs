@@ -76,7 +76,7 @@ fn the_past_has_the_ids_that_the_present_had_and_so_has_another_run_of_the_daemo
     check(&bench.handle);
     let all = paths(&bench.handle);
     assert!(all.next.is_none() && all.entities.iter().all(|of| of.path.is_sorted_by_key(|stand| stand.at)));
-    // What one camera followed is one of them.
+    // Each track is of one of them.
     let tracks = wait_for("both cameras' tracks", || {
         let query = TrackQuery { span: everything(), cameras: None, region: None, before: None, limit: 100 };
         let tracks = bench.handle.search_tracks("yard", &query).unwrap().tracks;

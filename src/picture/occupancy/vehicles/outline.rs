@@ -1,6 +1,6 @@
 //! Draws the outline of a car or van in a camera's picture.
 //!
-//! Where one stands, how long and how tall it is flow in with a camera; the columns of each row that it covers flow out.
+//! Places, headings, lengths and heights of vehicles flow in with a camera; the columns of each row that they cover flow out.
 
 use crate::occupancy::silhouette::{LEAST_DEPTH_M, Silhouette};
 use glam::{DVec2, DVec3};

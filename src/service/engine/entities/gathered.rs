@@ -264,7 +264,7 @@ mod tests {
         // A camera's frame of the same instant comes later, and shows one more.
         gathered.observe(at(3800), vec![placed(2, 3800), placed(3, 3800)]);
         gathered.observe(at(3800), vec![placed(3, 3800)]);
-        // Who comes back soon was there all the time; who comes back later is seen anew.
+        // Somebody who comes back soon was there all the time; later, they are seen anew.
         show(&mut gathered, (4000, 4400), &[1]);
         show(&mut gathered, (4400, 9000), &[]);
         show(&mut gathered, (9000, 9400), &[1]);

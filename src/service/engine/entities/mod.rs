@@ -106,7 +106,7 @@ impl PlacedSet {
     }
 
     fn lock(&self) -> MutexGuard<'_, Gathered> {
-        // What a panic left half done is a sighting with a point less.
+        // A panic costs a sighting a point at most.
         self.gathered.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -1,7 +1,7 @@
 //! Answers to who was where at a time that is over: what was kept of it, and, where nothing was kept, what follows from the tracks that
 //! each camera kept, which is kept then.
 //!
-//! Of one set of cameras, whole five minutes are concluded once, when all tracks of them are written: whoever asks again gets the same.
+//! Whole five minutes are concluded once for each set of cameras, when all tracks of them are written: whoever asks again gets the same.
 
 use super::gathered::{GONE_NANOS, record};
 use super::pieces::{Piece, around, divide};
@@ -13,7 +13,7 @@ use crate::engine::privacy::Privacy;
 use crate::engine::shared::{CameraEntry, Shared};
 use crate::engine::track_search::{FoundTrack, ParseCursorError};
 use glam::{DVec2, DVec3};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::str::FromStr;
 use std::sync::{Arc, PoisonError};
@@ -354,17 +354,18 @@ impl Shared {
     }
 
     /// Returns everybody's id: the one that they are known by, unless another has it at the same time, or a new one.
-    fn names(&self, scene: &Arc<Scene>, sighted: &[Sighted]) -> BTreeMap<usize, u64> {
+    fn names(&self, scene: &Scene, sighted: &[Sighted]) -> BTreeMap<usize, u64> {
         let mut names = BTreeMap::new();
         let mut ends: BTreeMap<u64, (usize, Timestamp)> = BTreeMap::new();
-        let placing = self.placing_of(scene);
-        let mut placing = placing.lock();
+        // As many as there are people, so that none of those that the present gives is given here.
+        let people: BTreeSet<usize> = sighted.iter().map(|of| of.person).collect();
+        let mut new = self.reserve_entity_ids(scene, people.len() as u32)..;
         for of in sighted {
             let is_theirs = |id: &u64| {
                 ends.get(id).is_none_or(|(person, end)| *person == of.person || *end < of.path.began_at())
             };
             let name = names.get(&of.person).copied().or(of.known.filter(is_theirs));
-            let name = name.unwrap_or_else(|| placing.take_ids(1));
+            let Some(name) = name.or_else(|| new.next()) else { continue };
             names.insert(of.person, name);
             ends.insert(name, (of.person, of.path.ended_at()));
         }
@@ -583,6 +584,6 @@ fn whose(scene: &Scene, track: &FoundTrack, known: &[(Piece, Sighting)]) -> Opti
             *votes.entry(id).or_default() += 1;
         }
     }
-    // Of as many, the one known first.
+    // The one known first, where several have as many.
     votes.into_iter().max_by_key(|(id, votes)| (*votes, std::cmp::Reverse(*id))).map(|(id, _)| id)
 }
