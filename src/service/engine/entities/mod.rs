@@ -4,6 +4,7 @@
 //! Conclusions belong to the cameras that they are drawn from: a scene, and each part of it that callers with fewer cameras ask
 //! for, are sets of their own, with ids of their own.
 
+mod concluding;
 mod gathered;
 mod pieces;
 mod recall;
