@@ -5,6 +5,7 @@
 //! one of Brown and Lowe's gain compensation (Automatic Panoramic Image Stitching using Invariant Features, IJCV 2007,
 //! section 6) is, where all gains that tend to 0 leave no difference. Their prior of 1 is here one of 0.
 
+use crate::geometry::cholesky;
 use glam::DVec3;
 
 /// Least and greatest gain of a camera.
@@ -121,8 +122,8 @@ fn solve(n_cameras: usize, differences: &[([usize; 2], &Difference)]) -> Vec<DVe
                 sums[*a] += weight * *log_ratio;
                 sums[*b] -= weight * *log_ratio;
             }
-            factorise(&mut normal, n_cameras);
-            substitute(&normal, &mut sums);
+            cholesky::factorise(&mut normal, n_cameras);
+            cholesky::substitute(&normal, &mut sums);
             let moved = gains
                 .iter()
                 .zip(&sums)
@@ -145,35 +146,6 @@ fn huber(size: f64) -> f64 {
 
 fn cauchy(size: f64) -> f64 {
     (1.0 + (size / CAUCHY).powi(2)).recip()
-}
-
-/// Cholesky's factor L of a positive definite matrix, L L^T, in place of its lower triangle.
-fn factorise(matrix: &mut [f64], n: usize) {
-    for row in 0..n {
-        let (above, own) = matrix.split_at_mut(row * n);
-        for column in 0..row {
-            let other = &above[column * n..=column * n + column];
-            let sum: f64 = own[..column].iter().zip(other).map(|(a, b)| a * b).sum();
-            own[column] = (own[column] - sum) / other[column];
-        }
-        let sum: f64 = own[..row].iter().map(|value| value * value).sum();
-        // The prior keeps it above 0 but for rounding.
-        own[row] = (own[row] - sum).max(f64::MIN_POSITIVE).sqrt();
-    }
-}
-
-/// Solves L L^T x = `sums` in place.
-fn substitute(factor: &[f64], sums: &mut [DVec3]) {
-    let n = sums.len();
-    for row in 0..n {
-        let known = (0..row).fold(DVec3::ZERO, |sum, column| sum + factor[row * n + column] * sums[column]);
-        sums[row] = (sums[row] - known) / factor[row * n + row];
-    }
-    for row in (0..n).rev() {
-        let known =
-            (row + 1..n).fold(DVec3::ZERO, |sum, column| sum + factor[column * n + row] * sums[column]);
-        sums[row] = (sums[row] - known) / factor[row * n + row];
-    }
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 mod bounds_tree;
 mod camera;
+pub mod cholesky;
 mod distortion;
 mod geodetic;
 mod least_squares;
