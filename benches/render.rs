@@ -1,7 +1,7 @@
 //! What a picture costs once its cameras' pictures and depth maps are on the device.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3};
 use std::hint::black_box;
 use std::sync::Arc;
 use videofields_picture::fuse::{CameraState, Exposure, Overlap, SceneState};
@@ -58,7 +58,7 @@ fn state(n_cameras: u32) -> SceneState {
                 tracks: Arc::from([]),
             };
             let camera = Arc::new(camera.expect("a camera"));
-            CameraState { id, camera, observation, gain: Vec3::ONE, owners: None }
+            CameraState::new(id, camera, observation)
         })
         .collect();
     let scene = Scene {

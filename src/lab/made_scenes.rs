@@ -1,6 +1,6 @@
 //! Scenes made by code, without simulator and files: what benchmarks and reports of devices draw.
 
-use glam::{DMat2, DMat3, DQuat, DVec2, DVec3, Vec3};
+use glam::{DMat2, DMat3, DQuat, DVec2, DVec3};
 use std::sync::Arc;
 use videofields_picture::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
 use videofields_picture::plan::{
@@ -55,7 +55,7 @@ fn camera_state(idx: usize, camera: Camera, mask: Mask) -> CameraState {
         blobs: Arc::from([]),
         tracks: Arc::from([]),
     };
-    CameraState { id, camera: Arc::new(camera), observation, gain: Vec3::ONE, owners: None }
+    CameraState::new(id, Arc::new(camera), observation)
 }
 
 fn scene_state(ground: GroundPolygon, boxes: Vec<OrientedBox>, cameras: Vec<CameraState>) -> SceneState {

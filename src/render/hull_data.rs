@@ -230,7 +230,7 @@ impl HullData {
             let first_view = views.len() as u32;
             let first_face = faces.len() as u32;
             for ((camera_idx, view), distances) in of.cameras.iter().zip(of.hull.views()).zip(&of.distances) {
-                let stands = state.cameras[*camera_idx].camera.pose().position_in_world;
+                let stands = state.cameras[*camera_idx].corrected.pose().position_in_world;
                 let Some(camera_idx) = shader_idx(*camera_idx) else { continue };
                 let layer = views.len() as u32;
                 let data = silhouette(view, (camera_idx, stands, layer), texture.width(), (edges, boxes));

@@ -113,13 +113,13 @@ fn whole(
             let entity = state.entities.get(hull.entity_idx)?;
             let shift = |camera: &usize| {
                 let view = hull.hull.views().get(hull.cameras.iter().position(|of| of == camera)?)?;
-                let stands = state.cameras[*camera].camera.pose().position_in_world;
+                let stands = state.cameras[*camera].corrected.pose().position_in_world;
                 Some(view.camera().pose().position_in_world - stands)
             };
             let shifts = cameras.iter().map(shift).collect();
             Some(MeshPart { mesh, home_in_world: entity.foot_in_world, number: entity.id, shifts })
         })
         .collect();
-    let cameras = cameras.iter().map(|idx| Arc::clone(&state.cameras[*idx].camera)).collect();
+    let cameras = cameras.iter().map(|idx| Arc::clone(&state.cameras[*idx].corrected)).collect();
     LentMesh::new(number, &parts, cameras, &FieldSettings::of_changing())
 }

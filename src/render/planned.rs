@@ -4,6 +4,7 @@ use super::RenderError;
 use super::camera_data::MAX_CAMERAS;
 use glam::DVec3;
 use std::hash::{Hash as _, Hasher as _};
+use std::sync::Arc;
 use videofields_picture::fuse::{CameraState, SceneState};
 use videofields_picture::plan::{Detail, Plan};
 use videofields_picture::scene::Sky;
@@ -51,7 +52,10 @@ pub(super) fn check_plan(state: &SceneState, plan: &Plan) -> Result<(), RenderEr
             return Err(RenderError::Plan(message));
         }
     }
-    let is_another = |camera: &&usize| !plan.surface_cameras.contains(camera);
+    let is_another = |camera: &&usize| {
+        let of = &state.cameras[**camera];
+        !(plan.surface_cameras.contains(camera) && Arc::ptr_eq(&of.camera, &of.corrected))
+    };
     let of_sequence = |idx: &usize| {
         let moment = state.sequences.get(*idx).and_then(|at| at.moment.as_ref().ok());
         moment.map_or(0, |moment| moment.views.len())

@@ -93,10 +93,14 @@ impl Renderer {
         let mut places: Vec<(usize, usize)> = Vec::with_capacity(plan.entity_cameras.len());
         for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {
             let scale = self.frames.scale(wanted.image);
-            let place = shader_idx(idx).unwrap_or_else(|| {
-                self.frame.add(&state.cameras[*idx].camera, anchor);
-                self.frame.scratch.len() - 1
-            });
+            let camera = &state.cameras[*idx];
+            // What stands still is drawn as the camera is calibrated, what moves as it is placed.
+            let place = shader_idx(idx)
+                .filter(|_| Arc::ptr_eq(&camera.camera, &camera.corrected))
+                .unwrap_or_else(|| {
+                    self.frame.add(&camera.corrected, anchor);
+                    self.frame.scratch.len() - 1
+                });
             places.push((*idx, place));
             let data = &mut self.frame.scratch[place];
             data.gain = gain(*idx).to_array();

@@ -383,7 +383,7 @@ impl Renderer {
         self.mesh_cameras.clear();
         let Some(mesh) = mesh else { return };
         let of = |camera: &Arc<Camera>| {
-            let idx = state.cameras.iter().position(|known| Arc::ptr_eq(&known.camera, camera));
+            let idx = state.cameras.iter().position(|known| Arc::ptr_eq(&known.corrected, camera));
             let place =
                 |idx| self.entity_places.iter().find(|(known, _)| *known == idx).map(|(_, place)| *place);
             idx.and_then(place).unwrap_or(0) as u32

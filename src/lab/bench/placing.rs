@@ -60,6 +60,9 @@ pub(super) struct Placing {
     /// Number that the direction of calibration errors hangs on.
     #[arg(long, value_name = "NUMBER", default_value_t = 0)]
     seed: u64,
+    /// Corrects calibrations by people whom several cameras saw in the time that is learned, and prints the corrections.
+    #[arg(long)]
+    corrected: bool,
     /// Writes all figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -114,13 +117,18 @@ impl Placing {
 
     fn judge_world(&self, name: &str, world: &World) -> Result<Outcome> {
         let clock = SystemClock::new();
-        let mut judge = Judge::new(&clock, self.gate_m, self.by);
+        let mut judge = self.judge(&clock);
         let rate_hz = self.rate_hz.unwrap_or(10.0);
         let (n_cameras, entities) =
             world::judge_world(world, (rate_hz, self.masks), &mut judge, &clock, |scene| {
                 self.scene_of(scene)
             })?;
         Ok(Outcome::of(name, n_cameras, &judge, Some(entities)))
+    }
+
+    fn judge<'a>(&self, clock: &'a SystemClock) -> Judge<'a> {
+        let judge = Judge::new(clock, self.gate_m, self.by);
+        if self.corrected { judge.correcting() } else { judge }
     }
 
     /// The scene as it is associated in.
@@ -130,7 +138,7 @@ impl Placing {
 
     fn judge_recording(&self, name: &str, recording: &Recording) -> Result<Outcome> {
         let clock = SystemClock::new();
-        let mut judge = Judge::new(&clock, self.gate_m, self.by);
+        let mut judge = self.judge(&clock);
         recording.judge(&mut judge, |scene| self.scene_of(scene))?;
         Ok(Outcome::of(name, recording.n_cameras(), &judge, None))
     }

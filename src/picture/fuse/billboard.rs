@@ -32,8 +32,8 @@ pub(super) const MAX_OUTLINE_ROWS: u32 = 96;
 const NADIR_M: f64 = 0.05;
 
 /// Standard deviation of a foot in the picture: pixels, and share of the blob's width and height.
-const FOOT_PX: DVec2 = DVec2::new(1.0, 1.5);
-const FOOT_SHARE: DVec2 = DVec2::new(0.08, 0.03);
+pub(super) const FOOT_PX: DVec2 = DVec2::new(1.0, 1.5);
+pub(super) const FOOT_SHARE: DVec2 = DVec2::new(0.08, 0.03);
 
 /// The same of a foot that the border cuts off and the track tells: share of the thing's width and height.
 const CUT_SHARE: DVec2 = DVec2::new(0.12, 0.12);
@@ -83,19 +83,19 @@ fn sighting(
         0.5f64.mul_add(f64::from(rect.width), f64::from(rect.x)),
         0.5f64.mul_add(f64::from(rect.height), f64::from(rect.y)),
     );
-    let down = Down::at(&state.camera, middle / size, size);
+    let down = Down::at(&state.corrected, middle / size, size);
     let piece = lying(piece, down, mask);
-    let contact = ground_point(&state.camera, surfaces, DVec2::from_array(piece.foot_in_image) / size)?;
-    let plane = UprightPlane::facing(&state.camera, contact)?;
+    let contact = ground_point(&state.corrected, surfaces, DVec2::from_array(piece.foot_in_image) / size)?;
+    let plane = UprightPlane::facing(&state.corrected, contact)?;
     let n_lines = if down.is_sideways() { rect.width } else { rect.height };
     let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
     for line in down.lines(mask, rect, n_lines.div_ceil(MAX_OUTLINE_ROWS)) {
         for end in line.ends {
-            let Some([across, _]) = plane.cut(&state.camera, end / size) else { continue };
+            let Some([across, _]) = plane.cut(&state.corrected, end / size) else { continue };
             left = left.min(across);
             right = right.max(across);
         }
-        if let Some([_, up]) = plane.cut(&state.camera, line.top / size) {
+        if let Some([_, up]) = plane.cut(&state.corrected, line.top / size) {
             top = top.max(up);
         }
     }
@@ -123,9 +123,9 @@ fn sighting(
     let is_one = piece.tracks.len() < 2;
     let is_whole = !piece.is_truncated && is_one;
     let image = &state.observation.frame.image;
-    let height = height(&state.camera, &billboard, &foot, size);
+    let height = height(&state.corrected, &billboard, &foot, size);
     let shows_head = is_one && (is_whole || is_cut_below(&piece, mask));
-    let head = if shows_head { head(&state.camera, &billboard, height, size) } else { None };
+    let head = if shows_head { head(&state.corrected, &billboard, height, size) } else { None };
     let estimate = Estimate {
         foot,
         ground_m: foot_in_world.z,
@@ -162,7 +162,7 @@ fn foot(
     let size = DVec2::new(f64::from(mask.width), f64::from(mask.height));
     let extent = |width: u32, height: u32| DVec2::new(f64::from(width), f64::from(height));
     let guessed = DMat2::from_diagonal(DVec2::splat(GUESSED_M.powi(2)));
-    let away_m = (contact - state.camera.pose().position_in_world).truncate();
+    let away_m = (contact - state.corrected.pose().position_in_world).truncate();
     let away = away_m.normalize_or_zero();
     let excess_m = (width_m - SLENDER_M).max(0.0);
     let least = round(super::estimate::FLOOR_M)
@@ -176,9 +176,9 @@ fn foot(
                 return None;
             }
             let texture = DVec2::from_array(foot) / size;
-            let place = ground_point(&state.camera, surfaces, texture)?;
+            let place = ground_point(&state.corrected, surfaces, texture)?;
             let noise = hypot(FOOT_PX, CUT_SHARE * extent(rect.width, rect.height));
-            Some((place, ground_covariance(&state.camera, place, texture, noise / size)?))
+            Some((place, ground_covariance(&state.corrected, place, texture, noise / size)?))
         });
         let (place, covariance) = told.unwrap_or((middle, guessed + along(away) * GUESSED_M.powi(2)));
         return Foot::new(place.truncate(), covariance + least);
@@ -186,13 +186,13 @@ fn foot(
     let texture = DVec2::from_array(piece.foot_in_image) / size;
     let lying = extent(piece.rect.width, piece.rect.height);
     let noise = hypot(down.lying(FOOT_PX), down.lying(FOOT_SHARE) * lying);
-    let mut covariance = ground_covariance(&state.camera, contact, texture, noise / size)
+    let mut covariance = ground_covariance(&state.corrected, contact, texture, noise / size)
         .unwrap_or(guessed + along(away) * GUESSED_M.powi(2));
     if piece.tracks.len() > 1 {
         // Whoever of those who share it: anywhere along its width.
         let across_px = down.lying(lying).x;
-        let quarter_m = 0.25 * across_px / size.x * f64::from(state.camera.size_px().0) * away_m.length()
-            / state.camera.focal_px().x;
+        let quarter_m = 0.25 * across_px / size.x * f64::from(state.corrected.size_px().0) * away_m.length()
+            / state.corrected.focal_px().x;
         covariance += along(away.perp()) * quarter_m.powi(2);
     }
     Foot::new(middle.truncate(), covariance + least)
@@ -214,7 +214,12 @@ fn round(sd_m: f64) -> DMat2 {
 
 /// How well a place on the ground is known whose texture coordinate errs by `noise`, square metres: the error of its ray,
 /// carried to the level plane through it. `None` where the ray does not come down on it there.
-fn ground_covariance(camera: &Camera, place: DVec3, texture: DVec2, noise: DVec2) -> Option<DMat2> {
+pub(super) fn ground_covariance(
+    camera: &Camera,
+    place: DVec3,
+    texture: DVec2,
+    noise: DVec2,
+) -> Option<DMat2> {
     /// A ray that meets the plane further from the place was stopped before.
     const OFF_M: f64 = 0.02;
     let ray = camera.ray(texture)?;

@@ -56,7 +56,7 @@ impl Seen {
         let of = &state.cameras[camera_idx];
         Self {
             camera_idx,
-            camera: Arc::downgrade(&of.camera),
+            camera: Arc::downgrade(&of.corrected),
             timestamp: of.observation.frame.timestamp,
             labels: Arc::downgrade(&of.observation.labels),
             soft_mask: Arc::downgrade(&of.observation.soft_mask),
@@ -68,7 +68,7 @@ impl Seen {
         // What has gone from memory is never met again: its address is kept from others by this.
         state.cameras.get(self.camera_idx).is_some_and(|of| {
             self.timestamp == of.observation.frame.timestamp
-                && std::ptr::eq(self.camera.as_ptr(), Arc::as_ptr(&of.camera))
+                && std::ptr::eq(self.camera.as_ptr(), Arc::as_ptr(&of.corrected))
                 && std::ptr::eq(self.labels.as_ptr(), Arc::as_ptr(&of.observation.labels))
                 && std::ptr::eq(self.soft_mask.as_ptr(), Arc::as_ptr(&of.observation.soft_mask))
                 && self.owners == of.owners

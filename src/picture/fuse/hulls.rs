@@ -131,7 +131,7 @@ impl SceneState {
                 .map(|of| (of.rect, of.owner))
                 .collect();
             let moved_m = entity.velocity.over_ground_m_per_s * frames.to_mean(state);
-            let Ok(camera) = (*state.camera).clone().moved(moved_m.extend(0.0)) else { continue };
+            let Ok(camera) = (*state.corrected).clone().moved(moved_m.extend(0.0)) else { continue };
             let window =
                 silhouette((state, &camera), &self.scene.surfaces, (entity, bounds_in_world), &pieces);
             let view = window.map(|window| View::within(camera, window, making.error_px));
@@ -269,15 +269,15 @@ fn silhouette(
             && pieces.iter().any(|(_, owner)| state.may_show(*owner, (x, y)))
     };
     let mut is_inside = joined(moves, (&columns, &rows), pieces.iter().map(|(rect, _)| *rect));
-    let distance_m = entity.foot_in_world.distance(state.camera.pose().position_in_world);
+    let distance_m = entity.foot_in_world.distance(state.corrected.pose().position_in_world);
     let nearer_than_m = distance_m - (bounds[1] - bounds[0]).truncate().length() / 2.0;
     let is_hidden = |x: usize, y: usize| {
         let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
         let at = DVec2::new((columns.start + x) as f64 + 0.5, (rows.start + y) as f64 + 0.5);
-        let hit = state.camera.ray(at / size).and_then(|ray| surfaces.hit(&ray, 0.0));
+        let hit = state.corrected.ray(at / size).and_then(|ray| surfaces.hit(&ray, 0.0));
         // The ground before its feet hides nothing.
         hit.is_some_and(|hit| {
-            let distance_m = hit.point_in_world.distance(state.camera.pose().position_in_world);
+            let distance_m = hit.point_in_world.distance(state.corrected.pose().position_in_world);
             distance_m < nearer_than_m && hit.point_in_world.z > bounds[0].z + 2.0 * BENEATH_M
         })
     };
@@ -308,7 +308,7 @@ fn open_behind_people(
         Some((seen.texture * size, seen.depth_m))
     };
     let Some(((foot, depth_m), (head, _))) = end(0.0).zip(end(entity.height_m)) else { return };
-    let focal_px = state.camera.focal_px().x * size.x / f64::from(state.camera.size_px().0);
+    let focal_px = state.corrected.focal_px().x * size.x / f64::from(state.corrected.size_px().0);
     let reach_px = BODY_M * focal_px / depth_m.max(NEAR_M);
     let hides = |x: usize, y: usize| {
         let number = owners.at(x as u32, y as u32);
@@ -485,13 +485,8 @@ mod tests {
         let (eye, target) = (DVec3::new(0.0, -8.0, 0.9), DVec3::new(0.0, 0.0, 0.9));
         let camera = Camera::pinhole(eye, target, 0.3, size).unwrap();
         let id = videofields_vision::frame::CameraId::new("a").unwrap();
-        let mut state = CameraState {
-            observation: observation(id.clone(), Mask::filled(size.0, size.1, 0)),
-            id,
-            camera: Arc::new(camera),
-            gain: glam::Vec3::ONE,
-            owners: None,
-        };
+        let observation = observation(id.clone(), Mask::filled(size.0, size.1, 0));
+        let mut state = CameraState::new(id, Arc::new(camera), observation);
         // Upper rows are the nearest's, lower ones the entity's own, those between whose is behind it.
         let cells =
             (0..size.1).flat_map(|row| (0..size.0).map(move |_| [1, 3, 2][row as usize / 10])).collect();
@@ -508,9 +503,9 @@ mod tests {
             );
             is_inside
         };
-        let found = opened(2, &state.camera);
-        let top = state.camera.project(DVec3::new(0.0, 0.0, 1.8)).unwrap().texture.y * 30.0;
-        let beside = state.camera.project(DVec3::new(BODY_M, 0.0, 0.9)).unwrap().texture.x * 40.0;
+        let found = opened(2, &state.corrected);
+        let top = state.corrected.project(DVec3::new(0.0, 0.0, 1.8)).unwrap().texture.y * 30.0;
+        let beside = state.corrected.project(DVec3::new(BODY_M, 0.0, 0.9)).unwrap().texture.x * 40.0;
         assert!((1.0..6.0).contains(&top) && (22.5..30.0).contains(&beside), "{top} {beside}");
         for (place, is_in) in found.iter().enumerate() {
             let (x, y) = (place % 20 + 10, place / 20);
@@ -521,10 +516,10 @@ mod tests {
                 assert!(*is_in, "{x} {y}");
             }
         }
-        assert!(opened(0, &state.camera).iter().all(|is_in| !is_in), "nobody is told apart");
-        assert!(opened(1, &state.camera).iter().all(|is_in| !is_in), "the nearest is hidden by nobody");
+        assert!(opened(0, &state.corrected).iter().all(|is_in| !is_in), "nobody is told apart");
+        assert!(opened(1, &state.corrected).iter().all(|is_in| !is_in), "the nearest is hidden by nobody");
         // The frame is of where it stood before: its camera is taken to stand further on.
-        let moved = (*state.camera).clone().moved(DVec3::new(-0.4, 0.0, 0.0)).unwrap();
+        let moved = (*state.corrected).clone().moved(DVec3::new(-0.4, 0.0, 0.0)).unwrap();
         let [here, there] = [&found, &opened(2, &moved)].map(|of| (0..20).find(|x| of[6 * 20 + x]).unwrap());
         assert!(there >= here + 3, "{here} {there}");
     }
@@ -537,17 +532,13 @@ mod tests {
         let id = videofields_vision::frame::CameraId::new("a").unwrap();
         // All moves; the left half is the entity's, the right half somebody's behind it.
         let cells = (0..size.1).flat_map(|_| (0..size.0).map(|x| if x < 20 { 1 } else { 2 })).collect();
-        let state = CameraState {
-            observation: observation(id.clone(), Mask::filled(size.0, size.1, MOVING)),
-            id,
-            camera: Arc::new(camera),
-            gain: glam::Vec3::ONE,
-            owners: Some(Arc::new(OwnerMap::new(size, 1, cells, Box::new([8.0, 12.0])))),
-        };
+        let observation = observation(id.clone(), Mask::filled(size.0, size.1, MOVING));
+        let mut state = CameraState::new(id, Arc::new(camera), observation);
+        state.owners = Some(Arc::new(OwnerMap::new(size, 1, cells, Box::new([8.0, 12.0]))));
         let entity = entity(&[(DVec2::Y, [-0.3, 0.3])]);
         let rect = PixelRect { x: 0, y: 0, width: 40, height: 30 };
         let bounds = [DVec3::new(-1.0, -1.0, 0.0), DVec3::new(1.0, 1.0, 1.8)];
-        let views = (&state, &*state.camera);
+        let views = (&state, &*state.corrected);
         let window = silhouette(views, &Surfaces::default(), (&entity, bounds), &[(rect, 1)]).unwrap();
         for (place, is_in) in window.is_inside.iter().enumerate() {
             let x = window.left_top[0] + place % window.width;

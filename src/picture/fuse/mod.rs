@@ -14,6 +14,7 @@ mod hulls;
 mod joined;
 mod line;
 mod look;
+mod offsets;
 mod overlap;
 mod pieces;
 mod placing;
@@ -31,6 +32,7 @@ pub use exposure::Exposure;
 pub use hull_memory::HullMemory;
 pub use hulls::{EntityHull, HullMaking, LEAST_VIEWS, MOST_MOVED_S};
 pub use joined::{Joined, Part, PartOf, join, middle_of};
+pub use offsets::{CalibrationOffset, FootSighting, calibration_offsets, foot_sightings, with_offsets};
 pub use overlap::Overlap;
 pub use placing::Placing;
 pub(crate) use points::MAX_RUN;
@@ -139,8 +141,11 @@ impl SceneState {
 pub struct CameraState {
     /// Which camera.
     pub id: CameraId,
-    /// Its calibration.
+    /// Its calibration, by which what stands still is drawn.
     pub camera: Arc<Camera>,
+    /// The camera as what moves is placed and drawn: moved and turned so that it sees people where others do ([`calibration_offsets`]); the
+    /// same as `camera` where nothing is known of that.
+    pub corrected: Arc<Camera>,
     /// What it saw.
     pub observation: Observation,
     /// What its colours are multiplied by in linear light to agree with other cameras', a channel: 1 where nothing is
@@ -148,6 +153,14 @@ pub struct CameraState {
     pub gain: Vec3,
     /// Says whose what moves in its picture is, of the people whom several cameras tell together; none where its own blobs say all.
     pub owners: Option<Arc<OwnerMap>>,
+}
+
+impl CameraState {
+    /// Returns a camera whose calibration is right, with what it saw.
+    #[must_use]
+    pub fn new(id: CameraId, camera: Arc<Camera>, observation: Observation) -> Self {
+        Self { id, corrected: Arc::clone(&camera), camera, observation, gain: Vec3::ONE, owners: None }
+    }
 }
 
 /// One thing that stands on the ground, seen by one camera or several.

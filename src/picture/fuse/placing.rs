@@ -7,7 +7,6 @@ use super::together::Together;
 use super::{Association, CameraState, Entity, OwnerMap, SceneState, Sighting, billboard, line::Followed};
 use crate::occupancy::Occupancy;
 use crate::scene::{Scene, SceneCamera};
-use glam::Vec3;
 use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::{CameraId, Mask, YuvImage};
@@ -23,6 +22,8 @@ pub struct Placing {
     association: Association,
     /// None where people are placed by each camera's own blobs.
     occupancy: Option<Occupancy>,
+    /// Scene whose cameras are moved and turned so that they agree, and that scene with them so.
+    corrected: Option<(Weak<Scene>, Arc<Scene>)>,
     /// Answers of late, the latest last.
     answers: Vec<Answer>,
 }
@@ -86,7 +87,7 @@ impl Placing {
     /// Returns a memory with which people are placed by each camera's own blobs alone, to compare.
     #[must_use]
     pub fn by_blobs() -> Self {
-        Self { association: Association::default(), occupancy: None, answers: Vec::new() }
+        Self { association: Association::default(), occupancy: None, corrected: None, answers: Vec::new() }
     }
 
     /// Returns a memory that gives ids from `next_id` on, 1 at least.
@@ -106,6 +107,26 @@ impl Placing {
         self.association.take_ids(count)
     }
 
+    /// Places what the cameras of `scene` see from now on as if they stood as those of `corrected`, the same scene with cameras moved and
+    /// turned ([`with_offsets`](super::with_offsets)); as they are calibrated where that is none.
+    pub fn correct(&mut self, scene: &Arc<Scene>, corrected: Option<Arc<Scene>>) {
+        self.corrected = corrected.map(|corrected| (Arc::downgrade(scene), corrected));
+    }
+
+    /// Forgets who is known, and goes on with the ids that were not given yet.
+    pub fn begin_anew(&mut self) {
+        let corrected = self.corrected.take();
+        *self = Self { corrected, ..Self::counting_from(self.next_id()) };
+    }
+
+    /// Returns `scene` with its cameras as what they see is placed: itself where none is corrected.
+    #[must_use]
+    pub fn corrected(&self, scene: &Arc<Scene>) -> Arc<Scene> {
+        let is_it = |(of, _): &&(Weak<Scene>, Arc<Scene>)| std::ptr::eq(of.as_ptr(), Arc::as_ptr(scene));
+        let corrected = self.corrected.as_ref().filter(is_it);
+        Arc::clone(corrected.map_or(scene, |(_, corrected)| corrected))
+    }
+
     /// Puts together what the cameras saw at `instant`: `observe` gives a camera's observation, if it has one. Entities keep their ids
     /// from the instants before.
     ///
@@ -118,7 +139,8 @@ impl Placing {
         instant: Timestamp,
         observe: impl FnMut(&CameraId) -> Option<Observation>,
     ) -> SceneState {
-        let (members, mut cameras) = observed(scene, observe);
+        let corrected = self.corrected(scene);
+        let (members, mut cameras) = observed(scene, &corrected, observe);
         let is_known = |answer: &Answer| answer.is_of(scene, instant, (&members, &cameras));
         if let Some(place) = self.answers.iter().position(is_known) {
             let known = self.answers.remove(place);
@@ -130,7 +152,7 @@ impl Placing {
             return state;
         }
         let memory = (&mut self.association, self.occupancy.as_mut());
-        let entities = placed(memory, scene, instant, (&members, &mut cameras));
+        let entities = placed(memory, &corrected, instant, (&members, &mut cameras));
         if self.answers.len() == MOST_ANSWERS {
             self.answers.remove(0);
         }
@@ -152,22 +174,24 @@ impl Placing {
         instant: Timestamp,
         observe: impl FnMut(&CameraId) -> Option<Observation>,
     ) -> SceneState {
-        let (members, mut cameras) = observed(scene, observe);
+        let corrected = self.corrected(scene);
+        let (members, mut cameras) = observed(scene, &corrected, observe);
         let memory = (&mut Association::default(), self.occupancy.as_mut());
-        let entities = placed(memory, scene, instant, (&members, &mut cameras));
+        let entities = placed(memory, &corrected, instant, (&members, &mut cameras));
         state_of(scene, instant, (cameras, entities))
     }
 }
 
-/// Returns the cameras that have an observation, with their places in the scene.
+/// Returns the cameras that have an observation, with their places in the scene; `corrected` has the same cameras as what they see is placed.
 fn observed(
     scene: &Scene,
+    corrected: &Scene,
     mut observe: impl FnMut(&CameraId) -> Option<Observation>,
 ) -> (Vec<usize>, Vec<CameraState>) {
     let of = |(idx, member): (usize, &SceneCamera)| {
         let observation = observe(&member.id)?;
-        let (id, camera) = (member.id.clone(), Arc::clone(&member.camera));
-        Some((idx, CameraState { id, camera, observation, gain: Vec3::ONE, owners: None }))
+        let camera = CameraState::new(member.id.clone(), Arc::clone(&member.camera), observation);
+        Some((idx, CameraState { corrected: Arc::clone(&corrected.cameras[idx].camera), ..camera }))
     };
     scene.cameras.iter().enumerate().filter_map(of).unzip()
 }
@@ -314,6 +338,37 @@ mod tests {
         let alone = ids(placing.assemble_alone(&scene, at(1000), find(2)));
         assert_eq!(alone, ids(placing.assemble_alone(&scene, at(1000), find(2))));
         assert_eq!(ids(placing.assemble(&scene, at(1), find(1))), first);
+    }
+
+    #[test]
+    fn people_are_placed_by_cameras_as_they_are_corrected_and_surfaces_are_not() {
+        let truly = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let mut off = (*truly).clone();
+        for member in &mut off.cameras {
+            member.camera = Arc::new((*member.camera).clone().moved(DVec3::new(0.35, 0.35, 0.0)).unwrap());
+        }
+        let off = Arc::new(off);
+        let seen = observations_at(&truly, 0);
+        let mut placing = Placing::default();
+        let mut farthest = |step: i64, corrected: Option<&Arc<Scene>>| {
+            placing.correct(&off, corrected.cloned());
+            let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
+            let state = placing.assemble(&off, at(step), find);
+            for (idx, camera) in state.cameras.iter().enumerate() {
+                assert!(Arc::ptr_eq(&camera.camera, &off.cameras[idx].camera));
+                assert!(Arc::ptr_eq(&camera.corrected, &corrected.unwrap_or(&off).cameras[idx].camera));
+            }
+            assert!(Arc::ptr_eq(&state.scene, &off));
+            let truths = [DVec3::new(-1.0, -1.5, 0.0), DVec3::new(0.4, 1.2, 0.0)];
+            let nearest = |truth: DVec3| {
+                let all = state.entities.iter().map(|of| of.foot_in_world.distance(truth));
+                all.fold(f64::INFINITY, f64::min)
+            };
+            truths.map(nearest).into_iter().fold(0.0, f64::max)
+        };
+        assert!((farthest(0, None) - 0.5).abs() < 0.1);
+        assert!(farthest(1, Some(&truly)) < 0.1);
+        assert!((farthest(2, None) - 0.5).abs() < 0.1);
     }
 
     #[test]

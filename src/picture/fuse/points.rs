@@ -32,12 +32,12 @@ pub(super) fn runs<'a>(
     let (labels, soft) = (&state.observation.labels, &state.observation.soft_mask);
     let owner = billboard.owner;
     let size = DVec2::new(f64::from(labels.width), f64::from(labels.height));
-    let calibrated = f64::from(state.camera.size_px().0);
-    let texels_per_focal = state.camera.focal_px().min_element() * size.x / calibrated;
+    let calibrated = f64::from(state.corrected.size_px().0);
+    let texels_per_focal = state.corrected.focal_px().min_element() * size.x / calibrated;
     let end = move |x: u32, y: u32| {
         let texture = (DVec2::new(f64::from(x), f64::from(y)) + 0.5) / size;
-        let position_in_world = plane.point(plane.cut(&state.camera, texture)?);
-        let distance_m = (position_in_world - state.camera.pose().position_in_world).length();
+        let position_in_world = plane.point(plane.cut(&state.corrected, texture)?);
+        let distance_m = (position_in_world - state.corrected.pose().position_in_world).length();
         let size_m = OVERLAP * distance_m / texels_per_focal;
         Some((position_in_world + shift_m, size_m as f32, texture.as_vec2().to_array()))
     };

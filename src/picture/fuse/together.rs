@@ -119,11 +119,11 @@ impl Together {
         let at = self.people[person].foot_in_world;
         let mut information = DMat2::ZERO;
         for (camera, member) in by {
-            let from_camera = at - camera.camera.pose().position_in_world;
+            let from_camera = at - camera.corrected.pose().position_in_world;
             let away = from_camera.truncate().try_normalize().unwrap_or(DVec2::Y);
-            let pixels = self.owners[member].width as f64 / f64::from(camera.camera.size_px().0);
+            let pixels = self.owners[member].width as f64 / f64::from(camera.corrected.size_px().0);
             let across_m =
-                ACROSS_M.hypot(ACROSS_PX * from_camera.length() / (camera.camera.focal_px().x * pixels));
+                ACROSS_M.hypot(ACROSS_PX * from_camera.length() / (camera.corrected.focal_px().x * pixels));
             information += along(away.perp()) * across_m.powi(-2) + along(away) * ALONG_M.powi(-2);
         }
         Foot::new(at.truncate(), information.inverse())
@@ -141,7 +141,7 @@ impl Together {
         let owned = &owners.people[person];
         let labels = &state.observation.labels;
         let rect = rect_of(owned, owners, labels);
-        let plane = UprightPlane::facing(&state.camera, of.foot_in_world)?;
+        let plane = UprightPlane::facing(&state.corrected, of.foot_in_world)?;
         let size = DVec2::new(owners.width as f64, owners.height as f64);
         let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
         let [x0, y0, x1, y1] = owned.bounds;
@@ -152,7 +152,7 @@ impl Together {
                 continue;
             };
             for x in [first as f64, last as f64 + 1.0] {
-                let cut = |y: f64| plane.cut(&state.camera, DVec2::new(x, y) / size);
+                let cut = |y: f64| plane.cut(&state.corrected, DVec2::new(x, y) / size);
                 let (Some([across, _]), Some([_, up])) = (cut(y as f64 + 0.5), cut(y as f64)) else {
                     continue;
                 };
@@ -373,7 +373,7 @@ mod tests {
                 let entity = |idx: &usize| state.entities[*idx].foot_in_world.distance(at.0) < 0.25;
                 let entity = (0..2).find(entity).unwrap();
                 let [own, other] = [person, 1 - person]
-                    .map(|person| mask(&state.scene, &camera.camera, &people[person..=person]));
+                    .map(|person| mask(&state.scene, &camera.corrected, &people[person..=person]));
                 let is_only = |(x, y): &(u32, u32)| own.get(*x, *y) == MOVING && other.get(*x, *y) != MOVING;
                 let only: Vec<_> = shown.iter().filter(|(at, _)| is_only(at)).collect();
                 let n_right = only.iter().filter(|(_, of)| **of == entity).count();

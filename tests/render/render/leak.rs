@@ -141,7 +141,7 @@ fn observed((camera, idx): (Camera, usize)) -> CameraState {
         blobs: Arc::from([]),
         tracks: Arc::from([]),
     };
-    CameraState { id, camera: Arc::new(camera), observation, gain: glam::Vec3::ONE, owners: None }
+    CameraState::new(id, Arc::new(camera), observation)
 }
 
 /// The rays of all that a pixel is made of, its middle first. Of one sample: places all over it. Of several: every

@@ -1,6 +1,6 @@
 //! Small worlds with exactly known pictures: ground and boxes painted by a formula, seen by cameras ray by ray.
 
-use glam::{DMat2, DVec2, DVec3, Vec3};
+use glam::{DMat2, DVec2, DVec3};
 use std::sync::Arc;
 use videofields_picture::fuse::{Billboard, CameraState, Entity, SceneState, Velocity};
 use videofields_picture::scene::{Material, Scene, SceneCamera, Sky};
@@ -208,7 +208,7 @@ impl Stage {
             blobs: Arc::from([]),
             tracks: Arc::from([]),
         };
-        CameraState { id, camera: Arc::clone(camera), observation, gain: Vec3::ONE, owners: None }
+        CameraState::new(id, Arc::clone(camera), observation)
     }
 
     /// The person is a flat figure that faces every camera: what billboards assume.

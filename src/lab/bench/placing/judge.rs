@@ -5,10 +5,13 @@
 use super::score::{FoundPlace, PlacingScore, TruePlace};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::time::Duration;
-use videofields_picture::fuse::{Entity, Placing, SceneState};
+use videofields::commands::complain;
+use videofields_picture::fuse::{
+    Entity, FootSighting, Placing, SceneState, calibration_offsets, foot_sightings, with_offsets,
+};
 use videofields_picture::occupancy::Occupancy;
 use videofields_picture::scene::Scene;
 use videofields_simulate::ActorKind;
@@ -96,6 +99,8 @@ pub(super) struct Judge<'a> {
     scores: BTreeMap<Kind, PlacingScore>,
     placing_ms: Vec<f64>,
     n_instants: usize,
+    /// Feet that cameras saw while they learned; none where their calibrations are taken as they are.
+    learned: Option<HashMap<CameraId, Vec<FootSighting>>>,
 }
 
 impl<'a> Judge<'a> {
@@ -110,7 +115,54 @@ impl<'a> Judge<'a> {
             scores: [(Kind::Walker, PlacingScore::new(gate_m))].into(),
             placing_ms: Vec::new(),
             n_instants: 0,
+            learned: None,
         }
+    }
+
+    /// Has cameras corrected by what they see while they learn.
+    pub(super) fn correcting(self) -> Self {
+        Self { learned: Some(HashMap::new()), ..self }
+    }
+
+    /// Tells that cameras are corrected by what they see while they learn.
+    pub(super) const fn corrects(&self) -> bool {
+        self.learned.is_some()
+    }
+
+    /// Takes what a camera sees while it learns.
+    pub(super) fn learn(&mut self, seen: &Observation) {
+        if let Some(learned) = &mut self.learned {
+            let kept = learned.entry(seen.frame.camera.clone()).or_default();
+            kept.extend(foot_sightings(seen));
+        }
+    }
+
+    /// Corrects the cameras of `scene` by what they saw while they learned, and prints by how much.
+    pub(super) fn correct(&mut self, scene: &Arc<Scene>) {
+        let Some(learned) = &self.learned else { return };
+        let of = |id: &CameraId| learned.get(id).map_or(&[] as &[FootSighting], Vec::as_slice);
+        let seen: Vec<&[FootSighting]> = scene.cameras.iter().map(|member| of(&member.id)).collect();
+        let started = self.clock.monotonic();
+        let offsets = calibration_offsets(scene, &seen);
+        let took = self.clock.monotonic().saturating_sub(started);
+        complain(&format!("calibrations compared in {:.1} ms", took.as_secs_f64() * 1000.0));
+        for ((member, offset), seen) in scene.cameras.iter().zip(&offsets).zip(&seen) {
+            let n_sightings = seen.len();
+            complain(&match offset {
+                None => format!("{}: {n_sightings} sightings, nobody whom others saw too", member.id),
+                Some(of) => format!(
+                    "{}: {n_sightings} sightings, {} paths, {:.3} +- {:.3} m off, {:.3} m from others, {:.3} m corrected{}",
+                    member.id,
+                    of.n_paths,
+                    of.offset_m,
+                    of.error_m,
+                    of.apart_m[0],
+                    of.apart_m[1],
+                    if of.is_used() { "" } else { ", not used" }
+                ),
+            });
+        }
+        self.placing.correct(scene, with_offsets(scene, &offsets).map(Arc::new));
     }
 
     /// Puts together what the cameras saw, and takes the time that it needs.

@@ -69,11 +69,12 @@ impl Recording {
         let mut players = players.by_ref().collect::<Result<Vec<_>>>()?;
         let mut length_nanos = 0;
         for player in &mut players {
-            length_nanos = length_nanos.max(player.learn()?);
+            length_nanos = length_nanos.max(player.learn(judge)?);
         }
         for player in &mut players {
             player.rewind(&self.roots, length_nanos)?;
         }
+        judge.correct(&scene);
         for instant in &self.instants {
             let nanos = (instant.time_secs * 1e9).round() as i64 + length_nanos;
             let mut seen: Vec<Observation> = Vec::new();
@@ -122,13 +123,14 @@ impl<'a> Player<'a> {
     }
 
     /// Learns the whole clip; its length, nanoseconds.
-    fn learn(&mut self) -> Result<i64> {
+    fn learn(&mut self, judge: &mut Judge<'_>) -> Result<i64> {
         let (mut last, mut step) = (0, LEAST_STEP_NANOS);
         while let Some(frame) = self.decode()? {
             if frame.stream_nanos > last {
                 (last, step) = (frame.stream_nanos, frame.stream_nanos - last);
             }
             self.look(frame);
+            self.seen.iter().for_each(|seen| judge.learn(seen));
         }
         ensure!(self.seen.take().is_some(), "camera {}: its clip has no frame", self.settings.id);
         Ok(last + step)

@@ -8,22 +8,20 @@ use videofields_vision::observation::Observation;
 use videofields_vision::segment::{MOVING, blobs_of};
 use videofields_vision::track::Tracker;
 
-/// Hands `judge` what all cameras would observe at each frame of the second period if their masks were true: the frame, its number
-/// over both, and the observations. Blobs are large enough and parted by each camera's settings, and followed as ever.
+/// Hands `take` what all cameras would observe if their masks were true, as [`play_all`](super::super::playing::play_all) does. Blobs are large enough and parted by each camera's settings, and followed as ever.
 pub(super) fn play_true(
     subject: &Subject,
-    mut judge: impl FnMut(usize, usize, &[Observation]) -> Result<()>,
+    n_learned: usize,
+    mut take: impl FnMut(Option<usize>, usize, &[Observation]) -> Result<()>,
 ) -> Result<()> {
     let mut trackers: Vec<Tracker> =
         subject.cameras.iter().map(|camera| Tracker::new(&camera.settings.track)).collect();
-    let n_frames = subject.n_frames();
-    for number in 0..2 * n_frames {
+    let n_before = n_learned * subject.n_frames();
+    for number in 0..n_before + subject.n_frames() {
         let cameras = subject.cameras.iter().zip(&mut trackers);
         let seen: Vec<Observation> =
             cameras.map(|(camera, tracker)| observation(subject, camera, tracker, number)).collect();
-        if let Some(frame) = number.checked_sub(n_frames) {
-            judge(frame, number, &seen)?;
-        }
+        take(number.checked_sub(n_before), number, &seen)?;
     }
     Ok(())
 }

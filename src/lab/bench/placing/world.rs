@@ -3,7 +3,7 @@
 use super::Masks;
 use super::judge::{Figure, Judge};
 use super::true_masks::play_true;
-use crate::bench::playing::play;
+use crate::bench::playing::play_all;
 use crate::entities::{EntityScore, LEAST_PX};
 use crate::worlds::prepare;
 use anyhow::Result;
@@ -15,6 +15,9 @@ use videofields_simulate::{FigurePosition, World};
 use videofields_vision::clock::Clock;
 use videofields_vision::frame::{CameraId, Mask};
 use videofields_vision::observation::Observation;
+
+/// Periods that are learned where calibrations are corrected: few people walk in one.
+const PERIODS_TO_CORRECT: usize = 5;
 
 /// Plays `world` at `rate_hz` before all its cameras; how many these are, and what their entities show. `scene_of` gives the scene in
 /// which they are associated.
@@ -35,8 +38,16 @@ pub(super) fn judge_world(
     let watch = Stopwatch::new(clock, &OpenGate);
     let subject = prepare(world, &scope, &watch, &videofields::commands::complain)?;
     let scene = Arc::new(scene_of(&subject.scene)?);
+    let n_learned = if judge.corrects() { PERIODS_TO_CORRECT } else { 1 };
     let mut entities = EntityScore::default();
-    let at_frame = |frame: usize, number: usize, seen: &[Observation]| {
+    let at_frame = |frame: Option<usize>, number: usize, seen: &[Observation]| {
+        let Some(frame) = frame else {
+            seen.iter().for_each(|of| judge.learn(of));
+            return Ok(());
+        };
+        if frame == 0 {
+            judge.correct(&scene);
+        }
         let state = judge.place(&scene, subject.instant(number), seen);
         let of = |id: &CameraId| subject.cameras.iter().find(|camera| camera.id == *id);
         let members = state.cameras.iter().filter_map(|camera| of(&camera.id));
@@ -49,8 +60,8 @@ pub(super) fn judge_world(
         Ok(())
     };
     match masks {
-        Masks::Ours => play(&subject, at_frame)?,
-        Masks::True => play_true(&subject, at_frame)?,
+        Masks::Ours => play_all(&subject, n_learned, at_frame)?,
+        Masks::True => play_true(&subject, n_learned, at_frame)?,
     }
     Ok((subject.cameras.len(), entities))
 }
