@@ -1,4 +1,4 @@
-//! `/api/v1/scenes/{id}/alignment`: how far the clocks of a scene's cameras are apart.
+//! Answers `/api/v1/scenes/{id}/alignment`: how far the clocks and calibrations of a scene's cameras are apart.
 
 use super::error::Problem;
 use super::identity::Asked;
@@ -15,26 +15,34 @@ use axum::extract::RawQuery;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use serde_json::{Value, json};
-use videofields_service::engine::{CameraAlignment, PairAlignment};
+use videofields_picture::fuse::CalibrationOffset;
+use videofields_service::engine::{CalibrationAlignment, CameraAlignment, PairAlignment};
 use videofields_vision::access::Right;
 
-/// Routes about scenes' clocks.
+/// Returns the routes about how a scene's cameras agree.
 pub(super) fn routes() -> Routes {
-    let show = Operation::new("show_alignment", "How far the clocks of a scene's cameras are apart")
-        .about("From what the cameras saw in common; nothing is changed by asking.")
-        .right(Right::History)
-        .answers(Answer::json(200, "What follows for each camera's clock", schema::past::alignment()));
+    let show = Operation::new(
+        "show_alignment",
+        "How far the clocks and calibrations of a scene's cameras are apart",
+    )
+    .about("From what the cameras saw in common; nothing is changed by asking.")
+    .right(Right::History)
+    .answers(Answer::json(
+        200,
+        "What follows for each camera's clock and calibration",
+        schema::past::alignment(),
+    ));
     Routes::of(scenes::TAG, scenes::SEGMENTS).get("/api/v1/scenes/{id}/alignment", self::show, show)
 }
 
-/// What the cameras saw in common, and what follows for their clocks.
+/// Answers what the cameras saw in common, and what follows for their clocks and calibrations.
 pub(super) async fn show(
     Asked(api): Asked,
     Segments(id): Segments<String>,
     RawQuery(raw): RawQuery,
 ) -> Result<Response, Problem> {
     Query::parse(raw.as_deref(), NONE).finish(Some(()))?;
-    let found = api.ask("comparing clocks", move |door| door.alignment(&id)).await;
+    let found = api.ask("comparing clocks and calibrations", move |door| door.alignment(&id)).await;
     let found = found.map_err(|error| problem_of(&api, error))?;
     let body = json!({
         "cameras": found.cameras.iter().map(camera).collect::<Vec<_>>(),
@@ -50,6 +58,22 @@ fn camera(of: &CameraAlignment) -> Value {
         "confidence": of.confidence,
         "ahead_secs": of.ahead_secs,
         "clock": of.clock,
+        "calibration": of.calibration.as_ref().map(calibration),
+    })
+}
+
+fn calibration(of: &CalibrationAlignment) -> Value {
+    let CalibrationOffset { moved_m, turned_rad, offset_m, error_m, apart_m, n_paths } = of.offset;
+    json!({
+        "offset_m": offset_m,
+        "offset_error_m": error_m,
+        "apart_m": apart_m[0],
+        "apart_corrected_m": apart_m[1],
+        "moved_m": moved_m.to_array(),
+        "turned_deg": turned_rad.to_array().map(f64::to_degrees),
+        "paths": n_paths,
+        "is_used": of.offset.is_used(),
+        "corrected": of.corrected,
     })
 }
 

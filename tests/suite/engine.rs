@@ -17,6 +17,7 @@ mod hulls;
 mod jobs;
 mod kept_scenes;
 mod masked;
+mod misaligned;
 mod mutations;
 mod pictures;
 pub(crate) mod privacy;
@@ -145,6 +146,11 @@ impl Bench {
 
     /// As [`Self::start`], with every setting as it is.
     fn start_as_set(folder: &Path, settings: Settings, scenes: &[(&str, &str)]) -> Self {
+        Self::start_by(folder, settings, scenes, Arc::new(SystemClock::new()))
+    }
+
+    /// As [`Self::start_as_set`], by another clock.
+    fn start_by(folder: &Path, settings: Settings, scenes: &[(&str, &str)], clock: Arc<dyn Clock>) -> Self {
         let runtime = Runtime::new().unwrap();
         let store = runtime.block_on(Store::open(&folder.join("test.sqlite"))).unwrap();
         let config = Config::from_settings(settings, folder).unwrap();
@@ -152,7 +158,6 @@ impl Bench {
             .iter()
             .map(|(id, text)| Arc::new(scene::parse(id, text, scene::no_imports).unwrap().scene))
             .collect();
-        let clock: Arc<dyn Clock> = Arc::new(SystemClock::new());
         let engine = {
             let _entered = runtime.enter();
             Engine::start(&config, scenes, store.clone(), Arc::new(Metrics::new()), clock).unwrap()

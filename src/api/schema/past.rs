@@ -110,11 +110,43 @@ pub(crate) fn entity_paths() -> Value {
 
 /// How far clocks are apart.
 pub(crate) fn alignment() -> Value {
+    let calibration = object([
+        (
+            "offset_m",
+            number(),
+            "Distance on the ground between where it sees people and where it would with the correction; median",
+        ),
+        (
+            "offset_error_m",
+            number(),
+            "Standard error; large where too few cameras see the same to tell which of them is wrong",
+        ),
+        ("apart_m", number(), "Distance between where it sees people and where others do; median"),
+        ("apart_corrected_m", number(), "The same with the corrections of all cameras"),
+        ("moved_m", exactly(3, number()), "Movement of the camera in the world"),
+        ("turned_deg", exactly(3, number()), "Turn about itself: axis in the world times angle"),
+        ("paths", count(), "Paths of people by which it is known"),
+        (
+            "is_used",
+            boolean(),
+            "Whether it is farther off than feet tell, so that people are placed by the correction",
+        ),
+        (
+            "corrected",
+            nullable(named("Calibration")),
+            "Its calibration with the correction; null while too few people were seen",
+        ),
+    ]);
     let camera = object([
         ("camera", id(), ""),
         ("confidence", nullable(number_within(0.0, 1.0)), "1 of the reference; null where nothing is known"),
         ("ahead_secs", nullable(number()), "How far its clock is ahead"),
         ("clock", nullable(named("ClockSettings")), "What brings it into step, for its source's `clock`"),
+        (
+            "calibration",
+            nullable(calibration),
+            "What people whom it and others saw say of its calibration; null where there were none",
+        ),
     ]);
     let pair = object([
         ("first", id(), ""),

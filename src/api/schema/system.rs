@@ -170,8 +170,8 @@ fn playhead_change() -> Value {
 }
 
 /// What happens before cameras.
-pub(crate) const EVENT_KINDS: [&str; 7] =
-    ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
+pub(crate) const EVENT_KINDS: [&str; 8] =
+    ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved", "misaligned"];
 
 fn event() -> Value {
     object([

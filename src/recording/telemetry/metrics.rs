@@ -32,6 +32,9 @@ pub struct Metrics {
     pub ingest_events: IntCounterVec,
     /// Privacy zones in force. Labels: camera.
     pub camera_privacy_zones: IntGaugeVec,
+    /// Metres on the ground by which a camera sees people elsewhere than other cameras do, 0 where they agree as far as can be told.
+    /// Labels: camera.
+    pub camera_calibration_offset: GaugeVec,
     /// Frames written to the archive. Labels: camera.
     pub archive_frames: IntCounterVec,
     /// Bytes written to the archive. Labels: camera.
@@ -177,6 +180,12 @@ impl Metrics {
                 r,
                 "camera_privacy_zones",
                 "Privacy zones in force.",
+                &["camera"],
+            ),
+            camera_calibration_offset: gauges(
+                r,
+                "camera_calibration_offset_metres",
+                "Distance on the ground between where a camera sees people and where other cameras do.",
                 &["camera"],
             ),
             archive_paused: int_gauges(
@@ -390,6 +399,7 @@ impl Metrics {
         self.ingest_frames.with_label_values(&[camera]).inc_by(0);
         self.timeline_kept.with_label_values(&[camera]).add(0);
         self.camera_privacy_zones.with_label_values(&[camera]).add(0);
+        self.camera_calibration_offset.with_label_values(&[camera]).add(0.0);
         for reason in DropReason::ALL {
             self.ingest_frames_dropped.with_label_values(&[camera, reason.as_str()]).inc_by(0);
         }
@@ -417,6 +427,7 @@ impl Metrics {
             drop(gauge.remove_label_values(&[camera]));
         }
         drop(self.ingest_frame_age.remove_label_values(&[camera]));
+        drop(self.camera_calibration_offset.remove_label_values(&[camera]));
         for reason in DropReason::ALL {
             drop(self.ingest_frames_dropped.remove_label_values(&[camera, reason.as_str()]));
         }

@@ -25,11 +25,13 @@ pub enum EventKind {
     Covered,
     /// The camera was turned or knocked: its calibration is suspect until it is accepted or the camera is back.
     Moved,
+    /// The camera sees people elsewhere than other cameras do: its calibration, or theirs, is wrong.
+    Misaligned,
 }
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Stopped,
         Self::LeftBehind,
         Self::TakenAway,
@@ -37,6 +39,7 @@ impl EventKind {
         Self::Frozen,
         Self::Covered,
         Self::Moved,
+        Self::Misaligned,
     ];
 
     /// Its name, as in JSON.
@@ -50,6 +53,7 @@ impl EventKind {
             Self::Frozen => "frozen",
             Self::Covered => "covered",
             Self::Moved => "moved",
+            Self::Misaligned => "misaligned",
         }
     }
 }

@@ -1,15 +1,16 @@
-//! How far the clocks of a scene's cameras are apart, and what would bring them into step.
+//! Tells how far the clocks and the calibrations of a scene's cameras are apart, and what would bring them into step.
 //!
 //! In: where each camera saw things stand lately, and the scene's calibrations. Out: what every two cameras that see the
-//! same place say of their clocks, and for each camera the clock's settings that would bring it into step with one of
-//! them. Changes nothing by itself.
+//! same place say of their clocks, for each camera the clock's settings that would bring it into step with one of
+//! them, and the calibration with which it would see people where all others do. Changes nothing by itself.
 
 use super::EngineError;
 use super::shared::Shared;
-use super::sightings::Seen;
 use glam::DVec2;
+use videofields_picture::fuse::{CalibrationOffset, FootSighting, calibration_offsets};
 use videofields_picture::scene::{Scene, SceneCamera};
 use videofields_recording::timeline::{Alignment, Sighting, align};
+use videofields_vision::calibrate::CameraDocument;
 use videofields_vision::config::ClockSettings;
 use videofields_vision::frame::CameraId;
 use videofields_vision::mapping;
@@ -46,6 +47,17 @@ pub struct CameraAlignment {
     pub ahead_secs: Option<f64>,
     /// The settings of its clock that would bring it into step.
     pub clock: Option<ClockSettings>,
+    /// Disagreement of its calibration with all others'; none where nobody was seen by it and another.
+    pub calibration: Option<CalibrationAlignment>,
+}
+
+/// What is known of a camera's calibration.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CalibrationAlignment {
+    /// How far it disagrees with all others'.
+    pub offset: CalibrationOffset,
+    /// The calibration with which it would see people where the others do; none while too few were seen to know.
+    pub corrected: Option<CameraDocument>,
 }
 
 /// What two cameras say of their clocks.
@@ -68,7 +80,15 @@ struct Ahead {
 }
 
 impl Shared {
-    /// Compares the clocks of a scene's cameras. Takes up to some seconds.
+    /// Returns how far the calibration of each of a scene's cameras disagrees with the others', in the scene's order.
+    pub(super) fn calibration_offsets_of(&self, scene: &Scene) -> Vec<Option<CalibrationOffset>> {
+        let sightings = |member: &SceneCamera| self.sightings_of(member.id.as_str()).unwrap_or_default();
+        let seen: Vec<Vec<FootSighting>> = scene.cameras.iter().map(sightings).collect();
+        let seen: Vec<&[FootSighting]> = seen.iter().map(Vec::as_slice).collect();
+        calibration_offsets(scene, &seen)
+    }
+
+    /// Compares the clocks and the calibrations of a scene's cameras. Takes up to some seconds.
     pub(super) fn align_scene(&self, scene: &Scene) -> Result<SceneAlignment, EngineError> {
         let members: Vec<_> = scene
             .cameras
@@ -91,12 +111,22 @@ impl Shared {
         let now = members.iter().filter_map(|(_, seen)| seen.last()).map(|seen| seen.at).max();
         let now = now.unwrap_or_else(|| self.clock.now());
         let links = chains(&ids, &pairs, now);
+        let offsets = scene.cameras.iter().zip(self.calibration_offsets_of(scene));
+        let offsets: Vec<(&SceneCamera, CalibrationOffset)> =
+            offsets.filter_map(|(member, offset)| Some((member, offset?))).collect();
+        let calibration = |id: &CameraId| {
+            let (member, offset) = offsets.iter().find(|(member, _)| member.id == *id)?;
+            let corrected = offset.corrected(&member.camera).ok().filter(|_| offset.is_known());
+            let corrected = corrected.map(|camera| CameraDocument::from_camera(&camera));
+            Some(CalibrationAlignment { offset: *offset, corrected })
+        };
         let camera = |(id, ahead): (&&CameraId, Option<Ahead>)| CameraAlignment {
             camera: (*id).clone(),
             confidence: ahead.map(|ahead| ahead.confidence),
             ahead_secs: ahead.map(|ahead| ahead.offset_secs),
             clock: ahead
                 .and_then(|ahead| self.corrected_clock(id.as_str(), now, ahead.offset_secs, ahead.drift)),
+            calibration: calibration(id),
         };
         Ok(SceneAlignment {
             cameras: ids.iter().zip(links).map(camera).collect(),
@@ -107,8 +137,8 @@ impl Shared {
 }
 
 /// Where in the world a camera saw things stand, as far as that can be trusted.
-fn places(scene: &Scene, member: &SceneCamera, seen: &[Seen]) -> Vec<Sighting> {
-    let place = |seen: &Seen| {
+fn places(scene: &Scene, member: &SceneCamera, seen: &[FootSighting]) -> Vec<Sighting> {
+    let place = |seen: &FootSighting| {
         let [u, v] = seen.foot_in_texture.map(f64::from);
         let found = mapping::place(&member.camera, &scene.surfaces, DVec2::new(u, v))?;
         Some(Sighting { at: seen.at, track: seen.track.into(), place_m: found.truncate() })

@@ -14,7 +14,7 @@ use videofields_recording::ingest::{
 };
 use videofields_recording::media::EncodedFrame;
 use videofields_recording::telemetry::{DropReason, Metrics};
-use videofields_recording::timeline::{EventLog, Timeline, TimelineError};
+use videofields_recording::timeline::{EventKind, EventLog, Timeline, TimelineError};
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::condition::{Condition, ConditionKind};
 use videofields_vision::config::{CameraSettings, Learning};
@@ -52,6 +52,8 @@ pub(super) struct CameraConsumer {
     records_hidden: bool,
     /// What is wrong with the background although frames come.
     background_concern: Option<String>,
+    /// Metres by which the camera is told to see people elsewhere than other cameras do.
+    misaligned_m: Option<f64>,
     /// What is wrong although frames come, the picture's condition first.
     concern: Option<String>,
 }
@@ -92,6 +94,7 @@ impl CameraConsumer {
             object_sizes: Arc::default(),
             records_hidden: false,
             background_concern: None,
+            misaligned_m: None,
             concern: None,
         }
     }
@@ -187,6 +190,10 @@ impl CameraConsumer {
         if happened.is_empty() {
             return;
         }
+        if happened.iter().any(|event| event.kind == EventKind::Moved) {
+            // Sightings before were of another place.
+            self.sightings.clear();
+        }
         for event in happened {
             let (camera, kind) = (event.camera.as_str(), event.kind.as_str());
             tracing::info!(
@@ -196,9 +203,29 @@ impl CameraConsumer {
             self.metrics.ingest_events.with_label_values(&[camera, kind]).inc();
             self.events.push(event, self.clock.now());
         }
-        let worst = self.pipeline.conditions().iter().find_map(condition_concern);
-        self.concern = worst.or_else(|| self.background_concern.clone());
+        self.concern = self.worst();
     }
+
+    /// Takes notice of what was told of the camera's calibration.
+    fn hear_of_calibration(&mut self) {
+        let misaligned_m = self.sightings.misaligned_m();
+        if misaligned_m != self.misaligned_m {
+            self.misaligned_m = misaligned_m;
+            self.concern = self.worst();
+        }
+    }
+
+    /// Returns what is wrong although frames come.
+    fn worst(&self) -> Option<String> {
+        let of_picture = self.pipeline.conditions().iter().find_map(condition_concern);
+        let of_calibration = || self.misaligned_m.map(misaligned_concern);
+        of_picture.or_else(of_calibration).or_else(|| self.background_concern.clone())
+    }
+}
+
+/// Returns what people are told of a camera that sees people elsewhere than others do.
+fn misaligned_concern(offset_m: f64) -> String {
+    format!("its calibration disagrees with other cameras by {offset_m:.1} m on the ground")
 }
 
 /// What people are told of a picture's condition; nothing of a light that changed.
@@ -239,6 +266,7 @@ impl FrameConsumer for CameraConsumer {
         });
         self.take_in(observation, number, &privacy);
         self.tell();
+        self.hear_of_calibration();
     }
 
     fn tap(&self) -> Tap {

@@ -19,6 +19,7 @@ mod history;
 mod identity;
 mod looking;
 mod maps;
+mod misalignment;
 mod moments;
 mod object_sizes;
 mod offline;
@@ -50,7 +51,7 @@ mod tuning;
 mod view;
 
 pub use accuracy::{AccuracyBoard, AccuracyState, AccuracyStatus};
-pub use alignment::{CameraAlignment, PairAlignment, SceneAlignment};
+pub use alignment::{CalibrationAlignment, CameraAlignment, PairAlignment, SceneAlignment};
 pub use blurring::{BlurAsked, CameraBlur, TrackAsked};
 pub use chronicle::{CameraTimeline, SceneTimeline};
 pub use entities::{EntityCursor, EntityQuery, FoundEntities, FoundEntity, FoundStand};
@@ -215,6 +216,10 @@ impl Engine {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("maps", move || maps::run(&shared, &store, &runtime, &stop))?
         };
+        let aligner = {
+            let (shared, stop) = (Arc::clone(&shared), stop.clone());
+            spawn("alignment", move || misalignment::run(&shared, &stop))?
+        };
         let placer = {
             let (shared, stop) = (Arc::clone(&shared), stop.clone());
             spawn("entities", move || entities::run(&shared, &stop))?
@@ -222,7 +227,7 @@ impl Engine {
         Ok(Self {
             shared,
             roster,
-            threads: vec![renderer, deadlines, builder, placer],
+            threads: vec![renderer, deadlines, builder, aligner, placer],
             stop,
             stop_requested: OnceLock::new(),
         })

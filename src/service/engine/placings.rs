@@ -57,7 +57,7 @@ impl ScenePlacing {
         HeldPlacing(self.0.lock().unwrap_or_else(|poisoned| {
             self.0.clear_poison();
             let mut own = PoisonError::into_inner(poisoned);
-            own.placing = Placing::counting_from(own.placing.next_id());
+            own.placing.begin_anew();
             own
         }))
     }

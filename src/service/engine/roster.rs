@@ -12,13 +12,14 @@ use super::history::History;
 use super::object_sizes::CameraObjectSizes;
 use super::privacy::{Privacies, Privacy, Remains};
 use super::shared::CameraEntry;
-use super::sightings::{Seen, Sightings};
+use super::sightings::Sightings;
 use super::tracks::Tracks;
 use super::tuning::Tuning;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock};
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
+use videofields_picture::fuse::FootSighting;
 use videofields_recording::archive::Archive;
 use videofields_recording::ingest::{CameraWorker, Feed, IngestError, MediaRoots, StatusReader, StopFlag};
 use videofields_recording::store::Store;
@@ -412,8 +413,13 @@ impl Roster {
     }
 
     /// Where a camera saw things stand lately.
-    pub(super) fn sightings(&self, camera: &str) -> Option<Vec<Seen>> {
+    pub(super) fn sightings(&self, camera: &str) -> Option<Vec<FootSighting>> {
         Some(self.post(camera).ok()?.sightings.all())
+    }
+
+    /// Returns the board of a camera's sightings.
+    pub(super) fn sightings_board(&self, camera: &str) -> Option<Arc<Sightings>> {
+        Some(Arc::clone(&self.post(camera).ok()?.sightings))
     }
 
     /// The settings of a camera's clock that bring it into step, if it is ahead by that many seconds at `now` and runs fast

@@ -20,11 +20,11 @@ use super::recordings::Recordings;
 use super::roster::Roster;
 use super::scene_list::SceneList;
 use super::scopes::Scopes;
-use super::sightings::Seen;
 use super::tuning::Tuning;
 use super::view::SceneMoment;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
+use videofields_picture::fuse::FootSighting;
 use videofields_picture::scene::{Scene, SceneCamera};
 use videofields_recording::ingest::StatusReader;
 use videofields_recording::telemetry::Metrics;
@@ -287,7 +287,7 @@ impl Shared {
     }
 
     /// Where a camera saw things stand lately, if it is configured.
-    pub(super) fn sightings_of(&self, camera: &str) -> Option<Vec<Seen>> {
+    pub(super) fn sightings_of(&self, camera: &str) -> Option<Vec<FootSighting>> {
         self.roster.as_deref()?.sightings(camera)
     }
 

@@ -1,9 +1,9 @@
-//! Where a camera saw things stand, thinned out and kept longer than pictures are: for comparing clocks.
+//! Keeps where a camera saw things stand, thinned out and longer than pictures are kept: for comparing clocks and calibrations.
 
-use glam::DVec2;
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use videofields_vision::clock::Timestamp;
+use videofields_picture::fuse::{FootSighting, foot_sightings};
 use videofields_vision::observation::Observation;
 
 /// Sightings of a camera that are kept, the newest: 1.5 MiB, an hour with four people in the picture.
@@ -12,18 +12,13 @@ const MAX_SIGHTINGS: usize = 65_536;
 /// Least time between two looks: nobody turns a corner in less.
 const LEAST_NANOS: i64 = 200_000_000;
 
-/// Where a thing stood in a camera's picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Seen {
-    pub(super) at: Timestamp,
-    pub(super) track: u32,
-    /// From (0, 0) at the top left corner to (1, 1).
-    pub(super) foot_in_texture: [f32; 2],
-}
-
 /// One thread adds, any number look.
 #[derive(Debug, Default)]
-pub(super) struct Sightings(Mutex<VecDeque<Seen>>);
+pub(super) struct Sightings {
+    kept: Mutex<VecDeque<FootSighting>>,
+    /// Centimetres by which the camera is told to see people elsewhere than other cameras do; 0 where it is not.
+    misaligned_cm: AtomicU32,
+}
 
 impl Sightings {
     /// Takes what stands by itself in a picture, its foot within, and moves.
@@ -36,21 +31,24 @@ impl Sightings {
             Some(passed) if passed < 0 => kept.clear(),
             _ => {}
         }
-        let size = DVec2::new(seen.frame.image.width().into(), seen.frame.image.height().into());
-        let alone = seen
-            .tracks
-            .iter()
-            .filter(|track| track.blob_idx.is_some() && !track.is_in_group && track.still_since.is_none());
-        for track in alone {
-            let foot = DVec2::from_array(track.foot_in_image) / size;
-            if foot.cmpge(DVec2::ZERO).all() && foot.cmplt(DVec2::ONE).all() {
-                if kept.len() == MAX_SIGHTINGS {
-                    kept.pop_front();
-                }
-                let foot_in_texture = foot.as_vec2().to_array();
-                kept.push_back(Seen { at, track: track.id as u32, foot_in_texture });
+        for sighting in foot_sightings(seen) {
+            if kept.len() == MAX_SIGHTINGS {
+                kept.pop_front();
             }
+            kept.push_back(sighting);
         }
+    }
+
+    /// Tells by how many metres the camera sees people elsewhere than other cameras do; none where it sees them at the same places.
+    pub(super) fn tell_misaligned(&self, offset_m: Option<f64>) {
+        let centimetres = offset_m.map_or(0, |offset_m| (offset_m * 100.0).round().max(1.0) as u32);
+        self.misaligned_cm.store(centimetres, Ordering::Relaxed);
+    }
+
+    /// Returns what was told last by [`Self::tell_misaligned`], to the centimetre.
+    pub(super) fn misaligned_m(&self) -> Option<f64> {
+        let centimetres = self.misaligned_cm.load(Ordering::Relaxed);
+        (centimetres > 0).then(|| f64::from(centimetres) / 100.0)
     }
 
     /// Lets go of all: what follows is of another clock, or another place.
@@ -59,12 +57,12 @@ impl Sightings {
     }
 
     /// All there is, in the order of time.
-    pub(super) fn all(&self) -> Vec<Seen> {
+    pub(super) fn all(&self) -> Vec<FootSighting> {
         self.lock().iter().copied().collect()
     }
 
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Seen>> {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<FootSighting>> {
         // Each entry is whole by itself.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

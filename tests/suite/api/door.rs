@@ -7,7 +7,7 @@ use std::sync::mpsc::{Receiver, SyncSender};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::{oneshot, watch};
-use videofields_picture::fuse::{Entity, SceneState, Velocity};
+use videofields_picture::fuse::{CalibrationOffset, Entity, SceneState, Velocity};
 use videofields_picture::plan::{
     Basis, CostRow, CostTable, EntityStyle, Forecast, Machine, Plan, Reason, Sampling, Settings, Spread,
 };
@@ -18,22 +18,23 @@ use videofields_recording::timeline::{
     Alignment, Event, EventKind, EventLog, Horizon, LoggedEvent, PlayheadMode,
 };
 use videofields_service::engine::{
-    AccuracyState, AccuracyStatus, At, BlurAsked, CameraAlignment, CameraBlur, CameraSummary, CameraTimeline,
-    DeviceSummary, Door, EngineError, EntityCursor, EntityQuery, Expected, FoundEntities, FoundEntity,
-    FoundPoint, FoundSources, FoundStand, FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress,
-    MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present,
-    PresentEntity, Preview, Privacy, PrivacySummary, Readiness, RecordingSummary, SceneAlignment,
-    SceneMoment, SceneSummary, SceneTimeline, SourceTime, StopFlag, TrackCursor, TrackQuery, ViewAnswer,
-    ViewIdentity, ViewRequest,
+    AccuracyState, AccuracyStatus, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
+    CameraSummary, CameraTimeline, DeviceSummary, Door, EngineError, EntityCursor, EntityQuery, Expected,
+    FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand, FoundTrack, FoundTracks, LocateMethod,
+    Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity,
+    PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary, Readiness,
+    RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, StopFlag,
+    TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields_vision::access::Grants;
+use videofields_vision::calibrate::CameraDocument;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{
     CameraSettings, ClockSettings, FeedSettings, SegmentSettings, SourceSettings, StageChoice,
     changed_segment,
 };
 use videofields_vision::frame::{Blur, CameraId, ColorMatrix, ColorRange, Frame, Mask, RgbImage, YuvImage};
-use videofields_vision::geometry::Surfaces;
+use videofields_vision::geometry::{Camera, Surfaces};
 use videofields_vision::observation::Observation;
 use videofields_vision::segment::PixelRect;
 use videofields_vision::stage::{StageKind, Switch};
@@ -228,10 +229,22 @@ impl Door for FakeDoor {
             confidence,
             ahead_secs,
             clock,
+            calibration: None,
         };
+        let stands = Camera::pinhole(DVec3::new(0.0, -8.0, 6.0), DVec3::ZERO, 0.9, (64, 48)).unwrap();
+        let offset = CalibrationOffset {
+            moved_m: DVec3::new(0.1, 0.0, -0.25),
+            turned_rad: DVec3::new(0.0, 0.0, 1_f64.to_radians()),
+            offset_m: 0.5,
+            error_m: 0.125,
+            apart_m: [0.75, 0.25],
+            n_paths: 9,
+        };
+        let corrected = Some(CameraDocument::from_camera(&stands));
+        let calibration = Some(CalibrationAlignment { offset, corrected });
         Ok(SceneAlignment {
             cameras: vec![
-                camera("north", Some(0.9), Some(10.0), Some(clock)),
+                CameraAlignment { calibration, ..camera("north", Some(0.9), Some(10.0), Some(clock)) },
                 camera("south", None, None, None),
             ],
             pairs: vec![PairAlignment { first: id("south"), second: id("north"), alignment }],

@@ -56,20 +56,33 @@ async fn a_span_that_makes_no_sense_is_refused_at_its_place() {
 }
 
 #[tokio::test]
-async fn clocks_are_compared() {
+async fn clocks_and_calibrations_are_compared() {
     let bench = Bench::new();
     let path = "/api/v1/scenes/plaza/alignment";
     let answer = bench.get(path).await;
     assert_eq!((answer.status.as_u16(), answer.field("cache-control")), (200, "no-store"));
+    let mut body = answer.json();
+    let calibration = body["cameras"][0]["calibration"].take();
+    assert_eq!(calibration["corrected"]["image_size_px"], json!([64, 48]));
+    let turned_deg = calibration["turned_deg"][2].as_f64().unwrap();
+    assert!((turned_deg - 1.0).abs() < 1e-12, "{calibration}");
+    let others =
+        [("offset_m", 0.5), ("offset_error_m", 0.125), ("apart_m", 0.75), ("apart_corrected_m", 0.25)];
+    for (name, expected) in others {
+        assert_eq!(calibration[name], json!(expected), "{name}");
+    }
+    assert_eq!((&calibration["moved_m"], &calibration["paths"]), (&json!([0.1, 0.0, -0.25]), &json!(9)));
+    assert_eq!(calibration["is_used"], json!(true));
     assert_eq!(
-        answer.json(),
+        body,
         json!({
             "cameras": [
                 {
                     "camera": "north", "confidence": 0.9, "ahead_secs": 10.0,
                     "clock": {"offset_secs": -10.0, "drift_ppm": -100.0, "since": null},
+                    "calibration": null,
                 },
-                {"camera": "south", "confidence": null, "ahead_secs": null, "clock": null},
+                {"camera": "south", "confidence": null, "ahead_secs": null, "clock": null, "calibration": null},
             ],
             "pairs": [{
                 "first": "south", "second": "north", "offset_secs": 10.0, "offset_error_secs": 0.01,

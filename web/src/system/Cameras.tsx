@@ -10,7 +10,7 @@ import { Detection } from "./Detection";
 import { changes } from "./health";
 import { OFTEN_MILLIS, Part, SELDOM_MILLIS, nameOf, when } from "./Part";
 
-const PICTURE_KINDS = ["frozen", "covered", "moved", "light_changed"];
+const PICTURE_KINDS = ["frozen", "covered", "moved", "light_changed", "misaligned"];
 
 function Summary({ cameras }: { cameras: readonly state.Camera[] }) {
   const troubled = cameras.filter((camera) => state.isTrouble(state.stateOf(camera)));

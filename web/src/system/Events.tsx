@@ -11,7 +11,7 @@ import { OFTEN_MILLIS, Part, nameOf, when, yes } from "./Part";
 
 type Event = components["schemas"]["Event"];
 
-const KINDS = ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved"];
+const KINDS = ["stopped", "left_behind", "taken_away", "light_changed", "frozen", "covered", "moved", "misaligned"];
 const SPANS: Record<string, number> = { hour: 3_600e3, day: 86_400e3, all: Infinity };
 const PAGE = 200;
 

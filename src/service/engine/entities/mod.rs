@@ -72,6 +72,11 @@ impl Entities {
         self.period
     }
 
+    /// Returns the scenes, and parts of scenes, whose people are placed at each turn, each with whether it is a whole scene.
+    pub(super) fn placed(&self) -> Vec<(Arc<Scene>, bool)> {
+        self.lock().iter().map(|set| (Arc::clone(&set.scene), set.asked_at.is_none())).collect()
+    }
+
     /// Tells that a scene is placed at each turn.
     pub(super) fn is_placed(&self, scene: &Arc<Scene>) -> bool {
         self.find(scene).is_some()
@@ -152,10 +157,10 @@ pub(super) fn run(shared: &Shared, stop: &StopFlag) {
 }
 
 /// Returns what `work` does; `None` where it panicked.
-fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
+pub(super) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     let done = catch_unwind(AssertUnwindSafe(work));
     if done.is_err() {
-        tracing::error!("placing people panicked; it goes on with the next instant");
+        tracing::error!("placing people panicked; it goes on");
     }
     done.ok()
 }

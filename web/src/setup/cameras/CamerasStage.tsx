@@ -5,8 +5,9 @@ import { useSignalEffect } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Segments } from "../../parts/parts";
 import { say } from "../../strings";
-import { draft } from "../draft";
+import { draft, isReadOnly } from "../draft";
 import { wayToStage } from "../Stages";
+import { Agreement } from "./Agreement";
 import { CameraChoice } from "./CameraChoice";
 import { FitBar } from "./FitBar";
 import { ImportPanel } from "./ImportPanel";
@@ -55,6 +56,7 @@ export default function CamerasStage() {
         <Panel key={camera.id} />
       </section>
       <FitBar />
+      {!isReadOnly.value && <Agreement />}
     </div>
   );
 }

@@ -1,17 +1,13 @@
 // How far clocks are apart by the daemon's own estimate, to be taken over camera by camera.
 
-import { useState } from "preact/hooks";
-import { api, content, told } from "../../ask";
-import type { components } from "../../contract.gen";
 import { Table } from "../../parts/parts";
 import { say } from "../../strings";
+import { type Line, useAlignment } from "../aligning";
 import { equal } from "../changes";
-import { base, draft, editCamera, isReadOnly } from "../draft";
+import { draft, editCamera, isReadOnly } from "../draft";
 
 /** Below this the daemon corrects no camera. */
 const LEAST_CONFIDENCE = 0.5;
-
-type Line = { camera: string; ahead_secs: number | null; confidence: number | null; clock: components["schemas"]["ClockSettings"] | null };
 
 function Apply({ line }: { line: Line }) {
   const camera = draft.value?.cameras.find(({ id }) => id === line.camera);
@@ -33,23 +29,9 @@ function Apply({ line }: { line: Line }) {
 }
 
 export function Estimate() {
-  const [lines, setLines] = useState<readonly Line[] | null>(null);
-  const [failure, setFailure] = useState<string | null>(null);
-  const [isAsking, setAsking] = useState(false);
+  const { lines, failure, isPossible, isAsking, ask } = useAlignment();
   const of = draft.value;
-  const isPossible = base.value?.sceneTag !== null && (base.value?.scene?.cameras?.length ?? 0) > 1;
   if (!of) return null;
-  const ask = async () => {
-    setAsking(true);
-    try {
-      setLines((await content(api.GET("/api/v1/scenes/{id}/alignment", { params: { path: { id: of.scene.id } } }))).cameras);
-      setFailure(null);
-    } catch (error) {
-      setFailure(told(error));
-    } finally {
-      setAsking(false);
-    }
-  };
   const name = (id: string) => of.cameras.find((camera) => camera.id === id)?.name || id;
   return (
     <details class="card fold">

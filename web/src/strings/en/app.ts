@@ -101,4 +101,5 @@ export const app = {
   "event.frozen": "the picture is frozen",
   "event.covered": "the camera is covered",
   "event.moved": "the camera moved",
+  "event.misaligned": "the camera sees people elsewhere than other cameras do",
 } as const;
