@@ -308,8 +308,14 @@ fn fit(first: &[Vec<Step>], second: &[Vec<Step>], pile: &Pile) -> Option<Line> {
 /// All matches of paths that both cameras saw, and how many those are.
 fn matches(first: &[Vec<Step>], second: &[Vec<Step>], line: &Line) -> (Vec<Match>, usize) {
     let (mut all, mut n_meetings) = (Vec::new(), 0);
+    let ends = |path: &[Step]| Some((path.first()?.secs, path.last()?.secs));
     for a in first {
-        for b in second {
+        let Some((from, to)) = ends(a).map(|(from, to)| (line.second_secs(from), line.second_secs(to)))
+        else {
+            continue;
+        };
+        let is_then = |b: &&Vec<Step>| ends(b).is_some_and(|(begins, ends)| begins <= to && ends >= from);
+        for b in second.iter().filter(is_then) {
             let n_before = all.len();
             all.extend(a.iter().filter_map(|step| matched(step, b, line)));
             if all.len() - n_before < LEAST_STEPS {

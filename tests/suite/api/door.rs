@@ -238,7 +238,7 @@ impl Door for FakeDoor {
             offset_m: 0.5,
             error_m: 0.125,
             apart_m: [0.75, 0.25],
-            n_paths: 9,
+            n_paths: 12,
         };
         let corrected = Some(CameraDocument::from_camera(&stands));
         let calibration = Some(CalibrationAlignment { offset, corrected });

@@ -71,7 +71,7 @@ async fn clocks_and_calibrations_are_compared() {
     for (name, expected) in others {
         assert_eq!(calibration[name], json!(expected), "{name}");
     }
-    assert_eq!((&calibration["moved_m"], &calibration["paths"]), (&json!([0.1, 0.0, -0.25]), &json!(9)));
+    assert_eq!((&calibration["moved_m"], &calibration["paths"]), (&json!([0.1, 0.0, -0.25]), &json!(12)));
     assert_eq!(calibration["is_used"], json!(true));
     assert_eq!(
         body,

@@ -17,7 +17,7 @@ use videofields_vision::frame::{CameraId, Mask};
 use videofields_vision::observation::Observation;
 
 /// Periods that are learned where calibrations are corrected: few people walk in one.
-const PERIODS_TO_CORRECT: usize = 5;
+const PERIODS_TO_CORRECT: usize = 8;
 
 /// Plays `world` at `rate_hz` before all its cameras; how many these are, and what their entities show. `scene_of` gives the scene in
 /// which they are associated.

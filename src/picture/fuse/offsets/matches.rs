@@ -19,6 +19,12 @@ const ALIKE_M: f64 = 0.35;
 /// Differences farther from those that most pairs of paths have are two people's, metres.
 const MOST_OFF_M: f64 = 1.0;
 
+/// Differences that cameras commonly have, metres: standard deviation.
+const COMMON_M: f64 = 0.8;
+
+/// Least number of pairs of paths that say how far two cameras are apart: of fewer, two people who walk together may be taken for one.
+const LEAST_PATHS: usize = 3;
+
 /// Pairs of paths among which those most alike are looked for.
 const MOST_ASKED: usize = 1000;
 
@@ -84,7 +90,7 @@ struct Candidate {
     steps: Vec<(usize, usize)>,
 }
 
-/// Returns the difference between places that most pairs of paths have.
+/// Returns the difference between places that most pairs of paths have, large ones being less likely.
 fn usual(candidates: &[Candidate]) -> DVec2 {
     let asked = || candidates.iter().step_by(candidates.len().div_ceil(MOST_ASKED).max(1));
     let alike = |of: &Candidate| -> f64 {
@@ -94,7 +100,8 @@ fn usual(candidates: &[Candidate]) -> DVec2 {
         };
         asked().map(share).sum()
     };
-    let best = asked().map(|of| (alike(of), of.mean_m)).max_by(|a, b| a.0.total_cmp(&b.0));
+    let likely = |of: &Candidate| (-of.mean_m.length_squared() / (2.0 * COMMON_M * COMMON_M)).exp();
+    let best = asked().map(|of| (alike(of) * likely(of), of.mean_m)).max_by(|a, b| a.0.total_cmp(&b.0));
     best.map_or(DVec2::ZERO, |(_, mean_m)| mean_m)
 }
 
@@ -130,6 +137,9 @@ fn matched_of(
     let cost = |of: &Candidate| of.mean_m.distance(usual_m) + of.spread_m;
     candidates.retain(|of| of.mean_m.distance(usual_m) <= MOST_OFF_M);
     candidates.sort_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.paths.cmp(&b.paths)));
+    if candidates.len() < LEAST_PATHS {
+        return Vec::new();
+    }
     let (mut taken_own, mut taken_its) = (BTreeSet::new(), BTreeSet::new());
     let mut found: Vec<Match> = Vec::new();
     for Candidate { paths, mut steps, .. } in candidates {

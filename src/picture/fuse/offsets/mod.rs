@@ -45,10 +45,10 @@ const MOST_WIDTH_M: f64 = 0.9;
 const MOST_SD_M: f64 = 1.0;
 
 /// Distances between two cameras' places of one foot that are looked at, metres: from round to round, as the cameras agree better.
-const GATES_M: [f64; 5] = [2.5, 1.5, 1.0, 1.0, 1.0];
+const GATES_M: [f64; 5] = [1.6, 1.2, 1.0, 1.0, 1.0];
 
 /// Least number of paths by which a camera's offset is known.
-const LEAST_PATHS: usize = 8;
+const LEAST_PATHS: usize = 12;
 
 /// Movements and turns beyond these are none that people could tell: metres, and radians.
 const MOST_MOVED_M: f64 = 3.0;
@@ -240,13 +240,17 @@ fn told(
     let error =
         |found: &&Match| Some(solution.error_m(camera, &place(after, (camera, found.step_of(camera)))?));
     let (moved_m, turned_rad) = solution.twists[camera];
-    if moved_m.length() > MOST_MOVED_M || turned_rad.length() > MOST_TURNED_RAD {
+    let offset_m = median(own.iter().filter_map(moved).collect())?;
+    // Farther off nobody's feet were compared.
+    let is_told =
+        moved_m.length() <= MOST_MOVED_M && turned_rad.length() <= MOST_TURNED_RAD && offset_m <= GATES_M[0];
+    if !is_told {
         return None;
     }
     Some(CalibrationOffset {
         moved_m,
         turned_rad,
-        offset_m: median(own.iter().filter_map(moved).collect())?,
+        offset_m,
         error_m: median(own.iter().filter_map(error).collect())?,
         apart_m: [apart(before)?, apart(after)?],
         n_paths: paths.len(),

@@ -271,3 +271,124 @@ fn an_observation_gives_feet_of_what_moves_alone_and_is_whole() {
     };
     assert_eq!(found, [foot]);
 }
+
+/// Returns the steps of paths, one after the other: each begins at a place and goes by so much from step to step.
+fn walked(paths: &[(DVec3, DVec3)], n_steps: i64) -> Vec<PlacedStep> {
+    let mut all: Vec<PlacedStep> = paths
+        .iter()
+        .zip(0..)
+        .flat_map(|((from, by), path)| {
+            (0..n_steps).map(move |instant| PlacedStep {
+                instant,
+                path,
+                step: 0,
+                foot_in_world: *from + *by * instant as f64,
+                covariance: DMat2::IDENTITY * 0.01,
+                away: DVec2::X,
+                away_a_metre: 2.0,
+                by_twist: [DVec2::Y * 10.0; 6],
+            })
+        })
+        .collect();
+    all.sort_by_key(|step| (step.instant, step.path));
+    all.iter_mut().zip(0..).for_each(|(step, idx)| step.step = idx);
+    all
+}
+
+/// Returns how many steps of which paths of the one are matched with which of the other.
+fn counted(own: &[(DVec3, DVec3)], its: &[(DVec3, DVec3)], n_steps: i64) -> BTreeMap<(u32, u32), usize> {
+    let mut counts = BTreeMap::new();
+    for found in matched(&[walked(own, n_steps), walked(its, n_steps)], 2.5) {
+        *counts.entry((found.path_of(0), found.path_of(1))).or_default() += 1;
+    }
+    counts
+}
+
+#[test]
+fn whoever_walks_beside_others_is_matched_by_the_difference_that_all_have() {
+    // Five walk side by side, a metre apart; the second camera sees each nearer to where the first sees the next.
+    let abreast = |shift_m: f64| -> Vec<(DVec3, DVec3)> {
+        (0..5).map(|idx| (DVec3::new(f64::from(idx) + shift_m, 0.0, 0.0), DVec3::Y * 0.6)).collect()
+    };
+    let counts = counted(&abreast(0.0), &abreast(0.6), 10);
+    let each: BTreeMap<(u32, u32), usize> = (0..5).map(|idx| ((idx, idx), 10)).collect();
+    assert_eq!(counts, each);
+}
+
+#[test]
+fn who_crosses_another_way_or_stands_on_another_storey_is_somebody_else() {
+    let walks = (DVec3::ZERO, DVec3::new(0.6, 0.0, 0.0));
+    let crosses = (DVec3::new(1.5, -1.5, 0.0), DVec3::new(0.0, 0.6, 0.0));
+    let above = (DVec3::Z * 3.0, walks.1);
+    let thrice = [0, 1, 2].map(|idx| (DVec3::Y * 5.0 * f64::from(idx), walks.1));
+    let each: BTreeMap<(u32, u32), usize> = [0, 1, 2].map(|idx| ((idx, idx), 8)).into();
+    assert_eq!(counted(&thrice, &thrice, 8), each);
+    assert_eq!(counted(&thrice[..2], &thrice, 8), BTreeMap::new(), "two may be anybody");
+    let others = |other: (DVec3, DVec3)| thrice.map(|(from, _)| (from + other.0, other.1));
+    assert_eq!(counted(&thrice, &others(crosses), 8), BTreeMap::new());
+    assert_eq!(counted(&thrice, &others(above), 8), BTreeMap::new());
+    // Most differ by nothing, so that one who is 1.5 m from everybody is nobody whom the other saw.
+    let aside = (DVec3::new(0.0, 21.5, 0.0), walks.1);
+    let many: Vec<_> = (0..4).map(|idx| (DVec3::Y * 5.0 * f64::from(idx), walks.1)).collect();
+    let alone = (DVec3::Y * 20.0, walks.1);
+    let counts = counted(&[&many[..], &[alone]].concat(), &[&many[..], &[aside]].concat(), 8);
+    assert_eq!(counts.into_keys().collect::<Vec<_>>(), [(0, 0), (1, 1), (2, 2), (3, 3)]);
+}
+
+#[test]
+fn however_much_two_cameras_see_together_it_weighs_no_more_than_errors_that_stay() {
+    let walks: Vec<_> = (0..300).map(|idx| (DVec3::X * 10.0 * f64::from(idx), DVec3::Y * 0.5)).collect();
+    let weight = |n_paths: usize| {
+        let steps = walked(&walks[..n_paths], 40);
+        matched(&[steps.clone(), steps], 1.0).iter().map(|found| found.weight).sum::<f64>()
+    };
+    let [few, many] = [weight(10), weight(300)];
+    assert!((few - 15.0).abs() < 1e-9 && (many - 150.0).abs() < 1e-9, "{few} {many}");
+}
+
+#[test]
+fn what_was_not_followed_in_between_is_two_paths() {
+    let seen = |secs: f64| FootSighting {
+        at: Timestamp::from_nanos((secs * 1e9) as i64),
+        track: 3,
+        foot_in_texture: [0.25 + secs as f32 * 0.0625, 0.5],
+        size_in_texture: [6553, 13_107],
+    };
+    let steps = steps(&[0.1, 0.9, 1.7, 6.1, 7.0].map(seen));
+    let told: Vec<(i64, u32)> = steps.iter().map(|step| (step.instant, step.path)).collect();
+    assert_eq!(told, [(1, 0), (2, 0), (3, 0), (13, 1), (14, 1)]);
+    assert!((steps[1].foot_in_texture.x - 0.3125).abs() < 1e-6, "{:?}", steps[1]);
+    assert!((steps[1].size_in_texture - DVec2::new(0.1, 0.2)).length() < 1e-4, "{:?}", steps[1]);
+}
+
+#[test]
+fn errors_count_along_both_axes_of_the_ground_and_outliers_hardly() {
+    let truly = around(DVec3::ZERO);
+    let errors = FootErrors { wrong: 0.3, ..USUAL };
+    let mut believed = truly.clone();
+    believed[1] = off(&truly[1], [0.0, 0.0, 2.0], [0.0; 3]);
+    let offsets = found(&truly, &believed, &FEW, errors);
+    let error = error_m(&truly[1], &believed[1], offsets[1].as_ref(), DVec3::ZERO);
+    assert!(error < 0.15, "{error} {offsets:?}");
+    // Here cameras' errors move feet along the second axis alone.
+    let own = walked(&[0.0, 5.0, 10.0].map(|y| (DVec3::Y * y, DVec3::X)), 20);
+    let both = [own.clone(), own];
+    let solution = solved(&both, &matched(&both, 1.0), &Solution::none(2));
+    assert!(solution.error_m(0, &both[0][0]) > 0.001);
+}
+
+#[test]
+fn few_feet_that_are_found_elsewhere_move_no_camera() {
+    let walks: Vec<_> = (0..14).map(|idx| (DVec3::X * 10.0 * f64::from(idx), DVec3::X * 0.3)).collect();
+    let elsewhere =
+        |idx: usize, (from, by): (DVec3, DVec3)| (from + DVec3::Y * if idx < 4 { 0.9 } else { 0.0 }, by);
+    let its: Vec<_> = walks.iter().enumerate().map(|(idx, walk)| elsewhere(idx, *walk)).collect();
+    let both = [walked(&walks, 12), walked(&its, 12)];
+    let matches = matched(&both, 1.0);
+    assert_eq!(matches.len(), 14 * 12);
+    let solution = solved(&both, &matches, &Solution::none(2));
+    // Cameras' errors move feet along the second axis, by 10 m for each unit.
+    let shifts = solution.twists.iter().map(|(moved, turned)| 10.0 * (moved + turned).element_sum());
+    let apart_m = shifts.reduce(|a, b| a - b).unwrap().abs();
+    assert!(apart_m < 0.1, "{apart_m}, and 0.26 if all counted alike");
+}
