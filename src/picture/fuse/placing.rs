@@ -10,6 +10,7 @@ use crate::scene::{Scene, SceneCamera};
 use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
 use videofields_vision::frame::{CameraId, Mask, YuvImage};
+use videofields_vision::geometry::Camera;
 use videofields_vision::observation::Observation;
 use videofields_vision::track::Track;
 
@@ -47,6 +48,8 @@ struct Answer {
     seen: Vec<SeenBy>,
     entities: Vec<Entity>,
     owners: Vec<Option<Arc<OwnerMap>>>,
+    /// Cameras as they were when it was concluded.
+    corrected: Vec<Arc<Camera>>,
 }
 
 impl SeenBy {
@@ -108,7 +111,7 @@ impl Placing {
     }
 
     /// Places what the cameras of `scene` see from now on as if they stood as those of `corrected`, the same scene with cameras moved and
-    /// turned ([`with_offsets`](super::with_offsets)); as they are calibrated where that is none.
+    /// turned ([`with_offsets`](super::with_offsets)); as they are calibrated where that is none. Instants that were placed stay as they were.
     pub fn correct(&mut self, scene: &Arc<Scene>, corrected: Option<Arc<Scene>>) {
         self.corrected = corrected.map(|corrected| (Arc::downgrade(scene), corrected));
     }
@@ -144,8 +147,9 @@ impl Placing {
         let is_known = |answer: &Answer| answer.is_of(scene, instant, (&members, &cameras));
         if let Some(place) = self.answers.iter().position(is_known) {
             let known = self.answers.remove(place);
-            for (camera, owners) in cameras.iter_mut().zip(&known.owners) {
+            for ((camera, owners), corrected) in cameras.iter_mut().zip(&known.owners).zip(&known.corrected) {
                 camera.owners.clone_from(owners);
+                camera.corrected = Arc::clone(corrected);
             }
             let state = state_of(scene, instant, (cameras, known.entities.clone()));
             self.answers.push(known);
@@ -162,6 +166,7 @@ impl Placing {
             seen: members.iter().zip(&cameras).map(|(member, camera)| SeenBy::new(*member, camera)).collect(),
             entities: entities.clone(),
             owners: cameras.iter().map(|camera| camera.owners.clone()).collect(),
+            corrected: cameras.iter().map(|camera| Arc::clone(&camera.corrected)).collect(),
         });
         state_of(scene, instant, (cameras, entities))
     }
@@ -253,7 +258,6 @@ mod tests {
     use super::*;
     use crate::occupancy::drawn_people::{SIZE, around, mask, observation, scene};
     use glam::{DVec2, DVec3};
-    use videofields_vision::geometry::Camera;
     use videofields_vision::segment::PixelRect;
 
     const STEP_NANOS: i64 = 200_000_000;
@@ -353,12 +357,18 @@ mod tests {
         let mut farthest = |step: i64, corrected: Option<&Arc<Scene>>| {
             placing.correct(&off, corrected.cloned());
             let find = |id: &CameraId| seen.iter().find(|of| of.frame.camera == *id).cloned();
-            let state = placing.assemble(&off, at(step), find);
+            let state = placing.assemble(&off, at(step), |id: &CameraId| find(id));
             for (idx, camera) in state.cameras.iter().enumerate() {
                 assert!(Arc::ptr_eq(&camera.camera, &off.cameras[idx].camera));
                 assert!(Arc::ptr_eq(&camera.corrected, &corrected.unwrap_or(&off).cameras[idx].camera));
             }
             assert!(Arc::ptr_eq(&state.scene, &off));
+            // What was placed stays, with the cameras that it was placed by.
+            placing.correct(&off, None);
+            let again = placing.assemble(&off, at(step), |id: &CameraId| find(id));
+            let pairs = state.cameras.iter().zip(&again.cameras);
+            assert!(pairs.into_iter().all(|(a, b)| Arc::ptr_eq(&a.corrected, &b.corrected)));
+            assert_eq!(again.entities, state.entities);
             let truths = [DVec3::new(-1.0, -1.5, 0.0), DVec3::new(0.4, 1.2, 0.0)];
             let nearest = |truth: DVec3| {
                 let all = state.entities.iter().map(|of| of.foot_in_world.distance(truth));

@@ -154,7 +154,7 @@ fn apart_rad(state: &SceneState, hull: &EntityHull) -> f64 {
     let [low, high] = hull.bounds_in_world;
     let middle = (low + high) / 2.0;
     let direction =
-        |idx: &usize| (middle - state.cameras[*idx].camera.pose().position_in_world).normalize_or_zero();
+        |idx: &usize| (middle - state.cameras[*idx].corrected.pose().position_in_world).normalize_or_zero();
     let directions: Vec<DVec3> = hull.cameras.iter().map(direction).collect();
     let pairs =
         directions.iter().enumerate().flat_map(|(i, a)| directions[..i].iter().map(move |b| a.cross(*b)));

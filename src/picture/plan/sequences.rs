@@ -2,6 +2,7 @@
 
 use super::{FieldsForm, MAX_ENTITY_CAMERAS, MAX_SURFACE_CAMERAS, Picture, Plan, Reason};
 use crate::fuse::SceneState;
+use std::sync::Arc;
 use videofields_vision::fields::MAX_VIEWS;
 
 /// Fills in the sequences' part of a plan; of a scene that has none nothing is said.
@@ -9,7 +10,11 @@ pub(super) fn plan(state: &SceneState, picture: &Picture, form: FieldsForm, plan
     if state.sequences.is_empty() {
         return;
     }
-    let is_another = |camera: &&usize| !plan.surface_cameras.contains(camera);
+    let is_another = |camera: &&usize| {
+        let is_corrected =
+            state.cameras.get(**camera).is_some_and(|of| !Arc::ptr_eq(&of.camera, &of.corrected));
+        is_corrected || !plan.surface_cameras.contains(camera)
+    };
     let n_taken = plan.surface_cameras.len() + plan.entity_cameras.iter().filter(is_another).count();
     let mut room = (MAX_SURFACE_CAMERAS + MAX_ENTITY_CAMERAS).saturating_sub(n_taken);
     let mut left_out = Vec::new();

@@ -46,7 +46,7 @@ pub(super) fn choose(
         .enumerate()
         .filter(|(_, source)| !(is_scrap(source) || is_any_whole && source.is_truncated));
     let angle = |(idx, source): (usize, &Billboard)| {
-        let camera = state.cameras.get(source.camera_idx)?.camera.pose().position_in_world;
+        let camera = state.cameras.get(source.camera_idx)?.corrected.pose().position_in_world;
         let foot = source.foot_in_world;
         let cosine = level(foot - camera).dot(level(viewer.direction_to(foot)));
         let hidden_share = (1.0 - source.shown_share).clamp(0.0, 1.0);

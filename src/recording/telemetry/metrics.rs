@@ -32,7 +32,7 @@ pub struct Metrics {
     pub ingest_events: IntCounterVec,
     /// Privacy zones in force. Labels: camera.
     pub camera_privacy_zones: IntGaugeVec,
-    /// Metres on the ground by which a camera sees people elsewhere than other cameras do, 0 where they agree as far as can be told.
+    /// Metres on the ground by which a camera sees people elsewhere than other cameras do, 0 where nothing else can be told.
     /// Labels: camera.
     pub camera_calibration_offset: GaugeVec,
     /// Frames written to the archive. Labels: camera.

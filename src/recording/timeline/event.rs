@@ -25,7 +25,7 @@ pub enum EventKind {
     Covered,
     /// The camera was turned or knocked: its calibration is suspect until it is accepted or the camera is back.
     Moved,
-    /// The camera sees people elsewhere than other cameras do: its calibration, or theirs, is wrong.
+    /// People seen elsewhere than other cameras see them: the camera's calibration, or theirs, is wrong.
     Misaligned,
 }
 

@@ -85,7 +85,7 @@ impl<'a> Seen<'a> {
 
     /// What [`EDGE_PX`] are worth at the foot, metres.
     fn edge_m(&self) -> f64 {
-        let camera = &self.camera.camera;
+        let camera = &self.camera.corrected;
         let distance_m = self.billboard.foot_in_world.distance(camera.pose().position_in_world);
         let frame_px = self.frame_size_px().0 / f64::from(camera.size_px().0);
         EDGE_PX * distance_m / (camera.focal_px().min_element() * frame_px)

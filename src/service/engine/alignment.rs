@@ -51,10 +51,10 @@ pub struct CameraAlignment {
     pub calibration: Option<CalibrationAlignment>,
 }
 
-/// What is known of a camera's calibration.
+/// Disagreement of a camera's calibration with all others', and what would mend it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CalibrationAlignment {
-    /// How far it disagrees with all others'.
+    /// Movement and turn with which it would agree.
     pub offset: CalibrationOffset,
     /// The calibration with which it would see people where the others do; none while too few were seen to know.
     pub corrected: Option<CameraDocument>,

@@ -219,7 +219,7 @@ impl CameraConsumer {
     fn worst(&self) -> Option<String> {
         let of_picture = self.pipeline.conditions().iter().find_map(condition_concern);
         let of_calibration = || self.misaligned_m.map(misaligned_concern);
-        of_picture.or_else(of_calibration).or_else(|| self.background_concern.clone())
+        of_picture.or_else(|| self.background_concern.clone()).or_else(of_calibration)
     }
 }
 

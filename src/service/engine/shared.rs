@@ -9,6 +9,7 @@ use super::checkpoint::StoreHealth;
 use super::entities::Entities;
 use super::forecaster::Forecaster;
 use super::handle::{At, DeviceSummary, Door};
+use super::misalignment::Corrections;
 use super::object_sizes::CameraObjectSizes;
 use super::past::Past;
 use super::placings::{Placings, ScenePlacing};
@@ -96,6 +97,8 @@ pub(super) struct Shared {
     pub(super) playheads: Playheads,
     pub(super) presences: Presences,
     placings: Placings,
+    /// Scenes whose people are placed by corrected cameras.
+    pub(super) corrections: Corrections,
     pub(super) entities: Entities,
     /// By scene and camera.
     maps: Mutex<HashMap<(String, CameraId), MapState>>,
@@ -159,6 +162,7 @@ impl Shared {
             playheads: Playheads::new(),
             presences: Presences::default(),
             placings: Placings::default(),
+            corrections: Corrections::default(),
             entities,
             maps: Mutex::new(maps),
             scopes: Scopes::default(),

@@ -687,8 +687,8 @@ fn hulls_that_follow_from_the_same_are_made_once() {
     seen.place_hulls(making, &mut memory);
     assert_eq!(is_same(&first, &seen), [false, false]);
     let mut calibrated = first.clone();
-    calibrated.cameras[0].camera =
-        Arc::new((*first.cameras[0].camera).clone().moved(v(0.0, 0.0, 0.1)).unwrap());
+    calibrated.cameras[0].corrected =
+        Arc::new((*first.cameras[0].corrected).clone().moved(v(0.0, 0.0, 0.1)).unwrap());
     calibrated.place_hulls(making, &mut memory);
     assert_eq!(is_same(&first, &calibrated), [false, false]);
     // Of another scene, whose cameras have the same names.

@@ -8,7 +8,8 @@ use videofields_vision::observation::Observation;
 use videofields_vision::segment::{MOVING, blobs_of};
 use videofields_vision::track::Tracker;
 
-/// Hands `take` what all cameras would observe if their masks were true, as [`play_all`](super::super::playing::play_all) does. Blobs are large enough and parted by each camera's settings, and followed as ever.
+/// Hands `take` what all cameras would observe if their masks were true, as
+/// [`play_all`](super::super::playing::play_all) does. Blobs are large enough and parted by each camera's settings, and followed as ever.
 pub(super) fn play_true(
     subject: &Subject,
     n_learned: usize,

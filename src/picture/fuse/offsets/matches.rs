@@ -4,7 +4,7 @@ use super::PlacedStep;
 use glam::DVec2;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Most pairs of cameras that are compared.
+/// Most pairs of cameras that are compared, of those that see people at places near each other.
 const MOST_PAIRS: usize = 400;
 
 /// Least number of steps in common.
@@ -18,6 +18,10 @@ const ALIKE_M: f64 = 0.35;
 
 /// Differences farther from those that most pairs of paths have are two people's, metres.
 const MOST_OFF_M: f64 = 1.0;
+
+/// Greatest difference between the heights that two cameras see, mean over steps, metres: whose legs something hides from one of them seems
+/// to stand farther away there, and to be shorter.
+const SAME_HEIGHT_M: f64 = 0.2;
 
 /// Differences that cameras commonly have, metres: standard deviation.
 const COMMON_M: f64 = 0.8;
@@ -36,7 +40,7 @@ const STOREY_M: f64 = 1.0;
 pub(super) struct Match {
     /// Both cameras, each with the place of its step among the camera's.
     pub(super) steps: [(usize, usize); 2],
-    /// ... and among those that are placed.
+    /// Places of both steps among those that are placed.
     pub(super) placed: [usize; 2],
     /// Both paths.
     paths: [u32; 2],
@@ -78,7 +82,20 @@ pub(super) fn matched(cameras: &[Vec<PlacedStep>], gate_m: f64) -> Vec<Match> {
     let of = |(first, second): (usize, usize)| {
         matched_of((first, &cameras[first]), (second, &cameras[second]), gate_m)
     };
-    pairs.take(MOST_PAIRS).flat_map(of).collect()
+    let bounds: Vec<Option<[DVec2; 2]>> = cameras.iter().map(|steps| bounds_of(steps)).collect();
+    let may_meet = |(first, second): &(usize, usize)| match (bounds[*first], bounds[*second]) {
+        (Some([low, high]), Some([its_low, its_high])) => {
+            (low - gate_m).cmple(its_high).all() && (its_low - gate_m).cmple(high).all()
+        }
+        _ => false,
+    };
+    pairs.filter(may_meet).take(MOST_PAIRS).flat_map(of).collect()
+}
+
+/// Returns the rectangle in which feet were seen; none where there are none.
+fn bounds_of(steps: &[PlacedStep]) -> Option<[DVec2; 2]> {
+    let places = steps.iter().map(|step| step.foot_in_world.truncate());
+    places.map(|at| [at, at]).reduce(|[low, high], [at, _]| [low.min(at), high.max(at)])
 }
 
 /// Two paths that may be one person's.
@@ -128,7 +145,10 @@ fn matched_of(
         let apart = |(a, b): &(usize, usize)| (its[*b].foot_in_world - own[*a].foot_in_world).truncate();
         let mean_m = steps.iter().map(apart).sum::<DVec2>() / n;
         let spread_m = (steps.iter().map(|of| apart(of).distance_squared(mean_m)).sum::<f64>() / n).sqrt();
-        if steps.len() >= LEAST_STEPS && spread_m <= MOST_SPREAD_M {
+        let taller = |(a, b): &(usize, usize)| its[*b].height_m - own[*a].height_m;
+        let taller_m = steps.iter().map(taller).sum::<f64>() / n;
+        let is_one = spread_m <= MOST_SPREAD_M && taller_m.abs() <= SAME_HEIGHT_M;
+        if steps.len() >= LEAST_STEPS && is_one {
             candidates.push(Candidate { mean_m, spread_m, paths, steps });
         }
     }

@@ -21,8 +21,7 @@ use solve::{Solution, solved};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use videofields_vision::clock::Timestamp;
-use videofields_vision::geometry::{Camera, CameraError, Pose, Surfaces};
-use videofields_vision::mapping;
+use videofields_vision::geometry::{Camera, CameraError, Face, Pose, Surfaces};
 use videofields_vision::observation::Observation;
 
 /// Steps at which paths of different cameras are compared, nanoseconds.
@@ -31,14 +30,15 @@ const STEP_NANOS: i64 = 500_000_000;
 /// Sightings of one thing further apart are not joined, nanoseconds.
 const LONGEST_GAP_NANOS: i64 = 1_000_000_000;
 
-/// Steps of a camera that are compared; of more, whole stretches of time are left out.
+/// Steps of a camera, and of all cameras together, that are compared, about; of more, whole stretches of time are left out.
 const MOST_STEPS: usize = 6000;
+const MOST_STEPS_OF_ALL: usize = 60_000;
 
 /// Length of these stretches, in steps.
 const STRETCH: i64 = 60;
 
 /// Heights and widths of what may be one person on foot, metres: wider are several, or one with their shadow.
-const HEIGHTS_M: [f64; 2] = [1.3, 2.15];
+const HEIGHTS_M: [f64; 2] = [1.4, 2.15];
 const MOST_WIDTH_M: f64 = 0.9;
 
 /// Feet that are known worse than that say too little, standard deviation, metres.
@@ -56,6 +56,9 @@ const MOST_TURNED_RAD: f64 = 0.3;
 
 /// Offset that cameras show which agree, metres: feet are not found better than that (docs/decisions/0031-calibration-offsets.md).
 const AGREEING_M: f64 = 0.12;
+
+/// Share of its distance from others that is left at most where a correction is to be believed.
+const LEFT: f64 = 0.8;
 
 /// Share of an offset's error that is the camera's own: the rest is by how much all may be off together, which places nobody twice.
 const OWN_ERROR: f64 = 0.5;
@@ -126,7 +129,8 @@ impl CalibrationOffset {
     /// Estimation with quadratic loss: the positive part).
     fn share(&self) -> f64 {
         let noise_m2 = AGREEING_M.powi(2) + (OWN_ERROR * self.error_m).powi(2);
-        if self.is_known() { (1.0 - noise_m2 / self.offset_m.powi(2)).max(0.0) } else { 0.0 }
+        let is_nearer = self.apart_m[1] <= LEFT * self.apart_m[0];
+        if self.is_known() && is_nearer { (1.0 - noise_m2 / self.offset_m.powi(2)).max(0.0) } else { 0.0 }
     }
 
     /// Returns the camera with the movement and turn.
@@ -169,6 +173,8 @@ struct PlacedStep {
     /// Place among the camera's steps.
     step: usize,
     foot_in_world: DVec3,
+    /// Metres, of somebody who stands there.
+    height_m: f64,
     /// Square metres.
     covariance: DMat2,
     /// Level unit vector from the camera to it.
@@ -180,14 +186,15 @@ struct PlacedStep {
 }
 
 /// Returns how far each camera of `scene` disagrees with the others, in the scene's order: `seen` has what each saw, in the order of time.
-/// None of a camera that saw nobody whom another saw too.
+/// None of a camera that saw nobody whom another saw too, or is too far off to tell.
 ///
 /// **Cost** some rays for each half second in which a camera saw somebody, of which 6000 are looked at, and comparing them with other
 /// cameras': 5 ms for a camera that saw people a thousand times.
 #[must_use]
 pub fn calibration_offsets(scene: &Scene, seen: &[&[FootSighting]]) -> Vec<Option<CalibrationOffset>> {
-    let members: Vec<(&SceneCamera, Vec<Step>)> =
+    let mut members: Vec<(&SceneCamera, Vec<Step>)> =
         scene.cameras.iter().zip(seen).map(|(member, seen)| (member, steps(seen))).collect();
+    thin(members.iter_mut().map(|(_, steps)| steps).collect());
     let placed = |twists: &[Twist]| -> Vec<Vec<PlacedStep>> {
         let of = |((member, steps), twist): (&(&SceneCamera, Vec<Step>), &Twist)| {
             corrected(&member.camera, *twist)
@@ -279,9 +286,16 @@ fn steps(seen: &[FootSighting]) -> Vec<Step> {
         }
     }
     steps.sort_by_key(|step| (step.instant, step.path));
-    let kept_of = steps.len().div_ceil(MOST_STEPS).max(1) as i64;
-    steps.retain(|step| step.instant.div_euclid(STRETCH).rem_euclid(kept_of) == 0);
     steps
+}
+
+/// Leaves out whole stretches of time, the same of all cameras, where they saw more than is compared.
+fn thin(mut cameras: Vec<&mut Vec<Step>>) {
+    let most = (MOST_STEPS_OF_ALL / cameras.len().max(1)).min(MOST_STEPS);
+    let longest = cameras.iter().map(|steps| steps.len()).max().unwrap_or(0);
+    let kept_of = longest.div_ceil(most.max(1)).max(1) as i64;
+    let is_kept = |step: &Step| step.instant.div_euclid(STRETCH).rem_euclid(kept_of) == 0;
+    cameras.iter_mut().for_each(|steps| steps.retain(is_kept));
 }
 
 /// Returns the steps between two sightings of one thing: after the first, and until the second.
@@ -306,7 +320,10 @@ fn place(camera: &Camera, surfaces: &Surfaces, steps: &[Step]) -> Vec<PlacedStep
     let size_px = DVec2::new(f64::from(camera.size_px().0), f64::from(camera.size_px().1));
     let eye = camera.pose().position_in_world;
     let of = |(idx, step): (usize, &Step)| {
-        let foot_in_world = mapping::place(camera, surfaces, step.foot_in_texture)?;
+        // On a wall's side nobody stands.
+        let hit =
+            surfaces.hit(&camera.ray(step.foot_in_texture)?, 0.0).filter(|hit| hit.face == Face::Top)?;
+        let foot_in_world = hit.point_in_world;
         let seen_px =
             |above_m: f64| Some(camera.project(foot_in_world + DVec3::Z * above_m)?.texture * size_px);
         let across_m =
@@ -336,6 +353,7 @@ fn place(camera: &Camera, surfaces: &Surfaces, steps: &[Step]) -> Vec<PlacedStep
             path: step.path,
             step: idx,
             foot_in_world,
+            height_m,
             covariance,
             away: ray.truncate().normalize_or_zero(),
             away_a_metre: ray.truncate().length() / -ray.z,

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::occupancy::drawn_people::{SIZE, around, camera, scene};
+use videofields_vision::mapping;
 
 /// Numbers from 0 to 1 that look random.
 struct Dice(u64);
@@ -131,7 +132,7 @@ fn one_camera_of_three_that_is_turned_and_moved_is_found() {
 fn calibrations_that_agree_stay_as_they_are() {
     let truly = around(DVec3::ZERO);
     for offset in found(&truly, &truly, &FEW, USUAL) {
-        assert!(offset.unwrap().offset_m < 0.07, "{offset:?}");
+        assert!(offset.unwrap().offset_m < 0.07 && !offset.unwrap().is_used(), "{offset:?}");
     }
 }
 
@@ -203,6 +204,8 @@ fn cameras_that_agree_as_far_as_feet_tell_are_not_moved_and_others_nearly_all_th
         };
         Some(pairs.map(share).collect::<Vec<_>>())
     };
+    let not_nearer = CalibrationOffset { apart_m: [0.3, 0.25], ..offset(0.9, 0.0, 50) };
+    assert_eq!(shares([None, Some(not_nearer), None]), None);
     let unsure =
         [Some(offset(0.11, 0.0, 50)), Some(offset(0.3, 0.6, 50)), Some(offset(0.9, 0.0, LEAST_PATHS - 1))];
     assert_eq!(shares(unsure), None);
@@ -283,6 +286,7 @@ fn walked(paths: &[(DVec3, DVec3)], n_steps: i64) -> Vec<PlacedStep> {
                 path,
                 step: 0,
                 foot_in_world: *from + *by * instant as f64,
+                height_m: 1.7,
                 covariance: DMat2::IDENTITY * 0.01,
                 away: DVec2::X,
                 away_a_metre: 2.0,
@@ -298,7 +302,7 @@ fn walked(paths: &[(DVec3, DVec3)], n_steps: i64) -> Vec<PlacedStep> {
 /// Returns how many steps of which paths of the one are matched with which of the other.
 fn counted(own: &[(DVec3, DVec3)], its: &[(DVec3, DVec3)], n_steps: i64) -> BTreeMap<(u32, u32), usize> {
     let mut counts = BTreeMap::new();
-    for found in matched(&[walked(own, n_steps), walked(its, n_steps)], 2.5) {
+    for found in matched(&[walked(own, n_steps), walked(its, n_steps)], GATES_M[0]) {
         *counts.entry((found.path_of(0), found.path_of(1))).or_default() += 1;
     }
     counts
@@ -391,4 +395,53 @@ fn few_feet_that_are_found_elsewhere_move_no_camera() {
     let shifts = solution.twists.iter().map(|(moved, turned)| 10.0 * (moved + turned).element_sum());
     let apart_m = shifts.reduce(|a, b| a - b).unwrap().abs();
     assert!(apart_m < 0.1, "{apart_m}, and 0.26 if all counted alike");
+}
+
+#[test]
+fn who_is_shorter_in_one_camera_has_hidden_legs_there_and_says_nothing() {
+    let walks = [0, 1, 2].map(|idx| (DVec3::Y * 5.0 * f64::from(idx), DVec3::X * 0.5));
+    let n_matched = |height_m: f64| {
+        let mut its = walked(&walks, 8);
+        its.iter_mut().for_each(|step| step.height_m = height_m);
+        matched(&[walked(&walks, 8), its], 1.0).len()
+    };
+    assert_eq!([1.45, 1.55, 1.85, 1.95].map(n_matched), [0, 24, 24, 0]);
+}
+
+#[test]
+fn of_cameras_that_see_more_than_is_compared_the_same_times_are_left_out() {
+    let path = |every_ms: i64| -> Vec<Step> {
+        let seen = |number: i64| FootSighting {
+            at: Timestamp::from_nanos(number * every_ms * 1_000_000),
+            track: (number / 100) as u32,
+            foot_in_texture: [0.5; 2],
+            size_in_texture: [6553, 13_107],
+        };
+        steps(&(0..2 * 3600 * 1000 / every_ms).map(seen).collect::<Vec<_>>())
+    };
+    // Nearly 14,400 half seconds, and of the second as many by half: it has breaks.
+    let (mut whole, mut part) = (path(200), path(233));
+    part.retain(|step| step.instant % 2 == 0);
+    thin(vec![&mut whole, &mut part]);
+    assert!(whole.len() <= MOST_STEPS && whole.len() > MOST_STEPS / 2, "{}", whole.len());
+    let times: std::collections::BTreeSet<i64> = whole.iter().map(|step| step.instant / STRETCH).collect();
+    assert!(part.iter().all(|step| times.contains(&(step.instant / STRETCH))) && part.len() > 2000);
+}
+
+#[test]
+fn of_many_cameras_in_a_row_neighbours_are_compared() {
+    let row: Vec<Vec<PlacedStep>> = (0..60)
+        .map(|idx| {
+            let walks = [0.0, 4.0, 8.0].map(|y| (DVec3::new(10.0 * f64::from(idx), y, 0.0), DVec3::X * 1.5));
+            walked(&walks, 10)
+        })
+        .collect();
+    // The last two see the same people.
+    let last = matched(&[row[..58].to_vec(), vec![row[59].clone(), row[59].clone()]].concat(), 1.0);
+    assert_eq!(
+        last.iter()
+            .map(|found| found.steps.map(|(camera, _)| camera))
+            .collect::<std::collections::BTreeSet<_>>(),
+        [[58, 59]].into()
+    );
 }

@@ -160,7 +160,7 @@ pub(super) fn run(shared: &Shared, stop: &StopFlag) {
 pub(super) fn unless_panics<T>(work: impl FnOnce() -> T) -> Option<T> {
     let done = catch_unwind(AssertUnwindSafe(work));
     if done.is_err() {
-        tracing::error!("placing people panicked; it goes on");
+        tracing::error!("work for people in a scene panicked; it goes on");
     }
     done.ok()
 }

@@ -294,12 +294,17 @@ impl Shared {
         at: Timestamp,
         stand: &'a Stand,
     ) -> impl Iterator<Item = CameraId> + 'a {
-        let members = stand.cameras.iter().filter_map(|idx| scene.cameras.get(usize::from(*idx)));
-        let is_shown = move |member: &&SceneCamera| {
+        let corrected = self.corrections.of(scene);
+        let members = stand.cameras.iter().map(|idx| usize::from(*idx));
+        let members = members.filter_map(|idx| Some((idx, scene.cameras.get(idx)?)));
+        // Somebody may have been placed by the camera as it is calibrated or as it is corrected.
+        let is_shown = move |(idx, member): &(usize, &SceneCamera)| {
             let privacy = self.privacies.of_known(&member.id).now();
-            !is_hidden(&privacy, &member.camera, at, stand.foot_in_world)
+            let is_hidden_from = |camera: &Camera| is_hidden(&privacy, camera, at, stand.foot_in_world);
+            let in_use = corrected.as_ref().and_then(|of| of.cameras.get(*idx));
+            !(is_hidden_from(&member.camera) || in_use.is_some_and(|member| is_hidden_from(&member.camera)))
         };
-        members.filter(is_shown).map(|member| member.id.clone())
+        members.filter(is_shown).map(|(_, member)| member.id.clone())
     }
 }
 
