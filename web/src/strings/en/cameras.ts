@@ -241,7 +241,7 @@ export const cameras = {
   "agreement.apart.value": "{before}, then {after}",
   "agreement.paths": "People's paths",
   "agreement.correction": "Correction",
-  "agreement.nobody": "nobody was seen by it and another",
+  "agreement.nobody": "nobody was seen by it and another, or it is more than 1.6 m off",
   "agreement.few": "too few people were seen yet",
   "agreement.agrees": "agrees as far as can be told",
   "agreement.step": "correcting {name}",
