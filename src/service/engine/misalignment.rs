@@ -3,7 +3,7 @@
 
 use super::entities::unless_panics;
 use super::shared::{CameraEntry, Shared};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 use videofields_picture::fuse::{CalibrationOffset, with_offsets};
@@ -71,7 +71,9 @@ impl Shared {
     fn look_at_calibrations(&self, stop: &StopFlag) {
         // By camera, of those of which it is known: 0 where they agree as far as can be told.
         let mut worst: BTreeMap<CameraId, f64> = BTreeMap::new();
+        let mut members: BTreeSet<CameraId> = BTreeSet::new();
         for (scene, is_whole) in self.entities.placed() {
+            members.extend(scene.cameras.iter().map(|member| member.id.clone()));
             if stop.is_raised() {
                 return;
             }
@@ -88,8 +90,10 @@ impl Shared {
         }
         // Of whom nothing is known any more, such as after its zones were changed, what was told stands until it is.
         for camera in self.all_cameras().iter() {
-            if let Some(offset_m) = worst.get(&camera.id) {
-                self.tell_offset(camera, *offset_m);
+            // A camera of no scene disagrees with nobody.
+            let of_none = (!members.contains(&camera.id)).then_some(0.0);
+            if let Some(offset_m) = worst.get(&camera.id).copied().or(of_none) {
+                self.tell_offset(camera, offset_m);
             }
         }
     }
