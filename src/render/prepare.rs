@@ -94,7 +94,7 @@ impl Renderer {
         for ((idx, wanted), layer) in plan.entity_cameras.iter().zip(&wanted).zip(&layers) {
             let scale = self.frames.scale(wanted.image);
             let camera = &state.cameras[*idx];
-            // What stands still is drawn as the camera is calibrated, what moves as it is placed.
+            // Surfaces are drawn by the camera as it is calibrated, people by the camera as it is corrected.
             let place = shader_idx(idx)
                 .filter(|_| Arc::ptr_eq(&camera.camera, &camera.corrected))
                 .unwrap_or_else(|| {

@@ -149,7 +149,7 @@ impl Bench {
         Self::start_by(folder, settings, scenes, Arc::new(SystemClock::new()))
     }
 
-    /// As [`Self::start_as_set`], by another clock.
+    /// Starts as [`Self::start_as_set`] does, by another clock.
     fn start_by(folder: &Path, settings: Settings, scenes: &[(&str, &str)], clock: Arc<dyn Clock>) -> Self {
         let runtime = Runtime::new().unwrap();
         let store = runtime.block_on(Store::open(&folder.join("test.sqlite"))).unwrap();

@@ -363,7 +363,7 @@ mod tests {
                 assert!(Arc::ptr_eq(&camera.corrected, &corrected.unwrap_or(&off).cameras[idx].camera));
             }
             assert!(Arc::ptr_eq(&state.scene, &off));
-            // What was placed stays, with the cameras that it was placed by.
+            // An instant that was placed stays, with the cameras that it was placed by.
             placing.correct(&off, None);
             let again = placing.assemble(&off, at(step), |id: &CameraId| find(id));
             let pairs = state.cameras.iter().zip(&again.cameras);

@@ -32,7 +32,7 @@ pub(super) struct Corrections(Mutex<Vec<(Weak<Scene>, Arc<Scene>)>>);
 
 impl Corrections {
     /// Returns a scene with its cameras as what they see is placed, where any is corrected.
-    pub(super) fn of(&self, scene: &Scene) -> Option<Arc<Scene>> {
+    pub(super) fn corrected_scene(&self, scene: &Scene) -> Option<Arc<Scene>> {
         let known = self.lock();
         let found = known.iter().find(|(of, _)| std::ptr::eq(of.as_ptr(), scene));
         found.map(|(_, corrected)| Arc::clone(corrected))
@@ -78,7 +78,7 @@ impl Shared {
                 return;
             }
             // One scene's failure never touches another.
-            let Some(offsets) = unless_panics(|| self.correct(&scene)) else { continue };
+            let Some(offsets) = unless_panics(|| self.correct_placing(&scene)) else { continue };
             let members = scene.cameras.iter().zip(&offsets).filter(|_| is_whole);
             let known =
                 members.filter_map(|(member, offset)| Some((member, offset.filter(|of| of.is_known())?)));
@@ -88,7 +88,7 @@ impl Shared {
                 *own = own.max(offset_m);
             }
         }
-        // Of whom nothing is known any more, such as after its zones were changed, what was told stands until it is.
+        // A camera whose evidence is gone, such as after its zones were changed, stays as it was told until more is known.
         for camera in self.all_cameras().iter() {
             // A camera of no scene disagrees with nobody.
             let of_none = (!members.contains(&camera.id)).then_some(0.0);
@@ -99,7 +99,7 @@ impl Shared {
     }
 
     /// Has people in a scene placed as if its cameras agreed, and returns how far they do not.
-    fn correct(&self, scene: &Arc<Scene>) -> Vec<Option<CalibrationOffset>> {
+    fn correct_placing(&self, scene: &Arc<Scene>) -> Vec<Option<CalibrationOffset>> {
         let offsets = self.calibration_offsets_of(scene);
         if !self.is_there(scene) {
             // It was changed meanwhile, and its memory is let go of.

@@ -33,7 +33,7 @@ const WALKS: [[DVec2; 2]; 9] = [
     [DVec2::new(-3.0, 1.0), DVec2::new(3.0, -1.0)],
 ];
 
-/// How much faster than the machine's clock a test's runs.
+/// Factor by which a test's clock runs faster than the machine's.
 const FASTER: u32 = 8;
 
 /// A clock that runs fast.
@@ -162,7 +162,7 @@ fn a_camera_that_sees_people_elsewhere_than_others_is_told_of_and_people_stand_w
     let corrected =
         found.cameras[2].calibration.as_ref().unwrap().corrected.clone().unwrap().to_camera().unwrap();
     let scene = scene::parse("yard", &document(), scene::no_imports).unwrap().scene;
-    // How far from where it is the camera that was turned sees what is on the ground, on average.
+    // Mean distance between places on the ground and where the camera that was turned sees them.
     let error_m = |camera: &Camera| {
         let [_, _, (_, truly)] = cameras();
         let places =

@@ -108,7 +108,7 @@ struct Candidate {
 }
 
 /// Returns the difference between places that most pairs of paths have, large ones being less likely.
-fn usual(candidates: &[Candidate]) -> DVec2 {
+fn usual_difference(candidates: &[Candidate]) -> DVec2 {
     let asked = || candidates.iter().step_by(candidates.len().div_ceil(MOST_ASKED).max(1));
     let alike = |of: &Candidate| -> f64 {
         let share = |other: &Candidate| {
@@ -122,6 +122,7 @@ fn usual(candidates: &[Candidate]) -> DVec2 {
     best.map_or(DVec2::ZERO, |(_, mean_m)| mean_m)
 }
 
+/// Returns the feet that two cameras, each with its number, saw within `gate_m` of each other.
 fn matched_of(
     (first, own): (usize, &[PlacedStep]),
     (second, its): (usize, &[PlacedStep]),
@@ -153,7 +154,7 @@ fn matched_of(
         }
     }
     // One person's two paths differ as everybody's do; two people's differ as it happens.
-    let usual_m = usual(&candidates);
+    let usual_m = usual_difference(&candidates);
     let cost = |of: &Candidate| of.mean_m.distance(usual_m) + of.spread_m;
     candidates.retain(|of| of.mean_m.distance(usual_m) <= MOST_OFF_M);
     candidates.sort_by(|a, b| cost(a).total_cmp(&cost(b)).then(a.paths.cmp(&b.paths)));

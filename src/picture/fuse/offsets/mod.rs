@@ -136,7 +136,7 @@ impl CalibrationOffset {
     /// Returns the camera with the movement and turn.
     ///
     /// # Errors
-    /// As [`Camera::new`], of the position.
+    /// Fails as [`Camera::new`] does, by the position.
     pub fn corrected(&self, camera: &Camera) -> Result<Camera, CameraError> {
         corrected(camera, (self.moved_m, self.turned_rad))
     }
@@ -198,7 +198,7 @@ pub fn calibration_offsets(scene: &Scene, seen: &[&[FootSighting]]) -> Vec<Optio
     let placed = |twists: &[Twist]| -> Vec<Vec<PlacedStep>> {
         let of = |((member, steps), twist): (&(&SceneCamera, Vec<Step>), &Twist)| {
             corrected(&member.camera, *twist)
-                .map_or_else(|_| Vec::new(), |own| place(&own, &scene.surfaces, steps))
+                .map_or_else(|_| Vec::new(), |own| placed_steps(&own, &scene.surfaces, steps))
         };
         members.iter().zip(twists).map(of).collect()
     };
@@ -214,12 +214,12 @@ pub fn calibration_offsets(scene: &Scene, seen: &[&[FootSighting]]) -> Vec<Optio
         solution = solved(&now, &matches, &solution);
         now = placed(&solution.twists);
     }
-    let of = |camera: usize| told(camera, (&as_they_are, &now), &matches, &solution);
+    let of = |camera: usize| offset_of(camera, (&as_they_are, &now), &matches, &solution);
     (0..members.len()).map(of).collect()
 }
 
-/// Returns what is told of a camera's offset.
-fn told(
+/// Returns a camera's offset; none where nobody's feet tell it.
+fn offset_of(
     camera: usize,
     (before, after): (&[Vec<PlacedStep>], &[Vec<PlacedStep>]),
     matches: &[Match],
@@ -248,10 +248,10 @@ fn told(
         |found: &&Match| Some(solution.error_m(camera, &place(after, (camera, found.step_of(camera)))?));
     let (moved_m, turned_rad) = solution.twists[camera];
     let offset_m = median(own.iter().filter_map(moved).collect())?;
-    // Farther off nobody's feet were compared.
-    let is_told =
+    // Feet farther apart were not compared.
+    let is_tellable =
         moved_m.length() <= MOST_MOVED_M && turned_rad.length() <= MOST_TURNED_RAD && offset_m <= GATES_M[0];
-    if !is_told {
+    if !is_tellable {
         return None;
     }
     Some(CalibrationOffset {
@@ -315,8 +315,8 @@ fn between(path: u32, [from, to]: [&FootSighting; 2]) -> impl Iterator<Item = St
     })
 }
 
-/// Returns where steps are in the world, of those that people may have made and that are known well enough.
-fn place(camera: &Camera, surfaces: &Surfaces, steps: &[Step]) -> Vec<PlacedStep> {
+/// Returns steps with their places in the world: those that people may have made and that are known well enough.
+fn placed_steps(camera: &Camera, surfaces: &Surfaces, steps: &[Step]) -> Vec<PlacedStep> {
     let size_px = DVec2::new(f64::from(camera.size_px().0), f64::from(camera.size_px().1));
     let eye = camera.pose().position_in_world;
     let of = |(idx, step): (usize, &Step)| {

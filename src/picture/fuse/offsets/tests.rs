@@ -39,7 +39,7 @@ struct FootErrors {
 
 impl Walkers {
     /// Returns what a camera sees of them.
-    fn seen(&self, camera: &Camera, errors: FootErrors, seed: u64) -> Vec<FootSighting> {
+    fn sightings_by(&self, camera: &Camera, errors: FootErrors, seed: u64) -> Vec<FootSighting> {
         let (mut paths, mut dice) = (Dice(7), Dice(seed + 99));
         let mut all = Vec::new();
         for way in 0..(self.secs / 10.0) as usize * self.n_at_once {
@@ -83,7 +83,7 @@ fn found(
     errors: FootErrors,
 ) -> Vec<Option<CalibrationOffset>> {
     let seen: Vec<Vec<FootSighting>> =
-        truly.iter().zip(0..).map(|(camera, seed)| walkers.seen(camera, errors, seed)).collect();
+        truly.iter().zip(0..).map(|(camera, seed)| walkers.sightings_by(camera, errors, seed)).collect();
     let seen: Vec<&[FootSighting]> = seen.iter().map(Vec::as_slice).collect();
     calibration_offsets(&scene(walkers.middle, "", believed), &seen)
 }
@@ -164,7 +164,7 @@ fn two_cameras_that_disagree_are_brought_together_and_nobody_knows_which_is_wron
 #[test]
 fn cameras_that_see_nobody_in_common_are_left_alone() {
     let truly = around(DVec3::ZERO);
-    let seen = FEW.seen(&truly[0], USUAL, 1);
+    let seen = FEW.sightings_by(&truly[0], USUAL, 1);
     let scene = scene(DVec3::ZERO, "", &truly);
     assert_eq!(calibration_offsets(&scene, &[&seen, &[], &[]]), [None, None, None]);
     assert_eq!(calibration_offsets(&scene, &[&[], &[], &[]]), [None, None, None]);
@@ -225,7 +225,8 @@ fn cameras_that_agree_as_far_as_feet_tell_are_not_moved_and_others_nearly_all_th
 #[test]
 fn what_is_too_wide_or_tall_for_one_person_says_nothing() {
     let truly = around(DVec3::ZERO);
-    let mut seen: Vec<Vec<FootSighting>> = truly.iter().map(|camera| FEW.seen(camera, USUAL, 3)).collect();
+    let mut seen: Vec<Vec<FootSighting>> =
+        truly.iter().map(|camera| FEW.sightings_by(camera, USUAL, 3)).collect();
     let scene = scene(DVec3::ZERO, "", &truly);
     let found = |seen: &[Vec<FootSighting>]| {
         let seen: Vec<&[FootSighting]> = seen.iter().map(Vec::as_slice).collect();

@@ -109,7 +109,7 @@ impl Shared {
     fn names(&self, scene: &Scene, sighted: &[Sighted]) -> BTreeMap<usize, u64> {
         let mut names = BTreeMap::new();
         let mut ends: BTreeMap<u64, (usize, Timestamp)> = BTreeMap::new();
-        // As many as there are people, so that none of those that the present gives is given here.
+        // Reserves as many as there are people, so that none of those that the present gives is given here.
         let people: BTreeSet<usize> = sighted.iter().map(|of| of.person).collect();
         let mut new = self.reserve_entity_ids(scene, people.len() as u32)..;
         for of in sighted {

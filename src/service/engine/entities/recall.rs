@@ -294,7 +294,7 @@ impl Shared {
         at: Timestamp,
         stand: &'a Stand,
     ) -> impl Iterator<Item = CameraId> + 'a {
-        let corrected = self.corrections.of(scene);
+        let corrected = self.corrections.corrected_scene(scene);
         let members = stand.cameras.iter().map(|idx| usize::from(*idx));
         let members = members.filter_map(|idx| Some((idx, scene.cameras.get(idx)?)));
         // Somebody may have been placed by the camera as it is calibrated or as it is corrected.

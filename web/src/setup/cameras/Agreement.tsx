@@ -1,4 +1,4 @@
-// How far the calibrations of the scene's cameras disagree by people whom several of them saw, to be corrected camera by camera.
+// Compares the calibrations of the scene's cameras by people whom several of them saw, and corrects them camera by camera.
 
 import { Table } from "../../parts/parts";
 import { say } from "../../strings";
