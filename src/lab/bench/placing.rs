@@ -1,6 +1,7 @@
 //! `bench placing`: whether everybody is found, once, where they stand and under one id, and how long that takes.
 
 mod calibration;
+mod costs;
 mod identity;
 mod judge;
 mod recording;
@@ -31,7 +32,7 @@ use videofields_vision::clock::SystemClock;
 #[derive(Debug, clap::Args)]
 pub(super) struct Placing {
     /// A world: a name of the catalogue or the path of its document. Repeatable.
-    #[arg(long, value_name = "NAME|FILE", required_unless_present = "recording")]
+    #[arg(long, value_name = "NAME|FILE", required_unless_present_any = ["recording", "costs"])]
     world: Vec<String>,
     /// A folder with clips, one configuration (*.toml) that names them and a scene, and positions.jsonl, as
     /// `videofields-lab simulate` writes it (docs/truth.md). Its clips are played twice, and judged the second time.
@@ -63,6 +64,12 @@ pub(super) struct Placing {
     /// Corrects calibrations by people whom several cameras saw in the time that is learned, and prints the corrections.
     #[arg(long)]
     corrected: bool,
+    /// Measures how the time of an instant grows with cameras and with people, on a square of its own, and prints a table.
+    #[arg(long, conflicts_with_all = ["world", "recording", "json", "corrected", "rate_hz"])]
+    costs: bool,
+    /// Draws the times of --costs, as SVG.
+    #[arg(long, value_name = "FILE", requires = "costs")]
+    plot: Option<PathBuf>,
     /// Writes all figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -79,6 +86,9 @@ enum Masks {
 impl Placing {
     pub(super) fn run(&self) -> Result<()> {
         telemetry::init(LogFormat::Text, Some("warn"))?;
+        if self.costs {
+            return costs::run(self.plot.as_deref());
+        }
         ensure!((0.01..=100.0).contains(&self.gate_m), "--gate-m: expected 0.01 to 100, got {}", self.gate_m);
         let error_px = self.calibration_error_px;
         ensure!(

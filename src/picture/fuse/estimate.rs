@@ -105,7 +105,7 @@ impl Height {
     }
 
     /// Cost of both being one's.
-    fn cost(self, other: Self) -> f64 {
+    pub(super) fn cost(self, other: Self) -> f64 {
         let variance = self.sd_m.powi(2) + other.sd_m.powi(2);
         let spread = variance + 2.0 * HEIGHT_SPREAD_M.powi(2);
         let gap = (self.mean_m - other.mean_m).powi(2);

@@ -34,6 +34,14 @@ pub(super) struct Sign {
     pub(super) person: Option<usize>,
 }
 
+/// Somebody who is known, as they are expected now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KnownEstimate {
+    pub(super) estimate: Estimate,
+    /// Log odds that they are there still, over that they are gone and a stranger stands in their place.
+    pub(super) stays_odds: f64,
+}
+
 /// Signs of one person.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Group {
@@ -47,7 +55,7 @@ pub(super) struct Group {
 pub(super) struct Grouping<'a> {
     signs: &'a [Sign],
     /// Where the known are expected.
-    expected: &'a [Estimate],
+    expected: &'a [KnownEstimate],
     groups: Vec<Group>,
     /// What each sign says in its group: as it is, or placed by its head.
     taken: Vec<Estimate>,
@@ -57,14 +65,14 @@ pub(super) struct Grouping<'a> {
 
 impl<'a> Grouping<'a> {
     /// Groups `signs`, a group for each of the known first.
-    pub(super) fn of(signs: &'a [Sign], expected: &'a [Estimate]) -> Self {
+    pub(super) fn of(signs: &'a [Sign], expected: &'a [KnownEstimate]) -> Self {
         let known = |idx| Group { known: Some(idx), signs: Vec::new() };
         let mut grouping = Self {
             signs,
             expected,
             groups: (0..expected.len()).map(known).collect(),
             taken: signs.iter().map(|sign| sign.estimate).collect(),
-            current: expected.iter().copied().map(Some).collect(),
+            current: expected.iter().map(|known| Some(known.estimate)).collect(),
         };
         grouping.assign_people();
         let cameras = by_camera(signs);
@@ -99,7 +107,7 @@ impl<'a> Grouping<'a> {
     }
 
     fn refresh(&mut self, group: usize) {
-        let expected = self.groups[group].known.map(|known| self.expected[known]);
+        let expected = self.groups[group].known.map(|known| self.expected[known].estimate);
         self.current[group] = self.said(group, None).or(expected);
     }
 
@@ -122,7 +130,8 @@ impl<'a> Grouping<'a> {
         for (target, said) in said.iter().enumerate() {
             let Some(said) = said else { continue };
             for known in places.near(said) {
-                let found = said.cost_or_by_head(None, &self.expected[known], FOLLOWED_GATE);
+                let found = said.cost_or_by_head(None, &self.expected[known].estimate, FOLLOWED_GATE);
+                let found = found.map(|(cost, of)| (cost - self.expected[known].stays_odds, of));
                 if let Some((cost, _)) = found.filter(|(cost, _)| *cost < 0.0) {
                     pairs.push(Pair { target, blob: known, cost: cost.max(-MAX_COST) + MAX_COST });
                 }

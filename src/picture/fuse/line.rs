@@ -6,7 +6,8 @@
 
 use super::billboard::brought_near;
 use super::estimate::{Estimate, FOLLOWED_GATE, Foot, either};
-use super::grouping::{BESIDE_COST, Group, Grouping, Sign};
+use super::gone::Gone;
+use super::grouping::{BESIDE_COST, Group, Grouping, KnownEstimate, Sign};
 use super::walk::Walk;
 use super::{Billboard, Entity, Sighting, Velocity};
 use crate::occupancy::Expected;
@@ -48,6 +49,11 @@ const TYPICAL_M: f64 = 1.7;
 /// Somebody whom several cameras see together is shown from so many instants on, if others were known before.
 const LEAST_SEEN: u32 = 2;
 
+/// Log odds that somebody who was there an instant ago is there still, over that they are gone and a stranger stands in their place: of who
+/// was seen for the first time then, who may be a phantom, and of who was followed for [`SURE_SECS`].
+const STAYS_ODDS: [f64; 2] = [0.7, 3.0];
+const SURE_SECS: f64 = 2.0;
+
 /// How far off the feet of people who share a blob may be, standard deviation, metres.
 const SHARED_M: f64 = 0.7;
 
@@ -69,12 +75,14 @@ struct Known {
     born: Timestamp,
     seen_at: Timestamp,
     walk: Walk,
-    /// Place apart, as they were seen of late.
+    /// Place apart, as they were seen of late; the place where they were seen last.
     like: Estimate,
     /// Says that several cameras saw them together last.
     is_together: bool,
     /// Instants at which they were seen.
     n_seen: u32,
+    /// Says that they were told of: their id stays.
+    is_shown: bool,
     /// How far they reached from their foot while no camera had them in one blob with others, metres.
     reach_m: Option<f64>,
 }
@@ -106,6 +114,8 @@ pub(super) struct Line {
     ties: BTreeMap<(usize, u64), Tie>,
     /// Evidence that two are one, by their ids, the lower first.
     near: BTreeMap<(u64, u64), f64>,
+    /// Who was forgotten of late, and may come back.
+    gone: Gone,
 }
 
 impl Line {
@@ -160,7 +170,7 @@ impl Line {
         }
         self.forget(instant);
 
-        let expected: Vec<Estimate> = self.known.iter().map(Known::expected).collect();
+        let expected: Vec<KnownEstimate> = self.known.iter().map(Known::expected).collect();
         let signs: Vec<Sign> = sightings.iter().map(|sighting| self.sign(sighting)).collect();
         let mut grouping = Grouping::of(&signs, &expected);
         self.join(&mut grouping, instant, step_secs);
@@ -169,6 +179,7 @@ impl Line {
             grouping.groups().iter().map(|group| group.known.unwrap_or(usize::MAX)).collect();
         let elsewhere = grouping.elsewhere();
         let mut drawn: Vec<Drawn> = Vec::new();
+        let mut newcomers: Vec<u64> = Vec::new();
         for (group, name) in names.into_iter().enumerate() {
             let Some(said) = grouping.said(group, None) else { continue };
             let known = match self.known.get_mut(name) {
@@ -187,6 +198,7 @@ impl Line {
                         like: said,
                         is_together: false,
                         n_seen: 0,
+                        is_shown: false,
                         reach_m: None,
                     };
                     *next_id += 1;
@@ -203,6 +215,10 @@ impl Line {
             if is_new {
                 known.reach(alone_m);
             }
+            if is_certain && !known.is_shown {
+                known.is_shown = true;
+                newcomers.push(known.id);
+            }
             let id = known.id;
             let of = Drawn {
                 id,
@@ -214,6 +230,7 @@ impl Line {
             drawn.extend(is_certain.then_some(of));
             self.tie(&grouping, (group, id), (&signs, &sightings), (&elsewhere, step_secs));
         }
+        self.bring_back(instant, (&newcomers, is_first), &mut drawn);
         self.follow(followed, &sightings, step_secs);
         let entities = draw(drawn, &grouping, &sightings);
         self.answered = (seen, entities.clone());
@@ -223,6 +240,10 @@ impl Line {
     /// Lets go of who was not seen for long, and of tracks that ended.
     fn forget(&mut self, instant: Timestamp) {
         let is_near = |at: Timestamp| instant.secs_since(at).abs() <= KEPT_SECS;
+        for known in self.known.iter().filter(|known| !is_near(known.seen_at) && known.is_shown) {
+            self.gone.add(known.id, known.seen_at, known.like);
+        }
+        self.gone.forget(instant);
         self.known.retain(|known| is_near(known.seen_at));
         if self.known.len() > MAX_KNOWN {
             self.known.sort_by_key(|known| (std::cmp::Reverse(known.seen_at), known.id));
@@ -233,6 +254,29 @@ impl Line {
         let is_known = |id: u64| known.binary_search_by_key(&id, |known| known.id).is_ok();
         self.ties.retain(|_, tie| is_near(tie.followed_at) && is_known(tie.id));
         self.near.retain(|(a, b), _| is_known(*a) && is_known(*b));
+    }
+
+    /// Gives newcomers, whom nobody was told of before, the ids of who was gone and is back.
+    /// Of a first instant nothing tells how often strangers come.
+    fn bring_back(&mut self, instant: Timestamp, (newcomers, is_first): (&[u64], bool), drawn: &mut [Drawn]) {
+        let like = |id: &u64| Some((*id, self.known[self.place(*id)?].like));
+        let newcomers: Vec<(u64, Estimate)> = newcomers.iter().filter_map(like).collect();
+        let renamed = self.gone.bring_back(instant, &newcomers);
+        if !is_first {
+            self.gone.count_strangers(instant, newcomers.len() - renamed.len());
+        }
+        if renamed.is_empty() {
+            return;
+        }
+        let rename = |id: &mut u64| {
+            if let Some((_, own)) = renamed.iter().find(|(new, _)| new == id) {
+                *id = *own;
+            }
+        };
+        self.known.iter_mut().for_each(|known| rename(&mut known.id));
+        self.known.sort_by_key(|known| known.id);
+        self.ties.values_mut().for_each(|tie| rename(&mut tie.id));
+        drawn.iter_mut().for_each(|of| rename(&mut of.id));
     }
 
     fn place(&self, id: u64) -> Option<usize> {
@@ -381,13 +425,19 @@ impl Line {
 }
 
 impl Known {
-    fn expected(&self) -> Estimate {
-        Estimate { foot: self.walk.foot(), ..self.like }
+    fn expected(&self) -> KnownEstimate {
+        let followed_secs = self.seen_at.secs_since(self.born).abs();
+        let share = (followed_secs / SURE_SECS).min(1.0);
+        KnownEstimate {
+            estimate: Estimate { foot: self.walk.foot(), ..self.like },
+            stays_odds: (STAYS_ODDS[1] - STAYS_ODDS[0]).mul_add(share, STAYS_ODDS[0]),
+        }
     }
 
     fn see(&mut self, said: &Estimate, instant: Timestamp) {
         self.walk.correct(&said.foot);
         self.seen_at = instant;
+        self.like.foot = said.foot;
         self.like.ground_m = said.ground_m;
         self.like.height = either(self.like.height, said.height, |own, seen| own.towards(seen, NEWS));
         self.like.look = either(self.like.look, said.look, |own, seen| own.blended(&seen, NEWS));

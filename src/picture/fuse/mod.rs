@@ -8,6 +8,7 @@ mod billboard;
 mod entity_path;
 mod estimate;
 mod exposure;
+mod gone;
 mod grouping;
 mod hull_memory;
 mod hulls;

@@ -2,6 +2,7 @@
 
 use super::estimate::{Estimate, Foot};
 use super::line::Followed;
+use super::look::Look;
 use super::{Association, Billboard, Entity, Sighting};
 use glam::{DMat2, DVec2, DVec3};
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
@@ -141,6 +142,52 @@ fn who_is_lost_between_two_cameras_keeps_the_id_and_who_is_gone_does_not() {
             let found = see(&mut association, secs, vec![plain(1, 9, place(secs) + wrong(1, secs))]);
             assert_eq!(ids(&found), [expected], "{gap_secs}");
         }
+    }
+}
+
+#[test]
+fn who_hides_behind_a_pillar_or_leaves_for_some_time_keeps_the_id_and_a_stranger_gets_one() {
+    let own = Look::grey(0.8, 0.2);
+    for (gap_secs, look, expected) in
+        [(5.5, own, 1), (20.0, own, 1), (20.0, Look::grey(0.2, 0.7), 3), (40.0, own, 3)]
+    {
+        let mut association = Association::default();
+        let dressed = |look: Look, mut seen: Vec<Sighting>| {
+            seen.iter_mut().for_each(|of| of.estimate.look = Some(look));
+            seen
+        };
+        // Somebody else stands there all the time.
+        let seen = |secs: f64, own: Option<(Look, DVec2)>| {
+            let mut seen = dressed(Look::grey(0.4, 0.4), together(0..2, 0, DVec2::new(-4.0, 3.0)));
+            let place = |place: DVec2| place + wrong(1, secs) * 0.3;
+            seen.extend(own.iter().flat_map(|(look, at)| dressed(*look, together(0..2, 1, place(*at)))));
+            seen
+        };
+        for secs in steps(0.0, 3.0) {
+            let found = see(&mut association, secs, seen(secs, Some((own, DVec2::ZERO))));
+            assert_eq!(ids(&found), [1, 2]);
+        }
+        for secs in steps(3.0, 3.0 + gap_secs) {
+            assert_eq!(see(&mut association, secs, seen(secs, None)).len(), 1);
+        }
+        let from = 3.0 + gap_secs;
+        assert_eq!(see(&mut association, from, seen(from, Some((look, DVec2::X)))).len(), 1);
+        for secs in steps(from + 0.1, from + 2.0) {
+            let found = ids(&see(&mut association, secs, seen(secs, Some((look, DVec2::X)))));
+            let expected = if expected == 1 { vec![1, 2] } else { vec![1, 3] };
+            assert_eq!(found, expected, "{gap_secs} s, at {secs}");
+        }
+    }
+}
+
+#[test]
+fn who_stays_in_place_is_who_they_were_though_the_light_changes() {
+    let mut association = Association::default();
+    for secs in steps(0.0, 6.0) {
+        let mut seen = together(0..2, 0, DVec2::ZERO);
+        let look = if secs < 3.0 { Look::grey(0.8, 0.2) } else { Look::grey(0.3, 0.3) };
+        seen.iter_mut().for_each(|of| of.estimate.look = Some(look));
+        assert_eq!(ids(&see(&mut association, secs, seen)), [1], "{secs}");
     }
 }
 

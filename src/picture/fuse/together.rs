@@ -399,7 +399,7 @@ mod tests {
         // Somebody stands before them as the first camera sees them, and half beside.
         let eye = around(DVec3::ZERO)[0].pose().position_in_world;
         let towards = eye.truncate().normalize();
-        let before = (towards * 0.9 + towards.perp() * 0.18).extend(0.0);
+        let before = (towards * 0.9 + towards.perp() * 0.1).extend(0.0);
         let hidden = shares(&[alone, (before, 1.75)]);
         let first = hidden.get(&0).copied().unwrap_or(0.0);
         assert!(first < whole[&0] - 0.15, "{hidden:?} {whole:?}");

@@ -157,35 +157,47 @@ impl Grid {
         &self.looks[self.cells[cell].first_look as usize..end]
     }
 
-    /// Calls `found` with every cell where at least half of the cameras that see a body there show foreground in its place, with the share
-    /// of these cameras, and with whether nearly all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
+    /// Calls `found` with every cell where somebody may be, with the share of the cameras that see a body there which show foreground, and
+    /// with whether nearly all of them do, two at least, at the lower level; `is_foreground` is asked with a camera and a pixel (row by row).
     pub(super) fn candidates(
         &self,
         is_foreground: impl Fn(usize, usize) -> Option<bool>,
         mut found: impl FnMut(usize, f32, bool),
     ) {
-        for idx in 0..self.cells.len() {
-            let (mut n_looks, mut n_hits, mut n_low_looks, mut n_low_hits) = (0, 0, 0, 0);
-            for look in self.looks(idx) {
-                let pixels = look.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
-                let seen =
-                    pixels.filter_map(|pixel| is_foreground(look.camera_idx as usize, *pixel as usize));
-                let (mut any, mut hit) = (false, false);
-                for is_hit in seen {
-                    (any, hit) = (true, hit | is_hit);
-                }
-                n_looks += usize::from(any);
-                n_hits += usize::from(hit);
-                let low = Some(look.pixels[0]).filter(|pixel| *pixel != NO_PIXEL);
-                let low = low.and_then(|pixel| is_foreground(look.camera_idx as usize, pixel as usize));
-                n_low_looks += usize::from(low.is_some());
-                n_low_hits += usize::from(low == Some(true));
-            }
-            if n_hits > 0 && 2 * n_hits >= n_looks {
-                let share = n_hits as f32 / n_looks as f32;
-                found(idx, share, n_low_hits >= 2 && PER_BLIND * (n_low_looks - n_low_hits) <= n_low_looks);
+        for cell in 0..self.cells.len() {
+            if let Some(share) = self.share_with_foreground(cell, &is_foreground) {
+                found(cell, share, self.is_filled(cell, &is_foreground));
             }
         }
+    }
+
+    /// Returns the share of the cameras that see a body in a cell which show foreground in its place; none where fewer than half of them
+    /// do, so that nobody may be there.
+    pub(super) fn share_with_foreground(
+        &self,
+        cell: usize,
+        is_foreground: impl Fn(usize, usize) -> Option<bool>,
+    ) -> Option<f32> {
+        let (mut n_looks, mut n_hits) = (0, 0);
+        for look in self.looks(cell) {
+            let pixels = look.pixels.iter().filter(|pixel| **pixel != NO_PIXEL);
+            let seen = pixels.filter_map(|pixel| is_foreground(look.camera_idx as usize, *pixel as usize));
+            let (mut any, mut hit) = (false, false);
+            for is_hit in seen {
+                (any, hit) = (true, hit | is_hit);
+            }
+            n_looks += usize::from(any);
+            n_hits += usize::from(hit);
+        }
+        (n_hits > 0 && 2 * n_hits >= n_looks).then(|| n_hits as f32 / n_looks as f32)
+    }
+
+    /// Returns true if nearly all cameras that see the lower level of a cell show foreground there, two at least.
+    fn is_filled(&self, cell: usize, is_foreground: impl Fn(usize, usize) -> Option<bool>) -> bool {
+        let low = self.looks(cell).iter().filter(|look| look.pixels[0] != NO_PIXEL);
+        let low = low.filter_map(|look| is_foreground(look.camera_idx as usize, look.pixels[0] as usize));
+        let (n_looks, n_hits) = low.fold((0, 0), |(looks, hits), hit| (looks + 1, hits + usize::from(hit)));
+        n_hits >= 2 && PER_BLIND * (n_looks - n_hits) <= n_looks
     }
 
     /// Returns true if `is_so` of the pixels at the lower level of all cameras that see a body in a cell.

@@ -50,7 +50,14 @@ const LEAST_BESIDE: f32 = 0.5;
 const SWEEPS: usize = 2;
 
 /// Steps by which places and heights are moved, metres, from coarse to fine.
-const STEPS_M: [f64; 2] = [0.12, 0.05];
+const STEPS_M: [f64; 2] = [0.12, 0.04];
+
+/// Steps of who is expected: coarse ones when they are looked for, fine ones once all are there.
+const COARSE_STEPS_M: &[f64] = &[STEPS_M[0]];
+const FINE_STEPS_M: &[f64] = &[STEPS_M[1]];
+
+/// Length of a step in the direction of which cameras tell least, over that in the direction of which they tell most.
+const LONGEST_STEP: f64 = 1.5;
 
 /// Steps of one size at most.
 const MOST_STEPS: usize = 3;
@@ -77,6 +84,9 @@ const MOST_PEOPLE: usize = 512;
 /// Share of the least score with which somebody is there who was expected.
 const EXPECTED_SHARE: f32 = 0.6;
 
+/// Share of what they need that is seen at least of somebody who is there, before they are moved by fine steps.
+const COARSE_SHARE: f64 = 0.8;
+
 /// Somebody who is known from instants before, where they should be by now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
@@ -102,6 +112,11 @@ pub struct Person {
 }
 
 impl Person {
+    /// Returns the steps by which they are moved once all are there.
+    const fn steps_once_all_are_there(&self) -> &'static [f64] {
+        if self.is_expected { FINE_STEPS_M } else { &STEPS_M }
+    }
+
     /// Returns the area of somebody's silhouette in a camera's picture with what is hidden of it, pixels of the mask as it is looked at; 0
     /// where the camera does not show them.
     pub(crate) fn area_px(&self, camera_idx: usize) -> f64 {
@@ -210,7 +225,7 @@ impl Occupancy {
             let height_m = FIRST_M[best.height];
             let mut person =
                 Person { foot_in_world, height_m, score, silhouettes, hidden, is_expected: false };
-            self.improve(scene, grid.sizes(), &mut person);
+            self.improve(scene, grid.sizes(), &mut person, &STEPS_M);
             self.cover(&person, 1);
             people.push(person);
         }
@@ -220,9 +235,9 @@ impl Occupancy {
                 let score = f64::from(self.score(&person.silhouettes, person.height_m));
                 // Once everybody was moved, who explains what they did before is taken to stand well.
                 if sweep == 0 || (score - person.score).abs() > SAME_SCORE {
-                    self.improve(scene, grid.sizes(), person);
+                    self.improve(scene, grid.sizes(), person, person.steps_once_all_are_there());
                 }
-                let is_kept = self.is_there(person);
+                let is_kept = person.score >= self.needed_score(person);
                 if is_kept {
                     self.cover(person, 1);
                 }
@@ -268,17 +283,18 @@ impl Occupancy {
         let silhouettes = silhouettes(scene, sizes, &mut self.outliner, &body, &hidden);
         let mut person =
             Person { foot_in_world, height_m, score: 0.0, silhouettes, hidden, is_expected: true };
-        self.improve(scene, sizes, &mut person);
-        self.is_there(&person).then(|| {
+        self.improve(scene, sizes, &mut person, COARSE_STEPS_M);
+        // Fine steps are still to come.
+        (person.score >= COARSE_SHARE * self.needed_score(&person)).then(|| {
             self.cover(&person, 1);
             person
         })
     }
 
-    /// Returns true if enough is seen of somebody.
-    fn is_there(&self, person: &Person) -> bool {
+    /// Returns the score that somebody needs to be there.
+    fn needed_score(&self, person: &Person) -> f64 {
         let share = if person.is_expected { EXPECTED_SHARE } else { 1.0 };
-        person.score >= f64::from(share * self.least_score(&person.silhouettes))
+        f64::from(share * self.least_score(&person.silhouettes))
     }
 
     /// Returns the cells where people may be by the masks, and whether nearly all cameras show foreground there.
@@ -293,7 +309,8 @@ impl Occupancy {
         cells.into_iter().map(|(cell, _, is_filled)| (cell, is_filled)).collect()
     }
 
-    /// Returns who may be in which of `cells`, by what they would explain if nobody but vehicles and whom is covered were there.
+    /// Returns who may be in which of `cells`, by what they would explain beside vehicles and people who are covered already. A cell where
+    /// that is too little for anybody is left out.
     fn candidates(
         &mut self,
         scene: &Scene,
@@ -301,9 +318,16 @@ impl Occupancy {
         cells: &[(usize, bool)],
     ) -> BinaryHeap<Candidate> {
         let mut heap = BinaryHeap::new();
-        let heights = 0..FIRST_M.len();
+        let is_open_foreground = |camera: usize, pixel: usize| {
+            let evidence = &self.evidence[camera];
+            let is_open = evidence.is_usable() && !evidence.is_covered(pixel);
+            is_open.then(|| evidence.is_foreground(pixel))
+        };
+        let open = cells.iter().map(|(cell, _)| *cell);
+        let open = open.filter(|cell| grid.share_with_foreground(*cell, is_open_foreground).is_some());
+        let open: Vec<usize> = open.collect();
         for (cell, height) in
-            cells.iter().flat_map(|(cell, _)| heights.clone().map(move |height| (*cell, height)))
+            open.iter().flat_map(|cell| (0..FIRST_M.len()).map(move |height| (*cell, height)))
         {
             let silhouettes = grid.silhouettes(scene, &mut self.outliner, (cell, height)).silhouettes;
             let score = self.score(&silhouettes, FIRST_M[height]);
@@ -346,13 +370,14 @@ impl Occupancy {
             .filter_map(|(evidence, of)| Some((evidence, of.as_ref()?)))
     }
 
-    /// Moves somebody, and makes them taller or smaller, as long as that explains more.
-    fn improve(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person) {
+    /// Moves somebody by steps of these sizes, and makes them taller or smaller, as long as that explains more.
+    fn improve(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, steps_m: &[f64]) {
         person.score = f64::from(self.score(&person.silhouettes, person.height_m));
-        for step_m in STEPS_M {
+        let directions = self.directions(scene, person);
+        for &step_m in steps_m {
             for _ in 0..MOST_STEPS {
                 let before = person.score;
-                self.step(scene, sizes, person, step_m);
+                self.step(scene, sizes, person, (&directions, step_m));
                 if person.score <= before {
                     break;
                 }
@@ -360,12 +385,46 @@ impl Occupancy {
         }
     }
 
+    /// Returns the directions over the ground in which pictures of the cameras that show somebody tell most and least of where they stand,
+    /// each as long as a step should be: 1 along the first, and up to [`LONGEST_STEP`] along the second. Steps along any other two are no
+    /// way to where they stand if cameras look in one line: each of them leads off the narrow ridge of good places.
+    fn directions(&self, scene: &Scene, person: &Person) -> [DVec2; 2] {
+        let mut information = [0.0; 3];
+        let shown = scene.cameras.iter().zip(&self.evidence).zip(person.silhouettes.iter());
+        for ((member, evidence), silhouette) in shown {
+            let is_shown = evidence.is_usable() && silhouette.is_some();
+            let from_camera = person.foot_in_world - member.camera.pose().position_in_world;
+            let Some(away) = from_camera.truncate().try_normalize().filter(|_| is_shown) else { continue };
+            let distance_m = from_camera.length();
+            // A level step across moves the picture by its length over the distance; one away by that times the sine of the angle of view.
+            let across =
+                (member.camera.focal_px().x / (f64::from(member.camera.size_px().0) * distance_m)).powi(2);
+            let along = across * (from_camera.z / distance_m).powi(2);
+            let side = away.perp();
+            for (sum, [a, b]) in information.iter_mut().zip([[0, 0], [0, 1], [1, 1]]) {
+                *sum += across * side[a] * side[b] + along * away[a] * away[b];
+            }
+        }
+        let [xx, xy, yy] = information;
+        let (middle, half) = (f64::midpoint(xx, yy), (0.5 * (xx - yy)).hypot(xy));
+        let most = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
+        let ratio = ((middle + half) / (middle - half)).sqrt();
+        let longer = if ratio.is_finite() { ratio.clamp(1.0, LONGEST_STEP) } else { 1.0 };
+        [most, most.perp() * longer]
+    }
+
     /// Tries a step each way over the ground, and in height.
-    fn step(&mut self, scene: &Scene, sizes: &[(usize, usize)], person: &mut Person, step_m: f64) {
+    fn step(
+        &mut self,
+        scene: &Scene,
+        sizes: &[(usize, usize)],
+        person: &mut Person,
+        ([most, least], step_m): (&[DVec2; 2], f64),
+    ) {
         self.axes_of(scene, sizes, &Body { foot_in_world: person.foot_in_world, height_m: person.height_m });
         let mut axes = std::mem::take(&mut self.axes_now);
         std::mem::swap(&mut axes, &mut self.axes);
-        for by in [DVec2::X, DVec2::NEG_X, DVec2::Y, DVec2::NEG_Y] {
+        for by in [*most, -*most, *least, -*least] {
             let place = person.foot_in_world.truncate() + by * step_m;
             if let Some(foot_in_world) = ground_at(scene, place, person.foot_in_world.z) {
                 let body = Body { foot_in_world, height_m: person.height_m };

@@ -117,18 +117,20 @@ impl Motion {
         (self.scale.x * self.scale.y) as f32
     }
 
-    /// Calls `row` with the rows that `silhouette` covers there, and its columns, in a picture of `size` columns and rows.
+    /// Calls `row` with every `stride`-th of the rows that `silhouette` covers there, and its columns, in a picture of `size` columns and
+    /// rows.
     pub(super) fn rows(
         &self,
         silhouette: &Silhouette,
         (width, height): (usize, usize),
+        stride: usize,
         mut row: impl FnMut(usize, [f32; 2]),
     ) {
         let there = |y: f64| self.to.y + (y - self.from.y) * self.scale.y;
         let first = silhouette.first_row as f64;
         let top = (there(first) - 0.5).ceil().max(0.0) as usize;
         let bottom = (there(first + silhouette.spans.len() as f64) - 0.5).ceil().clamp(0.0, height as f64);
-        for y in top..bottom as usize {
+        for y in (top + stride / 2..bottom as usize).step_by(stride) {
             let middle = y as f64 + 0.5;
             let here = self.from.y + (middle - self.to.y) / self.scale.y;
             let [left, right] = silhouette.between_rows(here - first - 0.5);
@@ -410,7 +412,7 @@ mod tests {
                     Body { foot_in_world: body.foot_in_world + by, height_m: body.height_m + taller_m };
                 let motion = Motion::between(&from, &Axis::of(&camera, size, &other).unwrap()).unwrap();
                 let mut moved = Vec::new();
-                motion.rows(&shown, size, |y, span| moved.push((y, span)));
+                motion.rows(&shown, size, 1, |y, span| moved.push((y, span)));
                 let exact = silhouette(&camera, &other);
                 let far = difference(&columns(&exact), &moved);
                 // Discs cover whole rows: somebody of thirty rows changes by a fifth between two places.
@@ -423,6 +425,35 @@ mod tests {
     }
 
     #[test]
+    fn some_rows_tell_about_as_much_as_all() {
+        let size = (SIZE.0 as usize, SIZE.1 as usize);
+        let camera = camera(DVec3::new(0.0, -5.0, 1.7), DVec3::Z * 0.8);
+        let axis = |x: f64| {
+            let body = Body { foot_in_world: DVec3::new(x, 0.0, 0.0), height_m: 1.7 };
+            (Axis::of(&camera, size, &body).unwrap(), silhouette(&camera, &body))
+        };
+        let (from, shown) = axis(0.0);
+        let motion = Motion::between(&from, &axis(0.1).0).unwrap();
+        let area = |stride: usize| {
+            let (mut area, mut rows) = (0.0, Vec::new());
+            motion.rows(&shown, size, stride, |y, [left, right]| {
+                area += (right - left) * stride as f32;
+                rows.push(y);
+            });
+            (area, rows)
+        };
+        let (all, rows) = area(1);
+        for stride in [2, 3] {
+            let (some, own) = area(stride);
+            assert!((some / all - 1.0).abs() < 0.05, "{stride}: {some} of {all}");
+            assert!(
+                own.windows(2).all(|pair| pair[1] == pair[0] + stride)
+                    && own.len() <= rows.len() / stride + 1
+            );
+        }
+    }
+
+    #[test]
     fn who_comes_nearer_is_larger_in_both_directions() {
         let size = (SIZE.0 as usize, SIZE.1 as usize);
         let camera = camera(DVec3::new(0.0, -9.0, 1.7), DVec3::Z * 0.8);
@@ -431,7 +462,7 @@ mod tests {
         let shown = silhouette(&camera, &body(2.0));
         let motion = Motion::between(&axis(2.0), &axis(-2.0)).unwrap();
         let mut moved = Vec::new();
-        motion.rows(&shown, size, |y, span| moved.push((y, span)));
+        motion.rows(&shown, size, 1, |y, span| moved.push((y, span)));
         let far = difference(&columns(&silhouette(&camera, &body(-2.0))), &moved);
         assert!(far < 0.15, "{far}");
     }

@@ -3,7 +3,7 @@
 use super::drawn_people::{SIZE, around, camera, mask, scene};
 use super::{Expected, Occupancy, Person, keep_likeliest};
 use crate::scene::Scene;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::sync::Arc;
 use videofields_vision::frame::Mask;
 use videofields_vision::geometry::Camera;
@@ -84,6 +84,20 @@ fn who_stands_behind_a_counter_is_found_by_what_shows_above_it() {
     let counter = r#"{"id": "counter", "center_m": [0, -0.6, 0.55], "size_m": [8, 0.4, 1.1]}"#;
     let far = farthest(&scene(DVec3::ZERO, counter, &cameras), &cameras, &[(DVec3::new(0.3, 0.0, 0.0), 1.7)]);
     assert!(far < 0.3, "{far}");
+}
+
+#[test]
+fn where_two_cameras_face_each_other_people_are_found_where_they_stand() {
+    for turn_deg in [0.0_f64, 25.0, 54.0, 110.0] {
+        let side = DVec2::from_angle(turn_deg.to_radians()) * 9.0;
+        let cameras = [side, -side].map(|at| camera(at.extend(4.5), DVec3::Z * 0.5));
+        for idx in 0..8_u32 {
+            let place = DVec2::from_angle(f64::from(idx) * 2.4) * (0.3 + 0.25 * f64::from(idx));
+            let people = [(place.extend(0.0), 1.6 + 0.03 * f64::from(idx))];
+            let far = farthest(&scene(DVec3::ZERO, "", &cameras), &cameras, &people);
+            assert!(far < 0.3, "{turn_deg} degrees, {place}: {far}");
+        }
+    }
 }
 
 #[test]
