@@ -240,10 +240,13 @@ fn draw(root: &Area<'_>, figure: &Figure, x_axis: &Axis, y_axis: &Axis) -> Resul
         let rings = marked.map(|point| Circle::new(place(point), 10, INK.stroke_width(2)));
         chart.draw_series(rings).map_err(told)?;
     }
+    let all = || figure.series.iter().flat_map(|series| &series.points);
+    let dots: Vec<(i32, i32)> = all().map(|point| chart.backend_coord(&place(point))).collect();
+    let (legend, covered) = legend_place(figure, &dots);
     if figure.series.len() > 1 {
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
+            .position(legend)
             .label_font(ink(12))
             .border_style(INK.mix(0.3))
             .draw()
@@ -252,22 +255,10 @@ fn draw(root: &Area<'_>, figure: &Figure, x_axis: &Axis, y_axis: &Axis) -> Resul
     // Labels last, each where it covers none before it.
     let mut taken: Vec<[i32; 4]> = Vec::new();
     if figure.series.len() > 1 {
-        // Where the names of the series stand.
-        let longest = figure.series.iter().map(|series| series.name.chars().count()).max().unwrap_or(0);
-        let width = (longest as f64 * f64::from(LABEL_PX) * LETTER) as i32 + 60;
-        taken.push([
-            SIZE_PX.0 as i32 - 30 - width,
-            30,
-            SIZE_PX.0 as i32,
-            56 + 20 * figure.series.len() as i32,
-        ]);
+        taken.push(covered);
     }
-    let all = || figure.series.iter().flat_map(|series| &series.points);
     let at = |point: &Point| chart.backend_coord(&place(point));
-    taken.extend(all().map(|point| {
-        let (x, y) = at(point);
-        [x - 5, y - 5, x + 5, y + 5]
-    }));
+    taken.extend(dots.iter().map(|(x, y)| [x - 5, y - 5, x + 5, y + 5]));
     for point in all().filter(|point| !point.label.is_empty()) {
         if let Some((corner, covered)) = free_place(at(point), &point.label, &taken) {
             let style = ink(LABEL_PX).pos(Pos::new(HPos::Left, VPos::Top));
@@ -276,6 +267,23 @@ fn draw(root: &Area<'_>, figure: &Figure, x_axis: &Axis, y_axis: &Axis) -> Resul
         }
     }
     root.present().map_err(told)
+}
+
+/// Returns where the names of the series stand, and what they cover: at the right, below where points lie above and none does there.
+fn legend_place(figure: &Figure, dots: &[(i32, i32)]) -> (SeriesLabelPosition, [i32; 4]) {
+    let longest = figure.series.iter().map(|series| series.name.chars().count()).max().unwrap_or(0);
+    let width = (longest as f64 * f64::from(LABEL_PX) * LETTER) as i32 + 60;
+    let height = 26 + 20 * figure.series.len() as i32;
+    let (right, bottom) = (SIZE_PX.0 as i32, SIZE_PX.1 as i32 - 56);
+    let above = [right - 30 - width, 30, right, 30 + height];
+    let below = [right - 30 - width, bottom - height, right, bottom];
+    let is_free =
+        |of: &[i32; 4]| dots.iter().all(|(x, y)| *x < of[0] || *x > of[2] || *y < of[1] || *y > of[3]);
+    if !is_free(&above) && is_free(&below) {
+        (SeriesLabelPosition::LowerRight, below)
+    } else {
+        (SeriesLabelPosition::UpperRight, above)
+    }
 }
 
 /// Where a label fits beside a point: its corner, and what it covers; `None` where it fits nowhere.
@@ -352,6 +360,26 @@ mod tests {
         check(12.34, "12.3");
         check(1500.0, "1500");
         check(1e-6, "1e-6");
+    }
+
+    #[test]
+    fn the_names_of_series_stand_where_no_point_lies() {
+        let series = |name: &str| Series { name: name.to_owned(), points: Vec::new(), is_joined: true };
+        let figure = Figure {
+            title: String::new(),
+            x_name: String::new(),
+            y_name: String::new(),
+            is_log: false,
+            series: vec![series("2 cameras"), series("3 cameras")],
+        };
+        let is_low = |dots: &[(i32, i32)]| {
+            let (position, [.., top, _, bottom]) = legend_place(&figure, dots);
+            assert!(top < bottom);
+            matches!(position, SeriesLabelPosition::LowerRight)
+        };
+        let (above, below) = ((720, 60), (720, 350));
+        assert!(!is_low(&[]) && !is_low(&[below]) && !is_low(&[(100, 60)]));
+        assert!(is_low(&[above]) && !is_low(&[above, below]));
     }
 
     #[test]

@@ -29,9 +29,6 @@ const NEAR_M: f64 = 1.0;
 const AWAY_M_PER_SEC: f64 = 0.7;
 const FARTHEST_M: f64 = 6.0;
 
-/// Nobody comes back farther off, metres a second.
-const FASTEST_M_PER_SEC: f64 = 4.0;
-
 /// Somebody is back only if that is so much more probable: two people with one id do more harm than one with two.
 const MOST_COST: f64 = -1.0;
 
@@ -101,13 +98,10 @@ impl Gone {
 }
 
 impl Left {
-    /// Returns what it costs that somebody like `like` is this one; `None` where nothing but their place tells, or they cannot be there.
+    /// Returns what it costs that somebody like `like` is this one; `None` where nothing but their place tells.
     fn cost(&self, instant: Timestamp, like: &Estimate, strangers_per_sec: f64) -> Option<f64> {
         let gone_secs = instant.secs_since(self.seen_at).abs();
         let apart_m = like.foot.at.distance(self.like.foot.at);
-        if apart_m > FASTEST_M_PER_SEC.mul_add(gone_secs, NEAR_M) {
-            return None;
-        }
         let look = self.like.look.zip(like.look).map(|(own, its)| own.cost(&its))?;
         let height = self.like.height.zip(like.height).map_or(0.0, |(own, its)| own.cost(its));
         let variance = AWAY_M_PER_SEC.mul_add(gone_secs, NEAR_M).min(FARTHEST_M).powi(2);
@@ -162,7 +156,7 @@ mod tests {
         assert_eq!(of(Estimate { look: Some(Look::grey(0.2, 0.8)), ..adult(1.0) }), 0);
         assert_eq!(of(Estimate { look: Some(Look::grey(0.2, 0.2)), ..adult(1.0) }), 0);
         assert_eq!(of(Estimate { height: Some(Height { mean_m: 1.2, sd_m: 0.08 }), ..adult(1.0) }), 0);
-        assert_eq!(of(adult(60.0)), 0, "nobody runs so fast");
+        assert_eq!(of(adult(60.0)), 0, "nobody comes back so far off");
         assert_eq!(of(Estimate { look: None, ..adult(0.0) }), 0, "a place alone tells nobody");
         assert_eq!(of(adult(f64::NAN)), 0);
     }

@@ -1,6 +1,6 @@
 //! Who is who over time, from sightings whose truth is known.
 
-use super::estimate::{Estimate, Foot};
+use super::estimate::{Estimate, Foot, Height};
 use super::line::Followed;
 use super::look::Look;
 use super::{Association, Billboard, Entity, Sighting};
@@ -180,14 +180,48 @@ fn who_hides_behind_a_pillar_or_leaves_for_some_time_keeps_the_id_and_a_stranger
     }
 }
 
-#[test]
-fn who_stays_in_place_is_who_they_were_though_the_light_changes() {
+/// Returns the id of somebody who sits down in the shade after so many seconds in the sun.
+fn id_in_the_shade(secs_in_sun: f64) -> u64 {
     let mut association = Association::default();
-    for secs in steps(0.0, 6.0) {
-        let mut seen = together(0..2, 0, DVec2::ZERO);
-        let look = if secs < 3.0 { Look::grey(0.8, 0.2) } else { Look::grey(0.3, 0.3) };
-        seen.iter_mut().for_each(|of| of.estimate.look = Some(look));
-        assert_eq!(ids(&see(&mut association, secs, seen)), [1], "{secs}");
+    let mut at_end = Vec::new();
+    for secs in steps(0.0, secs_in_sun + 0.5) {
+        let is_in_sun = secs < secs_in_sun;
+        // Cameras' tracks begin anew then.
+        let mut seen = together(0..2, usize::from(!is_in_sun), DVec2::ZERO);
+        for of in &mut seen {
+            of.estimate.look = Some(if is_in_sun { Look::grey(0.9, 0.1) } else { Look::grey(0.2, 0.3) });
+            of.estimate.height = Some(Height { mean_m: if is_in_sun { 1.75 } else { 1.3 }, sd_m: 0.1 });
+        }
+        at_end = ids(&see(&mut association, secs, seen));
+    }
+    at_end[0]
+}
+
+#[test]
+fn who_was_followed_for_long_is_who_they_were_and_of_who_was_just_seen_that_is_not_so_sure() {
+    assert_eq!((id_in_the_shade(3.0), id_in_the_shade(0.2)), (1, 2));
+}
+
+#[test]
+fn who_is_back_in_one_camera_is_followed_there_by_their_old_id() {
+    let mut association = Association::default();
+    let seen = |secs: f64, own: Option<DVec2>| {
+        let mut seen: Vec<Sighting> =
+            (2..6).map(|idx| plain(0, idx, DVec2::new(10.0 * idx as f64, 0.0) + wrong(0, secs))).collect();
+        let own = own.map(|at| plain(0, if secs < 4.0 { 1 } else { 9 }, at));
+        seen.splice(0..0, own);
+        seen.iter_mut().for_each(|of| of.estimate.look = Some(Look::grey(0.8, 0.2)));
+        seen
+    };
+    for secs in steps(0.0, 3.0) {
+        assert_eq!(ids(&see(&mut association, secs, seen(secs, Some(DVec2::ZERO)))), [1, 2, 3, 4, 5]);
+    }
+    for secs in steps(3.0, 10.0) {
+        assert_eq!(see(&mut association, secs, seen(secs, None)).len(), 4);
+    }
+    // The first sight of the new track tells who it is; at the next, their foot is seen far off.
+    for (secs, at) in [(10.0, DVec2::X), (10.1, DVec2::new(1.0, 3.5))] {
+        assert_eq!(ids(&see(&mut association, secs, seen(secs, Some(at)))), [1, 2, 3, 4, 5], "{secs}");
     }
 }
 

@@ -178,7 +178,8 @@ fn zones_that_come_later_hide_who_was_seen_within_them() {
     let of_south = paths(&bench.handle);
     assert_eq!(seen_by(&of_south, "north"), 0);
     assert!(seen_by(&of_south, "south") > 10);
-    // Whoever walks through a zone is told of before and behind it, and not straight through.
+    // Whoever walks through a zone is told of before and behind it, and not straight through; who is lost from sight and comes back is
+    // told of twice without one.
     hide("south", &[[0.4, 0.0], [0.6, 0.0], [0.6, 1.0], [0.4, 1.0]]);
     let parts = paths(&bench.handle);
     let told_twice = |found: &FoundEntities| {
@@ -186,7 +187,7 @@ fn zones_that_come_later_hide_who_was_seen_within_them() {
         ids.sort_unstable();
         ids.windows(2).filter(|pair| pair[0] == pair[1]).count()
     };
-    assert!(told_twice(&of_south) == 0 && told_twice(&parts) > 0, "{parts:#?}");
+    assert!(told_twice(&parts) > told_twice(&of_south), "{parts:#?}");
     hide("south", &whole);
     assert_eq!(paths(&bench.handle).entities, []);
     bench.stop();
