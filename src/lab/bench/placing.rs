@@ -65,7 +65,7 @@ pub(super) struct Placing {
     #[arg(long)]
     corrected: bool,
     /// Measures how the time of an instant grows with cameras and with people, on a square of its own, and prints a table.
-    #[arg(long, conflicts_with_all = ["world", "recording", "json", "corrected", "rate_hz"])]
+    #[arg(long, conflicts_with_all = ["world", "recording", "json", "corrected", "rate_hz", "gate_m", "masks", "by", "calibration_error_px", "seed"])]
     costs: bool,
     /// Draws the times of --costs, as SVG.
     #[arg(long, value_name = "FILE", requires = "costs")]

@@ -1,35 +1,35 @@
-//! People who were lost from sight, so that who comes back keeps their id.
+//! Remembers people who were lost from sight, so that whoever comes back keeps their id.
 //!
-//! Who is forgotten flows in; ids for newcomers flow out. Each cost is a log-likelihood ratio: how much more probable a newcomer is as a
+//! People who are lost flow in; ids for newcomers flow out. Each cost is a log-likelihood ratio: how much more probable a newcomer is as a
 //! stranger than as the one who was gone.
 
 use super::estimate::Estimate;
 use std::collections::VecDeque;
 use videofields_vision::clock::Timestamp;
 
-/// Who is gone for longer is a stranger when they come back, seconds.
+/// Longest time after which somebody who comes back is known, seconds.
 const RETURN_SECS: f64 = 30.0;
 
 /// Most people who are remembered, the latest.
 const MOST: usize = 256;
 
-/// How often somebody who is gone comes back, a second: a quarter of people do within [`RETURN_SECS`].
+/// Rate at which somebody who is gone comes back, a second: a quarter of people do within [`RETURN_SECS`].
 const RETURNS_PER_SEC: f64 = 0.01;
 
-/// How often strangers come where none came yet, a second, and for how long one who came counts, seconds.
+/// Least rate at which strangers are taken to come, a second, and time for which one who came counts towards the rate, seconds.
 const STRANGERS_PER_SEC: f64 = 1.0 / 60.0;
 const COUNTED_SECS: f64 = 60.0;
 
 /// Strangers appear anywhere: so many a square metre of those who appear.
 const STRANGERS_PER_M2: f64 = 1.0 / 400.0;
 
-/// How far from where they were seen last somebody is who comes back, standard deviation: at once, metres, by how much more with each
-/// second, and at most: whoever comes back does so where cameras look, rather on the side where they left.
+/// Distance of somebody who comes back from where they were seen last, standard deviation: at first, metres; its growth, metres a second;
+/// and its bound, metres. Whoever comes back does so where cameras look, rather on the side where they left.
 const NEAR_M: f64 = 1.0;
 const AWAY_M_PER_SEC: f64 = 0.7;
 const FARTHEST_M: f64 = 6.0;
 
-/// Somebody is back only if that is so much more probable: two people with one id do more harm than one with two.
+/// Greatest cost at which a newcomer is somebody who was gone: below 0, since one id for two people does more harm than two for one.
 const MOST_COST: f64 = -1.0;
 
 /// Somebody who was lost from sight.
@@ -37,16 +37,16 @@ const MOST_COST: f64 = -1.0;
 struct Left {
     id: u64,
     seen_at: Timestamp,
-    /// As they were seen last.
+    /// Place, height and look when they were seen last.
     like: Estimate,
 }
 
 /// Memory of who was lost from sight.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Gone {
-    /// In the order in which they were lost.
+    /// People in the order in which they were lost.
     left: VecDeque<Left>,
-    /// When strangers came of late, in that order.
+    /// Times at which strangers came, the latest last.
     strangers: VecDeque<Timestamp>,
 }
 

@@ -81,7 +81,7 @@ struct Known {
     is_together: bool,
     /// Instants at which they were seen.
     n_seen: u32,
-    /// Says that they were told of: their id stays.
+    /// Says that they were among the entities of an instant: their id stays.
     is_shown: bool,
     /// How far they reached from their foot while no camera had them in one blob with others, metres.
     reach_m: Option<f64>,
@@ -114,7 +114,7 @@ pub(super) struct Line {
     ties: BTreeMap<(usize, u64), Tie>,
     /// Evidence that two are one, by their ids, the lower first.
     near: BTreeMap<(u64, u64), f64>,
-    /// Who was forgotten of late, and may come back.
+    /// People who were lost from sight and may come back.
     gone: Gone,
 }
 
@@ -256,8 +256,8 @@ impl Line {
         self.near.retain(|(a, b), _| is_known(*a) && is_known(*b));
     }
 
-    /// Gives newcomers, whom nobody was told of before, the ids of who was gone and is back.
-    /// Of a first instant nothing tells how often strangers come.
+    /// Gives newcomers, of whom nothing was told yet, their old ids if they were gone and are back. The others count as strangers, but for
+    /// those of a first instant, who need not have come just then.
     fn bring_back(&mut self, instant: Timestamp, (newcomers, is_first): (&[u64], bool), drawn: &mut [Drawn]) {
         let like = |id: &u64| Some((*id, self.known[self.place(*id)?].like));
         let newcomers: Vec<(u64, Estimate)> = newcomers.iter().filter_map(like).collect();

@@ -1,4 +1,4 @@
-//! What somebody looks like, in six numbers: how much redder and bluer than green the upper and the lower half are, how light somebody
+//! Describes how somebody looks by six numbers: how much redder and bluer than green the upper and the lower half are, how light somebody
 //! is, and by how much the upper half is lighter than the lower.
 //!
 //! Ratios of gamma-coded channels: a change of exposure multiplies all three alike, so of these it changes but how light somebody is.
@@ -175,7 +175,9 @@ mod tests {
     #[test]
     fn black_is_finite_and_what_is_small_has_no_look() {
         let black = look([0; 3], [0; 3], 1.0, ColorRange::Limited).unwrap();
-        assert!(black.0.iter().all(|number| number.abs() < 4.0), "{black:?}");
+        let [colors @ .., lightness, difference] = black.0;
+        assert!(colors.iter().chain([&difference]).all(|number| number.abs() < 0.2), "{black:?}");
+        assert!((lightness - DARK.ln()).abs() < 0.2, "{black:?}");
         let image = YuvImage::filled(24, 40, [90, 128, 128], ColorMatrix::Bt709, ColorRange::Full);
         let nothing = Mask::filled(24, 40, 0);
         assert_eq!(Look::of(&image, &nothing, RECT), None);

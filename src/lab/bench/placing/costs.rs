@@ -1,4 +1,4 @@
-//! `bench placing --costs`: how the time of an instant grows with cameras and with people.
+//! `bench placing --costs`: time of an instant by cameras and by people.
 
 use super::Masks;
 use super::judge::{Judge, Kind, Method};
@@ -23,7 +23,7 @@ const PERIOD_SECS: u32 = 8;
 /// Sides of the square on which people walk, metres.
 const SQUARE_M: [f64; 2] = [24.0, 18.0];
 
-/// Returns a square on which people walk, before cameras around it.
+/// Returns the document of a world: a square on which people walk, with cameras around it.
 fn square(n_cameras: u32, n_people: u32) -> Value {
     let camera = |idx: u32| {
         let (sine, cosine) =
@@ -36,7 +36,7 @@ fn square(n_cameras: u32, n_people: u32) -> Value {
             "size_px": [640, 360],
         })
     };
-    // Steps of the golden ratio's kind spread places evenly however many there are: Roberts 2018, R2 sequence.
+    // Spreads places evenly, however many there are: Roberts 2018, the R2 sequence.
     let spread = |idx: u32, step: f64| (0.5 + step * f64::from(idx)).fract() - 0.5;
     let walker = |idx: u32| {
         let [x, y] = [
@@ -67,10 +67,8 @@ fn square(n_cameras: u32, n_people: u32) -> Value {
     })
 }
 
-/// Time and result of one number of cameras and people.
+/// Time of an instant, and how well people are found.
 struct Row {
-    n_cameras: u32,
-    n_people: u32,
     mean_ms: f64,
     most_ms: f64,
     moda: f64,
@@ -87,8 +85,6 @@ fn measure(n_cameras: u32, n_people: u32) -> Result<Row> {
     times.sort_by(f64::total_cmp);
     let figures = judge.scores().get(&Kind::Walker).map(super::score::PlacingScore::figures);
     Ok(Row {
-        n_cameras,
-        n_people,
         mean_ms: times.iter().sum::<f64>() / times.len() as f64,
         most_ms: quantile(&times, 0.95),
         moda: figures.and_then(|of| of.moda).context("nobody is seen")?,
@@ -110,14 +106,12 @@ pub(super) fn run(plot: Option<&Path>) -> Result<()> {
     for n_cameras in CAMERAS {
         let mut points = Vec::new();
         for n_people in PEOPLE {
-            let row = measure(n_cameras, n_people)?;
-            let Row { n_cameras, n_people, mean_ms, most_ms, moda } = row;
+            let Row { mean_ms, most_ms, moda } = measure(n_cameras, n_people)?;
             writeln!(out, "| {n_cameras} | {n_people} | {mean_ms:.2} | {most_ms:.2} | {moda:.3} |")?;
-            let label = String::new();
             points.push(Point {
                 x: mean_ms,
                 y: f64::from(n_people),
-                label,
+                label: String::new(),
                 is_marked: false,
                 is_large: false,
             });
