@@ -51,8 +51,11 @@ pub(super) struct Gone {
 }
 
 impl Gone {
-    /// Remembers somebody as they were seen last.
-    pub(super) fn add(&mut self, id: u64, seen_at: Timestamp, like: Estimate) {
+    /// Remembers at `instant` somebody as they were seen last, unless that is too long ago.
+    pub(super) fn add(&mut self, instant: Timestamp, (id, seen_at): (u64, Timestamp), like: Estimate) {
+        if instant.secs_since(seen_at).abs() > RETURN_SECS {
+            return;
+        }
         if self.left.len() == MOST {
             self.left.pop_front();
         }
@@ -135,7 +138,7 @@ mod tests {
     /// Returns who is back of newcomers, where 7 left at the origin at 0 s.
     fn back(secs: f64, newcomers: &[(u64, Estimate)]) -> Vec<(u64, u64)> {
         let mut gone = Gone::default();
-        gone.add(7, at(0.0), adult(0.0));
+        gone.add(at(0.0), (7, at(0.0)), adult(0.0));
         gone.forget(at(secs));
         gone.bring_back(at(secs), newcomers)
     }
@@ -166,7 +169,7 @@ mod tests {
         let similar = Estimate { look: Some(Look::grey(0.75, 0.25)), ..adult(1.0) };
         assert_eq!(back(6.0, &[(9, similar), (10, adult(1.0))]), [(10, 7)]);
         let mut gone = Gone::default();
-        gone.add(7, at(0.0), adult(0.0));
+        gone.add(at(0.0), (7, at(0.0)), adult(0.0));
         assert_eq!(gone.bring_back(at(6.0), &[(9, adult(1.0))]).len(), 1);
         assert_eq!(gone.bring_back(at(6.0), &[(10, adult(1.0))]), [], "they are not gone any more");
     }
@@ -175,7 +178,7 @@ mod tests {
     fn where_strangers_come_all_the_time_more_must_speak_for_a_return() {
         let back = |n_strangers: usize, secs: f64| {
             let mut gone = Gone::default();
-            gone.add(7, at(100.0), adult(0.0));
+            gone.add(at(100.0), (7, at(100.0)), adult(0.0));
             gone.count_strangers(at(99.0), n_strangers);
             gone.forget(at(secs));
             gone.bring_back(at(secs), &[(9, adult(3.0))]).len()
@@ -193,8 +196,10 @@ mod tests {
     fn no_more_are_remembered_than_the_latest_of_all() {
         let mut gone = Gone::default();
         for id in 0..1000_u32 {
-            gone.add(u64::from(id), at(0.01 * f64::from(id)), adult(0.0));
+            let seen_at = at(0.01 * f64::from(id));
+            gone.add(seen_at, (u64::from(id), seen_at), adult(0.0));
         }
+        gone.add(at(10.0), (1000, Timestamp::from_nanos(i64::MIN)), adult(0.0));
         assert_eq!((gone.left.len(), gone.left[0].id), (MOST, 1000 - MOST as u64));
     }
 }

@@ -241,7 +241,7 @@ impl Line {
     fn forget(&mut self, instant: Timestamp) {
         let is_near = |at: Timestamp| instant.secs_since(at).abs() <= KEPT_SECS;
         for known in self.known.iter().filter(|known| !is_near(known.seen_at) && known.is_shown) {
-            self.gone.add(known.id, known.seen_at, known.like);
+            self.gone.add(instant, (known.id, known.seen_at), known.like);
         }
         self.gone.forget(instant);
         self.known.retain(|known| is_near(known.seen_at));
