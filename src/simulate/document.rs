@@ -12,9 +12,9 @@ use videofields_picture::scene::ViewDocument;
 use videofields_vision::calibrate::CameraDocument;
 use videofields_vision::geometry::{Face, SurfaceId};
 
-/// What finds the figures: they cast no shadows, so none are looked for; the clips hold little noise, so little blur
-/// suffices; trousers are much like the paving, so gaps are closed; at 640 x 360 pixels the farthest figure still has
-/// about 100.
+/// Settings that find the figures of these clips, not the defaults: no shadows are looked for, since trousers are much like the paving in
+/// shade, and gaps are closed for the same reason; the clips hold little noise, so little blur suffices; at 640 x 360 pixels the farthest
+/// figure still has about 100.
 const SEGMENT_TOML: &str =
     "{ delta = 0.1, blur_sigma_px = 0.6, shadow_darkest = 1.0, close_radius_px = 2, min_area_px = 40 }";
 

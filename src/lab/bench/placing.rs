@@ -50,6 +50,9 @@ pub(super) struct Placing {
     /// Masks that blobs are made of: those of segmentation, or true ones, which show everybody and nothing else; of worlds alone.
     #[arg(long, value_enum, default_value_t = Masks::Ours, conflicts_with = "recording")]
     masks: Masks,
+    /// Segments recordings as cameras are segmented by default, whatever their configurations say.
+    #[arg(long, requires = "recording")]
+    default_segmentation: bool,
     /// Selects how people are placed. Occupancy gives everybody a new id at every instant, so that IDF1 and switches mean nothing, and its table
     /// of pixels is association's.
     #[arg(long, value_enum, default_value_t = Method::Both)]
@@ -65,7 +68,7 @@ pub(super) struct Placing {
     #[arg(long)]
     corrected: bool,
     /// Measures how the time of an instant grows with cameras and with people, on a square of its own, and prints a table.
-    #[arg(long, conflicts_with_all = ["world", "recording", "json", "corrected", "rate_hz", "gate_m", "masks", "by", "calibration_error_px", "seed"])]
+    #[arg(long, conflicts_with_all = ["world", "recording", "json", "corrected", "rate_hz", "gate_m", "masks", "by", "calibration_error_px", "seed", "default_segmentation"])]
     costs: bool,
     /// Draws the times of --costs, as SVG.
     #[arg(long, value_name = "FILE", requires = "costs")]
@@ -99,7 +102,10 @@ impl Placing {
             ensure!((0.1..=240.0).contains(&rate_hz), "--rate-hz: expected 0.1 to 240, got {rate_hz}");
         }
         let worlds: Vec<World> = self.world.iter().map(|name| World::load(name)).collect::<Result<_, _>>()?;
-        let open = |folder: &PathBuf| Recording::open(folder, self.rate_hz);
+        let open = |folder: &PathBuf| {
+            let recording = Recording::open(folder, self.rate_hz)?;
+            anyhow::Ok(if self.default_segmentation { recording.segmented_by_default() } else { recording })
+        };
         let recordings: Vec<Recording> = self.recording.iter().map(open).collect::<Result<_>>()?;
         let mut outcomes = Vec::new();
         for (name, world) in self.world.iter().zip(&worlds) {

@@ -132,7 +132,15 @@ fn sighting(
         height: is_whole.then_some(height),
         look: if is_whole { Look::of(image, mask, rect) } else { None },
     };
-    Some(Sighting { billboard, member, estimate, head, tracks: piece.tracks, person: None })
+    Some(Sighting {
+        billboard,
+        member,
+        estimate,
+        head,
+        tracks: piece.tracks,
+        person: None,
+        is_rest: piece.is_rest,
+    })
 }
 
 /// A piece as it lies in the picture where down is not below: its foot is at its end that is down, the border may cut another

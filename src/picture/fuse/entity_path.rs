@@ -237,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn points_come_once_a_second_after_some_way_and_where_cameras_change() {
+    fn points_come_once_a_second_after_some_way_and_before_and_where_cameras_change() {
         let ticks = |path: &EntityPath| -> Vec<u32> {
             EntityPath::decode(&path.encode()).unwrap().iter().map(|point| point.ticks).collect()
         };
@@ -249,7 +249,10 @@ mod tests {
         let points = EntityPath::decode(&handed_over.encode()).unwrap();
         let seen: Vec<(u32, &[u16])> =
             points.iter().map(|point| (point.ticks, &point.place.cameras[..])).collect();
-        assert_eq!(seen, [(0, &[0_u16][..]), (10, &[0]), (16, &[0, 3]), (36, &[0, 3]), (40, &[0, 3])]);
+        assert_eq!(
+            seen,
+            [(0, &[0_u16][..]), (10, &[0]), (14, &[0]), (16, &[0, 3]), (36, &[0, 3]), (40, &[0, 3])]
+        );
     }
 
     #[test]
@@ -339,5 +342,22 @@ mod tests {
                 prop_assert!(points.iter().all(|point| point.place.foot_in_world.is_finite()));
             }
         }
+    }
+
+    #[test]
+    fn before_a_leap_somebody_stood_where_they_were() {
+        let at = |tick: i64| Timestamp::from_nanos(tick * 100_000_000);
+        let places = [0.0, 0.05, 0.1, 0.25, 0.28, 2.0, 2.1];
+        let stand = |x: f64| Stand { foot_in_world: DVec3::X * x, cameras: vec![0] };
+        let mut path = EntityPath::new(at(0), stand(places[0])).unwrap();
+        for (tick, x) in (1..).zip(&places[1..]) {
+            path.add(at(tick), stand(*x));
+        }
+        let points = EntityPath::decode(&path.encode()).unwrap();
+        for (tick, x) in (0..).zip(places) {
+            let there = stand_at(&points, (path.began_at(), path.ended_at()), at(tick)).unwrap();
+            assert!((there.foot_in_world.x - x).abs() < 0.2, "{tick}: {there:?}");
+        }
+        assert_eq!(points.len(), 4);
     }
 }

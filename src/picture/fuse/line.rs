@@ -54,6 +54,9 @@ const LEAST_SEEN: u32 = 2;
 const STAYS_ODDS: [f64; 2] = [0.7, 3.0];
 const SURE_SECS: f64 = 2.0;
 
+/// Wider than this, metres, nobody is: vehicles.
+const WIDEST_PERSON_M: f64 = 1.5;
+
 /// How far off the feet of people who share a blob may be, standard deviation, metres.
 const SHARED_M: f64 = 0.7;
 
@@ -223,7 +226,16 @@ impl Line {
             let of = Drawn {
                 id,
                 group,
-                said: Estimate { height: either(said.height, known.like.height, |own, _| own), ..said },
+                said: Estimate {
+                    height: either(said.height, known.like.height, |own, _| own),
+                    foot: if self.newest == Some(instant) && !is_wide(&grouping, group, &sightings) {
+                        let walk = if is_new { known.walk } else { known.walk.corrected(&said.foot) };
+                        known.place(&walk, &said.foot)
+                    } else {
+                        said.foot
+                    },
+                    ..said
+                },
                 velocity: known.walk.velocity(),
                 reach_m: either(known.reach_m, alone_m, f64::max),
             };
@@ -426,8 +438,7 @@ impl Line {
 
 impl Known {
     fn expected(&self) -> KnownEstimate {
-        let followed_secs = self.seen_at.secs_since(self.born).abs();
-        let share = (followed_secs / SURE_SECS).min(1.0);
+        let share = self.followed_share();
         KnownEstimate {
             estimate: Estimate { foot: self.walk.foot(), ..self.like },
             stays_odds: (STAYS_ODDS[1] - STAYS_ODDS[0]).mul_add(share, STAYS_ODDS[0]),
@@ -443,6 +454,18 @@ impl Known {
         self.like.look = either(self.like.look, said.look, |own, seen| own.blended(&seen, NEWS));
     }
 
+    /// Returns where they stand, by where they are seen now and, the longer they were followed, by their `walk` that took this in: at first
+    /// nothing is known of how fast they go.
+    fn place(&self, walk: &Walk, seen: &Foot) -> Foot {
+        let to_walk = walk.foot().at - seen.at;
+        Foot { at: seen.at + to_walk * self.followed_share(), ..*seen }
+    }
+
+    /// Returns the share of [`SURE_SECS`] for which they were followed, 1 at most.
+    fn followed_share(&self) -> f64 {
+        (self.seen_at.secs_since(self.born).abs() / SURE_SECS).min(1.0)
+    }
+
     fn reach(&mut self, seen_m: Option<f64>) {
         self.reach_m = either(self.reach_m, seen_m, |own, seen| NEWS.mul_add(seen - own, own));
     }
@@ -455,6 +478,16 @@ struct Drawn {
     said: Estimate,
     velocity: Velocity,
     reach_m: Option<f64>,
+}
+
+/// Returns true if a camera shows a group wider than people are: what they see of a vehicle, which is faster than people too, says little of
+/// its middle.
+fn is_wide(grouping: &Grouping<'_>, group: usize, sightings: &[Sighting]) -> bool {
+    let width_m = |sign: &usize| {
+        let [left, right] = sightings[*sign].billboard.left_right_m;
+        right - left
+    };
+    grouping.groups()[group].signs.iter().map(width_m).any(|width_m| width_m > WIDEST_PERSON_M)
 }
 
 /// How far those signs of a group reach from their feet that show nobody else and are whole.

@@ -79,6 +79,8 @@ struct Sighting {
     tracks: Vec<Followed>,
     /// Number of the person among those whom several cameras' masks tell together; none where the camera's own blobs are all there is.
     person: Option<usize>,
+    /// Says that it is what is left of a blob, of which other pixels are somebody's whom several cameras tell together.
+    is_rest: bool,
 }
 
 /// One instant of a scene, ready to be rendered. Immutable.
@@ -169,9 +171,10 @@ impl CameraState {
 pub struct Entity {
     /// Its number: the same from camera to camera and from instant to instant of one [`Placing`].
     pub id: u64,
-    /// Where it touches the ground: the mean of its sources' feet, the better known counting more.
+    /// Where it touches the ground: the mean of its sources' feet, the better known counting more; of people who were followed for a while,
+    /// with where they should be by now.
     pub foot_in_world: DVec3,
-    /// Covariance of that place on the ground, square metres; symmetric, finite.
+    /// Covariance of the sources' mean on the ground, square metres; symmetric, finite.
     pub foot_covariance_m2: DMat2,
     /// How fast it goes.
     pub velocity: Velocity,

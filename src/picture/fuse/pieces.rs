@@ -29,6 +29,8 @@ pub(super) struct Piece {
     pub(super) tracks: Vec<Followed>,
     /// Of a single track, the rectangle of the whole thing and its foot, also where the border cuts it.
     pub(super) whole: Option<(PixelRect, [f64; 2])>,
+    /// Says that it is what is left of a blob, of which other pixels are somebody's whom several cameras tell together.
+    pub(super) is_rest: bool,
 }
 
 /// The pieces of one frame, in the order of their largest blobs.
@@ -81,6 +83,7 @@ fn piece(member: usize, blob: &Blob, shown: &[&Track]) -> Piece {
         is_truncated: blob.is_truncated,
         tracks: shown.iter().map(followed).collect(),
         whole,
+        is_rest: false,
     }
 }
 

@@ -9,7 +9,7 @@ use super::estimate::Foot;
 use glam::{DMat2, DVec2};
 
 /// Noise of acceleration, m^2/s^3: people start, stop and turn.
-const ACCELERATION: f64 = 0.5;
+const ACCELERATION: f64 = 1.0;
 
 /// Standard deviation of the velocity of who was seen once, metres a second.
 pub(super) const FIRST_VELOCITY: f64 = 1.5;
@@ -71,6 +71,12 @@ impl Walk {
         self.pace = (self.pace + self.pace.transpose()) * 0.5;
     }
 
+    /// Returns the same with where they were seen taken in.
+    pub(super) fn corrected(mut self, seen: &Foot) -> Self {
+        self.correct(seen);
+        self
+    }
+
     /// How fast they go.
     pub(super) fn velocity(&self) -> Velocity {
         // The greater of the two eigenvalues.
@@ -99,7 +105,7 @@ mod tests {
         }
         let velocity = walk.velocity();
         assert!((velocity.over_ground_m_per_s - DVec2::new(1.4, 0.0)).length() < 0.1, "{velocity:?}");
-        assert!(velocity.sd_m_per_s > 0.1 && velocity.sd_m_per_s < 0.6, "{velocity:?}");
+        assert!(velocity.sd_m_per_s > 0.1 && velocity.sd_m_per_s < 0.7, "{velocity:?}");
         let before = walk.foot();
         walk.pass(2.0);
         let after = walk.foot();

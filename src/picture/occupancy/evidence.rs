@@ -105,6 +105,20 @@ impl Evidence {
         self.covers[pixel] > 0
     }
 
+    /// Counts the silhouette's pixels that nobody covers: those that are mostly foreground, and all.
+    pub(super) fn count_open(&self, silhouette: &Silhouette) -> [u32; 2] {
+        let mut counts = [0; 2];
+        for (row, [left, right]) in silhouette.spans.iter().enumerate() {
+            let first = (silhouette.first_row + row) * self.width;
+            let [left, right] = [*left, *right].map(|end| (end.round() as usize).min(self.width));
+            for pixel in (first + left..first + right).filter(|pixel| !self.is_covered(*pixel)) {
+                counts[0] += u32::from(self.is_foreground(pixel));
+                counts[1] += 1;
+            }
+        }
+        counts
+    }
+
     /// Returns what covering the silhouette's pixels gains beyond what others cover, pixels.
     pub(super) fn gain(&self, silhouette: &Silhouette) -> f32 {
         let mut gain = 0.0;
@@ -241,6 +255,18 @@ mod tests {
         data[51..60].fill(MOVING);
         evidence.load(&Mask { width: 17, height: 7, data: data.into() });
         assert_eq!(evidence.gain(&silhouette(3, &[[0.0, 17.0]])), 9.0 - 8.0 * AGAINST);
+    }
+
+    #[test]
+    fn open_pixels_are_those_that_nobody_covers() {
+        let mut evidence = Evidence::default();
+        let mut data = vec![0; 120];
+        data[50..70].fill(MOVING);
+        evidence.load(&Mask { width: 40, height: 3, data: data.into() });
+        let asked = silhouette(1, &[[5.0, 35.0], [0.0, 4.0]]);
+        assert_eq!(evidence.count_open(&asked), [20, 34]);
+        evidence.cover(&silhouette(1, &[[0.0, 15.0]]), 1);
+        assert_eq!(evidence.count_open(&asked), [15, 24]);
     }
 
     #[test]

@@ -22,7 +22,7 @@ use glam::{DVec2, DVec3};
 use grid::{Grid, Known, hidden_of, silhouettes};
 pub use owners::OwnerMap;
 pub(crate) use owners::{Owned, Owners};
-use silhouette::{Axis, Body, FIRST_M, Motion, Outliner, Silhouette, TYPICAL_M};
+use silhouette::{Axis, Body, FIRST_M, Motion, Outliner, Silhouette, TYPICAL_M, hidden_discs};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 use videofields_vision::frame::Mask;
@@ -43,8 +43,8 @@ const LEAST_SHARE: f32 = 0.12;
 /// Share of their height by which others are taken to be wider to both sides, when strips beside them are told from people ...
 const WIDER: f32 = 0.08;
 
-/// ... and share of the least score that somebody must still have then.
-const LEAST_BESIDE: f32 = 0.5;
+/// ... and share of what they need that somebody must still have then.
+const LEAST_BESIDE: f64 = 0.5;
 
 /// Times that everybody is moved and asked again.
 const SWEEPS: usize = 2;
@@ -86,6 +86,16 @@ const EXPECTED_SHARE: f32 = 0.6;
 
 /// Share of what they need that is seen at least of somebody who is there, before they are moved by fine steps.
 const COARSE_SHARE: f64 = 0.8;
+
+/// Least share of a silhouette, and pixels of it, that must be open, covered by nobody else, for a camera to tell whether somebody is there.
+const LOOKED_AT: f32 = 0.5;
+const LEAST_LOOKED_AT_PX: f32 = 12.0;
+
+/// Share of these that is foreground, beneath which nobody is there.
+const MOST_OF_NOBODY: f32 = 0.2;
+
+/// A camera does not show somebody where more than this share of their silhouette is background.
+const MOST_BACKGROUND: f32 = 0.3;
 
 /// Somebody who is known from instants before, where they should be by now.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -176,6 +186,50 @@ impl Occupancy {
         people
     }
 
+    /// Leaves somebody out of those whose pixels are covered since they were found.
+    pub(crate) fn uncover(&mut self, person: &Person) {
+        self.cover_widened(person, -1);
+    }
+
+    /// Returns true if a camera looks at a place where somebody would stand, and shows nobody there, by the masks that were looked at last:
+    /// at least half of their silhouette is covered by nobody else, and hardly any of that is foreground.
+    pub(crate) fn shows_nobody(&mut self, scene: &Scene, camera_idx: usize, body: (DVec3, f64)) -> bool {
+        let Some(([n_foreground, n_open], area_px)) = self.count_open(scene, camera_idx, body) else {
+            return false;
+        };
+        let is_looked_at = n_open as f32 >= (LOOKED_AT * area_px).max(LEAST_LOOKED_AT_PX);
+        is_looked_at && (n_foreground as f32) < MOST_OF_NOBODY * n_open as f32
+    }
+
+    /// Returns true if a camera shows background where it should show somebody who would stand at a place.
+    pub(crate) fn shows_background(&mut self, scene: &Scene, camera_idx: usize, body: (DVec3, f64)) -> bool {
+        let open = self.count_open(scene, camera_idx, body);
+        open.is_some_and(|([n_foreground, n_open], area_px)| {
+            (n_open - n_foreground) as f32 > MOST_BACKGROUND * area_px
+        })
+    }
+
+    /// Counts the pixels of the silhouette that somebody of a height would have at a place in a camera's mask, and that nobody covers: those
+    /// that are foreground, and all; with the silhouette's whole area. None if the camera does not look there.
+    fn count_open(
+        &mut self,
+        scene: &Scene,
+        camera_idx: usize,
+        (foot_in_world, height_m): (DVec3, f64),
+    ) -> Option<([u32; 2], f32)> {
+        let evidence = &self.evidence[camera_idx];
+        let camera = &scene.cameras[camera_idx].camera;
+        let is_inside =
+            |up_m: f64| camera.project(foot_in_world + DVec3::Z * up_m).is_some_and(|of| of.is_inside());
+        if !evidence.is_usable() || !(is_inside(0.0) || is_inside(height_m)) {
+            return None;
+        }
+        let body = Body { foot_in_world, height_m };
+        let hidden = hidden_discs(camera, &scene.surfaces, &body);
+        let silhouette = self.outliner.silhouette(camera, evidence.size(), &body, hidden)?;
+        Some((evidence.count_open(&silhouette), silhouette.area_px))
+    }
+
     /// Takes the masks, and makes the cells anew if the scene or a picture's size is another.
     fn fit(&mut self, scene: &Arc<Scene>, masks: &[Option<&Mask>]) {
         self.evidence.resize_with(masks.len(), Evidence::default);
@@ -257,7 +311,7 @@ impl Occupancy {
         people.retain(|person| {
             self.cover_widened(person, -1);
             let score = self.score(&person.silhouettes, person.height_m);
-            let is_kept = score >= LEAST_BESIDE * self.least_score(&person.silhouettes);
+            let is_kept = f64::from(score) >= LEAST_BESIDE * self.needed_score(person);
             if is_kept {
                 self.cover_widened(person, 1);
             }

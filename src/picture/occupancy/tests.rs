@@ -450,3 +450,53 @@ fn soft_edges_two_cells_wide_are_shown_with_somebody() {
     let n_owned = owners[0].people[0].n_px as usize;
     assert!(cells() > n_owned + 80 && cells() < 2 * n_owned, "{} of {n_owned}", cells());
 }
+
+#[test]
+fn a_camera_denies_whom_it_should_show_and_does_not() {
+    let eyes = [(0.0, -9.0), (9.0, 0.0)].map(|(x, y)| DVec3::new(x, y, 3.0));
+    let cameras = eyes.map(|eye| camera(eye, DVec3::Z * 0.8));
+    let wall = r#"{"id": "wall", "center_m": [-2.5, -1.0, 1.5], "size_m": [1.6, 0.2, 3]}"#;
+    let scene = scene(DVec3::ZERO, wall, &cameras);
+    let people = [(DVec3::new(0.0, -1.0, 0.0), 1.75)];
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &people));
+    let mut occupancy = Occupancy::default();
+    assert_eq!(occupancy.find(&scene, |idx| masks.get(idx), &[]).len(), 1);
+    let mut denies = |x: f64, y: f64, height_m: f64| {
+        let body = (DVec3::new(x, y, 0.0), height_m);
+        (occupancy.shows_nobody(&scene, 0, body), occupancy.shows_background(&scene, 0, body))
+    };
+    assert_eq!(denies(1.5, 0.0, 1.7), (true, true), "nobody stands there");
+    assert_eq!(denies(0.0, -1.0, 1.75), (false, false), "somebody does");
+    assert_eq!(denies(0.0, 1.2, 1.2), (false, false), "behind somebody");
+    assert!(denies(0.4, 0.2, 1.7).0, "a third of it behind somebody");
+    assert!(!denies(0.14, 0.2, 1.7).0, "most of it behind somebody");
+    assert_eq!(denies(-2.6, 0.6, 1.7), (false, false), "behind a wall");
+    assert_eq!(denies(0.0, -30.0, 1.7), (false, false), "behind the camera");
+    // Beside somebody the picture tells: a strip of them is no second one.
+    assert!(denies(0.35, -1.0, 1.75).1);
+}
+
+#[test]
+fn of_two_who_embrace_both_stay_while_both_are_expected_and_nobody_stays_in_anothers_place() {
+    let cameras = [(6.0, -6.0), (-6.0, -7.0)].map(|(x, y)| camera(DVec3::new(x, y, 3.0), DVec3::Z * 0.8));
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let one = (DVec3::ZERO, 1.75);
+    let mut n_found = [0; 2];
+    for idx in 0..16_u32 {
+        let beside = DVec2::from_angle(f64::from(idx) * 0.4) * 0.16;
+        let people = [one, (beside.extend(0.0), 1.7)];
+        let expected = people.map(|(foot_in_world, height_m)| Expected { foot_in_world, height_m });
+        for (n_found, shown) in n_found.iter_mut().zip([&people[..1], &people]) {
+            let masks = cameras.each_ref().map(|camera| mask(&scene, camera, shown));
+            *n_found += Occupancy::default().find(&scene, |idx| masks.get(idx), &expected).len();
+        }
+    }
+    assert!(n_found[0] == 16 && n_found[1] >= 28, "{n_found:?}");
+    // What coats and bags add to somebody is not whoever was beside them.
+    let masks = cameras.each_ref().map(|camera| broadened(&mask(&scene, camera, &[one]), 1));
+    for apart_m in [0.25, 0.35, 0.45] {
+        let expected = [one, (DVec3::X * apart_m, 1.7)];
+        let expected = expected.map(|(foot_in_world, height_m)| Expected { foot_in_world, height_m });
+        assert_eq!(Occupancy::default().find(&scene, |idx| masks.get(idx), &expected).len(), 1, "{apart_m}");
+    }
+}

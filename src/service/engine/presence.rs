@@ -40,8 +40,10 @@ pub struct PresentEntity {
     pub seen_by: Vec<CameraId>,
 }
 
-/// Most metres between where somebody is kept and where pictures of the same instant show them.
+/// Most metres between where somebody is kept and where pictures of the same instant show them, and most standard deviations of the latter,
+/// whichever is more: what is kept was known with the instants before.
 const SAME_M: f64 = 1.0;
+const SAME_SDS: f64 = 2.0;
 
 /// Latest answer about who is present in each scene; the newest is the last.
 #[derive(Debug, Default)]
@@ -143,7 +145,10 @@ fn name_as_kept(state: &mut SceneState, kept: &[PresentEntity]) {
     let mut pairs: Vec<(f64, usize, u64)> = Vec::new();
     for (idx, entity) in state.entities.iter().enumerate() {
         let away = |of: &PresentEntity| of.foot_in_world.distance(entity.foot_in_world);
-        let near = kept.iter().map(|of| (away(of), idx, of.id)).filter(|(away_m, ..)| *away_m <= SAME_M);
+        let covariance = entity.foot_covariance_m2;
+        let sd_m = (covariance.x_axis.x + covariance.y_axis.y).sqrt();
+        let most_m = SAME_M.max(SAME_SDS * sd_m);
+        let near = kept.iter().map(|of| (away(of), idx, of.id)).filter(|(away_m, ..)| *away_m <= most_m);
         pairs.extend(near);
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -71,7 +71,13 @@ impl<P: PathPlace> ThinnedPath<P> {
         let ticks = at.nanos_since(self.began_at).saturating_add(TICK_NANOS / 2) / TICK_NANOS;
         let Ok(ticks) = u32::try_from(ticks) else { return false };
         let point = TimedPlace { ticks, place };
-        (self.ended_at, self.latest) = (at, point.clone());
+        let before = std::mem::replace(&mut self.latest, point.clone());
+        self.ended_at = at;
+        let is_kept = self.points.last().is_some_and(|last| last.ticks >= before.ticks);
+        if !is_kept && point.place.is_far_from(&before.place, 1 << self.n_halvings) {
+            // A line from what was kept to where it leapt would be nowhere near it.
+            self.push(before);
+        }
         self.keep(point);
         true
     }
@@ -93,6 +99,10 @@ impl<P: PathPlace> ThinnedPath<P> {
             *last = point;
             return;
         }
+        self.push(point);
+    }
+
+    fn push(&mut self, point: TimedPlace<P>) {
         self.points.push(point);
         if self.points.len() >= MAX_PATH_POINTS {
             let mut is_kept = false;

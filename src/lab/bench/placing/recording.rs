@@ -13,7 +13,7 @@ use videofields_picture::scene::{Scene, SceneCamera, object_sizes};
 use videofields_recording::ingest::{self, MediaRoots, Pipeline, Source, SourceFrame};
 use videofields_recording::timeline::REACH_NANOS;
 use videofields_vision::clock::Timestamp;
-use videofields_vision::config::{CameraSettings, End, SourceSettings};
+use videofields_vision::config::{CameraSettings, End, SegmentSettings, SourceSettings};
 use videofields_vision::frame::Frame;
 use videofields_vision::observation::Observation;
 
@@ -48,6 +48,12 @@ impl Recording {
         let instants = truth::read(folder, &scene, rate_hz)?;
         let roots = MediaRoots::new(&[vec![folder.to_owned()], settings.media.roots.clone()].concat())?;
         Ok(Self { scene, cameras, roots, instants })
+    }
+
+    /// Returns it with cameras that are segmented by default, whatever its configuration says.
+    pub(super) fn segmented_by_default(mut self) -> Self {
+        self.cameras.iter_mut().for_each(|camera| camera.segment = SegmentSettings::default());
+        self
     }
 
     pub(super) fn n_cameras(&self) -> usize {
