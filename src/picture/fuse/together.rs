@@ -38,8 +38,8 @@ const NEAREST_SHARE: f64 = 0.5;
 /// Height by which the ground may rise along a camera's rays, metres.
 const STEP_UP_M: f64 = 0.6;
 
-/// Heights of anybody, metres: who would be taller at a place does not stand there.
-const HEIGHTS_M: [f64; 2] = [0.5, 2.1];
+/// Heights of anybody about whom other cameras are asked, metres: who would be taller at a place does not stand there.
+const ASKED_HEIGHTS_M: [f64; 2] = [0.5, 2.1];
 
 /// Sightings of one instant about which other cameras are asked at most; others are believed.
 pub(super) const MOST_ASKED: usize = 32;
@@ -250,11 +250,10 @@ impl Together {
         let height_at = |metres_farther: f64| slope.mul_add(metres_farther, billboard.height_m);
         let farther_m = FARTHER_SDS * estimate.foot.sd_along_m(away);
         let mut is_denied_by_another = false;
-        let mut n_places = 0;
         for step in 0.. {
             let metres_farther = farther_m - f64::from(step) * DENIED_STEP_M;
             let is_near_enough = metres_farther >= (NEAREST_SHARE - 1.0) * distance_m;
-            let is_too_tall = metres_farther < 0.0 && height_at(metres_farther) > HEIGHTS_M[1];
+            let is_too_tall = metres_farther < 0.0 && height_at(metres_farther) > ASKED_HEIGHTS_M[1];
             if !is_near_enough || is_too_tall {
                 break;
             }
@@ -263,8 +262,8 @@ impl Together {
             }
             let place = foot.truncate() + away * metres_farther;
             let Some(at) = ground_beneath(scene, place.extend(foot.z + STEP_UP_M)) else { continue };
-            n_places += 1;
-            let height_m = (height_at(metres_farther) + foot.z - at.z).clamp(HEIGHTS_M[0], HEIGHTS_M[1]);
+            let height_m =
+                (height_at(metres_farther) + foot.z - at.z).clamp(ASKED_HEIGHTS_M[0], ASKED_HEIGHTS_M[1]);
             let body = (at, height_m);
             let is_denied = others.iter().any(|other| occupancy.shows_nobody(scene, *other, body));
             is_denied_by_another |= is_denied;
@@ -277,7 +276,7 @@ impl Together {
                 return false;
             }
         }
-        n_places > 0 && is_denied_by_another
+        is_denied_by_another
     }
 
     /// Leaves of a camera's piece what nobody explains; returns false if that is too little to be somebody.
