@@ -3,7 +3,7 @@
 //! People whom several cameras see are found by all masks together (`occupancy`), everything else by each camera's own blobs, which
 //! are joined afterwards.
 
-use super::together::{MOST_ASKED, Together};
+use super::together::Together;
 use super::{Association, CameraState, Entity, OwnerMap, SceneState, Sighting, billboard, line::Followed};
 use crate::occupancy::Occupancy;
 use crate::scene::{Scene, SceneCamera};
@@ -222,12 +222,7 @@ fn placed(
     let of_cameras = cameras.iter().zip(members).enumerate().flat_map(of_camera);
     let mut of_cameras: Vec<Sighting> = of_cameras.filter(is_large_enough).collect();
     if let Some((together, occupancy)) = together.as_ref().zip(occupancy) {
-        let mut n_asked = 0;
-        of_cameras.retain(|sighting| {
-            let is_asked = Together::is_doubtful(sighting) && n_asked < MOST_ASKED;
-            n_asked += usize::from(is_asked);
-            !(is_asked && together.is_denied(occupancy, scene, sighting))
-        });
+        together.drop_denied(occupancy, scene, &mut of_cameras);
     }
     let of_people = together.iter().flat_map(|together| together.sightings(cameras, members));
     let sightings: Vec<Sighting> = of_people.filter(is_large_enough).chain(of_cameras).collect();

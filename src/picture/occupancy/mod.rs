@@ -571,9 +571,13 @@ fn share_score(share: f32) -> f32 {
 
 /// Returns the ground at a place, near a height.
 fn ground_at(scene: &Scene, place: DVec2, near_z: f64) -> Option<DVec3> {
-    let ray = Ray { origin: place.extend(near_z + 0.6), direction: -DVec3::Z };
-    let hit = scene.surfaces.hit(&ray, 0.0)?;
-    (hit.face == Face::Top && hit.distance_m < 1.2).then_some(hit.point_in_world)
+    ground_beneath(scene, place.extend(near_z + 0.6)).filter(|ground| near_z + 0.6 - ground.z < 1.2)
+}
+
+/// Returns the ground, roof or storey beneath a point; none if what lies beneath is no place to stand.
+pub(crate) fn ground_beneath(scene: &Scene, point: DVec3) -> Option<DVec3> {
+    let hit = scene.surfaces.hit(&Ray { origin: point, direction: -DVec3::Z }, 0.0)?;
+    (hit.face == Face::Top).then_some(hit.point_in_world)
 }
 
 #[cfg(test)]
