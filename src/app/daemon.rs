@@ -212,7 +212,7 @@ fn start_keeper(config: &Config, engine: &Engine, store: &Store, clock: &Arc<dyn
     let settings = config.settings();
     let settings = KeeperSettings {
         scope: Scope::DAEMON,
-        stages: Stage::ALL.to_vec(),
+        stages: Stage::of_plans(),
         render: settings.render.clone(),
         measures_at_start: settings.accuracy.measure_at_start,
     };

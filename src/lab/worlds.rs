@@ -7,11 +7,11 @@ use glam::{DVec2, DVec3};
 use std::path::Path;
 use std::sync::Arc;
 use videofields::accuracy::{
-    JudgedView, OpenGate, Scope, Stage, Stopwatch, Subject, SubjectCamera, SubjectView, Sweep, SweepError,
-    ViewTruth, owners, sweep_gated,
+    JudgedView, OpenGate, Scope, Stage, Stopwatch, Subject, SubjectCamera, SubjectFigure, SubjectView, Sweep,
+    SweepError, ViewTruth, owners, sweep_gated,
 };
 use videofields_picture::scene::{self, SceneView};
-use videofields_simulate::{SimulateError, Station, Wanted, World};
+use videofields_simulate::{ActorKind, FigurePosition, SimulateError, Station, Wanted, World};
 use videofields_vision::clock::Clock;
 use videofields_vision::config::{self, CameraSettings};
 use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, YuvImage};
@@ -45,11 +45,14 @@ pub fn prepare(
     }
     let is_used = |of: &CameraId| cameras.iter().any(|camera| camera.id == *of);
     scene.cameras.retain(|member| is_used(&member.id));
+    let times_secs = (0..scope.n_frames.max(2)).map(|frame| f64::from(frame) * interval_secs);
+    let figures = times_secs.map(|time_secs| figures_at(world, time_secs)).collect::<Result<_, _>>()?;
     let mut subject = Subject {
         id,
         scene: Arc::new(scene),
         render: config.settings().render.clone(),
         cameras,
+        figures,
         interval_secs,
         views: Vec::new(),
         n_world_cameras,
@@ -110,6 +113,18 @@ pub fn of_world(error: SimulateError) -> SweepError {
 
 fn of_config(error: config::ConfigError) -> SweepError {
     SweepError::Subject { kind: error.kind(), message: format!("the world's configuration: {error}") }
+}
+
+/// Returns where everything that moves is.
+fn figures_at(world: &World, time_secs: f64) -> Result<Vec<SubjectFigure>, SweepError> {
+    let figure = |of: FigurePosition| {
+        let foot_m = of.foot_in_world.truncate();
+        let (low, high) = of.box_in_world;
+        let is_on_foot = of.kind == ActorKind::Walker;
+        let ground_m = if is_on_foot { [foot_m; 2] } else { [low.truncate(), high.truncate()] };
+        SubjectFigure { instance: of.instance, ground_m, is_on_foot }
+    };
+    Ok(world.figures(time_secs).map_err(of_world)?.into_iter().map(figure).collect())
 }
 
 /// Where the figures are on average over a period.

@@ -8,7 +8,7 @@
 
 use super::SweepError;
 use super::gate::Stopwatch;
-use super::subject::{JudgedView, Scope, Subject, SubjectCamera, ViewTruth};
+use super::subject::{JudgedView, Scope, Subject, SubjectCamera, SubjectFigure, ViewTruth};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -56,6 +56,14 @@ struct Walker {
     height_m: f64,
     /// Linear reflectance of legs, trunk and head.
     parts: [Vec3; 3],
+}
+
+impl Walker {
+    /// Returns the place of their feet.
+    fn foot(&self, time_secs: f64) -> DVec3 {
+        let angle = TAU * (self.start + time_secs / PERIOD_SECS);
+        (self.middle_m + self.radii_m * DVec2::from_angle(angle)).extend(0.0)
+    }
 }
 
 const WALKERS: [Walker; 3] = [
@@ -124,6 +132,9 @@ pub fn courtyard(
         scene: Arc::new(scene),
         render: render.clone(),
         cameras,
+        figures: (0..scope.n_frames.max(2))
+            .map(|frame| figures_at(f64::from(frame) * interval_secs))
+            .collect(),
         interval_secs,
         views: Vec::new(),
         n_world_cameras: all.len(),
@@ -152,6 +163,16 @@ fn internal(error: impl std::fmt::Display) -> SweepError {
     SweepError::Subject { message: format!("the courtyard: {error}"), kind: ErrorKind::Internal }
 }
 
+/// Returns where everybody stands.
+fn figures_at(time_secs: f64) -> Vec<SubjectFigure> {
+    let of = |(idx, walker): (usize, &Walker)| SubjectFigure {
+        instance: (idx + 1) as u8,
+        ground_m: [walker.foot(time_secs).truncate(); 2],
+        is_on_foot: true,
+    };
+    WALKERS.iter().enumerate().map(of).collect()
+}
+
 /// The scene's document with its cameras.
 fn document(cameras: &[(CameraId, Camera)]) -> Result<String, SweepError> {
     let mut document: serde_json::Value = serde_json::from_str(SCENE).map_err(internal)?;
@@ -173,8 +194,7 @@ struct People {
 impl People {
     fn at(time_secs: f64) -> Self {
         let parts = WALKERS.iter().flat_map(|walker| {
-            let angle = TAU * (walker.start + time_secs / PERIOD_SECS);
-            let foot = (walker.middle_m + walker.radii_m * DVec2::from_angle(angle)).extend(0.0);
+            let foot = walker.foot(time_secs);
             PART_RADII_M.into_iter().zip(PART_BEGINS.windows(2)).filter_map(move |(radius_m, ends)| {
                 let base = foot + DVec3::Z * ends[0] * walker.height_m;
                 Cylinder::new(base, radius_m, (ends[1] - ends[0]) * walker.height_m).ok()

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! courtyard (or a developer's world) ──subject──▶ what cameras see, what is true, views where none stands
-//!                      │ every knob's values: segmentation, map, views (surfaces, entities), whole pipelines
+//!                      │ every knob's values: segmentation, map, placing, views (surfaces, entities), whole pipelines
 //!                      ▼
 //!                    rows of cost and error ──front──▶ what is worth having ──keeper──▶ the daemon's table of costs
 //! ```
@@ -15,6 +15,7 @@ mod gate;
 mod keeper;
 mod machine;
 mod map;
+mod placing;
 mod segmentation;
 mod settings;
 mod subject;
@@ -27,9 +28,12 @@ pub use gate::{Gate, OpenGate, Stopped, Stopwatch};
 pub use keeper::{Keeper, KeeperSettings};
 pub use machine::{digest, machine};
 pub use map::{MAX_MAP_CAMERAS, MapRun};
+pub use placing::PlacingRun;
 pub use segmentation::SegmentationRun;
-pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
-pub use subject::{Judge, JudgedView, Scope, Subject, SubjectCamera, SubjectView, ViewTruth, owners};
+pub use settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms, placing_efforts};
+pub use subject::{
+    Judge, JudgedView, Scope, Subject, SubjectCamera, SubjectFigure, SubjectView, ViewTruth, owners,
+};
 pub use sweep::{Example, Skipped, Stage, Sweep, sweep_gated};
 pub use views::{Easel, ViewForm, ViewTime, ViewsRun, view_times};
 

@@ -1,5 +1,6 @@
 //! What can be set of each stage, and how a setting is called.
 
+use videofields_picture::occupancy::Effort;
 use videofields_picture::plan::{
     Detail, EntityStyle, FieldsForm, Filtering, HullForm, HullVisibility, MAX_BLENDED_CAMERAS,
     MAX_ENTITY_SOURCES, Sampling, Settings,
@@ -82,6 +83,20 @@ fn include<T: PartialOrd + Copy>(list: &mut Vec<T>, value: T) {
 pub fn map_forms() -> Vec<(String, Builder)> {
     let grid = |step_m: &f64| (format!("grid {step_m} m"), Builder::Grid(GridSettings { step_m: *step_m }));
     GRID_STEPS_M.iter().map(grid).chain([("ray".to_owned(), Builder::Ray)]).collect()
+}
+
+/// Returns efforts with which people are looked for, one knob after the other around the default: the knob's name, its value's name, and
+/// the effort.
+#[must_use]
+pub fn placing_efforts() -> Vec<(&'static str, String, Effort)> {
+    let default = Effort::default();
+    let columns = [160, 240, 320, 640].map(|most_columns| Effort { most_columns, ..default });
+    let sweeps = [1, 2, 3].map(|n_sweeps| Effort { n_sweeps, ..default });
+    let cells = [0.15, 0.25, 0.5].map(|cell_m| Effort { cell_m, ..default });
+    let columns = columns.into_iter().map(|of| ("columns of masks", of.most_columns.to_string(), of));
+    let sweeps = sweeps.into_iter().map(|of| ("sweeps", of.n_sweeps.to_string(), of));
+    let cells = cells.into_iter().map(|of| ("cells", format!("{} m", of.cell_m), of));
+    columns.chain(sweeps).chain(cells).collect()
 }
 
 /// How surfaces are drawn.
@@ -241,6 +256,12 @@ mod tests {
                 1,
                 "{knob}"
             );
+        }
+        let efforts = placing_efforts();
+        for knob in ["columns of masks", "sweeps", "cells"] {
+            let of_knob = || efforts.iter().filter(|(of, ..)| *of == knob);
+            assert_eq!(of_knob().filter(|(.., effort)| *effort == Effort::default()).count(), 1, "{knob}");
+            assert!(of_knob().count() > 2, "{knob}");
         }
         let odd = SegmentationForm { modes: 2, blur_sigma_px: 0.0, ..form };
         assert_eq!(odd.sweep().iter().filter(|(of, ..)| *of == "modes").count(), 4);

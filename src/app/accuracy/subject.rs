@@ -132,6 +132,27 @@ impl SubjectCamera {
     }
 }
 
+/// Somebody or something that moves, where it truly is at a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SubjectFigure {
+    /// Number of its pixels in [`SubjectCamera::instances`].
+    pub instance: u8,
+    /// Low and high corner of the rectangle along the world's axes that it covers of the ground, metres; of somebody on foot both are the
+    /// place of their feet.
+    pub ground_m: [DVec2; 2],
+    /// Says that it is somebody on foot.
+    pub is_on_foot: bool,
+}
+
+impl SubjectFigure {
+    /// Returns the distance of a place from the rectangle, metres; 0 within.
+    #[must_use]
+    pub fn distance_m(&self, place_m: DVec2) -> f64 {
+        let [low, high] = self.ground_m;
+        place_m.distance(place_m.clamp(low, high))
+    }
+}
+
 /// Holds what a view shows in truth.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewTruth {
@@ -180,6 +201,8 @@ pub struct Subject {
     pub render: RenderSettings,
     /// Its cameras, at most the scope's.
     pub cameras: Vec<SubjectCamera>,
+    /// Everything that moves, by frame of the period; seen or not.
+    pub figures: Vec<Vec<SubjectFigure>>,
     /// Seconds between frames.
     pub interval_secs: f64,
     /// The views.

@@ -6,11 +6,13 @@ use super::SweepError;
 use super::front::{knee, pareto_front};
 use super::gate::Stopwatch;
 use super::map::MapRun;
+use super::placing::PlacingRun;
 use super::segmentation::SegmentationRun;
-use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms};
+use super::settings::{EntityForm, SegmentationForm, SurfaceForm, map_forms, placing_efforts};
 use super::subject::{Scope, Subject};
 use super::views::{Easel, ViewForm, ViewTime, ViewsRun, view_times};
 use std::collections::BTreeMap;
+use videofields_picture::occupancy::Effort;
 use videofields_picture::plan::{self, CostRow, EntityStyle, HullForm, MAX_ENTITY_SOURCES, Sampling, Spread};
 use videofields_vision::error::one_of;
 use videofields_vision::frame::RgbImage;
@@ -25,6 +27,8 @@ pub enum Stage {
     Segmentation,
     /// From texels to world points.
     Map,
+    /// From masks to people on the ground.
+    Placing,
     /// Backgrounds projected on ground and boxes.
     Surfaces,
     /// What moves.
@@ -35,8 +39,14 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage.
-    pub const ALL: [Self; 5] =
-        [Self::Segmentation, Self::Map, Self::Surfaces, Self::Entities, Self::Pipeline];
+    pub const ALL: [Self; 6] =
+        [Self::Segmentation, Self::Map, Self::Placing, Self::Surfaces, Self::Entities, Self::Pipeline];
+
+    /// Returns the stages that plans of pictures are made by: all but placing, which runs beside pictures.
+    #[must_use]
+    pub fn of_plans() -> Vec<Self> {
+        Self::ALL.into_iter().filter(|stage| *stage != Self::Placing).collect()
+    }
 
     /// Its name in commands, files and tables.
     #[must_use]
@@ -44,6 +54,7 @@ impl Stage {
         match self {
             Self::Segmentation => "segmentation",
             Self::Map => "map",
+            Self::Placing => "placing",
             Self::Surfaces => "surfaces",
             Self::Entities => "entities",
             Self::Pipeline => "pipeline",
@@ -56,6 +67,7 @@ impl Stage {
         match self {
             Self::Segmentation => "1 - F-measure",
             Self::Map => "mean distance, m",
+            Self::Placing => "1 - MODA",
             Self::Surfaces => "RMSE of the still part, 8-bit codes",
             Self::Entities => "RMSE at people, 8-bit codes",
             Self::Pipeline => "mean of both RMSE, 8-bit codes",
@@ -68,6 +80,7 @@ impl Stage {
         match self {
             Self::Segmentation => "one frame of one camera",
             Self::Map => "the map of one camera",
+            Self::Placing => "one instant of every camera",
             Self::Surfaces | Self::Entities => "one view",
             Self::Pipeline => "one frame of every camera and one view",
         }
@@ -173,6 +186,9 @@ impl Sweeper<'_> {
         }
         if wants(Stage::Map) {
             self.map()?;
+        }
+        if wants(Stage::Placing) {
+            self.placing(default_form)?;
         }
         if !draws {
             return Ok(());
@@ -318,6 +334,28 @@ impl Sweeper<'_> {
             let time_ms = run.time_ms().ok_or(SweepError::Untimed)?;
             let cost = Cost { time_ms, memory_bytes: run.memory_bytes(), error, measures };
             self.push(Stage::Map, "builder", &value, Place::from(builder == Builder::Ray), cost);
+        }
+        Ok(())
+    }
+
+    fn placing(&mut self, form: SegmentationForm) -> Result<(), SweepError> {
+        let sweep = placing_efforts();
+        let mut efforts: Vec<Effort> = Vec::new();
+        for (.., effort) in &sweep {
+            if !efforts.contains(effort) {
+                efforts.push(*effort);
+            }
+        }
+        (self.progress)(&format!("placing: {} efforts in turns", efforts.len()));
+        let runs = PlacingRun::all(self.subject, &form, &efforts, self.watch)?;
+        for (knob, value, effort) in sweep {
+            let Some(run) = efforts.iter().position(|of| *of == effort).map(|idx| &runs[idx]) else {
+                continue;
+            };
+            let (error, measures) = run.measures();
+            let time_ms = run.time_ms().ok_or(SweepError::Untimed)?;
+            let cost = Cost { time_ms, memory_bytes: run.memory_bytes(), error, measures };
+            self.push(Stage::Placing, knob, &value, Place::from(effort == Effort::default()), cost);
         }
         Ok(())
     }

@@ -126,7 +126,7 @@ impl Deadlines {
         }
         let settings = KeeperSettings {
             scope: Scope::DAEMON,
-            stages: Stage::ALL.to_vec(),
+            stages: Stage::of_plans(),
             render: config.settings().render.clone(),
             measures_at_start: true,
         };

@@ -5,7 +5,7 @@
 
 use super::together::Together;
 use super::{Association, CameraState, Entity, OwnerMap, SceneState, Sighting, billboard, line::Followed};
-use crate::occupancy::Occupancy;
+use crate::occupancy::{Effort, Occupancy};
 use crate::scene::{Scene, SceneCamera};
 use std::sync::{Arc, Weak};
 use videofields_vision::clock::Timestamp;
@@ -93,6 +93,18 @@ impl Placing {
         Self { association: Association::default(), occupancy: None, corrected: None, answers: Vec::new() }
     }
 
+    /// Returns a memory with which people are looked for with an effort other than the usual one.
+    #[must_use]
+    pub fn with_effort(effort: Effort) -> Self {
+        Self { occupancy: Some(Occupancy::with(effort)), ..Self::by_blobs() }
+    }
+
+    /// Returns the bytes that are kept of the scene and of cameras' masks, to find people in them.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        self.occupancy.as_ref().map_or(0, Occupancy::memory_bytes)
+    }
+
     /// Returns a memory that gives ids from `next_id` on, 1 at least.
     #[must_use]
     pub fn counting_from(next_id: u64) -> Self {
@@ -119,7 +131,8 @@ impl Placing {
     /// Forgets who is known, and goes on with the ids that were not given yet.
     pub fn begin_anew(&mut self) {
         let corrected = self.corrected.take();
-        *self = Self { corrected, ..Self::counting_from(self.next_id()) };
+        let occupancy = self.occupancy.as_ref().map(|of| Occupancy::with(of.effort()));
+        *self = Self { corrected, occupancy, ..Self::counting_from(self.next_id()) };
     }
 
     /// Returns `scene` with its cameras as what they see is placed: itself where none is corrected.

@@ -3,17 +3,18 @@
 //! A mask and silhouettes flow in; sums over silhouettes flow out. A pixel that somebody covers already says nothing more.
 
 use super::silhouette::{Motion, Silhouette};
+use std::ops::Range;
 use videofields_vision::frame::Mask;
 use videofields_vision::segment::MOVING;
-
-/// Columns of the reduced masks at most: sums need no more.
-const MOST_COLUMNS: u32 = 320;
 
 /// Counts a covered pixel that is background so many times as one that is foreground.
 const AGAINST: f32 = 1.0;
 
 /// Rows of a silhouette of which a sum is made where it need not be exact.
 const ENOUGH_ROWS: usize = 16;
+
+/// Columns of a mask that are asked at once whether any of them is foreground.
+const STRIDE: usize = 64;
 
 /// More foreground than this share of the picture is a light that was switched or a camera that turned, and says nothing of people.
 const MOST_FOREGROUND: f32 = 0.6;
@@ -36,20 +37,21 @@ pub(super) struct Evidence {
 }
 
 impl Evidence {
-    /// Returns the size in which a mask of `size_px` is looked at: columns, rows.
-    pub(super) fn size_of((width, height): (u32, u32)) -> (usize, usize) {
-        let factor = width.div_ceil(MOST_COLUMNS).max(1);
-        (width.div_ceil(factor) as usize, height.div_ceil(factor) as usize)
+    /// Returns the bytes of a mask and its sums.
+    pub(super) const fn memory_bytes(&self) -> usize {
+        size_of::<f32>() * (self.gains.capacity() + self.sums.capacity() + self.empty_sums.capacity())
+            + size_of::<u16>() * self.covers.capacity()
     }
 
     pub(super) const fn size(&self) -> (usize, usize) {
         (self.width, self.height)
     }
 
-    /// Takes a hard mask; nobody covers anything yet.
-    pub(super) fn load(&mut self, labels: &Mask) {
-        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1);
-        (self.width, self.height) = Self::size_of((labels.width, labels.height));
+    /// Takes a hard mask, reduced to `most_columns` at most; nobody covers anything yet.
+    pub(super) fn load(&mut self, labels: &Mask, most_columns: u32) {
+        let factor = labels.width.div_ceil(most_columns.max(1)).max(1);
+        (self.width, self.height) =
+            (labels.width.div_ceil(factor) as usize, labels.height.div_ceil(factor) as usize);
         let n_pixels = self.width * self.height;
         self.gains.resize(n_pixels, 0.0);
         self.sums.resize((self.width + 1) * self.height, 0.0);
@@ -60,33 +62,34 @@ impl Evidence {
         let mut n_foreground = 0;
         for y in 0..self.height {
             let rows = y as u32 * factor..((y as u32 + 1) * factor).min(labels.height);
-            if rows.clone().any(|row| labels.row(row).contains(&MOVING)) {
-                n_foreground += self.load_row(labels, y, rows);
-            } else {
-                self.gains[y * self.width..][..self.width].fill(-AGAINST);
-                self.sums[y * (self.width + 1)..][..=self.width].copy_from_slice(&self.empty_sums);
+            self.gains[y * self.width..][..self.width].fill(-AGAINST);
+            self.sums[y * (self.width + 1)..][..=self.width].copy_from_slice(&self.empty_sums);
+            if let Some(columns) = columns_with_foreground(labels, rows.clone()) {
+                n_foreground += self.load_row(labels, y, rows, columns);
             }
         }
         self.is_blind = n_foreground as f32 > MOST_FOREGROUND * n_pixels as f32;
     }
 
-    /// Takes `rows` of a hard mask as one, and returns how many of its pixels are mostly foreground.
-    fn load_row(&mut self, labels: &Mask, y: usize, rows: std::ops::Range<u32>) -> usize {
-        let factor = labels.width.div_ceil(MOST_COLUMNS).max(1) as usize;
-        let gains = &mut self.gains[y * self.width..][..self.width];
+    /// Takes `columns` of `rows` of a hard mask as one, and returns how many of its pixels are mostly foreground.
+    fn load_row(&mut self, labels: &Mask, y: usize, rows: Range<u32>, columns: Range<usize>) -> usize {
+        let factor = (labels.width as usize).div_ceil(self.width);
+        let columns = columns.start / factor..columns.end.div_ceil(factor);
+        let gains = &mut self.gains[y * self.width..][columns.clone()];
         gains.fill(0.0);
         for row in rows.clone() {
-            for (gain, block) in gains.iter_mut().zip(labels.row(row).chunks(factor)) {
+            for (gain, block) in
+                gains.iter_mut().zip(labels.row(row)[columns.start * factor..].chunks(factor))
+            {
                 *gain += block.iter().filter(|label| **label == MOVING).count() as f32;
             }
         }
-        for (x, gain) in gains.iter_mut().enumerate() {
-            let columns = factor.min(labels.width as usize - x * factor);
-            *gain = *gain / (rows.len() * columns) as f32 * (1.0 + AGAINST) - AGAINST;
+        for (x, gain) in columns.clone().zip(gains.iter_mut()) {
+            let n_columns = factor.min(labels.width as usize - x * factor);
+            *gain = *gain / (rows.len() * n_columns) as f32 * (1.0 + AGAINST) - AGAINST;
         }
         let n_foreground = gains.iter().filter(|gain| **gain > 0.0).count();
-        self.sums[y * (self.width + 1)] = 0.0;
-        self.sum_columns(y, 0..self.width);
+        self.sum_columns(y, columns);
         n_foreground
     }
 
@@ -108,13 +111,9 @@ impl Evidence {
     /// Counts the silhouette's pixels that nobody covers: those that are mostly foreground, and all.
     pub(super) fn count_open(&self, silhouette: &Silhouette) -> [u32; 2] {
         let mut counts = [0; 2];
-        for (row, [left, right]) in silhouette.spans.iter().enumerate() {
-            let first = (silhouette.first_row + row) * self.width;
-            let [left, right] = [*left, *right].map(|end| (end.round() as usize).min(self.width));
-            for pixel in (first + left..first + right).filter(|pixel| !self.is_covered(*pixel)) {
-                counts[0] += u32::from(self.is_foreground(pixel));
-                counts[1] += 1;
-            }
+        for pixel in silhouette.runs(self.width).flatten().filter(|pixel| !self.is_covered(*pixel)) {
+            counts[0] += u32::from(self.is_foreground(pixel));
+            counts[1] += 1;
         }
         counts
     }
@@ -142,22 +141,20 @@ impl Evidence {
 
     /// Covers or, with `by` below 0, uncovers a silhouette's pixels.
     pub(super) fn cover(&mut self, silhouette: &Silhouette, by: i16) {
-        for (row, [left, right]) in silhouette.spans.iter().enumerate() {
-            let y = silhouette.first_row + row;
-            let [left, right] = [*left, *right].map(|end| (end.round() as usize).min(self.width));
-            if left >= right {
+        for (row, pixels) in silhouette.runs(self.width).enumerate() {
+            if pixels.is_empty() {
                 continue;
             }
-            for count in &mut self.covers[y * self.width + left..y * self.width + right] {
-                *count = count.saturating_add_signed(by);
-            }
-            self.sum_columns(y, left..right);
+            let y = silhouette.first_row + row;
+            let first = y * self.width;
+            self.covers[pixels.clone()].iter_mut().for_each(|count| *count = count.saturating_add_signed(by));
+            self.sum_columns(y, pixels.start - first..pixels.end - first);
         }
     }
 
     /// Sums columns of a row anew, and moves the sums behind them by what changed. Rounding adds up until a mask is loaded, far below a
     /// pixel.
-    fn sum_columns(&mut self, y: usize, columns: std::ops::Range<usize>) {
+    fn sum_columns(&mut self, y: usize, columns: Range<usize>) {
         let first = y * self.width;
         let pixels = first + columns.start..first + columns.end;
         let sums = &mut self.sums[y * (self.width + 1)..(y + 1) * (self.width + 1)];
@@ -172,6 +169,19 @@ impl Evidence {
         let change = sum - last;
         behind.iter_mut().for_each(|sum| *sum += change);
     }
+}
+
+/// Returns the columns between which `rows` of a mask have all their foreground, to within [`STRIDE`]; none where they have none.
+fn columns_with_foreground(labels: &Mask, mut rows: Range<u32>) -> Option<Range<usize>> {
+    let has_foreground = |columns: &[u8]| columns.contains(&MOVING);
+    let ends = |row: u32| {
+        let mut parts = labels.row(row).chunks(STRIDE);
+        let first = parts.position(has_foreground)?;
+        let last = parts.rposition(has_foreground).map_or(first, |behind| first + 1 + behind);
+        Some(first * STRIDE..((last + 1) * STRIDE).min(labels.width as usize))
+    };
+    let first = rows.find_map(ends)?;
+    Some(rows.filter_map(ends).fold(first, |all, of| all.start.min(of.start)..all.end.max(of.end)))
 }
 
 /// Returns the sum up to a place between columns.
@@ -204,7 +214,7 @@ mod tests {
         ) {
             let mask = mask(40, 10, seed);
             let mut evidence = Evidence::default();
-            evidence.load(&mask);
+            evidence.load(&mask, 320);
             let of = |spans: &[(u8, u8)]| {
                 let spans: Vec<_> = spans.iter().map(|(a, b)| [f32::from(*a.min(b)), f32::from(*a.max(b))]).collect();
                 silhouette(2, &spans)
@@ -234,13 +244,13 @@ mod tests {
     #[test]
     fn a_mask_leaves_nothing_of_the_one_before() {
         let mut evidence = Evidence::default();
-        evidence.load(&Mask::filled(40, 3, MOVING));
+        evidence.load(&Mask::filled(40, 3, MOVING), 320);
         let all = silhouette(0, &[[0.0, 40.0]; 3]);
         assert!(!evidence.is_usable(), "a lamp");
         evidence.cover(&all, 1);
         let mut data = vec![0; 120];
         data[50..70].fill(MOVING);
-        evidence.load(&Mask { width: 40, height: 3, data: data.into() });
+        evidence.load(&Mask { width: 40, height: 3, data: data.into() }, 320);
         assert!(evidence.is_usable() && !evidence.is_covered(55));
         assert_eq!(evidence.gain(&all), 20.0 - 100.0 * AGAINST);
         assert_eq!(evidence.gain(&silhouette(1, &[[10.0, 30.0]])), 20.0);
@@ -253,7 +263,7 @@ mod tests {
         // Another size, with foreground in a row whose sums began elsewhere.
         let mut data = vec![0; 119];
         data[51..60].fill(MOVING);
-        evidence.load(&Mask { width: 17, height: 7, data: data.into() });
+        evidence.load(&Mask { width: 17, height: 7, data: data.into() }, 320);
         assert_eq!(evidence.gain(&silhouette(3, &[[0.0, 17.0]])), 9.0 - 8.0 * AGAINST);
     }
 
@@ -262,7 +272,7 @@ mod tests {
         let mut evidence = Evidence::default();
         let mut data = vec![0; 120];
         data[50..70].fill(MOVING);
-        evidence.load(&Mask { width: 40, height: 3, data: data.into() });
+        evidence.load(&Mask { width: 40, height: 3, data: data.into() }, 320);
         let asked = silhouette(1, &[[5.0, 35.0], [0.0, 4.0]]);
         assert_eq!(evidence.count_open(&asked), [20, 34]);
         evidence.cover(&silhouette(1, &[[0.0, 15.0]]), 1);
@@ -272,14 +282,14 @@ mod tests {
     #[test]
     fn parts_of_columns_count_in_part_and_large_masks_are_reduced() {
         let mut evidence = Evidence::default();
-        evidence.load(&Mask { width: 4, height: 1, data: vec![MOVING, 0, 0, 0].into() });
+        evidence.load(&Mask { width: 4, height: 1, data: vec![MOVING, 0, 0, 0].into() }, 320);
         assert!((evidence.gain(&silhouette(0, &[[0.5, 1.25]])) - (0.5 - 0.25 * AGAINST)).abs() < 1e-6);
         // 641 columns are thirds; the last has two columns, of which one moves.
         let mut data = vec![0; 641 * 2];
         data[..3].fill(MOVING);
         data[641..644].fill(MOVING);
         (data[640], data[1281]) = (MOVING, MOVING);
-        evidence.load(&Mask { width: 641, height: 2, data: data.into() });
+        evidence.load(&Mask { width: 641, height: 2, data: data.into() }, 320);
         assert_eq!(evidence.size(), (214, 1));
         assert!((evidence.gain(&silhouette(0, &[[0.0, 1.0]])) - 1.0).abs() < 1e-6);
         assert!((evidence.gain(&silhouette(0, &[[213.0, 214.0]])) - (0.5 - 0.5 * AGAINST)).abs() < 1e-6);

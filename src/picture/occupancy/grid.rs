@@ -10,8 +10,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use videofields_vision::geometry::{Camera, Face, Ray};
 
-/// Side of a cell, metres.
-const CELL_M: f64 = 0.25;
+/// Least side of a cell, metres.
+const LEAST_CELL_M: f64 = 0.05;
 
 /// Cells of a scene at most: of larger scenes they are larger.
 const MOST_CELLS: f64 = 1e6;
@@ -80,13 +80,13 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    /// Returns the cells of `scene` that a camera of `sizes` (columns and rows by camera; 0 of cameras that show nothing) sees.
-    pub(super) fn new(scene: &Scene, sizes: Vec<(usize, usize)>) -> Self {
+    /// Returns the cells of `scene`, with sides of `cell_m`, that a camera of `sizes` (columns and rows by camera; 0 of cameras that show nothing) sees.
+    pub(super) fn new(scene: &Scene, sizes: Vec<(usize, usize)>, cell_m: f64) -> Self {
         let mut grid =
-            Self { sizes, side_m: CELL_M, cells: Vec::new(), looks: Vec::new(), silhouettes: HashMap::new() };
+            Self { sizes, side_m: cell_m, cells: Vec::new(), looks: Vec::new(), silhouettes: HashMap::new() };
         let Some([low, high]) = scene.surfaces.ground_bounds() else { return grid };
         let area = ((high.x - low.x) * (high.y - low.y)).max(0.0);
-        let side_m = CELL_M.max((area / MOST_CELLS).sqrt());
+        let side_m = LEAST_CELL_M.max(cell_m).max((area / MOST_CELLS).sqrt());
         grid.side_m = side_m;
         let top = scene.surfaces.bounds().map_or(high.z, |[_, high]| high.z) + 1.0;
         let count = |low: f64, high: f64| ((high - low) / side_m).ceil().max(1.0) as usize;
@@ -145,6 +145,21 @@ impl Grid {
     pub(super) fn is_for(&self, sizes: &[(usize, usize)]) -> bool {
         self.sizes.len() == sizes.len()
             && self.sizes.iter().zip(sizes).all(|(own, size)| size.0 == 0 || own == size)
+    }
+
+    /// Returns the bytes of the cells, of what cameras see of them, and of silhouettes that are kept.
+    pub(super) fn memory_bytes(&self) -> usize {
+        let rows = |of: &Silhouette| size_of_val(&*of.spans);
+        let of_known = |known: &Known| {
+            let silhouettes = known.silhouettes.iter().flatten().map(rows).sum::<usize>();
+            size_of_val(&*known.silhouettes) + silhouettes + size_of_val(&*known.hidden)
+        };
+        let kept = self.silhouettes.values().map(of_known).sum::<usize>();
+        let entry = size_of::<((usize, usize), Known)>();
+        size_of::<Cell>() * self.cells.capacity()
+            + size_of::<Look>() * self.looks.capacity()
+            + entry * self.silhouettes.capacity()
+            + kept
     }
 
     pub(super) fn sizes(&self) -> &[(usize, usize)] {

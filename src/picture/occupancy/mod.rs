@@ -46,9 +46,6 @@ const WIDER: f32 = 0.08;
 /// ... and share of what they need that somebody must still have then.
 const LEAST_BESIDE: f64 = 0.5;
 
-/// Times that everybody is moved and asked again.
-const SWEEPS: usize = 2;
-
 /// Steps by which places and heights are moved, metres, from coarse to fine.
 const STEPS_M: [f64; 2] = [0.12, 0.04];
 
@@ -97,6 +94,23 @@ const MOST_OF_NOBODY: f32 = 0.2;
 /// A camera does not show somebody where more than this share of their silhouette is background.
 const MOST_BACKGROUND: f32 = 0.3;
 
+/// Work that is done to find people: what more of it costs in time, less of it costs in accuracy.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Columns in which masks are looked at, at most, from 1 on; larger masks are reduced.
+    pub most_columns: u32,
+    /// Times that everybody is moved and asked again, from 1 on.
+    pub n_sweeps: usize,
+    /// Side of the cells of the ground in which people are looked for, metres, from 0.05 on. Cells of large scenes are larger.
+    pub cell_m: f64,
+}
+
+impl Default for Effort {
+    fn default() -> Self {
+        Self { most_columns: 320, n_sweeps: 2, cell_m: 0.25 }
+    }
+}
+
 /// Somebody who is known from instants before, where they should be by now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expected {
@@ -137,6 +151,7 @@ impl Person {
 /// Finds people; keeps its memory from instant to instant.
 #[derive(Debug, Default)]
 pub struct Occupancy {
+    effort: Effort,
     grid: Option<(Arc<Scene>, Grid)>,
     evidence: Vec<Evidence>,
     outliner: Outliner,
@@ -170,6 +185,25 @@ impl PartialOrd for Candidate {
 }
 
 impl Occupancy {
+    /// Returns one that finds people with this effort.
+    #[must_use]
+    pub fn with(effort: Effort) -> Self {
+        Self { effort, ..Self::default() }
+    }
+
+    /// Returns the effort with which people are found.
+    #[must_use]
+    pub const fn effort(&self) -> Effort {
+        self.effort
+    }
+
+    /// Returns the bytes that are kept for a scene and the masks of its cameras.
+    #[must_use]
+    pub fn memory_bytes(&self) -> usize {
+        let grid_bytes = self.grid.as_ref().map_or(0, |(_, grid)| grid.memory_bytes());
+        grid_bytes + self.evidence.iter().map(Evidence::memory_bytes).sum::<usize>()
+    }
+
     /// Returns who stands in `scene`; `labels` gives a camera's hard mask, by its place in the scene, if it has one. Those who are
     /// `expected` are looked for first, and less of them must be seen than of others.
     pub fn find<'a>(
@@ -236,7 +270,7 @@ impl Occupancy {
         let mut sizes = Vec::with_capacity(masks.len());
         for (evidence, mask) in self.evidence.iter_mut().zip(masks) {
             match mask {
-                Some(mask) => evidence.load(mask),
+                Some(mask) => evidence.load(mask, self.effort.most_columns),
                 None => *evidence = Evidence::default(),
             }
             sizes.push(evidence.size());
@@ -250,7 +284,7 @@ impl Occupancy {
                 let absent = sizes.iter_mut().zip(before.sizes()).filter(|(size, _)| size.0 == 0);
                 absent.for_each(|(size, known)| *size = *known);
             }
-            self.grid = Some((Arc::clone(scene), Grid::new(scene, sizes)));
+            self.grid = Some((Arc::clone(scene), Grid::new(scene, sizes, self.effort.cell_m)));
         }
     }
 
@@ -283,7 +317,7 @@ impl Occupancy {
             self.cover(&person, 1);
             people.push(person);
         }
-        for sweep in 0..SWEEPS {
+        for sweep in 0..self.effort.n_sweeps.max(1) {
             people.retain_mut(|person| {
                 self.cover(person, -1);
                 let score = f64::from(self.score(&person.silhouettes, person.height_m));

@@ -3,6 +3,7 @@
 //! People and masks flow in; a map of owners flows out, in the size in which masks are looked at. Of several who cover a pixel it is the
 //! nearest's; what nobody covers goes to those whom it hangs together with, as far as arms reach.
 
+use super::silhouette::Silhouette;
 use super::{Occupancy, Person};
 use crate::scene::Scene;
 
@@ -27,6 +28,8 @@ pub(crate) struct Owners {
     of_pixels: Vec<u16>,
     /// By person.
     pub(crate) people: Vec<Owned>,
+    /// All pixels that are somebody's.
+    owned: Vec<usize>,
 }
 
 /// Somebody's pixels.
@@ -165,33 +168,16 @@ impl Occupancy {
             height,
             of_pixels: vec![NOBODY; width * height],
             people: vec![Owned::default(); people.len()],
+            owned: Vec::new(),
         };
         let eye = scene.cameras[camera_idx].camera.pose().position_in_world;
-        let mut farthest_first: Vec<usize> = (0..people.len().min(usize::from(NOBODY) - 1)).collect();
+        let mut nearest_first: Vec<usize> = (0..people.len().min(usize::from(NOBODY))).collect();
         let distance_m = |idx: &usize| people[*idx].foot_in_world.distance(eye);
-        farthest_first.sort_by(|a, b| distance_m(b).total_cmp(&distance_m(a)));
-        for idx in farthest_first {
-            let Some(silhouette) = &people[idx].silhouettes[camera_idx] else { continue };
-            for (row, [left, right]) in silhouette.spans.iter().enumerate() {
-                let [left, right] = [*left, *right].map(|end| (end.round() as usize).min(width));
-                let first = (silhouette.first_row + row) * width;
-                if left < right {
-                    owners.of_pixels[first + left..first + right].fill(idx as u16);
-                }
-            }
-        }
-        for (pixel, owner) in owners.of_pixels.iter_mut().enumerate() {
-            if *owner == NOBODY {
-                continue;
-            }
-            let of = &mut owners.people[usize::from(*owner)];
-            of.n_visible += 1;
-            if evidence.is_foreground(pixel) {
-                of.n_found += 1;
-            } else {
-                *owner = NOBODY;
-            }
-        }
+        nearest_first.sort_by(|a, b| distance_m(a).total_cmp(&distance_m(b)));
+        let shown = nearest_first
+            .into_iter()
+            .filter_map(|idx| Some((idx, people[idx].silhouettes[camera_idx].as_ref()?)));
+        owners.give_covered(shown, |pixel| evidence.is_foreground(pixel));
         let reach: Vec<u16> = people
             .iter()
             .map(|person| {
@@ -207,27 +193,54 @@ impl Occupancy {
 }
 
 impl Owners {
+    /// Gives people, the nearest first, what they cover and nobody nearer does.
+    fn give_covered<'a>(
+        &mut self,
+        nearest_first: impl Iterator<Item = (usize, &'a Silhouette)>,
+        is_foreground: impl Fn(usize) -> bool,
+    ) {
+        let mut background = Vec::new();
+        for (idx, silhouette) in nearest_first {
+            let (first_found, first_missing) = (self.owned.len(), background.len());
+            for pixel in silhouette.runs(self.width).flatten() {
+                if self.of_pixels[pixel] != NOBODY {
+                    continue;
+                }
+                self.of_pixels[pixel] = idx as u16;
+                let list = if is_foreground(pixel) { &mut self.owned } else { &mut background };
+                list.push(pixel);
+            }
+            let n_found = self.owned.len() - first_found;
+            let person = &mut self.people[idx];
+            person.n_found = n_found as u32;
+            person.n_visible = (n_found + background.len() - first_missing) as u32;
+        }
+        background.into_iter().for_each(|pixel| self.of_pixels[pixel] = NOBODY);
+    }
+
     /// Gives foreground that hangs together with somebody's to them, up to so many steps by person.
     fn grow(&mut self, reach: &[u16], is_foreground: impl Fn(usize) -> bool) {
-        let (width, height) = (self.width, self.height);
-        let mut open: Vec<usize> =
-            (0..self.of_pixels.len()).filter(|pixel| self.of_pixels[*pixel] != NOBODY).collect();
-        let mut next = Vec::new();
+        let size = (self.width, self.height);
+        // What was given in the step before, or at first whatever is somebody's.
+        let mut last = 0..self.owned.len();
         for step in 1..=reach.iter().copied().max().unwrap_or(0) {
-            open.retain(|pixel| reach[usize::from(self.of_pixels[*pixel])] >= step);
-            for pixel in open.drain(..) {
+            for idx in last.clone() {
+                let pixel = self.owned[idx];
                 let owner = self.of_pixels[pixel];
-                let first_new = next.len();
-                let is_open = |other: &usize| self.of_pixels[*other] == NOBODY && is_foreground(*other);
-                next.extend(beside(pixel, (width, height)).filter(is_open));
-                for other in &next[first_new..] {
+                if reach[usize::from(owner)] < step {
+                    continue;
+                }
+                let (first_new, of_pixels) = (self.owned.len(), &self.of_pixels);
+                let is_open = |other: &usize| of_pixels[*other] == NOBODY && is_foreground(*other);
+                self.owned.extend(beside(pixel, size).filter(is_open));
+                for other in &self.owned[first_new..] {
                     self.of_pixels[*other] = owner;
                 }
             }
-            if next.is_empty() {
+            last = last.end..self.owned.len();
+            if last.is_empty() {
                 return;
             }
-            std::mem::swap(&mut open, &mut next);
         }
     }
 
@@ -235,19 +248,19 @@ impl Owners {
     fn take_parts(&mut self, is_foreground: impl Fn(usize) -> bool) {
         let mut is_seen = vec![false; self.of_pixels.len()];
         let mut is_part = vec![false; self.of_pixels.len()];
-        let mut part = Vec::new();
-        for first in 0..self.of_pixels.len() {
+        let (mut part, mut has_parts) = (Vec::new(), false);
+        for first in self.owned.iter().flat_map(|pixel| beside(*pixel, (self.width, self.height))) {
             let is_open = |pixel: usize| self.of_pixels[pixel] == NOBODY && is_foreground(pixel);
             if is_seen[first] || !is_open(first) {
                 continue;
             }
             let most_visible = self.part_around(first, is_open, &mut is_seen, &mut part);
             let is_small = part.len() as f32 <= MOST_PART * most_visible as f32;
+            has_parts |= is_small;
             part.drain(..).for_each(|pixel| is_part[pixel] = is_small);
         }
-        let reach = vec![u16::MAX; self.people.len()];
-        if is_part.contains(&true) {
-            self.grow(&reach, |pixel| is_part[pixel]);
+        if has_parts {
+            self.grow(&vec![u16::MAX; self.people.len()], |pixel| is_part[pixel]);
         }
     }
 
@@ -279,9 +292,9 @@ impl Owners {
     }
 
     fn count(&mut self) {
-        for (pixel, owner) in self.of_pixels.iter().enumerate().filter(|(_, owner)| **owner != NOBODY) {
+        for pixel in &self.owned {
             let (x, y) = (pixel % self.width, pixel / self.width);
-            let of = &mut self.people[usize::from(*owner)];
+            let of = &mut self.people[usize::from(self.of_pixels[*pixel])];
             let [left, top, right, bottom] = of.bounds;
             of.bounds = if of.n_px == 0 {
                 [x, y, x + 1, y + 1]

@@ -4,6 +4,7 @@
 //! however the camera is turned; discs that a surface of the scene hides cover nothing.
 
 use glam::{DVec2, DVec3};
+use std::ops::Range;
 use videofields_vision::geometry::{Camera, Surfaces};
 
 /// Heights of the discs, share of the whole height, and their radii, metres, of somebody as tall as [`TYPICAL_M`].
@@ -50,13 +51,19 @@ pub(super) struct Body {
 /// Returns bits of the discs of `body` that surfaces hide from `camera`.
 pub(super) fn hidden_discs(camera: &Camera, surfaces: &Surfaces, body: &Body) -> u16 {
     let eye = camera.pose().position_in_world;
-    let center = |share: f64| body.foot_in_world + DVec3::Z * (share * body.height_m);
+    let [foot, head] = ends_in_camera(camera, body);
     let bit = |(idx, [share, _]): (usize, &[f64; 2])| {
-        let center = center(*share);
-        let is_before = camera.project(center).is_some_and(|of| of.depth_m > LEAST_DEPTH_M);
+        let center = body.foot_in_world + DVec3::Z * (share * body.height_m);
+        let is_before = foot.lerp(head, *share).z > LEAST_DEPTH_M;
         u16::from(is_before && surfaces.is_hidden(eye, center)) << idx
     };
     DISCS.iter().enumerate().map(bit).fold(0, std::ops::BitOr::bitor)
+}
+
+/// Returns where the foot and the top of a body are along the camera's own axes, metres.
+fn ends_in_camera(camera: &Camera, body: &Body) -> [DVec3; 2] {
+    [0.0, body.height_m]
+        .map(|up_m| camera.pose().local_from_world_point(body.foot_in_world + DVec3::Z * up_m))
 }
 
 /// Feet and head of a body in a picture.
@@ -130,20 +137,29 @@ impl Motion {
         let first = silhouette.first_row as f64;
         let top = (there(first) - 0.5).ceil().max(0.0) as usize;
         let bottom = (there(first + silhouette.spans.len() as f64) - 0.5).ceil().clamp(0.0, height as f64);
+        // Both the row here and the way of the axis to the right are straight lines over the rows there.
+        let here = |y: f64| self.from.y + (y + 0.5 - self.to.y) / self.scale.y;
+        let shift = |y: f64| {
+            let axis_here = self.from.x + (here(y) - self.from.y) * self.slopes[0];
+            self.to.x + (y + 0.5 - self.to.y) * self.slopes[1] - axis_here * self.scale.x
+        };
+        let (row_here, shift) = (line(top as f64, |y| here(y) - first - 0.5), line(top as f64, shift));
+        let (scale, width) = (self.scale.x as f32, width as f32);
         for y in (top + stride / 2..bottom as usize).step_by(stride) {
-            let middle = y as f64 + 0.5;
-            let here = self.from.y + (middle - self.to.y) / self.scale.y;
-            let [left, right] = silhouette.between_rows(here - first - 0.5);
-            let axis_here = self.from.x + (here - self.from.y) * self.slopes[0];
-            let axis_there = self.to.x + (middle - self.to.y) * self.slopes[1];
-            let column = |x: f32| {
-                (axis_there + (f64::from(x) - axis_here) * self.scale.x).clamp(0.0, width as f64) as f32
-            };
+            let at = |line: [f32; 2]| line[0] + line[1] * (y - top) as f32;
+            let [left, right] = silhouette.between_rows(at(row_here));
             if left < right {
-                row(y, [column(left), column(right)]);
+                let shift = at(shift);
+                row(y, [left, right].map(|x| (x * scale + shift).clamp(0.0, width)));
             }
         }
     }
+}
+
+/// Returns the value of a straight line at `start`, and by how much it rises for each 1 from there.
+fn line(start: f64, value: impl Fn(f64) -> f64) -> [f32; 2] {
+    let first = value(start);
+    [first as f32, (value(start + 1.0) - first) as f32]
 }
 
 /// Pixels that a body covers in a picture.
@@ -172,11 +188,22 @@ impl Silhouette {
         Self { spans: self.spans.iter().map(widen).collect(), ..self.clone() }
     }
 
+    /// Returns the whole pixels of each row, counted row by row in a picture of `width` columns.
+    pub(super) fn runs(&self, width: usize) -> impl Iterator<Item = Range<usize>> {
+        self.spans.iter().enumerate().map(move |(row, ends)| {
+            let [left, right] = ends.map(|end| (end.round() as usize).min(width));
+            let first = (self.first_row + row) * width;
+            first + left..first + right
+        })
+    }
+
     /// Returns the columns at a place between the middles of rows, counted from that of the first.
-    fn between_rows(&self, row: f64) -> [f32; 2] {
-        let row = row.clamp(0.0, (self.spans.len() - 1) as f64);
-        let (above, share) = (row as usize, row.fract() as f32);
-        let (above, below) = (self.spans[above], self.spans[(above + 1).min(self.spans.len() - 1)]);
+    fn between_rows(&self, row: f32) -> [f32; 2] {
+        let last = self.spans.len() - 1;
+        let row = row.clamp(0.0, last as f32);
+        let whole = row as usize;
+        let (share, [above, below]) =
+            (row - whole as f32, [whole, whole + 1].map(|row| self.spans[row.min(last)]));
         let is_empty = |[left, right]: [f32; 2]| left >= right;
         if is_empty(above) || is_empty(below) {
             return if share < 0.5 { above } else { below };
@@ -283,13 +310,15 @@ fn discs(
 ) -> Option<[Disc; DISCS.len()]> {
     let size = DVec2::new(width as f64, height as f64);
     let eye = camera.pose().position_in_world;
+    let [foot, head] = ends_in_camera(camera, body);
     let focal_px = camera.focal_px().x * size.x / f64::from(camera.size_px().0);
     let mut found =
         [Disc { center_px: DVec2::ZERO, radius_px: 0.0, flatness: 1.0, is_hidden: true }; DISCS.len()];
     let mut has_any = false;
     for (idx, (disc, [share, radius_m])) in found.iter_mut().zip(DISCS).enumerate() {
         let center = body.foot_in_world + DVec3::Z * (share * body.height_m);
-        let projection = camera.project(center).filter(|of| of.depth_m > LEAST_DEPTH_M)?;
+        let projection =
+            camera.project_local(foot.lerp(head, share)).filter(|of| of.depth_m > LEAST_DEPTH_M)?;
         let away = center - eye;
         *disc = Disc {
             center_px: projection.texture * size,

@@ -244,7 +244,7 @@ fn cells_that_hang_together_are_a_cluster() {
     let cameras = around(DVec3::ZERO);
     let scene: Arc<Scene> = scene(DVec3::ZERO, "", &cameras);
     let sizes = vec![(SIZE.0 as usize, SIZE.1 as usize); 3];
-    let grid = Grid::new(&scene, sizes);
+    let grid = Grid::new(&scene, sizes, 0.25);
     let is_in = |cell: usize, middle: DVec2, half: DVec2| {
         (grid.foot(cell).truncate() - middle).abs().cmple(half).all()
     };
