@@ -75,6 +75,7 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
             "report.json",
             "segmentation.csv",
             "map.csv",
+            "placing.csv",
             "surfaces.csv",
             "entities.csv",
             "pipeline.csv",
