@@ -437,6 +437,30 @@ mod tests {
     }
 
     #[test]
+    fn a_placing_that_begins_anew_looks_for_people_as_before() {
+        let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
+        let people = [(DVec3::new(-0.4, 0.3, 0.0), 1.75)];
+        let see = |member: &SceneCamera| {
+            let mut seen = observation(member.id.clone(), mask(&scene, &member.camera, &people));
+            seen.tracks = vec![track_of(&member.camera, 1, people[0])].into();
+            seen
+        };
+        let seen: Vec<Observation> = scene.cameras.iter().map(see).collect();
+        let bytes = |placing: &mut Placing, step: i64| {
+            placing.assemble(&scene, at(step), |id| seen.iter().find(|of| of.frame.camera == *id).cloned());
+            placing.memory_bytes()
+        };
+        let mut coarse = Placing::with_effort(Effort { cell_m: 1.0, ..Effort::default() });
+        let [before, usual] = [bytes(&mut coarse, 0), bytes(&mut Placing::default(), 0)];
+        assert!(0 < before && before < usual, "{before} {usual}");
+        coarse.begin_anew();
+        assert_eq!(bytes(&mut coarse, 1), before);
+        let mut by_blobs = Placing::by_blobs();
+        by_blobs.begin_anew();
+        assert_eq!(bytes(&mut by_blobs, 0), 0);
+    }
+
+    #[test]
     fn whom_several_cameras_see_keeps_their_id_where_tracks_pass_from_one_to_another() {
         let scene = scene(DVec3::ZERO, "", &around(DVec3::ZERO));
         let people = [(DVec3::new(-0.4, 0.3, 0.0), 1.75), (DVec3::new(0.5, -0.3, 0.0), 1.72)];

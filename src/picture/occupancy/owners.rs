@@ -317,3 +317,28 @@ fn beside(pixel: usize, (width, height): (usize, usize)) -> impl Iterator<Item =
     ];
     all.into_iter().flatten()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_person_grows_as_far_as_they_reach() {
+        let mut owners = Owners {
+            width: 12,
+            height: 1,
+            of_pixels: vec![NOBODY; 12],
+            people: vec![Owned::default(); 2],
+            owned: vec![1, 8],
+        };
+        (owners.of_pixels[1], owners.of_pixels[8]) = (0, 1);
+        owners.grow(&[1, 3], |pixel| pixel != 11);
+        let of = |column: usize| owners.get(column, 0);
+        assert_eq!([0, 1, 2].map(of), [Some(0); 3]);
+        assert_eq!([3, 4, 11].map(of), [None; 3]);
+        assert_eq!([5, 6, 7, 8, 9, 10].map(of), [Some(1); 6]);
+        owners.count();
+        assert_eq!(owners.people[1].bounds, [5, 0, 11, 1]);
+        assert_eq!(owners.people.iter().map(|of| of.n_px).collect::<Vec<_>>(), [3, 6]);
+    }
+}

@@ -1,7 +1,7 @@
 //! Finds people who are known to stand somewhere.
 
 use super::drawn_people::{SIZE, around, camera, mask, scene};
-use super::{Expected, Occupancy, Person, keep_likeliest};
+use super::{Effort, Expected, Occupancy, Person, keep_likeliest};
 use crate::scene::Scene;
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
@@ -44,6 +44,33 @@ fn everybody_is_found_once_where_they_stand_wherever_the_scene_lies() {
         let far = farthest(&scene(middle, "", &cameras), &cameras, &people);
         assert!(far < 0.2, "{far} at {middle}");
     }
+}
+
+#[test]
+fn less_effort_keeps_less_and_more_sweeps_change_nothing_of_who_stands_apart() {
+    let cameras = around(DVec3::ZERO);
+    let scene = scene(DVec3::ZERO, "", &cameras);
+    let masks = cameras.each_ref().map(|camera| mask(&scene, camera, &SOME));
+    let bytes = |effort: Effort| {
+        let mut occupancy = Occupancy::with(effort);
+        assert_eq!(occupancy.memory_bytes(), 0);
+        let found = occupancy.find(&scene, |idx| masks.get(idx), &[]);
+        assert_eq!(found.len(), SOME.len(), "{effort:?}");
+        let far = farthest_of(&found, &SOME);
+        assert!(far < 0.3, "{effort:?}: {far}");
+        occupancy.memory_bytes()
+    };
+    let default = Effort::default();
+    let usual = bytes(default);
+    for less in
+        [Effort { most_columns: SIZE.0 / 2, ..default }, Effort { cell_m: 1.4 * default.cell_m, ..default }]
+    {
+        assert!(bytes(less) < usual, "{less:?}: {} of {usual}", bytes(less));
+    }
+    // A cell of no size is as small as cells may be.
+    let least = Effort { most_columns: 0, n_sweeps: 0, cell_m: 0.0 };
+    assert!(Occupancy::with(least).find(&scene, |idx| masks.get(idx), &[]).len() <= SOME.len());
+    assert_eq!(bytes(Effort { n_sweeps: 4, ..default }), usual);
 }
 
 #[test]
