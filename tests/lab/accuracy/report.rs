@@ -92,7 +92,7 @@ fn a_sweep_becomes_json_csv_and_a_page_that_loads_nothing() {
     for loader in ["<script", "<link", "src=\"http", "url(", "@import"] {
         assert!(!page.contains(loader), "{loader}");
     }
-    assert_eq!(page.matches("<svg").count(), 6, "a figure for every stage, two for the entities");
+    assert_eq!(page.matches("<svg").count(), 7, "a figure for every stage, two for the entities");
     assert_eq!(
         page.matches("data:image/jpeg;base64,").count(),
         12,
