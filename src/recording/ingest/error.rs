@@ -1,5 +1,6 @@
 //! What can go wrong between a path and its frames.
 
+use crate::media::SIZE_LIMIT;
 use std::path::PathBuf;
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::YuvError;
@@ -97,10 +98,7 @@ pub enum IngestError {
         missing: u64,
     },
     /// A picture cannot be decoded.
-    #[error(
-        "cannot decode {path:?} (JPEG or PNG of at most {} pixels a side): {source}",
-        super::images::MAX_SIDE
-    )]
+    #[error("cannot decode {path:?} (JPEG or PNG of at most {SIZE_LIMIT}): {source}")]
     Picture {
         /// The picture's file.
         path: PathBuf,
@@ -159,8 +157,18 @@ pub enum IngestError {
         /// What the decoder said.
         detail: String,
     },
-    /// Frames larger than the limit.
-    #[error("{path:?} has frames of {width} x {height} pixels, allowed are {limit} a side")]
+    /// A format that is never read.
+    #[error("{path:?} holds {format}, which is not supported; supported are {allowed}")]
+    Refused {
+        /// The path as asked for.
+        path: PathBuf,
+        /// The format.
+        format: String,
+        /// The formats that are read.
+        allowed: String,
+    },
+    /// Frames larger than the limits.
+    #[error("{path:?} has frames of {width} x {height} pixels, allowed are {SIZE_LIMIT}")]
     TooLarge {
         /// The path as asked for.
         path: PathBuf,
@@ -168,8 +176,6 @@ pub enum IngestError {
         width: u32,
         /// Rows.
         height: u32,
-        /// Most pixels a side.
-        limit: u32,
     },
     /// No frame came for too long.
     #[error("{path:?} gave no frame for {secs} s")]
@@ -214,7 +220,11 @@ impl IngestError {
     pub(super) const fn is_of_content(&self) -> bool {
         matches!(
             self,
-            Self::Damaged { .. } | Self::Picture { .. } | Self::Layout { .. } | Self::TooLarge { .. }
+            Self::Damaged { .. }
+                | Self::Picture { .. }
+                | Self::Layout { .. }
+                | Self::Refused { .. }
+                | Self::TooLarge { .. }
         )
     }
 
@@ -240,7 +250,7 @@ impl IngestError {
             | Self::CutAway { .. }
             | Self::Damaged { .. } => ErrorKind::Invalid,
             Self::NotFound { .. } | Self::NoPictures { .. } => ErrorKind::NotFound,
-            Self::MissingCodec { .. } => ErrorKind::Unsupported,
+            Self::MissingCodec { .. } | Self::Refused { .. } => ErrorKind::Unsupported,
             Self::TooLarge { .. } => ErrorKind::TooLarge,
             Self::Unreadable { .. } | Self::Silent { .. } | Self::Stopped => ErrorKind::Unavailable,
             Self::Layout { .. } | Self::Gstreamer { .. } | Self::Thread { .. } => ErrorKind::Internal,

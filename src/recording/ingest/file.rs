@@ -68,7 +68,8 @@ impl VideoFile {
         match fault {
             Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
             Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
-            Fault::TooLarge { width, height, limit } => IngestError::TooLarge { path, width, height, limit },
+            Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
+            Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
             Fault::Damaged(detail) => IngestError::Damaged { path, detail },
             Fault::Connection(fault) => IngestError::Damaged { path, detail: format!("{fault:?}") },
             Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },

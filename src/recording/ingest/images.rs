@@ -7,15 +7,12 @@
 use super::medium::Medium;
 use super::pattern::Pattern;
 use super::{IngestError, MediaRoots, StopFlag, Tap, jpeg};
-use crate::media::{EncodedFrame, Picture};
+use crate::media::{EncodedFrame, MAX_SIDE, Picture, is_too_large};
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
 use std::io::{self, Cursor, Read as _};
 use std::path::{Path, PathBuf};
 use videofields_vision::frame::{ColorMatrix, ColorRange, RgbImage, YuvImage};
-
-/// Most columns and rows of a picture.
-pub(super) const MAX_SIDE: u32 = 8192;
 
 /// What is longer is cut, and then no picture: uncompressed, the largest one is smaller.
 const MAX_FILE_BYTES: u64 = 512 << 20;
@@ -155,6 +152,10 @@ fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageE
     reader.limits(limits);
     let decoder = reader.into_decoder()?;
     let (width, height) = decoder.dimensions();
+    if is_too_large((width, height)) {
+        let kind = image::error::LimitErrorKind::DimensionError;
+        return Err(image::ImageError::Limits(image::error::LimitError::from_kind(kind)));
+    }
     let picture = image::DynamicImage::from_decoder(decoder)?;
     Ok((RgbImage { width, height, data: picture.into_rgb8().into_raw() }, format))
 }

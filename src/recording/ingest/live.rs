@@ -158,7 +158,8 @@ pub(super) fn error_of(place: &str, fault: Fault) -> IngestError {
     match fault {
         Fault::NotVideo(detail) => IngestError::NotVideo { path, detail },
         Fault::MissingCodec { codec, package } => IngestError::MissingCodec { path, codec, package },
-        Fault::TooLarge { width, height, limit } => IngestError::TooLarge { path, width, height, limit },
+        Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
+        Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
         Fault::Damaged(detail) => IngestError::Damaged { path, detail },
         Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
         Fault::Connection(fault) => CameraError::Connection { place: place.to_owned(), fault }.into(),

@@ -5,8 +5,10 @@
 //! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied. Where the
 //! encoded frames are wanted too, `tap` splits the stream before decodebin.
 
+use super::allowed::{is_allowed, is_refused};
+use super::announced::{self, Announced, MAX_SIDE, is_too_large, size_of_format};
 use super::connection::{Guard, connection_fault, unanswered};
-use super::fault::{ConnectionFault, gstreamer_fault, missing_codec};
+use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Keep, Memory, make};
 use super::losses::Losses;
 use super::{EncodedQueue, Fault, Input, jpeg, tap};
@@ -18,9 +20,6 @@ use gstreamer_video as gst_video;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Most columns and rows of a video: beyond it lies what no camera makes and no memory holds.
-const MAX_SIDE: u32 = 8192;
 
 /// Decoded pictures that wait in the sink; decoding blocks when it is full.
 const QUEUE_LENGTH: u32 = 4;
@@ -62,21 +61,23 @@ impl Decoder {
         pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
         let (keep, n_damaged) = (input.keep(), Arc::<AtomicU64>::default());
         let counter = Arc::clone(&n_damaged);
+        let (faults, link_faults) = sync_channel(1);
+        let size_faults = faults.clone();
         pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
             set_up(element);
             if keep == Keep::Newest {
                 be_patient(element, &counter);
             }
+            refuse_large_pictures(element, &size_faults);
         });
-        let (faults, link_faults) = sync_channel(1);
         let (streams, unknown_streams) = sync_channel(8);
         link_first_video(&decode, &pipeline, &sink, faults.clone());
-        watch(&decode, &streams);
+        watch(&decode, &streams, keep);
         let reader = match encoded {
             None => decode,
             Some(queue) => {
                 let parse = make("parsebin")?;
-                watch(&parse, &streams);
+                watch(&parse, &streams, keep);
                 tap::split_first_video(&parse, &decode, (&pipeline, queue), faults.clone());
                 parse
             }
@@ -164,8 +165,7 @@ impl Decoder {
     #[must_use]
     pub fn codec(&self) -> Option<String> {
         let elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
-        let decoders =
-            elements.filter(|element| !element.is::<gst::Bin>() && is_decoder(element.upcast_ref()));
+        let decoders = elements.filter(|element| is_decoder(element.upcast_ref()));
         decoders
             .filter_map(|element| element.static_pad("sink")?.current_caps())
             .find_map(|caps| codec_of(&caps))
@@ -243,7 +243,10 @@ impl Decoder {
 
     /// The missing codec, if a stream was found that nothing installed reads.
     fn unread_video(&self) -> Option<Fault> {
-        self.unknown_streams.try_iter().find_map(|caps| caps.structure(0).map(missing_codec))
+        self.unknown_streams.try_iter().find_map(|caps| {
+            let format = caps.structure(0)?;
+            Some(if is_refused(format, self.keep) { refused_format(format) } else { missing_codec(format) })
+        })
     }
 }
 
@@ -356,8 +359,9 @@ fn codec_of(caps: &gst::CapsRef) -> Option<String> {
     }
 }
 
+/// Returns whether `object` decodes by itself: decodebin, which says so too, has others do it.
 fn is_decoder(object: &gst::Object) -> bool {
-    is_of(object, gst::ElementFactoryType::DECODER)
+    !object.is::<gst::Bin>() && is_of(object, gst::ElementFactoryType::DECODER)
 }
 
 fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {
@@ -395,10 +399,57 @@ fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
             return gst::PadProbeReturn::Ok;
         }
         n_damaged.fetch_add(1, Ordering::Relaxed);
-        // Taken rather than told to be dropped, upon which GStreamer 1.22 complains of what is not there any more.
-        drop(info.take_buffer());
-        info.flow_res = Ok(gst::FlowSuccess::Ok);
-        gst::PadProbeReturn::Handled
+        take_away(info)
+    });
+}
+
+/// Takes a probe's buffer, so that whoever it was for never sees it. `GStreamer` 1.22 complains where it is told to drop it,
+/// or that it was refused.
+fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn {
+    drop(info.take_buffer());
+    info.flow_res = Ok(gst::FlowSuccess::Ok);
+    gst::PadProbeReturn::Handled
+}
+
+/// Keeps from a decoder what announces pictures beyond the limits, which ends the stream, and headers that cannot be read.
+fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
+    if !is_decoder(element.upcast_ref()) {
+        return;
+    }
+    let Some(pad) = element.static_pad("sink") else { return };
+    let kinds = gst::PadProbeType::BUFFER | gst::PadProbeType::EVENT_DOWNSTREAM;
+    let (faults, is_over) = (faults.clone(), AtomicBool::new(false));
+    pad.add_probe(kinds, move |pad, info| {
+        let announced = match &info.data {
+            Some(gst::PadProbeData::Event(event)) => match event.view() {
+                gst::EventView::Caps(event) => {
+                    event.caps().structure(0).map_or(Announced::Nothing, |format| {
+                        let named = size_of_format(format).map_or(Announced::Nothing, Announced::Size);
+                        named.max(announced::in_format(format))
+                    })
+                }
+                _ => Announced::Nothing,
+            },
+            Some(gst::PadProbeData::Buffer(buffer)) => {
+                let caps = pad.current_caps();
+                let format = caps.as_ref().and_then(|caps| caps.structure(0));
+                let bytes = buffer.map_readable();
+                match (format, bytes) {
+                    (Some(format), Ok(bytes)) => announced::in_bytes(format, &bytes),
+                    _ => Announced::Unreadable,
+                }
+            }
+            _ => Announced::Nothing,
+        };
+        if let Announced::Size((width, height)) = announced
+            && is_too_large((width, height))
+        {
+            is_over.store(true, Ordering::Relaxed);
+            tell(&faults, Fault::TooLarge { width, height });
+        }
+        // An event goes on: nothing is allocated before the first buffer.
+        let is_kept = announced == Announced::Unreadable || is_over.load(Ordering::Relaxed);
+        if is_kept && info.buffer().is_some() { take_away(info) } else { gst::PadProbeReturn::Ok }
     });
 }
 
@@ -465,10 +516,8 @@ fn link_video(
 ) -> Result<(), Fault> {
     let structure =
         caps.structure(0).ok_or_else(|| Fault::NotVideo("a stream without a format".to_owned()))?;
-    let side = |name| structure.get::<i32>(name).ok().and_then(|side| u32::try_from(side).ok()).unwrap_or(1);
-    let (width, height) = (side("width"), side("height"));
-    if width > MAX_SIDE || height > MAX_SIDE {
-        return Err(Fault::TooLarge { width, height, limit: MAX_SIDE });
+    if let Some((width, height)) = size_of_format(structure).filter(|size| is_too_large(*size)) {
+        return Err(Fault::TooLarge { width, height });
     }
     let mut target = sink.static_pad("sink");
     if structure.get::<&str>("format") != Ok("I420") {
@@ -508,19 +557,21 @@ fn add_converter(
     Ok(converter)
 }
 
-/// Leaves sound and text as they are (what is not needed is neither decoded nor missed), and collects the formats of
-/// streams that nothing installed reads.
-fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>) {
+/// Leaves sound and text as they are (what is not needed is neither decoded nor missed), has nothing read by an element that
+/// is not allowed, and collects the formats of streams that nothing reads.
+fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>, keep: Keep) {
     reader.connect("autoplug-continue", false, |values| {
         let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
         let is_beside =
             caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
         Some((!is_beside).to_value())
     });
-    reader.connect("autoplug-select", false, |values| {
+    reader.connect("autoplug-select", false, move |values| {
         let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
         let factory = values.get(3).and_then(|value| value.get::<gst::ElementFactory>().ok());
-        let is_skipped = caps.zip(factory).is_some_and(|(caps, factory)| loses_frames(&factory, &caps));
+        let is_skipped = caps
+            .zip(factory)
+            .is_none_or(|(caps, factory)| !is_allowed(&factory, keep) || loses_frames(&factory, &caps));
         let kind = glib::Type::from_name("GstAutoplugSelectResult")?;
         glib::EnumClass::with_type(kind)?.to_value_by_nick(if is_skipped { "skip" } else { "try" })
     });

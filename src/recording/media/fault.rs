@@ -1,7 +1,11 @@
 //! Why a pipeline gives nothing further, and which package would help.
 
+use super::allowed::{CONTAINER_FORMATS, FORMATS};
 use gstreamer as gst;
 use std::fmt;
+
+/// The limits of pictures, as people read them: `MAX_SIDE` and `MAX_PIXELS`.
+pub const SIZE_LIMIT: &str = "8192 pixels a side and 36 megapixels";
 
 /// Why a pipeline gives no further picture.
 #[derive(Debug)]
@@ -15,14 +19,19 @@ pub enum Fault {
         /// Debian packages that may have it.
         package: &'static str,
     },
-    /// A picture beyond the limit.
+    /// A format that is never read, whatever is installed.
+    Refused {
+        /// The format.
+        format: String,
+        /// The formats that are read.
+        allowed: String,
+    },
+    /// Pictures beyond the limits.
     TooLarge {
         /// Columns.
         width: u32,
         /// Rows.
         height: u32,
-        /// Most of either.
-        limit: u32,
     },
     /// The stream breaks off.
     Damaged(String),
@@ -43,8 +52,11 @@ impl fmt::Display for Fault {
         match self {
             Self::NotVideo(detail) | Self::Damaged(detail) => formatter.write_str(detail),
             Self::MissingCodec { codec, package } => write!(formatter, "no {codec}: install {package}"),
-            Self::TooLarge { width, height, limit } => {
-                write!(formatter, "{width} x {height}: at most {limit}")
+            Self::Refused { format, allowed } => {
+                write!(formatter, "{format} is not supported; supported are {allowed}")
+            }
+            Self::TooLarge { width, height } => {
+                write!(formatter, "pictures of {width} x {height}: allowed are {SIZE_LIMIT}")
             }
             Self::Connection(fault) => write!(formatter, "the connection failed: {fault:?}"),
             Self::Gstreamer { action, detail } => write!(formatter, "cannot {action}: {detail}"),
@@ -82,34 +94,43 @@ pub(super) fn gstreamer_fault(action: &'static str, error: &dyn std::error::Erro
     Fault::Gstreamer { action, detail: error.to_string() }
 }
 
+/// Returns the fault of a stream of `format`, which is never read.
+pub(super) fn refused_format(format: &gst::StructureRef) -> Fault {
+    let kind = format.name().as_str();
+    let format = match kind {
+        "image/x-jpc" | "image/x-jpc-striped" | "image/jp2" => "JPEG 2000".to_owned(),
+        "image/svg" | "image/svg+xml" => "SVG".to_owned(),
+        "image/webp" => "WebP".to_owned(),
+        "video/mpeg" => "MPEG-1 or MPEG-2 video".to_owned(),
+        _ => four_letters(format).unwrap_or_else(|| kind.to_owned()),
+    };
+    Fault::Refused { format, allowed: format!("{FORMATS}, in files of {CONTAINER_FORMATS}") }
+}
+
 /// What a stream of `format` lacks.
 pub(super) fn missing_codec(format: &gst::StructureRef) -> Fault {
     let kind = format.name().as_str();
-    let fourcc = format.get::<i32>("fourcc").ok().map(i32::to_le_bytes);
-    let codec =
-        fourcc.map_or_else(|| kind.to_owned(), |code| format!("{:?}", String::from_utf8_lossy(&code)));
+    let codec = four_letters(format).unwrap_or_else(|| kind.to_owned());
     Fault::MissingCodec { codec: format!("decoder for {codec}"), package: package_of(kind) }
+}
+
+/// The four letters by which a container names a codec that nobody knows, quoted.
+fn four_letters(format: &gst::StructureRef) -> Option<String> {
+    let letters = format.get::<i32>("fourcc").ok()?.to_le_bytes();
+    Some(format!("{:?}", String::from_utf8_lossy(&letters)))
 }
 
 const ANY_PACKAGE: &str = "gstreamer1.0-libav, gstreamer1.0-plugins-bad or gstreamer1.0-plugins-ugly";
 
 fn package_of(kind: &str) -> &'static str {
     match kind {
-        "video/x-vp8" | "video/x-vp9" | "image/jpeg" | "image/png" | "video/x-dv" | "video/quicktime"
-        | "video/x-matroska" | "video/webm" | "video/x-msvideo" => "gstreamer1.0-plugins-good",
-        "video/x-theora" | "application/ogg" => "gstreamer1.0-plugins-base",
-        "video/x-h264"
-        | "video/x-h265"
-        | "video/mpeg"
-        | "video/x-divx"
-        | "video/x-xvid"
-        | "video/x-msmpeg"
-        | "video/x-h263"
-        | "video/x-wmv"
-        | "video/x-flash-video"
-        | "video/x-prores"
-        | "video/x-dnxhd" => "gstreamer1.0-libav",
-        "video/mpegts" | "video/x-av1" => "gstreamer1.0-plugins-bad",
+        "video/x-vp8" | "video/x-vp9" | "image/jpeg" | "image/png" | "video/quicktime"
+        | "video/x-matroska" | "video/webm" | "video/x-msvideo" | "video/x-flv" => {
+            "gstreamer1.0-plugins-good"
+        }
+        "video/x-h264" | "video/x-h265" | "video/mpeg" | "video/x-divx" | "video/x-xvid"
+        | "video/x-msmpeg" | "image/bmp" => "gstreamer1.0-libav",
+        "video/mpegts" | "video/x-av1" | "video/x-ivf" => "gstreamer1.0-plugins-bad",
         _ => ANY_PACKAGE,
     }
 }

@@ -1,5 +1,7 @@
 //! Whether bytes are a whole JPEG picture, so that a live stream's broken ones never reach a decoder: it would end the
-//! stream on some, and paint grey what is missing of others.
+//! stream on some, and paint grey what is missing of others. The size that a picture announces is read here too.
+
+use super::announced::{Announced, Size};
 
 /// Whether `bytes` are a JPEG picture from its beginning to its end, with one or three components. What the picture's
 /// own data hold is not looked at. Cameras put zeros and line ends behind the end.
@@ -9,11 +11,25 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0xff, 0xd8]) && bytes.ends_with(&[0xff, 0xd9]) && has_frame(&bytes[2..])
 }
 
-/// Whether a frame header comes before the first scan.
-fn has_frame(mut rest: &[u8]) -> bool {
-    let mut has_frame = false;
+/// Returns the size that a picture which begins with `bytes` announces; bytes that begin no picture announce none.
+pub(super) fn announced(bytes: &[u8]) -> Announced {
+    match bytes {
+        [0xff, 0xd8, rest @ ..] => {
+            frame(rest).map_or(Announced::Unreadable, |(size, _n_components)| Announced::Size(size))
+        }
+        _ => Announced::Nothing,
+    }
+}
+
+/// Returns whether a frame header that can be decoded comes before the first scan.
+fn has_frame(rest: &[u8]) -> bool {
+    frame(rest).is_some_and(|(size, n_components)| size != (0, 0) && matches!(n_components, 1 | 3))
+}
+
+/// Returns columns and rows of the frame header before the first scan, and the number of its components.
+fn frame(mut rest: &[u8]) -> Option<(Size, u8)> {
     loop {
-        let [0xff, marker, high, low, body @ ..] = rest else { return false };
+        let [0xff, marker, high, low, body @ ..] = rest else { return None };
         let length = usize::from(u16::from_be_bytes([*high, *low]));
         match *marker {
             // Any number of these may stand before a marker.
@@ -21,16 +37,15 @@ fn has_frame(mut rest: &[u8]) -> bool {
                 rest = &rest[1..];
                 continue;
             }
-            0xda => return has_frame,
+            0xda => return None,
             0xc0..=0xcf if !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => {
-                // Precision, rows, columns, components.
-                let [_, _, _, _, _, n_components, ..] = body else { return false };
-                has_frame = body[1..5] != [0; 4] && matches!(n_components, 1 | 3);
+                let [_precision, h0, h1, w0, w1, n_components, ..] = body else { return None };
+                let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
+                return Some(((side(*w0, *w1), side(*h0, *h1)), *n_components));
             }
             _ => {}
         }
-        let Some(next) = length.checked_sub(2).and_then(|length| body.get(length..)) else { return false };
-        rest = next;
+        rest = length.checked_sub(2).and_then(|length| body.get(length..))?;
     }
 }
 

@@ -4,6 +4,8 @@
 //! stream's own times, and a [`Fault`] where the stream ends other than by its end. Knows no camera, no scene time, no
 //! file's place.
 
+mod allowed;
+mod announced;
 mod clip;
 mod connection;
 mod decoder;
@@ -19,13 +21,14 @@ mod planes;
 mod plugins;
 mod tap;
 
+pub use announced::{MAX_SIDE, is_too_large};
 pub use clip::{ClipContainer, ClipWriter};
 pub use connection::Login;
 pub use decoder::Decoder;
 pub use demuxer::Demuxer;
 pub use device::DeviceWish;
 pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
-pub use fault::{ConnectionFault, Fault};
+pub use fault::{ConnectionFault, Fault, SIZE_LIMIT};
 pub use input::{Input, descriptor_path};
 pub use muxer::{Muxer, TICK_NANOS};
 pub use planes::{PlaneReader, SampleError, Times};
