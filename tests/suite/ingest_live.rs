@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
 mod http;
+mod odd;
 
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -12,7 +13,7 @@ use std::time::Duration;
 use videofields_recording::ingest::{
     self, CameraState, CameraStatus, CameraWorker, FrameConsumer, MediaRoots, Polled,
 };
-use videofields_recording::media::{Decoder, EncodedQueue, Input};
+use videofields_recording::media::{Decoder, EncodedQueue, Input, Peer};
 use videofields_recording::telemetry::DropReason;
 use videofields_testing::rtsp::{RtspServer, ball, jpeg_ball};
 use videofields_testing::wait_for;
@@ -398,7 +399,14 @@ fn the_time_of_capture_comes_with_the_frames() {
 fn encoded_frames_come_beside_the_pictures_of_a_camera() {
     let server = RtspServer::start(0, &ball(320, 240), None);
     let queue = Arc::new(EncodedQueue::new(1 << 20));
-    let input = Input::rtsp(&server.url(), Transport::Tcp, None).unwrap();
+    let peer = Peer {
+        address: ([127, 0, 0, 1], server.port()).into(),
+        host: "127.0.0.1".to_owned(),
+        is_encrypted: false,
+        place: "a camera".to_owned(),
+        url: server.url(),
+    };
+    let input = Input::rtsp(&peer, Transport::Tcp, None).unwrap();
     let decoder = Decoder::start(&input, Some(&queue)).unwrap();
     let patience = gstreamer::ClockTime::from_mseconds(10);
     let mut n_pictures = 0;

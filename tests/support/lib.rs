@@ -2,6 +2,8 @@
 
 pub mod golden;
 #[cfg(feature = "streams")]
+pub mod odd_rtsp;
+#[cfg(feature = "streams")]
 pub mod rtsp;
 #[cfg(feature = "streams")]
 pub mod schema;

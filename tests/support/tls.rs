@@ -3,8 +3,9 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails where it stands")]
 
 use rcgen::{CertifiedKey, KeyPair, generate_simple_self_signed};
-use rustls::pki_types::{CertificateDer, ServerName};
-use rustls::{ClientConfig, ClientConnection, RootCertStore, StreamOwned};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer, ServerName};
+use rustls::{ClientConfig, ClientConnection, RootCertStore, ServerConfig, StreamOwned};
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::path::{Path, PathBuf};
@@ -47,6 +48,16 @@ impl Files {
         std::fs::write(self.private_key(), made.signing_key.serialize_pem()).unwrap();
         made
     }
+}
+
+/// Returns how a server proves its name by the certificate and the key in these files.
+pub fn server(certificate: &Path, private_key: &Path) -> Arc<ServerConfig> {
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let builder =
+        ServerConfig::builder_with_provider(provider).with_safe_default_protocol_versions().unwrap();
+    let certificate = CertificateDer::from_pem_file(certificate).unwrap();
+    let private_key = PrivateKeyDer::from_pem_file(private_key).unwrap();
+    Arc::new(builder.with_no_client_auth().with_single_cert(vec![certificate], private_key).unwrap())
 }
 
 /// Connects, or fails as a test.

@@ -6,6 +6,7 @@
 //! nothing without the camera's certificate. A fresh look-up may answer otherwise, which is looked at anew.
 
 use super::{CameraError, IngestError};
+use crate::media::Peer;
 use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
@@ -77,6 +78,17 @@ impl Endpoint {
         }
         let address = SocketAddr::new(self.address, self.parts.port);
         format!("{}://{address}{}", self.parts.scheme.as_str(), self.parts.path_and_query)
+    }
+
+    /// Where an RTSP camera is connected to, and what it is asked for.
+    pub(super) fn peer(&self) -> Peer {
+        Peer {
+            address: SocketAddr::new(self.address, self.parts.port),
+            host: self.parts.host.to_string(),
+            is_encrypted: self.parts.scheme.is_encrypted(),
+            place: self.place(),
+            url: self.location(),
+        }
     }
 
     /// What an HTTP camera is told to be called.

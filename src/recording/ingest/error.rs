@@ -1,6 +1,6 @@
 //! What can go wrong between a path and its frames.
 
-use crate::media::SIZE_LIMIT;
+use crate::media::{ConnectionFault, SIZE_LIMIT};
 use std::path::PathBuf;
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::YuvError;
@@ -225,6 +225,15 @@ impl IngestError {
                 | Self::Layout { .. }
                 | Self::Refused { .. }
                 | Self::TooLarge { .. }
+        )
+    }
+
+    /// Returns whether a camera did not let in who asked.
+    #[must_use]
+    pub(super) const fn is_login_refused(&self) -> bool {
+        matches!(
+            self,
+            Self::Camera(super::CameraError::Connection { fault: ConnectionFault::Unauthorized, .. })
         )
     }
 

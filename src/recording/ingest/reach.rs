@@ -100,7 +100,11 @@ impl CameraError {
             Self::NoDevice { .. } | Self::Connection { fault: ConnectionFault::NotFound, .. } => {
                 ErrorKind::NotFound
             }
-            Self::Connection { fault: ConnectionFault::NoFormat, .. } => ErrorKind::Unsupported,
+            Self::Connection {
+                fault:
+                    ConnectionFault::NoFormat | ConnectionFault::UnknownLogin | ConnectionFault::NoTransport,
+                ..
+            } => ErrorKind::Unsupported,
             Self::Unknown { .. }
             | Self::Connection { .. }
             | Self::Silent { .. }
@@ -124,6 +128,13 @@ fn words(fault: ConnectionFault) -> String {
         ConnectionFault::Busy => "is in use by another program",
         ConnectionFault::Closed => "ended the connection",
         ConnectionFault::NoFormat => "gives no pictures of the asked-for format and size",
+        ConnectionFault::UnknownLogin => {
+            "wants a login in a way that is not supported: Basic and Digest (MD5, SHA-256) are"
+        }
+        ConnectionFault::NoTransport => "gives its stream neither over TCP nor over UDP",
+        ConnectionFault::Garbled => {
+            "does not answer as a camera of that kind does: is it another service's port?"
+        }
     }
     .to_owned()
 }

@@ -18,7 +18,7 @@ pub(super) fn open(
 ) -> Result<LiveSource, IngestError> {
     let credentials = Credentials::read(settings)?;
     let login = credentials.as_ref().map(Credentials::login);
-    let input = Input::rtsp(&endpoint.location(), settings.transport, login)
+    let input = Input::rtsp(&endpoint.peer(), settings.transport, login)
         .map_err(|fault| error_of(&endpoint.place(), fault))?;
     LiveSource::start(endpoint.place(), &input, tap, stop)
 }

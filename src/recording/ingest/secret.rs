@@ -3,6 +3,7 @@
 use super::CameraError;
 use crate::media::Login;
 use std::fmt;
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Read};
 use std::path::Path;
 use videofields_vision::config::SourceSettings;
@@ -45,6 +46,38 @@ impl Credentials {
     /// What a connection needs.
     pub(super) fn login(&self) -> Login<'_> {
         Login { user: &self.user, password: &self.password.0 }
+    }
+}
+
+/// Tells whether a camera's login has changed since it was refused, without holding it.
+#[derive(Clone, Debug)]
+pub(super) struct LoginWatch {
+    settings: SourceSettings,
+    state: RandomState,
+    refused: Option<u64>,
+}
+
+impl LoginWatch {
+    /// Watches the login that `settings` name; none where nobody logs in.
+    pub(super) fn of(settings: &SourceSettings) -> Option<Self> {
+        settings.user.as_ref()?;
+        Some(Self { settings: settings.clone(), state: RandomState::new(), refused: None })
+    }
+
+    /// Remembers the login as it is now, before it is tried.
+    pub(super) fn remember(&mut self) {
+        self.refused = self.digest();
+    }
+
+    /// Returns whether the login is another than was remembered.
+    pub(super) fn has_changed(&self) -> bool {
+        self.digest() != self.refused
+    }
+
+    /// A number that stands for the login; none where it cannot be read.
+    fn digest(&self) -> Option<u64> {
+        let credentials = Credentials::read(&self.settings).ok()??;
+        Some(self.state.hash_one((&credentials.user, &credentials.password.0)))
     }
 }
 

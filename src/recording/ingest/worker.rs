@@ -10,6 +10,7 @@ mod tests;
 
 use super::arrival::ArrivalClock;
 use super::pacing::{Pacer, Turn};
+use super::secret::LoginWatch;
 use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
 use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::media::{EncodedFrame, TICK_NANOS};
@@ -31,6 +32,13 @@ const TICK_INTERVAL: Duration = Duration::from_secs(1);
 
 /// Time for which frames must have come before a failure counts as the first again.
 const STEADY: Duration = Duration::from_secs(30);
+
+/// Time to the next attempt with a login that was refused: cameras lock an account, or the address that asks, after some wrong
+/// passwords within minutes.
+const LOGIN_PAUSE: Duration = Duration::from_secs(600);
+
+/// Time between two looks at whether a refused login has changed.
+const LOGIN_LOOK: Duration = Duration::from_secs(1);
 
 /// What receives a camera's frames, on the camera's own thread. Slow consumers lose frames, never others' time.
 pub trait FrameConsumer: Send {
@@ -95,13 +103,17 @@ impl CameraWorker {
         let start = feed.start(origin, began);
         let (end, stall, tap) = (feed.source.end, feed.source.stall_secs, consumer.tap());
         let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
+        let login = LoginWatch::of(&feed.source);
         let open = move |stop: &StopFlag| open_tapped(&feed.source, &roots, stop, tap);
-        Self::spawn_with(id, open, (end, stall), clock, start, consumer)
+        Self::spawn_with(id, (open, login), (end, stall), clock, start, consumer)
     }
 
     fn spawn_with(
         id: CameraId,
-        open: impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError> + Send + 'static,
+        (open, login): (
+            impl FnMut(&StopFlag) -> Result<Box<dyn Source>, IngestError> + Send + 'static,
+            Option<LoginWatch>,
+        ),
         (end, stall): (End, Duration),
         clock: Arc<dyn Clock>,
         start: Start,
@@ -118,6 +130,7 @@ impl CameraWorker {
             corrected: start.corrected,
             end,
             stall,
+            login,
             stop: stop.clone(),
             status: status.clone(),
             tap: consumer.tap(),
@@ -281,6 +294,8 @@ struct Camera {
     end: End,
     /// Silence after which a live source is stalled.
     stall: Duration,
+    /// None where nobody logs in.
+    login: Option<LoginWatch>,
     stop: StopFlag,
     status: SharedStatus,
     tap: Tap,
@@ -312,6 +327,9 @@ impl Camera {
             self.status.set(CameraState::Connecting, self.clock.now());
             let (opened_at, number_before) = (self.clock.monotonic(), self.next_number);
             self.steady_since = None;
+            if let Some(login) = &mut self.login {
+                login.remember();
+            }
             let mut is_live = false;
             let outcome = open(&self.stop).and_then(|mut source| {
                 is_live = source.is_live();
@@ -337,12 +355,25 @@ impl Camera {
                 last_state = CameraState::Failed;
                 break;
             }
-            let delay = retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures));
+            let (mut reason, mut delay) = (
+                error.to_string(),
+                retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures)),
+            );
+            let is_refused = self.login.is_some() && error.is_login_refused();
+            if is_refused {
+                delay = LOGIN_PAUSE;
+                reason.push_str("; tried again when they change, or in 10 minutes");
+            }
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
-            self.status.fail(error.to_string(), self.clock.now(), Some(delay));
+            self.status.fail(reason.clone(), self.clock.now(), Some(delay));
             n_failures += 1;
-            self.sleep_until(self.clock.monotonic().saturating_add(delay));
-            self.status.retry(error.to_string());
+            let due = self.clock.monotonic().saturating_add(delay);
+            if is_refused {
+                self.sleep_until_login_changes(due);
+            } else {
+                self.sleep_until(due);
+            }
+            self.status.retry(reason);
         }
         self.consumer.finish();
         if last_state != CameraState::Failed {
@@ -464,6 +495,19 @@ impl Camera {
             }
             self.clock.sleep(left.min(SLICE));
         }
+    }
+
+    /// Sleeps until monotonic time `due`, until the camera is to stop, or until its login is another than the one that was refused.
+    fn sleep_until_login_changes(&mut self, due: Duration) {
+        let Some(login) = self.login.take() else { return };
+        while !self.stop.is_raised() && !login.has_changed() {
+            let now = self.clock.monotonic();
+            if now >= due {
+                break;
+            }
+            self.sleep_until(due.min(now.saturating_add(LOGIN_LOOK)));
+        }
+        self.login = Some(login);
     }
 
     fn tick_if_due(&mut self) {

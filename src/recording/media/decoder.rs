@@ -7,9 +7,9 @@
 
 use super::allowed::{is_allowed, is_refused};
 use super::announced::{self, Announced, MAX_SIDE, is_too_large, size_of_format};
-use super::connection::{Guard, connection_fault, unanswered};
+use super::connection::{connection_fault, unanswered};
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
-use super::input::{Keep, Memory, make};
+use super::input::{Connection, Keep, Memory, make};
 use super::losses::Losses;
 use super::{EncodedQueue, Fault, Input, jpeg, tap};
 use gst::glib;
@@ -41,7 +41,8 @@ pub struct Decoder {
     /// By the system's monotonic clock.
     started: gst::ClockTime,
     keep: Keep,
-    guard: Option<Arc<Guard>>,
+    /// What feeds the pipeline, where that is not the pipeline itself.
+    connection: Option<Connection>,
 }
 
 impl Decoder {
@@ -88,11 +89,11 @@ impl Decoder {
             action: "build a pipeline",
             detail: "the pipeline has no bus".to_owned(),
         })?;
-        let (n_pulled, guard) = (AtomicU64::new(0), input.guard().cloned());
+        let n_pulled = AtomicU64::new(0);
         if keep == Keep::Newest {
-            keep_errors_alone(&bus, &n_damaged, guard.clone(), faults);
+            keep_errors_alone(&bus, &n_damaged);
         }
-        let decoder = Self {
+        let mut decoder = Self {
             pipeline,
             bus,
             sink,
@@ -103,10 +104,13 @@ impl Decoder {
             n_damaged,
             started: gst::get_timestamp(),
             keep,
-            guard,
+            connection: None,
         };
         match decoder.pipeline.set_state(gst::State::Playing) {
-            Ok(_) => Ok(decoder),
+            Ok(_) => {
+                decoder.connection = input.start_client(&faults)?;
+                Ok(decoder)
+            }
             Err(error) => Err(decoder.fault().unwrap_or_else(|| gstreamer_fault("start a pipeline", &error))),
         }
     }
@@ -252,9 +256,7 @@ impl Decoder {
 
 impl Drop for Decoder {
     fn drop(&mut self) {
-        if let Some(guard) = &self.guard {
-            guard.close();
-        }
+        drop(self.connection.take());
         if let Err(error) = self.pipeline.set_state(gst::State::Null) {
             tracing::warn!(%error, "a decoder did not stop");
         }
@@ -317,27 +319,14 @@ fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
 }
 
 /// Lets nothing but errors wait on the bus of a live pipeline, which runs for months: what decoders complain of is counted,
-/// the rest is nobody's. Holds a source that would connect elsewhere, and tells that.
-fn keep_errors_alone(
-    bus: &gst::Bus,
-    n_damaged: &Arc<AtomicU64>,
-    guard: Option<Arc<Guard>>,
-    faults: SyncSender<Fault>,
-) {
+/// the rest is nobody's.
+fn keep_errors_alone(bus: &gst::Bus, n_damaged: &Arc<AtomicU64>) {
     let n_damaged = Arc::clone(n_damaged);
     bus.set_sync_handler(move |_bus, message| {
         match message.view() {
             gst::MessageView::Error(_) => return gst::BusSyncReply::Pass,
             gst::MessageView::Warning(_) if message.src().is_some_and(is_decoder) => {
                 n_damaged.fetch_add(1, Ordering::Relaxed);
-            }
-            gst::MessageView::Progress(progress) => {
-                if let (Some(guard), Some(source)) = (&guard, message.src())
-                    && guard.is_astray(progress)
-                {
-                    tell(&faults, Fault::Connection(ConnectionFault::Redirected));
-                    guard.hold(source);
-                }
             }
             _ => {}
         }

@@ -87,6 +87,12 @@ pub enum ConnectionFault {
     Closed,
     /// It has no format of those that are asked for.
     NoFormat,
+    /// It wants a user and a password in a way that is not known.
+    UnknownLogin,
+    /// It gives the stream neither over TCP nor over UDP.
+    NoTransport,
+    /// What it answers is none of the protocol's answers.
+    Garbled,
 }
 
 /// A failure of `GStreamer` itself while `action` was tried.

@@ -1,7 +1,7 @@
 //! Where a pipeline's bytes come from.
 
 use super::Fault;
-use super::connection::{Guard, is_video};
+use super::connection::is_video;
 use super::fault::gstreamer_fault;
 use gst::glib;
 use gstreamer as gst;
@@ -11,8 +11,9 @@ use std::fs::File;
 use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::sync::{Mutex, PoisonError};
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 128 * 1024;
@@ -26,9 +27,23 @@ pub struct Input {
     elements: Vec<gst::Element>,
     keep: Keep,
     links: Link,
-    guard: Option<Arc<Guard>>,
+    /// What feeds the elements, until it is started.
+    client: Mutex<Option<Box<dyn Client>>>,
     memory: Memory,
 }
+
+/// Feeds an input's elements from a connection of its own.
+pub(super) trait Client: std::fmt::Debug + Send {
+    /// Connects, on a thread of its own; what is given back ends the connection when it is dropped. What ends it otherwise
+    /// is told to `faults`.
+    ///
+    /// # Errors
+    /// When no thread can be started.
+    fn start(self: Box<Self>, faults: SyncSender<Fault>) -> Result<Connection, Fault>;
+}
+
+/// A connection at work.
+pub(super) type Connection = Box<dyn std::any::Any + Send + Sync>;
 
 /// Where the memory of decoded pictures comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,12 +86,18 @@ impl Input {
     }
 
     pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep, links: Link) -> Self {
-        Self { elements, keep, links, guard: None, memory: Memory::Pooled }
+        Self { elements, keep, links, client: Mutex::new(None), memory: Memory::Pooled }
     }
 
-    /// The same, kept from going elsewhere than to `location`.
-    pub(super) fn guarded(self, location: &str) -> Self {
-        Self { guard: Some(Arc::new(Guard::new(location))), ..self }
+    /// The same, fed by `client`.
+    pub(super) fn fed_by(self, client: Box<dyn Client>) -> Self {
+        Self { client: Mutex::new(Some(client)), ..self }
+    }
+
+    /// Starts what feeds the elements, if that has not happened.
+    pub(super) fn start_client(&self, faults: &SyncSender<Fault>) -> Result<Option<Connection>, Fault> {
+        let client = self.client.lock().unwrap_or_else(PoisonError::into_inner).take();
+        client.map(|client| client.start(faults.clone())).transpose()
     }
 
     /// What `reader` gives, from its beginning to its end, in any container that needs no seeking.
@@ -132,10 +153,6 @@ impl Input {
             }
         });
         Ok(())
-    }
-
-    pub(super) const fn guard(&self) -> Option<&Arc<Guard>> {
-        self.guard.as_ref()
     }
 
     pub(super) const fn memory(&self) -> Memory {

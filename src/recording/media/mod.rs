@@ -15,24 +15,28 @@ mod encoded;
 mod fault;
 mod input;
 mod jpeg;
+mod login;
 mod losses;
 mod muxer;
 mod planes;
 mod plugins;
+mod rtsp;
 mod tap;
+mod tls;
 
 pub use announced::{MAX_SIDE, is_too_large};
 pub use clip::{ClipContainer, ClipWriter};
-pub use connection::Login;
 pub use decoder::Decoder;
 pub use demuxer::Demuxer;
 pub use device::DeviceWish;
 pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
 pub use fault::{ConnectionFault, Fault, SIZE_LIMIT};
 pub use input::{Input, descriptor_path};
+pub use login::Login;
 pub use muxer::{Muxer, TICK_NANOS};
 pub use planes::{PlaneReader, SampleError, Times};
 pub use plugins::{Codec, decoded_codecs, missing_elements};
+pub use rtsp::Peer;
 
 use videofields_vision::frame::YuvImage;
 

@@ -22,7 +22,7 @@ pub(super) fn look_at_codecs(config: &Config) -> Vec<Line> {
             Some(Place::Url(url))
                 if url.parse().is_ok_and(|parts| parts.scheme.as_str().starts_with("rtsp")) =>
             {
-                vec!["rtspsrc", "rtph264depay", "rtph265depay", "rtpjpegdepay"]
+                vec!["rtpjitterbuffer", "rtph264depay", "rtph265depay", "rtpjpegdepay"]
             }
             Some(Place::Url(_)) => vec!["souphttpsrc", "multipartdemux"],
             Some(Place::Device(_)) => vec!["v4l2src"],

@@ -155,7 +155,7 @@ impl Bench {
             status: None,
         };
         let kind = (self.end, Duration::from_secs(5));
-        CameraWorker::spawn_with(id, open, kind, clock, start, Box::new(recorder)).unwrap()
+        CameraWorker::spawn_with(id, (open, None), kind, clock, start, Box::new(recorder)).unwrap()
     }
 
     fn run(&self, lengths: &'static [u64]) -> (Vec<Event>, CameraStatus) {
@@ -349,4 +349,54 @@ fn what_begins_at_an_instant_of_its_own_is_played_at_once_and_bears_another_time
     let (events, _) = bench.run(&[2]);
     let hour = 3_600_000_000_000;
     assert_eq!(shown(&events), [0, FRAME_NANOS].map(|nanos| (nanos - hour, began + nanos)));
+}
+
+#[test]
+fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
+    let folder = tempfile::tempdir().unwrap();
+    let password_file = folder.path().join("password");
+    std::fs::write(&password_file, "wrong").unwrap();
+    let clock = Arc::new(SimulatedClock::new(Timestamp::from_nanos(77)));
+    let bench = Bench { clock: Arc::clone(&clock), ..Bench::new() };
+    let source = SourceSettings {
+        user: Some("guard".to_owned()),
+        password_file: Some(password_file.clone()),
+        ..SourceSettings::default()
+    };
+    let tried: Arc<Mutex<Vec<Duration>>> = Arc::default();
+    let (tries, opened) = (Arc::clone(&tried), Arc::clone(&clock));
+    let open = move |_stop: &StopFlag| {
+        let mut tries = tries.lock().unwrap();
+        tries.push(opened.monotonic());
+        if tries.len() == 3 {
+            // Somebody changes it while it is tried.
+            std::fs::write(&password_file, "right").unwrap();
+        }
+        if tries.len() == 4 {
+            let (clock, cost) = (Arc::clone(&opened), Duration::ZERO);
+            let source = Scripted { clock, n: 1, next: 0, cost, fails: false, encoded: Vec::new() };
+            return Ok(Box::new(source) as Box<dyn Source>);
+        }
+        let (place, fault) = ("rtsp://cam:554".to_owned(), crate::media::ConnectionFault::Unauthorized);
+        Err(super::super::CameraError::Connection { place, fault }.into())
+    };
+    let recorder = Recorder {
+        clock: Arc::clone(&clock),
+        events: Arc::clone(&bench.events),
+        cost: Duration::ZERO,
+        panics_at: None,
+        tap: Tap::Closed,
+    };
+    let login = LoginWatch::of(&source);
+    let (id, kind) = (CameraId::new("gate").unwrap(), (End::Loop, Duration::from_secs(5)));
+    let worker =
+        CameraWorker::spawn_with(id, (open, login), kind, clock, Start::default(), Box::new(recorder))
+            .unwrap();
+    while !worker.is_finished() {
+        std::thread::yield_now();
+    }
+    let tried = tried.lock().unwrap();
+    let pauses: Vec<u64> = tried.windows(2).map(|pair| (pair[1] - pair[0]).as_secs()).collect();
+    assert_eq!(pauses, [600, 600, 0]);
+    assert_eq!(worker.status().frames, 1);
 }

@@ -1,0 +1,314 @@
+//! What comes over an RTSP connection: answers, a camera's own requests, and packets between them (RFC 2326, 10.12).
+//!
+//! Cameras end lines with LF alone, send bytes that are no UTF-8, and now and then lose or add some between packets. What
+//! cannot be read is skipped up to the next thing that can, and counted.
+
+use super::packets::is_packet;
+use std::collections::VecDeque;
+
+/// Most bytes of an answer's head.
+const MAX_HEAD_BYTES: usize = 64 << 10;
+
+/// Most bytes of an answer's body.
+const MAX_BODY_BYTES: usize = 1 << 20;
+
+/// Most bytes that are skipped in a row.
+const MAX_SKIPPED_BYTES: usize = 1 << 20;
+
+/// Methods that a camera may ask us for.
+const METHODS: [&str; 10] = [
+    "ANNOUNCE ",
+    "DESCRIBE ",
+    "GET_PARAMETER ",
+    "OPTIONS ",
+    "PAUSE ",
+    "PLAY",
+    "REDIRECT ",
+    "SETUP ",
+    "SET_PARAMETER ",
+    "TEARDOWN ",
+];
+
+/// An answer to a request.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Response {
+    pub(super) status: u16,
+    /// Names in lower case.
+    headers: Vec<(String, String)>,
+    pub(super) body: Vec<u8>,
+}
+
+impl Response {
+    /// The first header of that name, in lower case.
+    pub(super) fn header(&self, name: &str) -> Option<&str> {
+        self.headers(name).next()
+    }
+
+    /// All headers of that name, in lower case.
+    pub(super) fn headers(&self, name: &str) -> impl Iterator<Item = &str> {
+        self.headers.iter().filter(move |(found, _)| found == name).map(|(_, value)| value.as_str())
+    }
+
+    /// The number of the request that it answers.
+    pub(super) fn number(&self) -> Option<u32> {
+        self.header("cseq")?.parse().ok()
+    }
+
+    pub(super) const fn is_success(&self) -> bool {
+        matches!(self.status, 200..=299)
+    }
+}
+
+/// One thing that came.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Piece {
+    /// A packet, on whatever channel.
+    Packet(Vec<u8>),
+    Response(Response),
+    /// A camera's request, of which the number alone is of use.
+    Request(Option<u32>),
+}
+
+/// Why nothing further can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Unreadable;
+
+/// Takes bytes as they come, and gives what they are.
+#[derive(Debug, Default)]
+pub(super) struct Reader {
+    bytes: VecDeque<u8>,
+    /// Bytes skipped since the last piece.
+    n_skipped: usize,
+    /// How often bytes were skipped.
+    n_damaged: u64,
+}
+
+/// What stands at the beginning of what is there.
+enum Start {
+    Packet,
+    Response,
+    Request,
+    /// Too few bytes to tell.
+    Unknown,
+    Nothing,
+}
+
+impl Reader {
+    /// Adds bytes that came.
+    pub(super) fn push(&mut self, bytes: &[u8]) {
+        self.bytes.extend(bytes);
+    }
+
+    /// How often bytes were skipped.
+    pub(super) const fn n_damaged(&self) -> u64 {
+        self.n_damaged
+    }
+
+    /// The next piece, once it is there whole.
+    ///
+    /// # Errors
+    /// When too much of what comes is none.
+    pub(super) fn next(&mut self) -> Result<Option<Piece>, Unreadable> {
+        loop {
+            self.bytes.make_contiguous();
+            let (bytes, _) = self.bytes.as_slices();
+            let found = match start(bytes, self.n_skipped) {
+                Start::Unknown => return Ok(None),
+                Start::Nothing => None,
+                Start::Packet => {
+                    let n_bytes = 4 + usize::from(u16::from_be_bytes([bytes[2], bytes[3]]));
+                    Some((Piece::Packet(bytes[4..n_bytes].to_vec()), n_bytes))
+                }
+                Start::Response | Start::Request => match message(bytes)? {
+                    Some(found) => Some(found),
+                    None => return Ok(None),
+                },
+            };
+            if let Some((piece, n_bytes)) = found {
+                self.bytes.drain(..n_bytes);
+                self.n_skipped = 0;
+                return Ok(Some(piece));
+            }
+            self.skip()?;
+        }
+    }
+
+    /// Goes to the next byte at which something may begin.
+    fn skip(&mut self) -> Result<(), Unreadable> {
+        let (bytes, _) = self.bytes.as_slices();
+        let may_begin = |byte: &u8| *byte == b'$' || byte.is_ascii_uppercase();
+        let n_bytes = bytes.iter().skip(1).position(may_begin).map_or(bytes.len(), |at| at + 1);
+        // Line ends between messages are no damage.
+        let is_blank = bytes[..n_bytes].iter().all(|byte| matches!(byte, b'\r' | b'\n'));
+        self.bytes.drain(..n_bytes);
+        if !is_blank {
+            self.n_damaged += u64::from(self.n_skipped == 0);
+            self.n_skipped += n_bytes;
+        }
+        if self.n_skipped > MAX_SKIPPED_BYTES { Err(Unreadable) } else { Ok(()) }
+    }
+}
+
+/// What `bytes` begin with. Behind bytes that were skipped a packet is one only if something begins after it.
+fn start(bytes: &[u8], n_skipped: usize) -> Start {
+    let is_lost = n_skipped > 0;
+    let Some(first) = bytes.first() else { return Start::Unknown };
+    if *first == b'$' {
+        let [_, _, high, low, rest @ ..] = bytes else { return Start::Unknown };
+        let n_bytes = usize::from(u16::from_be_bytes([*high, *low]));
+        let Some(_) = rest.first() else { return Start::Unknown };
+        if n_bytes == 0 || !is_packet(rest) {
+            return Start::Nothing;
+        }
+        return match rest.get(n_bytes..) {
+            None => Start::Unknown,
+            Some([]) if is_lost => Start::Unknown,
+            Some([next, ..]) if is_lost && !matches!(next, b'$' | b'R' | b'\r' | b'\n') => Start::Nothing,
+            Some(_) => Start::Packet,
+        };
+    }
+    let begins = |word: &str| {
+        let n_bytes = word.len().min(bytes.len());
+        bytes[..n_bytes] == word.as_bytes()[..n_bytes]
+    };
+    if begins("RTSP/") {
+        return if bytes.len() < 5 { Start::Unknown } else { Start::Response };
+    }
+    match METHODS.iter().find(|method| begins(method)) {
+        Some(method) if bytes.len() < method.len() => Start::Unknown,
+        Some(_) => Start::Request,
+        None => Start::Nothing,
+    }
+}
+
+/// The message at the beginning of `bytes` and how long it is, once it is there whole.
+fn message(bytes: &[u8]) -> Result<Option<(Piece, usize)>, Unreadable> {
+    let Some(n_head) = head_bytes(bytes) else {
+        return if bytes.len() > MAX_HEAD_BYTES { Err(Unreadable) } else { Ok(None) };
+    };
+    let head = String::from_utf8_lossy(&bytes[..n_head]);
+    let mut lines = head.lines();
+    let first = lines.next().unwrap_or_default();
+    let headers: Vec<(String, String)> = lines
+        .filter_map(|line| line.split_once(':'))
+        .map(|(name, value)| (name.trim().to_ascii_lowercase(), value.trim().to_owned()))
+        .collect();
+    let mut response = Response { headers, ..Response::default() };
+    let n_body: usize = response
+        .header("content-length")
+        .map_or(Ok(0), |length| length.parse().map_err(|_no_number| Unreadable))?;
+    if n_body > MAX_BODY_BYTES {
+        return Err(Unreadable);
+    }
+    let Some(body) = bytes.get(n_head..n_head + n_body) else { return Ok(None) };
+    let piece = if first.starts_with("RTSP/") {
+        let status = first.split_ascii_whitespace().nth(1).and_then(|status| status.parse().ok());
+        response.status = status.ok_or(Unreadable)?;
+        response.body = body.to_vec();
+        Piece::Response(response)
+    } else {
+        Piece::Request(response.number())
+    };
+    Ok(Some((piece, n_head + n_body)))
+}
+
+/// Bytes up to the end of the first blank line.
+fn head_bytes(bytes: &[u8]) -> Option<usize> {
+    let mut line_begins = 0;
+    for (at, byte) in bytes.iter().enumerate().take(MAX_HEAD_BYTES + 1) {
+        if *byte != b'\n' {
+            continue;
+        }
+        if matches!(&bytes[line_begins..at], [] | [b'\r']) {
+            return Some(at + 1);
+        }
+        line_begins = at + 1;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn packet(channel: u8, bytes: &[u8]) -> Vec<u8> {
+        [&[b'$', channel][..], &(bytes.len() as u16).to_be_bytes(), bytes].concat()
+    }
+
+    const RTP: [u8; 14] = [0x80, 96, 0, 1, 0, 0, 0, 2, 1, 1, 1, 1, b'$', b'R'];
+
+    fn read(reader: &mut Reader, bytes: &[u8]) -> Vec<Piece> {
+        reader.push(bytes);
+        std::iter::from_fn(|| reader.next().unwrap()).collect()
+    }
+
+    #[test]
+    fn what_comes_in_pieces_is_read_as_what_comes_at_once() {
+        let answer = b"RTSP/1.0 200 OK\r\nCSeq: 3\r\nSession: 9;timeout=20\r\nContent-Length: 4\r\n\r\nbody";
+        let request = b"GET_PARAMETER rtsp://cam/ RTSP/1.0\r\nCSeq: 7\r\n\r\n";
+        let all =
+            [&packet(0, &RTP)[..], answer, &packet(9, &RTP), b"\r\n", request, &packet(1, &RTP)].concat();
+        let mut reader = Reader::default();
+        let at_once = read(&mut reader, &all);
+        assert_eq!((at_once.len(), reader.n_damaged), (5, 0));
+        let Piece::Response(response) = &at_once[1] else { panic!("{at_once:?}") };
+        assert_eq!((response.status, response.number(), &response.body[..]), (200, Some(3), &b"body"[..]));
+        assert_eq!(response.header("session"), Some("9;timeout=20"));
+        assert_eq!(at_once[3], Piece::Request(Some(7)));
+        for n in [1, 2, 3, 5, 7, 50] {
+            let mut reader = Reader::default();
+            let pieces: Vec<Piece> = all.chunks(n).flat_map(|chunk| read(&mut reader, chunk)).collect();
+            assert_eq!(pieces, at_once, "{n} bytes at a time");
+            assert_eq!(reader.n_damaged, 0);
+        }
+    }
+
+    #[test]
+    fn loose_answers_are_read() {
+        let loose = b"RTSP/1.0 401\nWWW-Authenticate: Digest realm=\"\xe9\"\nwww-authenticate :Basic realm=\"b\"\nno header\n\n";
+        let pieces = read(&mut Reader::default(), loose);
+        let [Piece::Response(response)] = &pieces[..] else { panic!("{pieces:?}") };
+        assert_eq!(response.status, 401);
+        assert_eq!(response.headers("www-authenticate").count(), 2);
+    }
+
+    #[test]
+    fn damage_between_packets_costs_no_more_than_the_packet_beside_it() {
+        for garbage in
+            [&b"\0\xff\0\x12"[..], b"$\0", b"$\0\0\x08\x11garbage", b"RTP!", b"$$$", b"$\0\xff\xff\x80\x60"]
+        {
+            let packets = |n: usize| (0..n).flat_map(|_| packet(0, &RTP)).collect::<Vec<u8>>();
+            let mut reader = Reader::default();
+            // The last one claims 64 kB: that much is waited for before it is known to be none.
+            let all = [&packets(2)[..], garbage, &packets(6000)].concat();
+            let n_read = read(&mut reader, &all).len();
+            assert!(n_read > 2300, "{garbage:?}: {n_read} packets");
+            assert!(reader.n_damaged > 0, "{garbage:?}");
+        }
+        // A packet that lost its end takes the next ones' beginnings.
+        let mut reader = Reader::default();
+        let cut = [&packet(0, &RTP)[..12], &packet(0, &RTP).repeat(9)].concat();
+        let n_read = read(&mut reader, &cut).len();
+        assert!((7..=9).contains(&n_read) && reader.n_damaged > 0, "{n_read}");
+    }
+
+    #[test]
+    fn what_never_ends_is_given_up() {
+        let fails = |bytes: &[u8]| {
+            let mut reader = Reader::default();
+            reader.push(bytes);
+            while let Ok(piece) = reader.next() {
+                if piece.is_none() {
+                    return false;
+                }
+            }
+            true
+        };
+        assert!(fails(&[7; MAX_SKIPPED_BYTES + 2]));
+        assert!(fails(&[b"RTSP/1.0 200 OK\r\n".to_vec(), b"a: b\r\n".repeat(20_000)].concat()));
+        assert!(fails(b"RTSP/1.0 200 OK\r\nContent-Length: 99999999\r\n\r\n"));
+        assert!(fails(b"RTSP/1.0 200 OK\r\nContent-Length: -1\r\n\r\n"));
+        assert!(fails(b"RTSP/1.0 two hundred\r\n\r\n"));
+        assert!(!fails(b"RTSP/1.0 200 OK\r\nContent-Length: 5\r\n\r\nbody"));
+    }
+}

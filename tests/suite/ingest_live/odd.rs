@@ -1,0 +1,152 @@
+//! RTSP cameras that behave as public reports say some do.
+
+use super::*;
+use videofields_testing::odd_rtsp::{OddCamera, Oddities, Parameter};
+use videofields_testing::tls;
+
+/// A camera of these oddities, and who is connected to it; 25 frames come a second.
+fn connect(oddities: Oddities) -> (OddCamera, Camera) {
+    let server = OddCamera::start(oddities);
+    let camera = Camera::connect(settings(&server.url()));
+    (server, camera)
+}
+
+fn n_of(server: &OddCamera, method: &str) -> usize {
+    server.requests().iter().filter(|request| request.starts_with(method)).count()
+}
+
+/// Fails where the camera was lost meanwhile, or some of its frames were.
+fn stays_live(oddities: Oddities, n_frames: u64) -> OddCamera {
+    let said = format!("{oddities:?}");
+    let (server, camera) = connect(oddities);
+    let status = camera.wait_frames(n_frames);
+    assert_eq!((status.retries, &status.reason), (0, &None), "{said}");
+    assert!(status.dropped * 4 <= status.frames, "{said}: {status:?}");
+    assert_eq!(n_of(&server, "DESCRIBE"), 1, "{said}");
+    assert_grows(&camera.frames());
+    server
+}
+
+#[test]
+fn a_camera_whose_ssrc_changes_stays_live() {
+    stays_live(Oddities { ssrc_each_group: true, ..Oddities::default() }, 50);
+    stays_live(Oddities { n_first_ssrc: 7, ..Oddities::default() }, 50);
+}
+
+#[test]
+fn signs_of_life_go_out_as_the_camera_takes_them() {
+    let of =
+        |parameter, methods| Oddities { timeout_secs: Some(2), parameter, methods, ..Oddities::default() };
+    let server = stays_live(of(Parameter::Answered, None), 100);
+    assert!(n_of(&server, "GET_PARAMETER") >= 2);
+    let server = stays_live(of(Parameter::Unknown, Some("OPTIONS, GET_PARAMETER")), 100);
+    assert_eq!(n_of(&server, "GET_PARAMETER"), 1, "who does not know it is asked otherwise");
+    // The first request of each connection is one.
+    assert!(n_of(&server, "OPTIONS") >= 2, "{:?}", server.requests());
+    let server = stays_live(of(Parameter::Closes, Some("OPTIONS, DESCRIBE, SETUP, PLAY")), 100);
+    assert_eq!(n_of(&server, "GET_PARAMETER"), 0, "it does not say that it has it");
+    stays_live(of(Parameter::Silent, None), 100);
+}
+
+#[test]
+fn a_camera_that_ends_upon_a_sign_of_life_is_asked_otherwise_from_then_on() {
+    let oddities = Oddities { timeout_secs: Some(2), parameter: Parameter::Closes, ..Oddities::default() };
+    let (server, camera) = connect(oddities);
+    camera.wait("a new connection", |status| status.retries == 1);
+    let status = camera.wait_frames(100);
+    assert_eq!((status.retries, n_of(&server, "GET_PARAMETER")), (1, 1));
+}
+
+#[test]
+fn damage_in_the_connection_costs_pictures_and_not_the_camera() {
+    for garbage in [&b"\0\x01\x02garbage"[..], b"$", b"$\0\0\x20no packet", b"\r\n"] {
+        stays_live(Oddities { garbage: Some((40, garbage)), ..Oddities::default() }, 50);
+    }
+    let (_server, camera) = connect(Oddities { cut_each: Some(60), ..Oddities::default() });
+    let status = camera.wait_frames(50);
+    assert_eq!(status.retries, 0, "{status:?}");
+    assert!(status.dropped > 0, "what was lost is counted: {status:?}");
+}
+
+#[test]
+fn loose_answers_are_taken() {
+    stays_live(Oddities { has_bare_lines: true, ..Oddities::default() }, 20);
+}
+
+#[test]
+fn a_transport_that_is_refused_is_followed_by_the_other() {
+    let server = stays_live(Oddities { is_udp_only: true, ..Oddities::default() }, 20);
+    assert_eq!(n_of(&server, "SETUP"), 2);
+    let server = OddCamera::start(Oddities { is_tcp_only: true, ..Oddities::default() });
+    let camera = Camera::connect(SourceSettings { transport: Transport::Udp, ..settings(&server.url()) });
+    assert_eq!(camera.wait_frames(20).retries, 0);
+    let (_server, camera) = connect(Oddities { is_udp_only: true, is_tcp_only: true, ..Oddities::default() });
+    camera.wait_failed("neither over TCP nor over UDP");
+}
+
+/// Runs in a process of its own, since the certificates that are trusted are read once.
+#[test]
+fn a_camera_proves_its_name_or_is_left() {
+    const CERTIFICATES: &str = "VIDEOFIELDS_TEST_CERTIFICATES";
+    let Some(folder) = std::env::var_os(CERTIFICATES).map(std::path::PathBuf::from) else {
+        let (files, _) = tls::Files::new();
+        let name = "ingest_live::odd::a_camera_proves_its_name_or_is_left";
+        let mut alone = std::process::Command::new(std::env::current_exe().unwrap());
+        alone.args(["--exact", name, "--nocapture"]);
+        alone.env(CERTIFICATES, files.folder()).env("SSL_CERT_FILE", files.certificate());
+        let alone = alone.output().unwrap();
+        let said = String::from_utf8_lossy(&alone.stdout) + String::from_utf8_lossy(&alone.stderr);
+        assert!(alone.status.success() && said.contains("1 passed"), "{said}");
+        return;
+    };
+    let trusted = OddCamera::encrypted(&tls::server(&folder.join("site.pem"), &folder.join("site.key")));
+    let camera = Camera::connect(settings(&trusted.url()));
+    assert_eq!(camera.wait_frames(20).retries, 0);
+    let (files, _) = tls::Files::new();
+    let stranger = OddCamera::encrypted(&tls::server(&files.certificate(), &files.private_key()));
+    Camera::connect(settings(&stranger.url())).wait_failed("does not prove its name");
+    let address = trusted.url().replace("localhost", "127.0.0.1");
+    Camera::connect(settings(&address)).wait_failed("does not prove its name");
+}
+
+fn with_login(server: &OddCamera) -> Camera {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("password");
+    std::fs::write(&path, "s3cret\n").unwrap();
+    let (user, password_file) = (Some("viewer".to_owned()), Some(path));
+    let camera = Camera::connect(SourceSettings { user, password_file, ..settings(&server.url()) });
+    // It is read when the camera is connected to.
+    camera.wait("a frame or a failure", |status| status.frames > 0 || status.state == CameraState::Failed);
+    camera
+}
+
+#[test]
+fn logins_by_sha_256_are_known_and_unknown_ones_are_named() {
+    let sha = "Digest realm=\"IP Camera\", nonce=\"9d6bb5\", algorithm=SHA-256, stale=\"FALSE\"";
+    let server = OddCamera::start(Oddities { challenges: vec![sha], lets_in: true, ..Oddities::default() });
+    assert_eq!(with_login(&server).wait_frames(5).retries, 0);
+    assert!(server.requests().iter().any(|request| request.contains("algorithm=SHA-256")));
+    let server = OddCamera::start(Oddities { challenges: vec!["Negotiate"], ..Oddities::default() });
+    with_login(&server).wait_failed("Basic and Digest");
+}
+
+#[test]
+fn a_wrong_password_is_sent_once() {
+    let challenge = "Digest realm=\"IP Camera\", nonce=\"9d6bb5\"";
+    let server = OddCamera::start(Oddities { challenges: vec![challenge], ..Oddities::default() });
+    let camera = with_login(&server);
+    let status = camera.wait_failed("refuses the user or the password");
+    assert!(status.reason.as_ref().unwrap().contains("10 minutes"), "{status:?}");
+    // Twenty seconds by this clock, in which another fault would be met some four times.
+    SystemClock::new().sleep(Duration::from_secs(1));
+    let n_answers = server.requests().iter().filter(|request| request.contains("Authorization:")).count();
+    assert_eq!(n_answers, 1, "{:?}", server.requests());
+}
+
+#[test]
+fn streams_that_are_not_read_are_named() {
+    let description = "m=video 0 RTP/AVP 97\r\na=rtpmap:97 jpeg2000/90000\r\na=control:track1\r\n";
+    let (_server, camera) = connect(Oddities { description: Some(description), ..Oddities::default() });
+    let status = camera.wait_failed("JPEG2000, which is not supported");
+    assert!(status.reason.as_ref().unwrap().contains("H.264"), "{status:?}");
+}
