@@ -13,7 +13,7 @@ use std::time::Duration;
 use videofields_recording::ingest::{
     self, CameraState, CameraStatus, CameraWorker, FrameConsumer, MediaRoots, Polled,
 };
-use videofields_recording::media::{Decoder, EncodedQueue, Input, Peer};
+use videofields_recording::media::{Decoder, EncodedQueue, Input, Muxer, Peer};
 use videofields_recording::telemetry::DropReason;
 use videofields_testing::rtsp::{RtspServer, ball, jpeg_ball};
 use videofields_testing::wait_for;
@@ -404,7 +404,9 @@ fn encoded_frames_come_beside_the_pictures_of_a_camera() {
         host: "127.0.0.1".to_owned(),
         is_encrypted: false,
         place: "a camera".to_owned(),
+        authority: "127.0.0.1".to_owned(),
         url: server.url(),
+        path_and_query: "/".to_owned(),
     };
     let input = Input::rtsp(&peer, Transport::Tcp, None).unwrap();
     let decoder = Decoder::start(&input, Some(&queue)).unwrap();

@@ -72,7 +72,7 @@ impl Endpoint {
     }
 
     /// The URL to connect to; may hold secrets behind the port.
-    pub(super) fn location(&self) -> String {
+    fn location(&self) -> String {
         if self.parts.scheme.is_encrypted() {
             return format!("{}{}", self.parts, self.parts.path_and_query);
         }
@@ -80,19 +80,21 @@ impl Endpoint {
         format!("{}://{address}{}", self.parts.scheme.as_str(), self.parts.path_and_query)
     }
 
-    /// Where an RTSP camera is connected to, and what it is asked for.
+    /// Where the camera is connected to, and what it is asked for.
     pub(super) fn peer(&self) -> Peer {
         Peer {
             address: SocketAddr::new(self.address, self.parts.port),
             host: self.parts.host.to_string(),
             is_encrypted: self.parts.scheme.is_encrypted(),
             place: self.place(),
+            authority: self.host(),
             url: self.location(),
+            path_and_query: self.parts.path_and_query.clone(),
         }
     }
 
     /// What an HTTP camera is told to be called.
-    pub(super) fn host(&self) -> String {
+    fn host(&self) -> String {
         if self.parts.port == self.parts.scheme.port() {
             self.parts.host.to_string()
         } else {

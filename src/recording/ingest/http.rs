@@ -16,7 +16,6 @@ pub(super) fn open(
 ) -> Result<LiveSource, IngestError> {
     let credentials = Credentials::read(settings)?;
     let login = credentials.as_ref().map(Credentials::login);
-    let input = Input::http(&endpoint.location(), &endpoint.host(), login)
-        .map_err(|fault| error_of(&endpoint.place(), fault))?;
+    let input = Input::http(&endpoint.peer(), login).map_err(|fault| error_of(&endpoint.place(), fault))?;
     LiveSource::start(endpoint.place(), &input, tap, stop)
 }

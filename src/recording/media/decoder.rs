@@ -7,7 +7,7 @@
 
 use super::allowed::{is_allowed, is_refused};
 use super::announced::{self, Announced, MAX_SIDE, is_too_large, size_of_format};
-use super::connection::{connection_fault, unanswered};
+use super::device::device_fault;
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Connection, Keep, Memory, make};
 use super::losses::Losses;
@@ -38,8 +38,6 @@ pub struct Decoder {
     n_arrived: Arc<AtomicU64>,
     n_pulled: AtomicU64,
     n_damaged: Arc<AtomicU64>,
-    /// By the system's monotonic clock.
-    started: gst::ClockTime,
     keep: Keep,
     /// What feeds the pipeline, where that is not the pipeline itself.
     connection: Option<Connection>,
@@ -102,7 +100,6 @@ impl Decoder {
             n_arrived,
             n_pulled,
             n_damaged,
-            started: gst::get_timestamp(),
             keep,
             connection: None,
         };
@@ -197,7 +194,7 @@ impl Decoder {
         let gst::MessageView::Error(message) = message.view() else { return None };
         let error = message.error();
         if self.keep == Keep::Newest {
-            return Some(self.live_fault(message, &error));
+            return Some(self.live_fault(&error));
         }
         // The debug text holds line numbers and element names: for the log alone.
         tracing::debug!(%error, source = message.debug().as_deref().unwrap_or(""), "a pipeline failed");
@@ -217,20 +214,13 @@ impl Decoder {
     }
 
     /// As [`Self::error_fault`], of a camera: nothing of what the error says is told or logged, since it may hold a secret.
-    fn live_fault(&self, message: &gst::message::Error, error: &glib::Error) -> Fault {
+    fn live_fault(&self, error: &glib::Error) -> Fault {
         if let Some(fault) = self.unread_video() {
             return fault;
         }
+        // Only a device is an element of the pipeline; other cameras' connections tell themselves.
         if let Some(kind) = error.kind::<gst::ResourceError>() {
-            return Fault::Connection(connection_fault(message, kind));
-        }
-        // An HTTP source that is not answered, or whose connection breaks, says no more than that it stopped.
-        let flow = message.details().and_then(|details| details.get::<i32>("flow-return").ok());
-        let is_source = message.src().is_some_and(|source| is_of(source, gst::ElementFactoryType::SRC));
-        if is_source && flow == Some(gst::FlowError::Error as i32) {
-            let waited = gst::get_timestamp().saturating_sub(self.started);
-            let has_begun = self.n_arrived.load(Ordering::Relaxed) > 0;
-            return Fault::Connection(if has_begun { ConnectionFault::Closed } else { unanswered(waited) });
+            return Fault::Connection(device_fault(kind));
         }
         let (core, stream) = (error.kind::<gst::CoreError>(), error.kind::<gst::StreamError>());
         tracing::debug!(?core, ?stream, "a camera's pipeline failed");

@@ -1,8 +1,7 @@
 //! Inputs from V4L2 devices, and which of the formats that a device lists is taken.
 
-use super::connection::connection_fault;
 use super::fault::{ConnectionFault, gstreamer_fault};
-use super::input::{Keep, Link, make};
+use super::input::{Keep, make};
 use super::{Fault, Input};
 use gst::prelude::*;
 use gstreamer as gst;
@@ -50,9 +49,7 @@ fn capture(element: gst::Element, wish: &DeviceWish) -> Result<Input, Fault> {
     if opened.is_err() || closed.is_err() {
         let error = bus.pop_filtered(&[gst::MessageType::Error]);
         let fault = error.as_ref().and_then(|message| match message.view() {
-            gst::MessageView::Error(error) => {
-                Some(connection_fault(error, error.error().kind::<gst::ResourceError>()?))
-            }
+            gst::MessageView::Error(error) => Some(device_fault(error.error().kind::<gst::ResourceError>()?)),
             _ => None,
         });
         return Err(Fault::Connection(fault.unwrap_or(ConnectionFault::Unreachable)));
@@ -64,11 +61,23 @@ fn capture(element: gst::Element, wish: &DeviceWish) -> Result<Input, Fault> {
 
 fn build(element: gst::Element, caps: &gst::Caps) -> Result<Input, gst::glib::BoolError> {
     let filter = gst::ElementFactory::make("capsfilter").property("caps", caps).build()?;
-    Ok(Input::new(vec![element, filter], Keep::Newest, Link::Now))
+    Ok(Input::new(vec![element, filter], Keep::Newest))
 }
 
 fn no_pad() -> Fault {
     Fault::Gstreamer { action: "open a device", detail: "its element has no source pad".to_owned() }
+}
+
+/// Returns what an error of that kind, which a device's element posts, means.
+pub(super) const fn device_fault(kind: gst::ResourceError) -> ConnectionFault {
+    match kind {
+        gst::ResourceError::NotAuthorized => ConnectionFault::Unauthorized,
+        gst::ResourceError::Busy => ConnectionFault::Busy,
+        gst::ResourceError::Read | gst::ResourceError::Write | gst::ResourceError::Close => {
+            ConnectionFault::Closed
+        }
+        _ => ConnectionFault::Unreachable,
+    }
 }
 
 /// The one format of those `listed` that is nearest to what is wished: one fast enough before one that is not, then the

@@ -1,7 +1,6 @@
 //! Where a pipeline's bytes come from.
 
 use super::Fault;
-use super::connection::is_video;
 use super::fault::gstreamer_fault;
 use gst::glib;
 use gstreamer as gst;
@@ -11,7 +10,6 @@ use std::fs::File;
 use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Mutex, PoisonError};
 
@@ -20,13 +18,11 @@ const CHUNK_BYTES: usize = 128 * 1024;
 
 /// The elements at which a pipeline begins, each linked to the next.
 ///
-/// The last one's source pads, those there and those to come, are linked to whatever reads them; of several streams the first
-/// video counts.
+/// The last one's source pad is linked to whatever reads it.
 #[derive(Debug)]
 pub struct Input {
     elements: Vec<gst::Element>,
     keep: Keep,
-    links: Link,
     /// What feeds the elements, until it is started.
     client: Mutex<Option<Box<dyn Client>>>,
     memory: Memory,
@@ -56,15 +52,6 @@ pub(super) enum Memory {
     Own,
 }
 
-/// When an input's source pads are there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Link {
-    /// From the start.
-    Now,
-    /// One after the other, once it is connected.
-    AsTheyCome,
-}
-
 /// What becomes of pictures that are not taken as they come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keep {
@@ -82,11 +69,11 @@ impl Input {
     pub fn file(location: &Path) -> Result<Self, Fault> {
         let element = make("filesrc")?;
         element.set_property("location", location);
-        Ok(Self::new(vec![element], Keep::All, Link::Now))
+        Ok(Self::new(vec![element], Keep::All))
     }
 
-    pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep, links: Link) -> Self {
-        Self { elements, keep, links, client: Mutex::new(None), memory: Memory::Pooled }
+    pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep) -> Self {
+        Self { elements, keep, client: Mutex::new(None), memory: Memory::Pooled }
     }
 
     /// The same, fed by `client`.
@@ -128,31 +115,16 @@ impl Input {
             }
         };
         source.set_callbacks(gst_app::AppSrcCallbacks::builder().need_data(need_data).build());
-        Ok(Self { memory: Memory::Own, ..Self::new(vec![element], Keep::All, Link::Now) })
+        Ok(Self { memory: Memory::Own, ..Self::new(vec![element], Keep::All) })
     }
 
-    /// Puts the input into `pipeline`, and links its first video to `reader`, now or when it comes.
+    /// Puts the input into `pipeline`, and links it to `reader`.
     pub(super) fn link(&self, pipeline: &gst::Pipeline, reader: &gst::Element) -> Result<(), Fault> {
         let fault = |error: &glib::BoolError| gstreamer_fault("build a pipeline", error);
         pipeline.add_many(&self.elements).map_err(|error| fault(&error))?;
         gst::Element::link_many(&self.elements).map_err(|error| fault(&error))?;
         let Some(last) = self.elements.last() else { return Ok(()) };
-        if self.links == Link::Now {
-            return last.link(reader).map_err(|error| fault(&error));
-        }
-        let (reader, is_linked) = (reader.downgrade(), AtomicBool::new(false));
-        last.connect_pad_added(move |_element, pad| {
-            let Some(target) = reader.upgrade().and_then(|reader| reader.static_pad("sink")) else { return };
-            let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-            if !is_video(&caps) || is_linked.swap(true, Ordering::AcqRel) {
-                return;
-            }
-            // What is not linked ends the stream with an error on the bus.
-            if let Err(error) = pad.link(&target) {
-                tracing::warn!(%error, "a camera's stream is not linked");
-            }
-        });
-        Ok(())
+        last.link(reader).map_err(|error| fault(&error))
     }
 
     pub(super) const fn memory(&self) -> Memory {

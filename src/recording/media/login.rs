@@ -17,9 +17,22 @@ pub struct Login<'a> {
     pub password: &'a str,
 }
 
+/// The same, kept for as long as a connection may be made.
+#[derive(Clone)]
+pub(super) struct OwnedLogin {
+    user: String,
+    password: String,
+}
+
+impl OwnedLogin {
+    pub(super) fn of(login: Login<'_>) -> Self {
+        Self { user: login.user.to_owned(), password: login.password.to_owned() }
+    }
+}
+
 /// Logs in at one camera for as long as a connection lasts.
 pub(super) struct Answering {
-    login: Option<(String, String)>,
+    login: Option<OwnedLogin>,
     client: Option<Client>,
     /// Whether an answer was taken since the last challenge.
     was_taken: bool,
@@ -32,14 +45,13 @@ enum Client {
 
 impl Answering {
     /// Nothing is answered yet.
-    pub(super) fn new(login: Option<Login<'_>>) -> Self {
-        let login = login.map(|login| (login.user.to_owned(), login.password.to_owned()));
+    pub(super) const fn new(login: Option<OwnedLogin>) -> Self {
         Self { login, client: None, was_taken: false }
     }
 
     /// The header that answers the last challenge for a request; none where nobody asked yet.
     pub(super) fn header(&mut self, method: &str, uri: &str) -> Option<String> {
-        let (user, password) = self.login.as_ref()?;
+        let OwnedLogin { user, password } = self.login.as_ref()?;
         match self.client.as_mut()? {
             Client::Basic(client) => Some(client.respond(user, password)),
             Client::Digest(client) => {
@@ -112,7 +124,7 @@ mod tests {
     const LOGIN: Option<Login<'_>> = Some(Login { user: "u", password: "p@:/#% 1" });
 
     fn asked(challenges: &[&str]) -> (Answering, Result<(), ConnectionFault>) {
-        let mut answering = Answering::new(LOGIN);
+        let mut answering = Answering::new(LOGIN.map(OwnedLogin::of));
         assert_eq!(answering.header("DESCRIBE", "rtsp://cam/a"), None, "nobody asked");
         let answer = answering.challenge(challenges.iter().copied());
         (answering, answer)

@@ -6,13 +6,14 @@
 
 mod allowed;
 mod announced;
+mod client;
 mod clip;
-mod connection;
 mod decoder;
 mod demuxer;
 mod device;
 mod encoded;
 mod fault;
+mod http;
 mod input;
 mod jpeg;
 mod login;
@@ -25,6 +26,7 @@ mod tap;
 mod tls;
 
 pub use announced::{MAX_SIDE, is_too_large};
+pub use client::Peer;
 pub use clip::{ClipContainer, ClipWriter};
 pub use decoder::Decoder;
 pub use demuxer::Demuxer;
@@ -36,7 +38,6 @@ pub use login::Login;
 pub use muxer::{Muxer, TICK_NANOS};
 pub use planes::{PlaneReader, SampleError, Times};
 pub use plugins::{Codec, decoded_codecs, missing_elements};
-pub use rtsp::Peer;
 
 use videofields_vision::frame::YuvImage;
 

@@ -24,6 +24,15 @@ fn part(jpeg: &[u8]) -> Vec<u8> {
 fn camera(
     send: impl Fn(&mut TcpStream) -> std::io::Result<()> + Send + Sync + 'static,
 ) -> (u16, Arc<Mutex<Vec<String>>>) {
+    const HEAD: &str = "HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=next\r\n\r\n";
+    camera_with_head(HEAD, send)
+}
+
+/// The same with another head of its answers.
+fn camera_with_head(
+    head: &'static str,
+    send: impl Fn(&mut TcpStream) -> std::io::Result<()> + Send + Sync + 'static,
+) -> (u16, Arc<Mutex<Vec<String>>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let port = listener.local_addr().unwrap().port();
     let heads: Arc<Mutex<Vec<String>>> = Arc::default();
@@ -35,8 +44,6 @@ fn camera(
                 let mut bytes = [0; 4096];
                 let n = stream.read(&mut bytes).unwrap_or(0);
                 kept.lock().unwrap().push(String::from_utf8_lossy(&bytes[..n]).into_owned());
-                let head =
-                    "HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=next\r\n\r\n";
                 // Whoever hangs up has seen enough.
                 if stream.write_all(head.as_bytes()).is_ok() {
                     send(&mut stream).unwrap_or_default();
@@ -160,4 +167,97 @@ fn who_wants_a_password_is_told_apart() {
     let known = Camera::connect(SourceSettings { user, password_file, ..settings(&url) });
     let status = known.wait_failed("has no such stream");
     assert!(!format!("{status:?}").contains("s3cret"), "{status:?}");
+}
+
+#[test]
+fn multipart_that_is_written_loosely_is_read() {
+    // What a camera writes before each picture: on the web pages of cameras there is every kind.
+    for (before, after) in [
+        ("Content-Type: image/jpeg\r\n\r\n", "\r\n--next\r\n"),
+        ("--next\r\nContent-Type: image/jpg\r\nContent-Length: 17\r\n\r\n", ""),
+        ("--next\n\n", "\n"),
+        ("", ""),
+    ] {
+        let (port, _heads) = camera(move |stream| {
+            for n in 0..500 {
+                stream.write_all(&[before.as_bytes(), &jpeg(n as u8), after.as_bytes()].concat())?;
+                pause(40);
+            }
+            Ok(())
+        });
+        let camera = Camera::connect(settings(&format!("http://127.0.0.1:{port}/")));
+        let status = camera.wait_frames(10);
+        assert_eq!((status.size, status.retries), (Some((160, 120)), 0), "{before:?}");
+        let n_damaged: u64 = camera
+            .kept
+            .0
+            .lock()
+            .unwrap()
+            .lost
+            .iter()
+            .filter(|(reason, _)| *reason == DropReason::Damaged)
+            .map(|(_, n)| n)
+            .sum();
+        assert_eq!(n_damaged, 0, "{before:?}");
+    }
+}
+
+#[test]
+fn a_camera_that_answers_a_picture_at_a_time_is_asked_again_and_again() {
+    let n_answers = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&n_answers);
+    let (port, heads) =
+        camera_with_head("HTTP/1.0 200 OK\r\nContent-Type: image/jpeg\r\n\r\n", move |stream| {
+            stream.write_all(&jpeg(counted.fetch_add(1, Ordering::Relaxed) as u8))
+        });
+    let camera = Camera::connect(settings(&format!("http://127.0.0.1:{port}/snap.jpg")));
+    let status = camera.wait_frames(6);
+    assert_eq!((status.size, status.retries), (Some((160, 120)), 0));
+    assert!(heads.lock().unwrap().iter().all(|head| head.starts_with("GET /snap.jpg HTTP/1.1")));
+    let frames = camera.frames();
+    assert_grows(&frames);
+    let secs = frames[5].0.secs_since(frames[0].0);
+    assert!(secs > 0.8, "five a second at most: five in {secs} s");
+}
+
+#[test]
+fn what_is_no_picture_is_named() {
+    let (port, _heads) = camera_with_head("HTTP/1.1 200 OK\r\nContent-Type: text/html\r\n\r\n", |stream| {
+        stream.write_all(b"<html>Log in</html>")
+    });
+    Camera::connect(settings(&format!("http://127.0.0.1:{port}/")))
+        .wait_failed("it sends text/html, and no JPEG");
+}
+
+#[test]
+fn motion_jpeg_is_recorded_as_it_comes() {
+    let (port, _heads) = camera(|stream| {
+        for n in 0..500 {
+            stream.write_all(&part(&jpeg(n as u8)))?;
+            pause(40);
+        }
+        Ok(())
+    });
+    let (settings, stop) = (settings(&format!("http://127.0.0.1:{port}/")), ingest::StopFlag::default());
+    let mut source = ingest::open_tapped(&settings, &roots(), &stop, ingest::Tap::Open).unwrap();
+    let mut bytes = Vec::new();
+    let mut muxer: Option<Muxer> = None;
+    let mut first_nanos = 0;
+    let n_frames = wait_for("recorded frames", || {
+        source.poll().unwrap();
+        while let Some(frame) = source.take_encoded() {
+            assert_eq!((frame.format.codec(), frame.format.size_px()), ("image/jpeg", Some((160, 120))));
+            let nanos = frame.stream_nanos.unwrap();
+            let muxer = muxer.get_or_insert_with(|| {
+                first_nanos = nanos;
+                Muxer::start(&frame.format).unwrap()
+            });
+            muxer.push(&frame, u64::try_from(nanos - first_nanos).unwrap(), &mut bytes).unwrap();
+        }
+        let n_frames = bytes.windows(3).filter(|bytes| *bytes == [0xff, 0xd8, 0xff]).count();
+        (n_frames >= 10).then_some(n_frames)
+    });
+    let decoder = Decoder::start(&Input::stream(std::io::Cursor::new(bytes)).unwrap(), None).unwrap();
+    let n_pictures = std::iter::from_fn(|| decoder.pull(gstreamer::ClockTime::from_seconds(5))).count();
+    assert_eq!(n_pictures, n_frames);
 }

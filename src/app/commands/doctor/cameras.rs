@@ -22,9 +22,9 @@ pub(super) fn look_at_codecs(config: &Config) -> Vec<Line> {
             Some(Place::Url(url))
                 if url.parse().is_ok_and(|parts| parts.scheme.as_str().starts_with("rtsp")) =>
             {
-                vec!["rtpjitterbuffer", "rtph264depay", "rtph265depay", "rtpjpegdepay"]
+                vec!["appsrc", "rtpjitterbuffer", "rtph264depay", "rtph265depay", "rtpjpegdepay"]
             }
-            Some(Place::Url(_)) => vec!["souphttpsrc", "multipartdemux"],
+            Some(Place::Url(_)) => vec!["appsrc", "jpegdec"],
             Some(Place::Device(_)) => vec!["v4l2src"],
             Some(Place::Path(_)) => vec!["filesrc"],
             None => Vec::new(),

@@ -7,20 +7,17 @@ use super::description::{Stream, base, first_video};
 use super::message::{Piece, Reader, Response, Unreadable};
 use super::packets::{Kind, sign_of_life, unify};
 use super::{Sinks, Target};
+use crate::media::client::{ANSWER_TIME, Bytes, USER_AGENT, connect, expect_success};
 use crate::media::fault::{ConnectionFault, Fault};
 use crate::media::login::Answering;
-use crate::media::tls::encrypt;
 use std::collections::BTreeSet;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
-use tokio::net::{TcpStream, UdpSocket};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::UdpSocket;
 use tokio::time::{Instant, sleep_until, timeout};
 use videofields_vision::config::Transport;
-
-/// Time for a connection to come about, and for each answer on it.
-pub(super) const ANSWER_TIME: Duration = Duration::from_secs(5);
 
 /// Time for a camera to answer that it ends a session.
 const END_TIME: Duration = Duration::from_millis(300);
@@ -48,9 +45,6 @@ static ASKED_BY_OPTIONS: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
 /// Most of them.
 const MAX_ASKED_BY_OPTIONS: usize = 1024;
-
-trait Bytes: AsyncRead + AsyncWrite + Send + Unpin {}
-impl<S: AsyncRead + AsyncWrite + Send + Unpin> Bytes for S {}
 
 /// Where packets come.
 enum Way {
@@ -87,31 +81,13 @@ impl<'a> Session<'a> {
     /// # Errors
     /// When the camera is not reached, or does not prove its name.
     pub(super) async fn connect(target: &'a Target, sinks: &'a Sinks) -> Result<Self, Fault> {
-        let connected = timeout(ANSWER_TIME, TcpStream::connect(target.address)).await;
-        let stream = match connected {
-            Err(_elapsed) => return Err(Fault::Connection(ConnectionFault::TimedOut)),
-            Ok(Err(error)) => {
-                tracing::debug!(%error, "a camera is not reached");
-                return Err(Fault::Connection(ConnectionFault::Unreachable));
-            }
-            Ok(Ok(stream)) => stream,
-        };
-        if let Err(error) = stream.set_nodelay(true) {
-            tracing::debug!(%error, "a connection's packets are held back");
-        }
-        let stream: Box<dyn Bytes> = if target.is_encrypted {
-            let encrypted = timeout(ANSWER_TIME, encrypt(stream, &target.host)).await;
-            let encrypted = encrypted.map_err(|_elapsed| ConnectionFault::TimedOut).flatten();
-            Box::new(encrypted.map_err(Fault::Connection)?)
-        } else {
-            Box::new(stream)
-        };
+        let stream = connect(&target.peer).await?;
         Ok(Self {
             target,
             sinks,
             stream,
             reader: Reader::default(),
-            answering: Answering::new(target.login()),
+            answering: Answering::new(target.login.clone()),
             next_number: 1,
             id: None,
             timeout: USUAL_TIMEOUT,
@@ -125,18 +101,18 @@ impl<'a> Session<'a> {
     /// # Errors
     /// Always: why it ended.
     pub(super) async fn play(&mut self) -> Result<std::convert::Infallible, Fault> {
-        let url = self.target.url.clone();
+        let url = self.target.peer.url.clone();
         let options = self.request("OPTIONS", &url, &[]).await?;
         self.methods = options.header("public").map(str::to_ascii_uppercase);
         let described = self.request("DESCRIBE", &url, &[("Accept", "application/sdp")]).await?;
-        expect_success(&described)?;
+        expect_success(described.status)?;
         let base = base([described.header("content-base"), described.header("content-location")], &url);
         let stream = first_video(&described.body, &base)?;
         self.payload_type = Some(stream.payload_type);
         let way = self.set_up(&stream).await?;
         self.sinks.begin(&stream.caps);
         let played = self.request("PLAY", &stream.session, &[("Range", "npt=0.000-")]).await?;
-        expect_success(&played)?;
+        expect_success(played.status)?;
         self.follow(&stream, way).await
     }
 
@@ -145,7 +121,7 @@ impl<'a> Session<'a> {
         if self.id.is_none() {
             return;
         }
-        let url = self.target.url.clone();
+        let url = self.target.peer.url.clone();
         let ended = timeout(END_TIME, self.request("TEARDOWN", &url, &[])).await;
         tracing::trace!(is_answered = ended.is_ok_and(|answer| answer.is_ok()), "a session is ended");
     }
@@ -167,11 +143,11 @@ impl<'a> Session<'a> {
                 tracing::info!(transport = ?way, "a camera refuses a transport");
                 continue;
             }
-            expect_success(&answer)?;
+            expect_success(answer.status)?;
             self.take_session(&answer);
             let Some((packets, reports, _)) = sockets else { return Ok(Way::Tcp) };
             let ports = answer.header("transport").and_then(server_ports);
-            let peer = |port: u16| SocketAddr::new(self.target.address.ip(), port);
+            let peer = |port: u16| SocketAddr::new(self.target.peer.address.ip(), port);
             if let Some((port, _)) = ports {
                 // A firewall lets in what was asked for.
                 let knock = packets.send_to(&sign_of_life(), peer(port)).await;
@@ -184,7 +160,7 @@ impl<'a> Session<'a> {
 
     /// Two sockets side by side, the first at an even port.
     async fn sockets(&self) -> Result<(UdpSocket, UdpSocket, u16), Fault> {
-        let any = match self.target.address.ip() {
+        let any = match self.target.peer.address.ip() {
             IpAddr::V4(_) => IpAddr::from([0; 4]),
             IpAddr::V6(_) => IpAddr::from([0_u16; 8]),
         };
@@ -275,7 +251,7 @@ impl<'a> Session<'a> {
     /// Whether signs of life are `GET_PARAMETER`, which cameras take for one and do nothing else upon.
     fn has_parameter(&self) -> bool {
         let ends = ASKED_BY_OPTIONS.lock().unwrap_or_else(PoisonError::into_inner);
-        !ends.contains(&self.target.place)
+        !ends.contains(&self.target.peer.place)
             && self.methods.as_ref().is_none_or(|methods| methods.contains("GET_PARAMETER"))
     }
 
@@ -284,7 +260,7 @@ impl<'a> Session<'a> {
         let is_answer = asked.is_some_and(|asked| asked.is_parameter && asked.at.elapsed() < ANSWER_TIME);
         let mut ends = ASKED_BY_OPTIONS.lock().unwrap_or_else(PoisonError::into_inner);
         if is_answer && ends.len() < MAX_ASKED_BY_OPTIONS {
-            ends.insert(self.target.place.clone());
+            ends.insert(self.target.peer.place.clone());
         }
     }
 
@@ -313,7 +289,9 @@ impl<'a> Session<'a> {
 
     fn take_datagram(&self, bytes: &[u8], received: std::io::Result<(usize, SocketAddr)>) {
         match received {
-            Ok((n_bytes, from)) if from.ip().to_canonical() == self.target.address.ip().to_canonical() => {
+            Ok((n_bytes, from))
+                if from.ip().to_canonical() == self.target.peer.address.ip().to_canonical() =>
+            {
                 self.take_packet(bytes[..n_bytes].to_vec());
             }
             Ok((_, from)) => tracing::debug!(%from, "a packet that is not the camera's is left out"),
@@ -376,8 +354,7 @@ impl<'a> Session<'a> {
         use std::fmt::Write;
         let number = self.next_number;
         self.next_number += 1;
-        let mut text =
-            format!("{method} {url} RTSP/1.0\r\nCSeq: {number}\r\nUser-Agent: {}\r\n", super::USER_AGENT);
+        let mut text = format!("{method} {url} RTSP/1.0\r\nCSeq: {number}\r\nUser-Agent: {}\r\n", USER_AGENT);
         let login = self.answering.header(method, url);
         let session = self.id.clone();
         let own = [("Authorization", login.as_deref()), ("Session", session.as_deref())];
@@ -413,15 +390,4 @@ fn server_ports(transport: &str) -> Option<(u16, u16)> {
     let (first, second) = ports.split_once('-').unwrap_or((ports, ""));
     let first: u16 = first.trim().parse().ok()?;
     Some((first, second.trim().parse().unwrap_or(first.saturating_add(1))))
-}
-
-fn expect_success(response: &Response) -> Result<(), Fault> {
-    let fault = match response.status {
-        200..=299 => return Ok(()),
-        300..=399 => ConnectionFault::Redirected,
-        401 | 403 => ConnectionFault::Unauthorized,
-        404 | 410 => ConnectionFault::NotFound,
-        status => ConnectionFault::Status(u32::from(status)),
-    };
-    Err(Fault::Connection(fault))
 }

@@ -1,0 +1,205 @@
+//! Parts what an HTTP camera sends into JPEG pictures.
+//!
+//! Cameras write multipart loosely: no boundary before the first part, another type than image/jpeg or none, lengths that are
+//! wrong or left out. What begins with FF D8 is a picture here, whatever stands around it, and it ends where its own markers
+//! say (ITU-T T.81, B.1).
+
+/// Most bytes of a picture.
+const MAX_PICTURE_BYTES: usize = 16 << 20;
+
+/// Parts a stream of bytes.
+#[derive(Debug, Default)]
+pub(super) struct Splitter {
+    bytes: Vec<u8>,
+    /// Bytes of the picture at the beginning that were looked at, or none where nothing begins there.
+    looked_at: usize,
+    /// Bytes that were no picture since the last one.
+    n_between: usize,
+}
+
+/// What the bytes at a place in a picture are.
+enum Found {
+    /// The picture ends there.
+    End(usize),
+    /// Another picture begins there, before this one has ended.
+    Broken(usize),
+    /// More bytes are needed to tell what begins there.
+    More(usize),
+}
+
+impl Splitter {
+    /// Adds bytes that came.
+    pub(super) fn push(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    /// How many bytes came since the last picture that belong to none.
+    pub(super) const fn n_between(&self) -> usize {
+        self.n_between
+    }
+
+    /// The next picture, whole or as far as it came before the next one began.
+    pub(super) fn next(&mut self) -> Option<Vec<u8>> {
+        if self.looked_at == 0 {
+            self.skip_to_beginning();
+        }
+        if self.bytes.len() < 3 {
+            return None;
+        }
+        match look(&self.bytes, self.looked_at.max(2)) {
+            Found::End(n_bytes) | Found::Broken(n_bytes) => Some(self.take(n_bytes)),
+            Found::More(looked_at) if self.bytes.len() <= MAX_PICTURE_BYTES => {
+                self.looked_at = looked_at;
+                None
+            }
+            // What never ends is cut, and so no picture.
+            Found::More(_) => Some(self.take(MAX_PICTURE_BYTES)),
+        }
+    }
+
+    fn take(&mut self, n_bytes: usize) -> Vec<u8> {
+        let rest = self.bytes.split_off(n_bytes);
+        self.looked_at = 0;
+        self.n_between = 0;
+        std::mem::replace(&mut self.bytes, rest)
+    }
+
+    /// Drops what stands before the next beginning of a picture.
+    fn skip_to_beginning(&mut self) {
+        let begins = self.bytes.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]);
+        // The last two bytes may be a beginning of which the rest has not come.
+        let n_bytes = begins.unwrap_or_else(|| self.bytes.len().saturating_sub(2));
+        self.n_between += n_bytes;
+        self.bytes.drain(..n_bytes);
+    }
+}
+
+/// Goes from marker to marker of the picture at the beginning of `bytes`, from the one at `at` on.
+fn look(bytes: &[u8], mut at: usize) -> Found {
+    loop {
+        let Some(marker) = bytes.get(at..at + 2) else { return Found::More(at) };
+        match marker {
+            [0xff, 0xd9] => return Found::End(at + 2),
+            [0xff, 0xd8] => return Found::Broken(at),
+            // Fill bytes, and markers without a segment.
+            [0xff, 0xff] => at += 1,
+            [0xff, 0x01 | 0xd0..=0xd7] => at += 2,
+            [0xff, 0xda] => {
+                let Some(next) = behind_segment(bytes, at) else { return Found::More(at) };
+                if next > bytes.len() {
+                    return Found::More(at);
+                }
+                match behind_data(bytes, next) {
+                    Some(next) => at = next,
+                    None => return Found::More(at),
+                }
+            }
+            [0xff, _] => {
+                let Some(next) = behind_segment(bytes, at) else { return Found::More(at) };
+                if next > bytes.len() {
+                    return Found::More(at);
+                }
+                at = next;
+            }
+            // No marker stands where one must: the next picture is looked for.
+            _ => {
+                let next = bytes[at..].windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]);
+                return next.map_or_else(|| Found::More(at), |next| Found::Broken(at + next));
+            }
+        }
+    }
+}
+
+/// Where the segment whose marker stands at `at` ends.
+fn behind_segment(bytes: &[u8], at: usize) -> Option<usize> {
+    let length = bytes.get(at + 2..at + 4)?;
+    Some(at + 2 + usize::from(u16::from_be_bytes([length[0], length[1]])).max(2))
+}
+
+/// Where the next marker stands in the coded data from `at` on.
+fn behind_data(bytes: &[u8], at: usize) -> Option<usize> {
+    let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
+    bytes[at..].windows(2).position(is_marker).map(|next| at + next)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(level: u8, is_commented: Option<&[u8]>) -> Vec<u8> {
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        let picture =
+            image::RgbImage::from_fn(64, 48, |x, y| image::Rgb([level, (x * y) as u8, (x ^ y) as u8]));
+        picture.write_to(&mut bytes, image::ImageFormat::Jpeg).unwrap();
+        let mut bytes = bytes.into_inner();
+        if let Some(comment) = is_commented {
+            let segment = [&[0xff, 0xfe][..], &(comment.len() as u16 + 2).to_be_bytes(), comment].concat();
+            bytes.splice(2..2, segment);
+        }
+        bytes
+    }
+
+    fn parts(chunks: &[&[u8]]) -> Vec<Vec<u8>> {
+        let mut splitter = Splitter::default();
+        let mut found = Vec::new();
+        for chunk in chunks {
+            splitter.push(chunk);
+            found.extend(std::iter::from_fn(|| splitter.next()));
+        }
+        found
+    }
+
+    #[test]
+    fn pictures_are_found_whatever_stands_around_them() {
+        let pictures = [picture(10, None), picture(20, None), picture(30, None)];
+        for (before, after) in [
+            ("--b\r\nContent-Type: image/jpeg\r\nContent-Length: 9\r\n\r\n", "\r\n"),
+            ("Content-Type: image/jpg\n\n", "\n--b\n"),
+            ("--b\r\n\r\n", ""),
+            ("", ""),
+            ("\u{0}\u{7f}", "ÿØ"),
+        ] {
+            let all: Vec<u8> = pictures
+                .iter()
+                .flat_map(|picture| [before.as_bytes(), picture, after.as_bytes()].concat())
+                .collect();
+            assert_eq!(parts(&[&all]), pictures, "{before:?}");
+            for n in [1, 2, 3, 7, 1000] {
+                let chunks: Vec<&[u8]> = all.chunks(n).collect();
+                assert_eq!(parts(&chunks), pictures, "{n} bytes at a time");
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_within_a_picture_is_no_picture_of_its_own() {
+        let thumbnail = picture(1, None);
+        let whole = picture(2, Some(&thumbnail));
+        assert_eq!(parts(&[&whole, &whole]), [whole.clone(), whole]);
+    }
+
+    #[test]
+    fn what_is_cut_short_costs_itself_alone() {
+        let whole = picture(9, None);
+        for n in [3, 10, 25, 300, whole.len() / 2, whole.len() - 1] {
+            let all = [&whole[..n], b"\r\n--b\r\n\r\n", &whole, &whole, &whole].concat();
+            let found = parts(&[&all]);
+            let n_whole = found.iter().filter(|part| **part == whole).count();
+            // Where its last segment says that it goes on, the next picture may lie in it.
+            assert!(n_whole >= 2 && found.last() == Some(&whole), "{n} bytes: {n_whole} of 3");
+        }
+    }
+
+    #[test]
+    fn what_holds_no_picture_is_counted_and_not_kept() {
+        let mut splitter = Splitter::default();
+        for _ in 0..100 {
+            splitter.push(&[0xff; 1000]);
+            assert_eq!(splitter.next(), None);
+        }
+        assert!(splitter.bytes.len() < 10 && splitter.n_between() > 99_000);
+        let mut splitter = Splitter::default();
+        splitter.push(&[&[0xff, 0xd8, 0xff, 0xda, 0, 2][..], &vec![7; MAX_PICTURE_BYTES]].concat());
+        assert_eq!(splitter.next().map(|bytes| bytes.len()), Some(MAX_PICTURE_BYTES));
+    }
+}
