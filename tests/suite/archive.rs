@@ -315,6 +315,29 @@ async fn who_looks_back_at_what_is_being_written_sees_each_frame_as_soon_as_it_w
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_camera_without_key_frames_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = frames(folder.path());
+    let (store, archive) = open(folder.path()).await;
+    let mut recorder = archive.recorder(&camera(CAMERAS[0]));
+    for frame in frames.iter().filter(|frame| !frame.is_key) {
+        recorder.push(frame, instant(now(), 0, frame, &frames[0]));
+    }
+    // A look a second: half a minute is nothing yet.
+    let looks: Vec<Option<String>> = (0..31).map(|_| recorder.look()).collect();
+    assert!(looks[..30].iter().all(Option::is_none), "{looks:?}");
+    assert!(looks[30].as_ref().is_some_and(|concern| concern.contains("no key frame")), "{looks:?}");
+    let start = now();
+    for frame in &frames {
+        recorder.push(frame, instant(start, 0, frame, &frames[0]));
+    }
+    wait_for("the recording", || recorder.look().is_none().then_some(()));
+    archive.stop();
+    drop((recorder, archive));
+    store.close().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_full_disk_pauses_recording_and_nothing_else() {
     let folder = tempfile::tempdir().unwrap();
     let frames = frames(folder.path());
@@ -342,6 +365,7 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
         }
     };
     assert!(reason.contains("No space left"), "{reason}");
+    assert_eq!(recorder.look(), Some(format!("recording is paused: {reason}")));
     // What was whole is there, and can be decoded.
     let kept = rows(&store, &north).await;
     assert!(kept.len() > 1, "{kept:#?}");
@@ -355,6 +379,7 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
     while archive.status().cameras[0].n_frames <= n_before {
         push(&mut recorder);
     }
+    assert_eq!(recorder.look(), None);
     let clock = SystemClock::new();
     archive.stop();
     assert!(clock.monotonic() < Duration::from_secs(1), "{:?}", clock.monotonic());

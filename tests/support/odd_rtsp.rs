@@ -17,48 +17,50 @@ const GROUP: usize = 5;
 /// Time between two pictures.
 const INTERVAL: Duration = Duration::from_millis(40);
 
-/// What a camera does upon `GET_PARAMETER`.
+/// Reactions of a camera to `GET_PARAMETER`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Parameter {
-    /// It answers.
+    /// An answer.
     #[default]
     Answered,
-    /// It answers that it does not know that.
+    /// An answer that it does not know that.
     Unknown,
-    /// It says nothing.
+    /// No answer.
     Silent,
-    /// It ends the connection.
+    /// The end of the connection.
     Closes,
 }
 
-/// In what a camera differs from others.
+/// Differences of a camera from others.
 #[derive(Clone, Debug, Default)]
 pub struct Oddities {
-    /// Each group of pictures has another SSRC.
+    /// Gives each group of pictures another SSRC.
     pub ssrc_each_group: bool,
-    /// So many packets at the beginning have another SSRC.
+    /// Number of packets at the beginning with another SSRC.
     pub n_first_ssrc: usize,
     /// A session ends after so many seconds without a request.
     pub timeout_secs: Option<u64>,
-    /// What it does upon `GET_PARAMETER`.
+    /// Reaction to `GET_PARAMETER`.
     pub parameter: Parameter,
     /// The methods that it names.
     pub methods: Option<&'static str>,
-    /// What it asks for a login with, beside its realm and nonce; a login is checked only as far as it is there.
+    /// Challenges with which it asks for a login, which is checked only as far as it is there.
     pub challenges: Vec<&'static str>,
-    /// Whether a login opens it.
+    /// Lets in whoever brings a login.
     pub lets_in: bool,
-    /// It gives its stream over UDP alone.
+    /// Challenge with which it answers signs of life until they bring its nonce, `late`.
+    pub late_challenge: Option<&'static str>,
+    /// Gives its stream over UDP alone.
     pub is_udp_only: bool,
-    /// It gives its stream over TCP alone.
+    /// Gives its stream over TCP alone.
     pub is_tcp_only: bool,
     /// Bytes that it sends between packets, every so many packets.
     pub garbage: Option<(usize, &'static [u8])>,
-    /// Every so many packets lack their last byte.
+    /// Number of packets of which one lacks its last byte.
     pub cut_each: Option<usize>,
-    /// Its lines end with LF alone.
+    /// Ends its lines with LF alone.
     pub has_bare_lines: bool,
-    /// What it describes in place of H.264.
+    /// Description of its streams in place of H.264.
     pub description: Option<&'static str>,
 }
 
@@ -129,7 +131,7 @@ impl OddCamera {
     }
 }
 
-/// Two groups of pictures as RTP packets.
+/// Makes two groups of pictures as RTP packets.
 fn packets() -> Vec<(usize, Vec<u8>)> {
     gst::init().unwrap();
     let description = format!(
@@ -164,7 +166,7 @@ struct Connection {
     oddities: Oddities,
     requests: Arc<Mutex<Vec<String>>>,
     packets: Packets,
-    /// Where packets go that do not go through the connection.
+    /// Place of packets that do not go through the connection.
     peer: Option<(UdpSocket, SocketAddr)>,
 }
 
@@ -225,10 +227,12 @@ impl Connection {
         let mut lines = vec![format!("CSeq: {}", header("CSeq:").unwrap()), format!("Session: 77{timeout}")];
         let mut body = String::new();
         let mut status = "200 OK";
-        if method != "OPTIONS" && !self.is_let_in(head) {
+        let is_late = method == "GET_PARAMETER" && !head.contains("nonce=\"late\"");
+        let late = self.oddities.late_challenge.filter(|_| is_late);
+        if method != "OPTIONS" && (late.is_some() || !self.is_let_in(head)) {
             status = "401 Unauthorized";
             let ask = |challenge: &&str| format!("WWW-Authenticate: {challenge}");
-            lines.extend(self.oddities.challenges.iter().map(ask));
+            lines.extend(late.as_ref().into_iter().chain(self.oddities.challenges.iter()).map(ask));
         } else {
             match method {
                 "OPTIONS" => lines.extend(self.oddities.methods.map(|methods| format!("Public: {methods}"))),
@@ -285,7 +289,7 @@ impl Connection {
     }
 }
 
-/// Where a connection stands in its stream.
+/// Place of a connection in its stream.
 struct Player {
     /// The picture that comes next, counted from the first.
     next: usize,

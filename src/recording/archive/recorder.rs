@@ -8,6 +8,9 @@ use crate::telemetry::RecordingDrop;
 use std::sync::Arc;
 use videofields_vision::clock::Timestamp;
 
+/// Looks in a row that find no key frame until that counts as a fault.
+const MAX_KEYLESS_LOOKS: u32 = 30;
+
 /// Records one camera for as long as it lives; made by [`super::Archive::recorder`].
 #[derive(Debug)]
 pub struct Recorder {
@@ -15,6 +18,8 @@ pub struct Recorder {
     lane: Arc<Lane>,
     /// Whether frames are left out up to the next key frame.
     is_broken: bool,
+    /// Looks in a row that found the recording waiting for a key frame.
+    n_keyless_looks: u32,
 }
 
 impl Recorder {
@@ -22,7 +27,7 @@ impl Recorder {
         if !lane.is_paused() {
             lane.set_state(RecordingState::WaitingForKey);
         }
-        Self { shared, lane, is_broken: true }
+        Self { shared, lane, is_broken: true, n_keyless_looks: 0 }
     }
 
     /// Records the frame that was seen at `at`, or counts why not. Frames come in decoding order; `at` is a whole
@@ -52,6 +57,18 @@ impl Recorder {
 }
 
 impl Recorder {
+    /// Returns what is wrong with the recording, if anything is. Called about once a second.
+    pub fn look(&mut self) -> Option<String> {
+        let state = self.lane.recording().state;
+        self.n_keyless_looks =
+            if state == RecordingState::WaitingForKey { self.n_keyless_looks + 1 } else { 0 };
+        match state {
+            RecordingState::Paused { reason } => Some(format!("recording is paused: {reason}")),
+            _ => (self.n_keyless_looks > MAX_KEYLESS_LOOKS)
+                .then(|| "nothing is recorded: no key frame has come for half a minute".to_owned()),
+        }
+    }
+
     /// What follows does not build on what came before: it is recorded from its next key frame on.
     pub const fn break_off(&mut self) {
         self.is_broken = true;

@@ -7,7 +7,7 @@
 
 use super::{CameraError, IngestError};
 use crate::media::Peer;
-use std::net::{IpAddr, SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, SocketAddr, SocketAddrV6, ToSocketAddrs};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::Duration;
@@ -25,12 +25,16 @@ static N_LOOK_UPS: AtomicUsize = AtomicUsize::new(0);
 pub(super) struct Endpoint {
     parts: UrlParts,
     address: IpAddr,
+    /// Number of the network interface behind which a link-local address lies; 0 for all others.
+    interface: u32,
 }
 
 impl Endpoint {
     /// Takes a URL apart, finds its address, and checks it.
     pub(super) fn of(url: &CameraUrl, networks: &[Network]) -> Result<Self, IngestError> {
-        Ok(Self::checked(url.parse().map_err(CameraError::Url)?, networks, look_up)?)
+        let parts = url.parse().map_err(CameraError::Url)?;
+        let interface = interface_of(&parts)?;
+        Ok(Self { interface, ..Self::checked(parts, networks, look_up)? })
     }
 
     fn checked(
@@ -53,7 +57,7 @@ impl Endpoint {
             (Some(_), Some(address)) if parts.scheme.is_encrypted() => {
                 Err(CameraError::Forbidden { place, address: address.to_canonical() })
             }
-            (Some(address), _) => Ok(Self { address: address.to_canonical(), parts }),
+            (Some(address), _) => Ok(Self { address: address.to_canonical(), parts, interface: 0 }),
             (None, Some(address)) => Err(CameraError::Forbidden { place, address: address.to_canonical() }),
             (None, None) => {
                 Err(CameraError::Unknown { host: parts.host.to_string(), detail: "no address".to_owned() })
@@ -80,11 +84,18 @@ impl Endpoint {
         format!("{}://{address}{}", self.parts.scheme.as_str(), self.parts.path_and_query)
     }
 
-    /// Where the camera is connected to, and what it is asked for.
+    /// Returns the address that is connected to, and what the camera is asked for.
     pub(super) fn peer(&self) -> Peer {
         Peer {
-            address: SocketAddr::new(self.address, self.parts.port),
-            host: self.parts.host.to_string(),
+            address: match self.address {
+                IpAddr::V4(address) => (address, self.parts.port).into(),
+                IpAddr::V6(address) => SocketAddrV6::new(address, self.parts.port, 0, self.interface).into(),
+            },
+            host: match &self.parts.host {
+                // Without the brackets that it has in a URL.
+                url::Host::Ipv6(address) => address.to_string(),
+                host => host.to_string(),
+            },
             is_encrypted: self.parts.scheme.is_encrypted(),
             place: self.place(),
             authority: self.host(),
@@ -101,6 +112,25 @@ impl Endpoint {
             format!("{}:{}", self.parts.host, self.parts.port)
         }
     }
+}
+
+/// The number of the network interface that a link-local address names; 0 where the host is none.
+fn interface_of(parts: &UrlParts) -> Result<u32, CameraError> {
+    let url::Host::Ipv6(address) = &parts.host else { return Ok(0) };
+    if !address.is_unicast_link_local() {
+        return Ok(0);
+    }
+    let unknown =
+        |detail: &str| CameraError::Unknown { host: parts.host.to_string(), detail: detail.to_owned() };
+    let Some(zone) = &parts.zone else {
+        return Err(unknown("a link-local address needs a network interface, such as [fe80::1%25eth0]"));
+    };
+    if let Ok(number) = zone.parse() {
+        return Ok(number);
+    }
+    let socket = rustix::net::socket(rustix::net::AddressFamily::INET6, rustix::net::SocketType::DGRAM, None);
+    let number = socket.and_then(|socket| rustix::net::netdevice::name_to_index(&socket, zone));
+    number.map_err(|_error| unknown(&format!("this machine has no network interface {zone:?}")))
 }
 
 /// The addresses of a name, found on a thread of its own, because the system's look-up cannot be ended.
@@ -177,6 +207,21 @@ mod tests {
         check("rtsp://evil.example/", &["169.254.169.254"], "169.254.169.254");
         check("rtsp://evil.example/", &["::ffff:9.9.9.9"], "9.9.9.9");
         check("https://evil.example/", &["10.0.0.1", "9.9.9.9"], "9.9.9.9");
+    }
+
+    #[test]
+    fn link_local_addresses_lie_behind_the_interface_that_they_name() {
+        let networks = Settings::default().media.networks;
+        let of = |url: &str| Endpoint::of(&CameraUrl::new(url), &networks);
+        for (url, number) in [("rtsp://[fe80::1%25lo]:8554/a", 1), ("rtsp://[fe80::1%7]/a", 7)] {
+            let peer = of(url).unwrap().peer();
+            assert!(matches!(peer.address, SocketAddr::V6(address) if address.scope_id() == number), "{url}");
+            assert!(!peer.url.contains('%') && !peer.authority.contains('%'), "{}", peer.url);
+            assert!(peer.place.contains('%'), "{}", peer.place);
+        }
+        let said = |url: &str| of(url).err().unwrap().to_string();
+        assert!(said("rtsp://[fe80::1]/a").contains("needs a network interface"));
+        assert!(said("rtsp://[fe80::1%25none0]/a").contains("no network interface \"none0\""));
     }
 
     #[test]

@@ -228,12 +228,12 @@ impl IngestError {
         )
     }
 
-    /// Returns whether a camera did not let in who asked.
+    /// Returns whether a camera refused the user or the password that it was given.
     #[must_use]
     pub(super) const fn is_login_refused(&self) -> bool {
         matches!(
             self,
-            Self::Camera(super::CameraError::Connection { fault: ConnectionFault::Unauthorized, .. })
+            Self::Camera(super::CameraError::Connection { fault: ConnectionFault::LoginRefused, .. })
         )
     }
 

@@ -8,6 +8,7 @@ use super::medium::Medium;
 use super::pattern::Pattern;
 use super::{IngestError, MediaRoots, StopFlag, Tap, jpeg};
 use crate::media::{EncodedFrame, MAX_SIDE, Picture, is_too_large};
+use image::metadata::Orientation;
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::fs;
 use std::io::{self, Cursor, Read as _};
@@ -150,13 +151,17 @@ fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageE
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
     reader.limits(limits);
-    let decoder = reader.into_decoder()?;
-    let (width, height) = decoder.dimensions();
-    if is_too_large((width, height)) {
+    let mut decoder = reader.into_decoder()?;
+    if is_too_large(decoder.dimensions()) {
         let kind = image::error::LimitErrorKind::DimensionError;
         return Err(image::ImageError::Limits(image::error::LimitError::from_kind(kind)));
     }
-    let picture = image::DynamicImage::from_decoder(decoder)?;
+    let orientation = decoder.orientation()?;
+    let mut picture = image::DynamicImage::from_decoder(decoder)?;
+    picture.apply_orientation(orientation);
+    let (width, height) = (picture.width(), picture.height());
+    // One that is turned is recorded as it is shown, not as its file has it.
+    let format = format.filter(|_format| orientation == Orientation::NoTransforms);
     Ok((RgbImage { width, height, data: picture.into_rgb8().into_raw() }, format))
 }
 
@@ -172,6 +177,26 @@ mod tests {
     fn open(folder: &Path, pattern: &str) -> Result<NumberedPictures, IngestError> {
         let roots = MediaRoots::new(&[folder.to_path_buf()]).unwrap();
         NumberedPictures::open(&folder.join(pattern), &roots, &StopFlag::default(), Tap::Open)
+    }
+
+    /// So telephones write pictures: as the sensor lies, with a word on how it was held.
+    #[test]
+    fn a_picture_that_is_to_be_turned_is_turned_and_recorded_so() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("in1.jpg");
+        image::RgbImage::from_pixel(16, 8, image::Rgb([9, 9, 9])).save(&path).unwrap();
+        let mut bytes = fs::read(&path).unwrap();
+        // EXIF with one entry: orientation 6, a quarter to the right.
+        let entry = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+        bytes.splice(2..2, [&[0xff, 0xe1][..], &(entry.len() as u16 + 2).to_be_bytes(), entry].concat());
+        fs::write(&path, &bytes).unwrap();
+        let mut pictures = open(folder.path(), "in%d.jpg").unwrap();
+        pictures.begin().unwrap();
+        let picture = pictures.next_picture().unwrap().unwrap();
+        assert_eq!((picture.image.width(), picture.image.height()), (8, 16));
+        let recorded = pictures.take_encoded().unwrap();
+        assert_eq!(recorded.format.size_px(), Some((8, 16)));
+        assert_ne!(recorded.len_bytes(), bytes.len(), "not the file's own bytes");
     }
 
     #[test]

@@ -95,7 +95,9 @@ impl CameraError {
             | Self::PasswordVariable { .. }
             | Self::NotADevice { .. }
             | Self::Connection {
-                fault: ConnectionFault::Unauthorized | ConnectionFault::Redirected, ..
+                fault:
+                    ConnectionFault::Unauthorized | ConnectionFault::LoginRefused | ConnectionFault::Redirected,
+                ..
             } => ErrorKind::Invalid,
             Self::NoDevice { .. } | Self::Connection { fault: ConnectionFault::NotFound, .. } => {
                 ErrorKind::NotFound
@@ -128,6 +130,7 @@ fn words(fault: ConnectionFault) -> String {
         ConnectionFault::Busy => "is in use by another program",
         ConnectionFault::Closed => "ended the connection",
         ConnectionFault::NoFormat => "gives no pictures of the asked-for format and size",
+        ConnectionFault::LoginRefused => "refuses the user or the password",
         ConnectionFault::UnknownLogin => {
             "wants a login in a way that is not supported: Basic and Digest (MD5, SHA-256) are"
         }

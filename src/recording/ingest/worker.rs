@@ -294,7 +294,7 @@ struct Camera {
     end: End,
     /// Silence after which a live source is stalled.
     stall: Duration,
-    /// None where nobody logs in.
+    /// Watches the login, where somebody logs in.
     login: Option<LoginWatch>,
     stop: StopFlag,
     status: SharedStatus,
@@ -362,7 +362,7 @@ impl Camera {
             let is_refused = self.login.is_some() && error.is_login_refused();
             if is_refused {
                 delay = LOGIN_PAUSE;
-                reason.push_str("; tried again when they change, or in 10 minutes");
+                reason.push_str("; it is tried again when they change, or in 10 minutes");
             }
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
             self.status.fail(reason.clone(), self.clock.now(), Some(delay));

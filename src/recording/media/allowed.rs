@@ -36,8 +36,8 @@ const DEPAYLOADERS: [&str; 8] = [
 const PARSERS: [&str; 7] =
     ["av1parse", "h264parse", "h265parse", "jpegparse", "mpeg4videoparse", "pngparse", "vp9parse"];
 
-/// Decoders, all of them in software.
-const DECODERS: [&str; 14] = [
+/// Decoders, all of them in software. Not libvpx's for VP9: it decodes whatever follows a frame in the same buffer.
+const DECODERS: [&str; 13] = [
     "av1dec",
     "avdec_av1",
     "avdec_bmp",
@@ -51,7 +51,6 @@ const DECODERS: [&str; 14] = [
     "jpegdec",
     "pngdec",
     "vp8dec",
-    "vp9dec",
 ];
 
 /// Decoders of what files alone may hold.

@@ -18,10 +18,10 @@ pub(super) const MAX_PIXELS: u64 = 36 << 20;
 /// Columns and rows.
 pub(super) type Size = (u32, u32);
 
-/// What encoded bytes say of the size of their pictures.
+/// The size of pictures that encoded bytes announce.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Announced {
-    /// Nothing, or what was said before.
+    /// No size is said, or that of before holds.
     Nothing,
     /// Pictures of this size; of several the largest.
     Size(Size),
@@ -34,12 +34,10 @@ impl Announced {
         size.map_or(Self::Unreadable, Self::Size)
     }
 
-    /// The one of two that asks for more.
+    /// Returns the one of two that asks for more: a size, the largest of two, before a header that cannot be read.
     pub(super) fn max(self, other: Self) -> Self {
         let n_pixels = |size: Size| u64::from(size.0) * u64::from(size.1);
         match (self, other) {
-            (Self::Unreadable, _) | (_, Self::Unreadable) => Self::Unreadable,
-            (Self::Nothing, said) | (said, Self::Nothing) => said,
             (Self::Size(one), Self::Size(two)) => {
                 // A side may be too long by itself.
                 let longest = |size: Size| size.0.max(size.1);
@@ -48,6 +46,23 @@ impl Announced {
                 }
                 Self::Size(if n_pixels(two) > n_pixels(one) { two } else { one })
             }
+            (Self::Unreadable, Self::Size(size)) | (Self::Size(size), Self::Unreadable)
+                if is_too_large(size) =>
+            {
+                Self::Size(size)
+            }
+            (Self::Unreadable, _) | (_, Self::Unreadable) => Self::Unreadable,
+            (Self::Nothing, said) | (said, Self::Nothing) => said,
+        }
+    }
+
+    /// Returns what two readings of the same bytes come to, of which decoders may take either: any size counts, and a header
+    /// that cannot be read counts by the first reading alone.
+    fn or_else(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Unreadable, Self::Size(size)) => Self::Size(size),
+            (said, Self::Size(_)) => said.max(other),
+            (said, _) => said,
         }
     }
 }
@@ -68,9 +83,17 @@ pub(super) fn size_of_format(format: &gst::StructureRef) -> Option<Size> {
 pub(super) fn in_format(format: &gst::StructureRef) -> Announced {
     let Ok(buffer) = format.get::<gst::Buffer>("codec_data") else { return Announced::Nothing };
     let Ok(header) = buffer.map_readable() else { return Announced::Unreadable };
+    let with_start_codes = |codec| parameter_sets(&between_start_codes(&header), codec);
     match format.name().as_str() {
-        "video/x-h264" => parameter_sets(&avc_header(&header), Codec::H264),
-        "video/x-h265" => parameter_sets(&hevc_header(&header), Codec::H265),
+        // Where it is no header of a container, decoders take it for a piece of the stream.
+        "video/x-h264" if header.first() == Some(&1) => {
+            parameter_sets(&avc_header(&header), Codec::H264).or_else(with_start_codes(Codec::H264))
+        }
+        "video/x-h264" => with_start_codes(Codec::H264),
+        "video/x-h265" if !header.starts_with(&[0, 0, 1]) && !header.starts_with(&[0, 0, 0, 1]) => {
+            parameter_sets(&hevc_header(&header), Codec::H265).or_else(with_start_codes(Codec::H265))
+        }
+        "video/x-h265" => with_start_codes(Codec::H265),
         "video/mpeg" | "video/x-divx" | "video/x-xvid" => mpeg4(&header),
         // The first four bytes are the container's.
         "video/x-av1" => header.get(4..).map_or(Announced::Nothing, av1),
@@ -81,8 +104,8 @@ pub(super) fn in_format(format: &gst::StructureRef) -> Announced {
 /// Returns what a buffer of a stream of that format announces.
 pub(super) fn in_bytes(format: &gst::StructureRef, bytes: &[u8]) -> Announced {
     match format.name().as_str() {
-        "video/x-h264" => parameter_sets(&units(format, bytes), Codec::H264),
-        "video/x-h265" => parameter_sets(&units(format, bytes), Codec::H265),
+        "video/x-h264" => in_units(format, bytes, Codec::H264),
+        "video/x-h265" => in_units(format, bytes, Codec::H265),
         "image/jpeg" => super::jpeg::announced(bytes),
         "image/png" => png(bytes),
         "image/bmp" => bmp(bytes),
@@ -109,7 +132,8 @@ fn parameter_sets(units: &[&[u8]], codec: Codec) -> Announced {
             Codec::H264 if matches!(first & 31, 7 | 15) => {
                 Some(h264(&without_escapes(unit.get(1..).unwrap_or_default())))
             }
-            Codec::H265 if first >> 1 & 63 == 33 => {
+            // Of further layers, which are not decoded, the sets are others.
+            Codec::H265 if first == 33 << 1 && unit.get(1).is_some_and(|second| second >> 3 == 0) => {
                 Some(h265(&without_escapes(unit.get(2..).unwrap_or_default())))
             }
             _ => None,
@@ -118,16 +142,20 @@ fn parameter_sets(units: &[&[u8]], codec: Codec) -> Announced {
     sizes.fold(Announced::Nothing, |most, size| most.max(Announced::of(size)))
 }
 
-/// The parts of a buffer: after their lengths where the stream's format says so, else between start codes.
-fn units<'a>(format: &gst::StructureRef, bytes: &'a [u8]) -> Vec<&'a [u8]> {
-    if let Ok("avc" | "avc3" | "hvc1" | "hev1") = format.get::<&str>("stream-format") {
-        let n_length = length_bytes(format);
-        return with_lengths(bytes, n_length);
+/// What the parameter sets in a buffer announce. Units stand behind their lengths where the stream's format says so, else between
+/// start codes; decoders look for start codes in both, and take a codec's header for what it is in either.
+fn in_units(format: &gst::StructureRef, bytes: &[u8], codec: Codec) -> Announced {
+    let with_start_codes = parameter_sets(&between_start_codes(bytes), codec);
+    if !matches!(format.get::<&str>("stream-format"), Ok("avc" | "avc3" | "hvc1" | "hev1")) {
+        return with_start_codes;
     }
-    between_start_codes(bytes)
+    let with_lengths = parameter_sets(&with_lengths(bytes, length_bytes(format)), codec);
+    let is_header = matches!(bytes, [1, _, _, _, lengths, sets, ..] if lengths >> 2 == 63 && sets >> 5 == 7);
+    let as_header = if is_header { parameter_sets(&avc_header(bytes), codec) } else { Announced::Nothing };
+    with_lengths.or_else(with_start_codes).or_else(as_header)
 }
 
-/// How many bytes the length of each unit takes, by the codec's header.
+/// Returns the bytes that each unit's length takes, by the codec's header.
 fn length_bytes(format: &gst::StructureRef) -> usize {
     let is_h264 = format.name() == "video/x-h264";
     let header = format.get::<gst::Buffer>("codec_data").ok();
@@ -188,7 +216,7 @@ fn hevc_header(header: &[u8]) -> Vec<&[u8]> {
     units
 }
 
-/// As many units as that, each behind two bytes of its length, and what follows them.
+/// Returns as many units as that, each behind two bytes of its length, and what follows them.
 fn counted_units(mut bytes: &[u8], n_units: usize) -> (Vec<&[u8]>, &[u8]) {
     let mut units = Vec::new();
     for _ in 0..n_units {
@@ -496,7 +524,11 @@ fn mpeg4(bytes: &[u8]) -> Announced {
 fn mpeg4_layer(bytes: &[u8]) -> Option<Option<Size>> {
     const RECTANGLE: u32 = 0;
     let mut bits = Bits::new(bytes);
-    bits.skip(1 + 8)?;
+    bits.skip(1)?;
+    // Those of studios have another header, and nobody's camera is one.
+    if matches!(bits.read(8)?, 14 | 15) {
+        return None;
+    }
     let mut version = 1;
     if bits.read(1)? == 1 {
         version = bits.read(4)?;
@@ -748,6 +780,24 @@ mod tests {
         assert_eq!(announced("video/x-h264,stream-format=avc", &with_length.concat()), size((16_384, 4096)));
         let set = coded(&h265_set(9000, 40));
         assert_eq!(announced("video/x-h265,stream-format=byte-stream", &set), size((9000, 40)));
+        // Units that a decoder finds by start codes though the stream has lengths, or takes for a header.
+        let avc = "video/x-h264,stream-format=avc";
+        let large = h264_set(16_384, 4096);
+        let hidden = [&[0, 0, 0, large.len() as u8 + 6][..], &[0x41, 9, 0, 0, 1], &large, &[0]].concat();
+        assert_eq!(announced(avc, &hidden), size((16_384, 4096)));
+        assert_eq!(
+            announced(avc, &coded(&h264_set(320, 64))),
+            size((320, 64)),
+            "start codes in place of lengths"
+        );
+        let header = [&[1, 100, 0, 40, 0xff, 0xe1][..], &(large.len() as u16).to_be_bytes(), &large].concat();
+        assert_eq!(announced(avc, &header), size((16_384, 4096)));
+        let layer = [&[0x42, 9][..], &h265_set(9000, 40)[2..]].concat();
+        assert_eq!(
+            announced("video/x-h265,stream-format=byte-stream", &coded(&layer)),
+            Announced::Nothing,
+            "a set of a layer that is not decoded"
+        );
         // The codec's headers, with one set each.
         let with_header = |kind: &str, header: &[u8]| {
             gst::init().unwrap();
@@ -786,6 +836,11 @@ mod tests {
         let layer = layer.bits(25, 16).bits(1, 1).bits(1, 1).bits(1, 5).bits(1, 1).bits(8191, 13).bits(1, 1);
         let layer = [&[0, 0, 1, 0x20][..], &layer.bits(8190, 13).bits(1, 1).bytes()].concat();
         assert_eq!(announced("video/mpeg", &layer), size((8191, 8190)));
+        let studio = Written::default().bits(0, 1).bits(14, 8).bits(0, 30).bits(0, 30);
+        assert_eq!(
+            announced("video/mpeg", &[&[0, 0, 1, 0x20][..], &studio.bytes()].concat()),
+            Announced::Unreadable
+        );
         let oldest = [&b"BM"[..], &[0; 12], &[12, 0, 0, 0, 0x10, 0x27, 0x20, 0]].concat();
         assert_eq!(announced("image/bmp", &oldest), size((10_000, 32)));
     }
@@ -795,6 +850,8 @@ mod tests {
         for kind in [
             "video/x-h264",
             "video/x-h265",
+            "image/jpeg",
+            "video/x-vp8",
             "video/x-vp9",
             "video/x-av1",
             "video/mpeg",
@@ -824,7 +881,7 @@ mod tests {
         assert!(is_too_large((8193, 1)) && is_too_large((1, 8193)) && is_too_large((8192, 4609)));
     }
 
-    /// What a file of these bytes comes to.
+    /// Returns the fault that a file of these bytes comes to.
     fn fault_of(bytes: &[u8]) -> Fault {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");

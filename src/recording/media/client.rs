@@ -22,17 +22,17 @@ use tokio::time::timeout;
 /// Time for a connection to come about, and for each answer on it.
 pub(super) const ANSWER_TIME: Duration = Duration::from_secs(5);
 
-/// What cameras are told is asking.
+/// The name by which cameras are asked.
 pub(super) const USER_AGENT: &str = concat!("videofields/", env!("CARGO_PKG_VERSION"));
 
 /// A camera's address, and how it is spoken to.
 #[derive(Clone)]
 pub struct Peer {
-    /// Where it is connected to.
+    /// The address that is connected to.
     pub address: SocketAddr,
-    /// The name that it must prove, where the connection is encrypted.
+    /// The name or the address that it must prove, where the connection is encrypted.
     pub host: String,
-    /// Whether the connection is encrypted.
+    /// True where the connection is encrypted.
     pub is_encrypted: bool,
     /// Scheme, host and port: what messages may show.
     pub place: String,
@@ -51,7 +51,7 @@ impl std::fmt::Debug for Peer {
     }
 }
 
-/// What goes both ways over a connection, encrypted or not.
+/// Bytes that go both ways over a connection, encrypted or not.
 pub(super) trait Bytes: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Bytes for S {}
 
@@ -92,16 +92,18 @@ pub(super) fn expect_success(status: u16) -> Result<(), Fault> {
     Err(Fault::Connection(fault))
 }
 
-/// Returns a source of a pipeline whose buffers bear the time at which they came, of which at most so many bytes wait.
+/// Returns a source of a pipeline whose buffers bear the time at which they came. At most so many bytes and buffers wait; then the
+/// oldest goes.
 ///
 /// # Errors
 /// When `GStreamer` lacks the element.
-pub(super) fn live_source(max_bytes: u64) -> Result<gst_app::AppSrc, Fault> {
+pub(super) fn live_source(max_bytes: u64, max_buffers: u64) -> Result<gst_app::AppSrc, Fault> {
     let element = make("appsrc")?;
     element.set_property("is-live", true);
     element.set_property("do-timestamp", true);
     element.set_property("format", gst::Format::Time);
     element.set_property("max-bytes", max_bytes);
+    element.set_property("max-buffers", max_buffers);
     element.set_property_from_str("leaky-type", "downstream");
     element.downcast().map_err(|other| Fault::Gstreamer {
         action: "make an element",

@@ -39,7 +39,7 @@ pub struct Decoder {
     n_pulled: AtomicU64,
     n_damaged: Arc<AtomicU64>,
     keep: Keep,
-    /// What feeds the pipeline, where that is not the pipeline itself.
+    /// The connection that feeds the pipeline, where that is not the pipeline itself.
     connection: Option<Connection>,
 }
 
@@ -70,7 +70,7 @@ impl Decoder {
             refuse_large_pictures(element, &size_faults);
         });
         let (streams, unknown_streams) = sync_channel(8);
-        link_first_video(&decode, &pipeline, &sink, faults.clone());
+        link_first_video(&decode, &pipeline, (&sink, keep), faults.clone());
         watch(&decode, &streams, keep);
         let reader = match encoded {
             None => decode,
@@ -397,28 +397,28 @@ fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
     }
     let Some(pad) = element.static_pad("sink") else { return };
     let kinds = gst::PadProbeType::BUFFER | gst::PadProbeType::EVENT_DOWNSTREAM;
-    let (faults, is_over) = (faults.clone(), AtomicBool::new(false));
+    let (faults, is_over, is_unreadable) = (faults.clone(), AtomicBool::new(false), AtomicBool::new(false));
     pad.add_probe(kinds, move |pad, info| {
-        let announced = match &info.data {
+        let (announced, is_format) = match &info.data {
             Some(gst::PadProbeData::Event(event)) => match event.view() {
                 gst::EventView::Caps(event) => {
-                    event.caps().structure(0).map_or(Announced::Nothing, |format| {
+                    let said = event.caps().structure(0).map_or(Announced::Nothing, |format| {
                         let named = size_of_format(format).map_or(Announced::Nothing, Announced::Size);
                         named.max(announced::in_format(format))
-                    })
+                    });
+                    (said, true)
                 }
-                _ => Announced::Nothing,
+                _ => return gst::PadProbeReturn::Ok,
             },
             Some(gst::PadProbeData::Buffer(buffer)) => {
                 let caps = pad.current_caps();
                 let format = caps.as_ref().and_then(|caps| caps.structure(0));
-                let bytes = buffer.map_readable();
-                match (format, bytes) {
-                    (Some(format), Ok(bytes)) => announced::in_bytes(format, &bytes),
-                    _ => Announced::Unreadable,
+                match (format, buffer.map_readable()) {
+                    (Some(format), Ok(bytes)) => (announced::in_bytes(format, &bytes), false),
+                    _ => (Announced::Unreadable, false),
                 }
             }
-            _ => Announced::Nothing,
+            _ => return gst::PadProbeReturn::Ok,
         };
         if let Announced::Size((width, height)) = announced
             && is_too_large((width, height))
@@ -426,9 +426,18 @@ fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
             is_over.store(true, Ordering::Relaxed);
             tell(&faults, Fault::TooLarge { width, height });
         }
-        // An event goes on: nothing is allocated before the first buffer.
-        let is_kept = announced == Announced::Unreadable || is_over.load(Ordering::Relaxed);
-        if is_kept && info.buffer().is_some() { take_away(info) } else { gst::PadProbeReturn::Ok }
+        if is_format {
+            // It goes on, since nothing is allocated before the first buffer; that does not.
+            is_unreadable.store(announced == Announced::Unreadable, Ordering::Relaxed);
+            if announced == Announced::Unreadable {
+                tell(&faults, Fault::Damaged("the header of its codec cannot be read".to_owned()));
+            }
+            return gst::PadProbeReturn::Ok;
+        }
+        let is_kept = announced == Announced::Unreadable
+            || is_over.load(Ordering::Relaxed)
+            || is_unreadable.load(Ordering::Relaxed);
+        if is_kept { take_away(info) } else { gst::PadProbeReturn::Ok }
     });
 }
 
@@ -456,7 +465,7 @@ fn set_up(element: &gst::Element) {
 fn link_first_video(
     decode: &gst::Element,
     pipeline: &gst::Pipeline,
-    sink: &gst_app::AppSink,
+    (sink, keep): (&gst_app::AppSink, Keep),
     faults: SyncSender<Fault>,
 ) {
     let (pipeline, sink) = (pipeline.downgrade(), sink.downgrade());
@@ -474,7 +483,7 @@ fn link_first_video(
         if !is_video || is_linked.swap(true, Ordering::AcqRel) {
             return;
         }
-        if let Err(fault) = link_video(pad, &caps, &pipeline, &sink) {
+        if let Err(fault) = link_video(pad, &caps, &pipeline, (&sink, keep)) {
             tell(&faults, fault);
         }
     });
@@ -491,19 +500,24 @@ fn link_video(
     pad: &gst::Pad,
     caps: &gst::Caps,
     pipeline: &gst::Pipeline,
-    sink: &gst_app::AppSink,
+    (sink, keep): (&gst_app::AppSink, Keep),
 ) -> Result<(), Fault> {
     let structure =
         caps.structure(0).ok_or_else(|| Fault::NotVideo("a stream without a format".to_owned()))?;
     if let Some((width, height)) = size_of_format(structure).filter(|size| is_too_large(*size)) {
         return Err(Fault::TooLarge { width, height });
     }
-    let mut target = sink.static_pad("sink");
-    if structure.get::<&str>("format") != Ok("I420") {
-        let converter = add_converter(pipeline, sink, structure)
-            .map_err(|error| gstreamer_fault("convert the decoder's pictures", &error))?;
-        target = converter.static_pad("sink");
+    let fails = |error: glib::BoolError| gstreamer_fault("convert the decoder's pictures", &error);
+    let mut end: gst::Element = sink.clone().upcast();
+    if keep == Keep::All {
+        // Lets everything through untouched unless the file says that its pictures are turned, which it does later.
+        end = put_before("videoflip", &end, pipeline).map_err(fails)?;
+        end.set_property_from_str("video-direction", "auto");
     }
+    if structure.get::<&str>("format") != Ok("I420") {
+        end = add_converter(pipeline, &end, structure).map_err(fails)?;
+    }
+    let target = end.static_pad("sink");
     let target = target.ok_or_else(|| Fault::Gstreamer {
         action: "link the decoder",
         detail: "an element has no sink pad".to_owned(),
@@ -511,11 +525,33 @@ fn link_video(
     pad.link(&target).map(|_linked| ()).map_err(|error| gstreamer_fault("link the decoder", &error))
 }
 
-/// A converter to I420 in front of the sink. The colours keep the code that the decoder gave them, so that no
+/// Returns whether an event says that pictures are to be turned or mirrored before they are shown, as telephones' are.
+pub(super) fn turns_pictures(event: &gst::EventRef) -> bool {
+    let gst::EventView::Tag(event) = event.view() else { return false };
+    event
+        .tag()
+        .get::<gst::tags::ImageOrientation>()
+        .is_some_and(|orientation| orientation.get() != "rotate-0")
+}
+
+/// Puts a new element in front of `next`.
+fn put_before(
+    name: &'static str,
+    next: &gst::Element,
+    pipeline: &gst::Pipeline,
+) -> Result<gst::Element, glib::BoolError> {
+    let element = gst::ElementFactory::make(name).build()?;
+    pipeline.add(&element)?;
+    element.link(next)?;
+    element.sync_state_with_parent()?;
+    Ok(element)
+}
+
+/// A converter to I420 in front of `next`. The colours keep the code that the decoder gave them, so that no
 /// range is squeezed.
 fn add_converter(
     pipeline: &gst::Pipeline,
-    sink: &gst_app::AppSink,
+    next: &gst::Element,
     from: &gst::StructureRef,
 ) -> Result<gst::Element, glib::BoolError> {
     let has_luma = from
@@ -527,13 +563,9 @@ fn add_converter(
     let colorimetry = from.get::<&str>("colorimetry").ok().filter(|_| has_luma);
     let to = gst::Caps::builder("video/x-raw").field("format", "I420");
     let to = to.field_if_some("colorimetry", colorimetry).build();
-    let converter = gst::ElementFactory::make("videoconvert").build()?;
-    let filter = gst::ElementFactory::make("capsfilter").property("caps", to).build()?;
-    pipeline.add_many([&converter, &filter])?;
-    gst::Element::link_many([&converter, &filter, sink.upcast_ref()])?;
-    filter.sync_state_with_parent()?;
-    converter.sync_state_with_parent()?;
-    Ok(converter)
+    let filter = put_before("capsfilter", next, pipeline)?;
+    filter.set_property("caps", to);
+    put_before("videoconvert", &filter, pipeline)
 }
 
 /// Leaves sound and text as they are (what is not needed is neither decoded nor missed), has nothing read by an element that

@@ -87,11 +87,13 @@ pub enum ConnectionFault {
     Closed,
     /// It has no format of those that are asked for.
     NoFormat,
-    /// It wants a user and a password in a way that is not known.
+    /// It refused the user or the password that it was given.
+    LoginRefused,
+    /// The way in which it wants a user and a password is not known.
     UnknownLogin,
-    /// It gives the stream neither over TCP nor over UDP.
+    /// Neither TCP nor UDP is a way in which it gives the stream.
     NoTransport,
-    /// What it answers is none of the protocol's answers.
+    /// Its answer is none of the protocol's.
     Garbled,
 }
 

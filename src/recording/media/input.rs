@@ -23,7 +23,7 @@ const CHUNK_BYTES: usize = 128 * 1024;
 pub struct Input {
     elements: Vec<gst::Element>,
     keep: Keep,
-    /// What feeds the elements, until it is started.
+    /// Client that feeds the elements, until it is started.
     client: Mutex<Option<Box<dyn Client>>>,
     memory: Memory,
 }
@@ -76,7 +76,7 @@ impl Input {
         Self { elements, keep, client: Mutex::new(None), memory: Memory::Pooled }
     }
 
-    /// The same, fed by `client`.
+    /// Returns the same input, fed by `client`.
     pub(super) fn fed_by(self, client: Box<dyn Client>) -> Self {
         Self { client: Mutex::new(Some(client)), ..self }
     }

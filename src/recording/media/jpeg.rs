@@ -11,14 +11,12 @@ pub(super) fn is_whole(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0xff, 0xd8]) && bytes.ends_with(&[0xff, 0xd9]) && has_frame(&bytes[2..])
 }
 
-/// Returns the size that a picture which begins with `bytes` announces; bytes that begin no picture announce none.
+/// Returns the size that the first picture in `bytes` announces; where none begins there, none is announced.
 pub(super) fn announced(bytes: &[u8]) -> Announced {
-    match bytes {
-        [0xff, 0xd8, rest @ ..] => {
-            frame(rest).map_or(Announced::Unreadable, |(size, _n_components)| Announced::Size(size))
-        }
-        _ => Announced::Nothing,
-    }
+    let Some(begins) = bytes.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]) else {
+        return Announced::Nothing;
+    };
+    frame(&bytes[begins + 2..]).map_or(Announced::Unreadable, |(size, _n_components)| Announced::Size(size))
 }
 
 /// Returns whether a frame header that can be decoded comes before the first scan.
@@ -29,14 +27,21 @@ fn has_frame(rest: &[u8]) -> bool {
 /// Returns columns and rows of the frame header before the first scan, and the number of its components.
 fn frame(mut rest: &[u8]) -> Option<(Size, u8)> {
     loop {
-        let [0xff, marker, high, low, body @ ..] = rest else { return None };
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        match *marker {
-            // Any number of these may stand before a marker.
-            0xff => {
+        // Any number of these may stand before a marker, and some markers stand alone.
+        match rest {
+            [0xff, 0xff, ..] => {
                 rest = &rest[1..];
                 continue;
             }
+            [0xff, 0x01 | 0xd0..=0xd8, ..] => {
+                rest = &rest[2..];
+                continue;
+            }
+            _ => {}
+        }
+        let [0xff, marker, high, low, body @ ..] = rest else { return None };
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        match *marker {
             0xda => return None,
             0xc0..=0xcf if !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => {
                 let [_precision, h0, h1, w0, w1, n_components, ..] = body else { return None };
@@ -72,6 +77,12 @@ mod tests {
             assert!(!is_whole(bytes), "{bytes:?}");
         }
         let start = whole.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
+        // Markers that stand alone have no length.
+        let alone = [&whole[..2], &[0xff, 0x01, 0xff, 0xd3], &whole[2..]].concat();
+        assert_eq!(announced(&alone), Announced::Size((40, 30)));
+        assert_eq!(announced(&[b"--b\r\n\r\n", &whole[..]].concat()), Announced::Size((40, 30)));
+        assert_eq!(announced(&whole[..start]), Announced::Unreadable);
+        assert_eq!(announced(&whole[2..]), Announced::Nothing);
         let mut four = whole;
         four[start + 9] = 4;
         assert!(!is_whole(&four));

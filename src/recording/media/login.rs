@@ -6,7 +6,7 @@
 use super::fault::ConnectionFault;
 use http_auth::basic::BasicClient;
 use http_auth::digest::{Algorithm, DigestClient};
-use http_auth::{ChallengeRef, PasswordParams};
+use http_auth::{ChallengeRef, ParamValue, PasswordParams};
 
 /// A user and a password.
 #[derive(Clone, Copy)]
@@ -17,7 +17,7 @@ pub struct Login<'a> {
     pub password: &'a str,
 }
 
-/// The same, kept for as long as a connection may be made.
+/// A user and a password that are kept for as long as a connection may be made.
 #[derive(Clone)]
 pub(super) struct OwnedLogin {
     user: String,
@@ -34,8 +34,10 @@ impl OwnedLogin {
 pub(super) struct Answering {
     login: Option<OwnedLogin>,
     client: Option<Client>,
-    /// Whether an answer was taken since the last challenge.
+    /// True where an answer was taken since the last challenge.
     was_taken: bool,
+    /// True where a challenge that was too old was answered anew since an answer was taken.
+    was_stale: bool,
 }
 
 enum Client {
@@ -44,9 +46,9 @@ enum Client {
 }
 
 impl Answering {
-    /// Nothing is answered yet.
+    /// Returns one that has not answered yet.
     pub(super) const fn new(login: Option<OwnedLogin>) -> Self {
-        Self { login, client: None, was_taken: false }
+        Self { login, client: None, was_taken: false, was_stale: false }
     }
 
     /// The header that answers the last challenge for a request; none where nobody asked yet.
@@ -55,9 +57,10 @@ impl Answering {
         match self.client.as_mut()? {
             Client::Basic(client) => Some(client.respond(user, password)),
             Client::Digest(client) => {
-                let params = PasswordParams { username: user, password, uri, method, body: Some(&[]) };
-                let header = client.respond(&params).ok()?;
-                Some(with_algorithm(header, client))
+                // Cameras that offer to have the body looked at too seldom know how.
+                let of = |body| PasswordParams { username: user, password, uri, method, body };
+                let header = client.respond(&of(None)).or_else(|_wants_body| client.respond(&of(Some(&[]))));
+                Some(with_algorithm(header.ok()?, client))
             }
         }
     }
@@ -65,6 +68,7 @@ impl Answering {
     /// Tells that a request was answered other than by a challenge.
     pub(super) const fn is_let_in(&mut self) {
         self.was_taken = self.client.is_some();
+        self.was_stale = false;
     }
 
     /// Takes the challenges of an answer with status 401. The request is to be sent again then.
@@ -80,21 +84,69 @@ impl Answering {
         }
         let headers: Vec<&str> = headers.collect();
         let challenges: Vec<ChallengeRef<'_>> =
-            headers.iter().filter_map(|header| http_auth::parse_challenges(header).ok()).flatten().collect();
-        let best = challenges.iter().filter_map(client_of).max_by_key(|(rank, _)| *rank);
+            headers.iter().flat_map(|header| challenges(header)).collect();
+        // Of those that hide the password equally well the first.
+        let best = challenges.iter().rev().filter_map(client_of).max_by_key(|(rank, _)| *rank);
         let Some((_, client)) = best else {
             // One that asks for nothing has no better answer for anybody.
             let is_asked = !headers.is_empty();
             return Err(if is_asked { ConnectionFault::UnknownLogin } else { ConnectionFault::Unauthorized });
         };
-        let is_stale = matches!(&client, Client::Digest(client) if client.stale());
-        if self.client.is_some() && !is_stale && !self.was_taken {
-            return Err(ConnectionFault::Unauthorized);
+        let is_stale = match (&client, &self.client) {
+            (Client::Digest(new), Some(Client::Digest(old))) => new.stale() && new.nonce() != old.nonce(),
+            _ => false,
+        };
+        if self.client.is_some() && !self.was_taken && (!is_stale || self.was_stale) {
+            return Err(ConnectionFault::LoginRefused);
         }
+        self.was_stale |= is_stale && !self.was_taken;
         self.was_taken = false;
         self.client = Some(client);
         Ok(())
     }
+}
+
+/// The challenges in a header, as the standard has them or, where it is written more loosely, the one that there is.
+fn challenges(header: &str) -> Vec<ChallengeRef<'_>> {
+    let mut found = http_auth::parse_challenges(header).unwrap_or_default();
+    if found.is_empty() {
+        found.extend(loose_challenge(header));
+    }
+    for challenge in &mut found {
+        // An empty list of qualities is none, and algorithms are written in any case.
+        challenge.params.retain(|(name, value)| {
+            !(name.eq_ignore_ascii_case("qop") && value.as_escaped().trim().is_empty())
+        });
+        for (name, value) in &mut challenge.params {
+            let known = ["MD5", "MD5-sess", "SHA-256", "SHA-256-sess", "SHA-512-256", "SHA-512-256-sess"];
+            let known = known.into_iter().find(|known| known.eq_ignore_ascii_case(value.as_escaped()));
+            if name.eq_ignore_ascii_case("algorithm")
+                && let Some(Ok(known)) = known.map(ParamValue::try_from_escaped)
+            {
+                *value = known;
+            }
+        }
+    }
+    found
+}
+
+/// The challenge of a header with blanks or quotes where none belong, or without those that do.
+fn loose_challenge(header: &str) -> Option<ChallengeRef<'_>> {
+    let (scheme, mut rest) = header.trim().split_once(|letter: char| letter.is_ascii_whitespace())?;
+    let mut challenge = ChallengeRef::new(scheme);
+    while let Some((name, behind)) = rest.split_once('=') {
+        let behind = behind.trim_start();
+        let (value, behind) = match behind.strip_prefix('"') {
+            Some(quoted) => quoted.split_once('"').unwrap_or((quoted, "")),
+            None => behind.split_once(',').unwrap_or((behind, "")),
+        };
+        let name = name.trim_matches(|letter: char| letter == ',' || letter.is_ascii_whitespace());
+        if let Ok(value) = ParamValue::try_from_escaped(value.trim()) {
+            challenge.params.push((name, value));
+        }
+        rest = behind;
+    }
+    Some(challenge)
 }
 
 /// A way to answer a challenge, and how well it hides the password.
@@ -150,6 +202,7 @@ mod tests {
         );
         // By hand: H(H(u:x:p@:/#% 1):abc:H(DESCRIBE:rtsp://cam/a)), as `printf` and `sha256sum` have it.
         has(&[sha], "response=\"1c0ee5da53e454e8086b09247a68e62bf01372011cf9f3dae55dd6ecc4ced218\"", "Basic");
+        has(&[sha, "Digest realm=\"y\", nonce=\"abc\", algorithm=SHA-256"], "realm=\"x\"", "realm=\"y\"");
         let (_, answer) = asked(&["NTLM"]);
         assert_eq!(answer, Err(ConnectionFault::UnknownLogin));
         assert_eq!(asked(&[]).1, Err(ConnectionFault::Unauthorized));
@@ -161,14 +214,25 @@ mod tests {
         let again = |answering: &mut Answering, challenge: &str| answering.challenge([challenge].into_iter());
         // A camera may give a new nonce with each refusal.
         let refused = again(&mut answering, "Digest realm=\"x\", nonce=\"b\"");
-        assert_eq!(refused, Err(ConnectionFault::Unauthorized));
+        assert_eq!(refused, Err(ConnectionFault::LoginRefused));
+        assert_eq!(
+            again(&mut answering, "Digest realm=\"x\", nonce=\"a\", stale=true"),
+            refused,
+            "the same nonce"
+        );
         assert_eq!(again(&mut answering, "Digest realm=\"x\", nonce=\"c\", stale=true"), Ok(()));
+        assert_eq!(
+            again(&mut answering, "Digest realm=\"x\", nonce=\"d\", stale=true"),
+            refused,
+            "every one is"
+        );
         assert_eq!(again(&mut answering, "Digest realm=\"x\", nonce=\"d\""), refused);
         // One that let somebody in before knows the password: its nonce has run out.
         answering.is_let_in();
         assert_eq!(again(&mut answering, "Digest realm=\"x\", nonce=\"e\""), Ok(()));
         assert_eq!(again(&mut answering, "Digest realm=\"x\", nonce=\"f\""), refused);
         let mut nobody = Answering::new(None);
-        assert_eq!(nobody.challenge(["Basic realm=\"x\""].into_iter()), refused);
+        let asked = nobody.challenge(["Basic realm=\"x\""].into_iter());
+        assert_eq!(asked, Err(ConnectionFault::Unauthorized));
     }
 }

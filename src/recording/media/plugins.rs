@@ -1,7 +1,9 @@
 //! Which of `GStreamer`'s parts are there, asked without making any.
 
 use super::Fault;
+use super::allowed::is_allowed;
 use super::fault::gstreamer_fault;
+use super::input::Keep;
 use gstreamer as gst;
 
 /// Encoded video, as cameras and files hold it.
@@ -56,7 +58,7 @@ pub fn missing_elements<'a>(names: &[&'a str]) -> Result<Vec<&'a str>, Fault> {
     Ok(names.iter().filter(is_missing).copied().collect())
 }
 
-/// The codecs that something decodes here.
+/// The codecs that something decodes here that may.
 ///
 /// # Errors
 /// When `GStreamer` cannot be used at all.
@@ -69,7 +71,7 @@ pub fn decoded_codecs() -> Result<Vec<Codec>, Fault> {
     factories.extend(gst::ElementFactory::factories_with_type(image, gst::Rank::MARGINAL));
     let is_decoded = |codec: &Codec| {
         let caps = gst::Caps::new_empty_simple(codec.caps());
-        factories.iter().any(|factory| factory.can_sink_any_caps(&caps))
+        factories.iter().any(|factory| is_allowed(factory, Keep::Newest) && factory.can_sink_any_caps(&caps))
     };
     Ok(Codec::ALL.into_iter().filter(is_decoded).collect())
 }

@@ -2,9 +2,9 @@
 //!
 //! `parsebin ! [parser ! capsfilter !] tee ! decodebin`, and `tee ! appsink` into an [`EncodedQueue`]. The sink's callback
 //! runs on the stream's own thread and never waits. A stream that Matroska does not hold goes to `decodebin` alone, and the
-//! queue says that pictures are wanted instead.
+//! queue says that pictures are wanted instead; so it does where pictures are turned.
 
-use super::decoder::tell;
+use super::decoder::{tell, turns_pictures};
 use super::fault::gstreamer_fault;
 use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault, Muxer, Times};
 use gst::glib;
@@ -110,12 +110,24 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
 
 fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
+    if let Some(pad) = sink.static_pad("sink") {
+        let queue = Arc::clone(queue);
+        // What a recording holds of a stream does not say that its pictures are turned.
+        pad.add_probe(gst::PadProbeType::EVENT_DOWNSTREAM, move |_pad, info| {
+            if info.event().is_some_and(|event| turns_pictures(event)) {
+                queue.want_pictures();
+            }
+            gst::PadProbeReturn::Ok
+        });
+    }
     let queue = Arc::clone(queue);
     // The format changes rarely, if ever, and all frames of one share it.
     let format: Mutex<Option<Arc<EncodedFormat>>> = Mutex::default();
     let take = move |sink: &gst_app::AppSink| {
         let sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
-        let Some(caps) = sample.caps_owned() else { return Ok(gst::FlowSuccess::Ok) };
+        let Some(caps) = sample.caps_owned().filter(|_caps| !queue.wants_pictures()) else {
+            return Ok(gst::FlowSuccess::Ok);
+        };
         let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
         let known = format.take().filter(|known| *known.caps() == caps);
         let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));

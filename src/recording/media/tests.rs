@@ -150,3 +150,66 @@ fn files_whose_frames_all_bear_one_time_lose_none_of_them() {
         assert_eq!((plain.len(), tapped.len(), n_encoded), (40, 40, 40), "{encoder}");
     }
 }
+
+/// So telephones write: as the sensor lies, with a word on how it was held.
+#[test]
+fn pictures_that_are_to_be_turned_are_turned_and_recorded_so() {
+    gst::init().unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("video.mp4");
+    // Bright at the top alone.
+    let write = |[a, b, c, d]: [i32; 4]| {
+        let description = format!(
+            "appsrc name=in format=time caps=video/x-raw,format=I420,width=160,height=96,framerate=10/1 ! \
+             x264enc tune=zerolatency ! mp4mux ! filesink location={}",
+            path.display()
+        );
+        let pipeline = gst::parse::launch(&description).unwrap();
+        let source = pipeline.downcast_ref::<gst::Bin>().unwrap().by_name("in").unwrap();
+        let source = source.downcast::<gstreamer_app::AppSrc>().unwrap();
+        for n in 0..5 {
+            let luma = (0..160 * 96).map(|at| if at < 160 * 48 { 220 } else { 40 });
+            let mut buffer = gst::Buffer::from_mut_slice(luma.chain([128; 80 * 48 * 2]).collect::<Vec<u8>>());
+            buffer.get_mut().unwrap().set_pts(gst::ClockTime::from_mseconds(100 * n));
+            source.push_buffer(buffer).unwrap();
+        }
+        source.end_of_stream().unwrap();
+        run(&pipeline);
+        // The matrix in the header of the track, 16.16 (ISO/IEC 14496-12, 8.3.2).
+        let mut bytes = std::fs::read(&path).unwrap();
+        let header = bytes.windows(4).position(|name| name == b"tkhd").unwrap();
+        for (at, value) in [a, b, 0, c, d].into_iter().enumerate() {
+            let at = header + 44 + 4 * at;
+            bytes[at..at + 4].copy_from_slice(&(value << 16).to_be_bytes());
+        }
+        std::fs::write(&path, bytes).unwrap();
+    };
+    // Where the bright half is then: left, right, top, bottom.
+    let bright = |luma: &videofields_vision::frame::Plane<'_>| {
+        let at = |x: u32, y: u32| luma.row(y)[x as usize] > 130;
+        let (width, height) = (luma.width, luma.height);
+        [at(4, height / 2), at(width - 5, height / 2), at(width / 2, 4), at(width / 2, height - 5)]
+    };
+    for (orientation, matrix, size, expected) in [
+        (0, [1, 0, 0, 1], (160, 96), [true, true, true, false]),
+        (90, [0, 1, -1, 0], (96, 160), [false, true, true, true]),
+        (180, [-1, 0, 0, -1], (160, 96), [false, false, false, true]),
+        (270, [0, -1, 1, 0], (96, 160), [true, false, true, true]),
+    ] {
+        write(matrix);
+        let queue = Arc::new(EncodedQueue::new(1 << 20));
+        let decoder = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
+        let sample = decoder.pull(gst::ClockTime::from_seconds(10)).unwrap();
+        let picture = PlaneReader::default().picture(&sample).unwrap();
+        assert_eq!((picture.image.width(), picture.image.height()), size, "{orientation}");
+        let [left, right, top, bottom] = bright(&picture.image.plane(0));
+        if orientation % 180 == 90 {
+            assert_eq!([left, right], expected[..2], "{orientation}");
+        } else {
+            assert_eq!([top, bottom], expected[2..], "{orientation}");
+        }
+        let is_turned = orientation != 0;
+        // Its own frames would be shown as they lie.
+        assert_eq!((queue.wants_pictures(), queue.take().is_none()), (is_turned, is_turned), "{orientation}");
+    }
+}

@@ -54,7 +54,9 @@ pub(super) struct CameraConsumer {
     background_concern: Option<String>,
     /// Metres by which the camera is told to see people elsewhere than other cameras do.
     misaligned_m: Option<f64>,
-    /// What is wrong although frames come, the picture's condition first.
+    /// What is wrong with the recording although frames come.
+    recording_concern: Option<String>,
+    /// What is wrong although frames come, the recording first, then the picture's condition.
     concern: Option<String>,
 }
 
@@ -95,6 +97,7 @@ impl CameraConsumer {
             records_hidden: false,
             background_concern: None,
             misaligned_m: None,
+            recording_concern: None,
             concern: None,
         }
     }
@@ -219,7 +222,8 @@ impl CameraConsumer {
     fn worst(&self) -> Option<String> {
         let of_picture = self.pipeline.conditions().iter().find_map(condition_concern);
         let of_calibration = || self.misaligned_m.map(misaligned_concern);
-        of_picture.or_else(|| self.background_concern.clone()).or_else(of_calibration)
+        let of_recording = self.recording_concern.clone();
+        of_recording.or(of_picture).or_else(|| self.background_concern.clone()).or_else(of_calibration)
     }
 }
 
@@ -297,6 +301,11 @@ impl FrameConsumer for CameraConsumer {
     }
 
     fn tick(&mut self) {
+        let recording_concern = self.recorder.as_mut().and_then(Recorder::look);
+        if recording_concern != self.recording_concern {
+            self.recording_concern = recording_concern;
+            self.concern = self.worst();
+        }
         // What half a clip taught is not kept: the next start would take it for the whole.
         if self.is_prepared {
             self.checkpoints.write_if_due(&self.pipeline);

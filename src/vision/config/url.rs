@@ -2,6 +2,7 @@
 //! want passwords there.
 
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::fmt;
 
 /// Most bytes of a URL.
@@ -32,6 +33,8 @@ pub struct UrlParts {
     pub scheme: Scheme,
     /// A name or an address; numbers in any base and number of parts are addresses.
     pub host: url::Host,
+    /// The network interface behind which a link-local address lies (RFC 6874), by name or number.
+    pub zone: Option<String>,
     /// The port, also where the URL names none.
     pub port: u16,
     /// Path and query, beginning with `/`; may hold secrets.
@@ -111,6 +114,8 @@ impl CameraUrl {
         if text.len() > MAX_URL_BYTES || text.chars().any(|c| c.is_control() || c.is_whitespace()) {
             return Err(UrlError::Malformed);
         }
+        let (text, zone) = without_zone(text)?;
+        let text = text.as_ref();
         let parsed = url::Url::parse(text).map_err(|_unreadable: url::ParseError| UrlError::Malformed)?;
         let scheme = match parsed.scheme() {
             "rtsp" => Scheme::Rtsp,
@@ -134,13 +139,33 @@ impl CameraUrl {
         // an address in both.
         let host = parsed.host_str().filter(|host| !host.is_empty()).ok_or(UrlError::Malformed)?;
         let host = url::Host::parse(host).map_err(|_unreadable: url::ParseError| UrlError::Malformed)?;
+        let is_local = matches!(&host, url::Host::Ipv6(address) if address.is_unicast_link_local());
+        if zone.is_some() && !is_local {
+            return Err(UrlError::Malformed);
+        }
         let port = parsed.port().unwrap_or(scheme.port());
         let query = parsed.query().map(|query| format!("?{query}")).unwrap_or_default();
         let path = if parsed.path().is_empty() { "/" } else { parsed.path() };
         let is_whole = port != 0 && path.starts_with('/');
         let path_and_query = format!("{path}{query}");
-        is_whole.then_some(UrlParts { scheme, host, port, path_and_query }).ok_or(UrlError::Malformed)
+        is_whole.then_some(UrlParts { scheme, host, zone, port, path_and_query }).ok_or(UrlError::Malformed)
     }
+}
+
+/// Takes the zone out of an address in brackets: the library for URLs takes none.
+fn without_zone(text: &str) -> Result<(Cow<'_, str>, Option<String>), UrlError> {
+    /// Most letters of a network interface's name.
+    const MAX_LETTERS: usize = 15;
+    let Some((before, rest)) = text.split_once("://[") else { return Ok((text.into(), None)) };
+    let Some((address, behind)) = rest.split_once(']') else { return Ok((text.into(), None)) };
+    let Some((address, zone)) = address.split_once('%') else { return Ok((text.into(), None)) };
+    // The sign before it is written as `%25` in a URL, and often as it is.
+    let zone = zone.strip_prefix("25").filter(|zone| !zone.is_empty()).unwrap_or(zone);
+    let is_letter = |letter: u8| letter.is_ascii_alphanumeric() || b"_.-".contains(&letter);
+    if zone.is_empty() || zone.len() > MAX_LETTERS || !zone.bytes().all(is_letter) {
+        return Err(UrlError::Malformed);
+    }
+    Ok((format!("{before}://[{address}]{behind}").into(), Some(zone.to_owned())))
 }
 
 impl fmt::Debug for CameraUrl {
@@ -155,7 +180,13 @@ impl fmt::Debug for CameraUrl {
 impl fmt::Display for UrlParts {
     /// Scheme, host and port: what messages may show.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{}://{}:{}", self.scheme.as_str(), self.host, self.port)
+        let scheme = self.scheme.as_str();
+        match (&self.host, &self.zone) {
+            (url::Host::Ipv6(address), Some(zone)) => {
+                write!(formatter, "{scheme}://[{address}%{zone}]:{}", self.port)
+            }
+            _ => write!(formatter, "{scheme}://{}:{}", self.host, self.port),
+        }
     }
 }
 
@@ -184,6 +215,9 @@ mod tests {
         check("RTSPS://[fe80::1]/a", "rtsps://[fe80::1]:322", "/a");
         check("http://h/video.mjpg#part", "http://h:80", "/video.mjpg");
         check("https://h:8443/", "https://h:8443", "/");
+        check("rtsp://[fe80::1%25eth0]/a", "rtsp://[fe80::1%eth0]:554", "/a");
+        check("rtsp://[fe80::1%eth0.7]:8554/a?b=[1%2]", "rtsp://[fe80::1%eth0.7]:8554", "/a?b=[1%2]");
+        check("rtsp://[fe80::1%252]/", "rtsp://[fe80::1%2]:554", "/");
         // The same address in other words.
         for host in ["2130706433", "0177.0.0.1", "0x7f.1", "127.1"] {
             check(&format!("rtsp://{host}/a"), "rtsp://127.0.0.1:554", "/a");
@@ -217,6 +251,14 @@ mod tests {
             "rtsp://",
             "rtsp:///s3cret",
             "admin:s3cret@h",
+        ] {
+            check(text, UrlError::Malformed);
+        }
+        for text in [
+            "rtsp://[fe80::1%]/",
+            "rtsp://[::1%eth0]/",
+            "rtsp://[fe80::1%25et/h0]/",
+            "rtsp://[fe80::1%0123456789abcdef]/",
         ] {
             check(text, UrlError::Malformed);
         }

@@ -109,36 +109,50 @@ fn a_camera_proves_its_name_or_is_left() {
     Camera::connect(settings(&address)).wait_failed("does not prove its name");
 }
 
-fn with_login(server: &OddCamera) -> Camera {
+/// A camera with a login, and the folder of its password.
+fn with_login(server: &OddCamera) -> (Camera, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("password");
     std::fs::write(&path, "s3cret\n").unwrap();
     let (user, password_file) = (Some("viewer".to_owned()), Some(path));
-    let camera = Camera::connect(SourceSettings { user, password_file, ..settings(&server.url()) });
-    // It is read when the camera is connected to.
-    camera.wait("a frame or a failure", |status| status.frames > 0 || status.state == CameraState::Failed);
-    camera
+    (Camera::connect(SourceSettings { user, password_file, ..settings(&server.url()) }), folder)
 }
 
 #[test]
 fn logins_by_sha_256_are_known_and_unknown_ones_are_named() {
     let sha = "Digest realm=\"IP Camera\", nonce=\"9d6bb5\", algorithm=SHA-256, stale=\"FALSE\"";
     let server = OddCamera::start(Oddities { challenges: vec![sha], lets_in: true, ..Oddities::default() });
-    assert_eq!(with_login(&server).wait_frames(5).retries, 0);
+    assert_eq!(with_login(&server).0.wait_frames(5).retries, 0);
     assert!(server.requests().iter().any(|request| request.contains("algorithm=SHA-256")));
     let server = OddCamera::start(Oddities { challenges: vec!["Negotiate"], ..Oddities::default() });
-    with_login(&server).wait_failed("Basic and Digest");
+    with_login(&server).0.wait_failed("Basic and Digest");
+}
+
+#[test]
+fn a_login_that_runs_out_is_renewed_with_the_next_sign_of_life() {
+    let server = OddCamera::start(Oddities {
+        challenges: vec!["Digest realm=\"IP Camera\", nonce=\"early\""],
+        lets_in: true,
+        late_challenge: Some("Digest realm=\"IP Camera\", nonce=\"late\", stale=true"),
+        timeout_secs: Some(2),
+        ..Oddities::default()
+    });
+    let (camera, _folder) = with_login(&server);
+    let status = camera.wait_frames(100);
+    assert_eq!((status.retries, status.reason), (0, None));
+    let n_late = server.requests().iter().filter(|request| request.contains("nonce=\"late\"")).count();
+    assert!(n_late >= 1 && n_of(&server, "GET_PARAMETER") > n_late, "{:?}", server.requests());
 }
 
 #[test]
 fn a_wrong_password_is_sent_once() {
     let challenge = "Digest realm=\"IP Camera\", nonce=\"9d6bb5\"";
     let server = OddCamera::start(Oddities { challenges: vec![challenge], ..Oddities::default() });
-    let camera = with_login(&server);
+    let (camera, _folder) = with_login(&server);
     let status = camera.wait_failed("refuses the user or the password");
     assert!(status.reason.as_ref().unwrap().contains("10 minutes"), "{status:?}");
-    // Twenty seconds by this clock, in which another fault would be met some four times.
-    SystemClock::new().sleep(Duration::from_secs(1));
+    // Forty seconds by this clock, in which another fault would be met some four times.
+    SystemClock::new().sleep(Duration::from_secs(2));
     let n_answers = server.requests().iter().filter(|request| request.contains("Authorization:")).count();
     assert_eq!(n_answers, 1, "{:?}", server.requests());
 }

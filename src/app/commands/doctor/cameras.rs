@@ -8,7 +8,7 @@ use videofields_recording::media::{Codec, decoded_codecs, missing_elements};
 use videofields_vision::config::{CameraSettings, Config, Place};
 
 /// What every camera is decoded with.
-const ALWAYS: [&str; 4] = ["decodebin", "videoconvert", "appsink", "capsfilter"];
+const ALWAYS: [&str; 5] = ["decodebin", "videoconvert", "videoflip", "appsink", "capsfilter"];
 
 /// What recordings are made and read with.
 const RECORDED: [&str; 7] =

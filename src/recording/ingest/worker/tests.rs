@@ -377,7 +377,7 @@ fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
             let source = Scripted { clock, n: 1, next: 0, cost, fails: false, encoded: Vec::new() };
             return Ok(Box::new(source) as Box<dyn Source>);
         }
-        let (place, fault) = ("rtsp://cam:554".to_owned(), crate::media::ConnectionFault::Unauthorized);
+        let (place, fault) = ("rtsp://cam:554".to_owned(), crate::media::ConnectionFault::LoginRefused);
         Err(super::super::CameraError::Connection { place, fault }.into())
     };
     let recorder = Recorder {

@@ -28,6 +28,12 @@ use tokio::time::{Instant, sleep_until, timeout};
 /// Most bytes of pictures that wait to be decoded.
 const WAITING_BYTES: u64 = 32 << 20;
 
+/// Most pictures that wait to be decoded.
+const WAITING_PICTURES: u64 = 4;
+
+/// Most letters of what a camera says that it sends.
+const MAX_KIND_LETTERS: usize = 60;
+
 /// Least time between two questions to a camera that answers a picture at a time.
 const PICTURE_TIME: Duration = Duration::from_millis(200);
 
@@ -53,7 +59,7 @@ impl Input {
     /// # Errors
     /// When `GStreamer` lacks an element.
     pub fn http(peer: &Peer, login: Option<Login<'_>>) -> Result<Self, Fault> {
-        let source = live_source(WAITING_BYTES)?;
+        let source = live_source(WAITING_BYTES, WAITING_PICTURES)?;
         let client = Http { peer: peer.clone(), login: login.map(OwnedLogin::of), source: source.clone() };
         Ok(Self::new(vec![source.upcast()], Keep::Newest).fed_by(Box::new(client)))
     }
@@ -82,6 +88,7 @@ impl Http {
             let answer = self.ask(&mut answering).await?;
             let kind = answer.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok());
             let kind = kind.unwrap_or("something without a type").to_ascii_lowercase();
+            let kind: String = kind.chars().take(MAX_KIND_LETTERS).collect();
             let n_pictures = self.pass_on(answer, &kind, &mut size).await?;
             if n_pictures == 0 {
                 return Err(Fault::NotVideo(format!("it sends {kind}, and no JPEG picture")));
@@ -189,7 +196,7 @@ impl Http {
     }
 }
 
-/// What an error before an answer's head means.
+/// Returns the fault of an error before an answer's head.
 fn broken(error: &hyper::Error) -> Fault {
     tracing::debug!(%error, "an HTTP camera is not understood");
     Fault::Connection(if error.is_parse() { ConnectionFault::Garbled } else { ConnectionFault::Closed })

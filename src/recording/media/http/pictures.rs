@@ -11,115 +11,128 @@ const MAX_PICTURE_BYTES: usize = 16 << 20;
 #[derive(Debug, Default)]
 pub(super) struct Splitter {
     bytes: Vec<u8>,
-    /// Bytes of the picture at the beginning that were looked at, or none where nothing begins there.
-    looked_at: usize,
+    /// Bytes before this place were given out or dropped.
+    begins: usize,
+    /// The place in the picture that is looked at next; none where no picture has begun.
+    looking: Option<(usize, Place)>,
     /// Bytes that were no picture since the last one.
     n_between: usize,
 }
 
-/// What the bytes at a place in a picture are.
+/// Bytes among which a place in a picture lies.
+#[derive(Clone, Copy, Debug)]
+enum Place {
+    /// A marker stands there.
+    Marker,
+    /// Coded data goes on there.
+    Data,
+    /// Neither is there: the next picture is looked for.
+    Lost,
+}
+
+/// Result of looking at a picture.
 enum Found {
-    /// The picture ends there.
+    /// The picture ends there, or the next one begins there before it has ended.
     End(usize),
-    /// Another picture begins there, before this one has ended.
-    Broken(usize),
     /// More bytes are needed to tell what begins there.
-    More(usize),
+    More(usize, Place),
 }
 
 impl Splitter {
     /// Adds bytes that came.
     pub(super) fn push(&mut self, bytes: &[u8]) {
+        self.bytes.drain(..self.begins);
+        self.begins = 0;
         self.bytes.extend_from_slice(bytes);
     }
 
-    /// How many bytes came since the last picture that belong to none.
+    /// Returns the bytes that came since the last picture and belong to none.
     pub(super) const fn n_between(&self) -> usize {
         self.n_between
     }
 
-    /// The next picture, whole or as far as it came before the next one began.
+    /// Returns the next picture, whole or as far as it came before the next one began.
     pub(super) fn next(&mut self) -> Option<Vec<u8>> {
-        if self.looked_at == 0 {
+        if self.looking.is_none() {
             self.skip_to_beginning();
         }
-        if self.bytes.len() < 3 {
-            return None;
-        }
-        match look(&self.bytes, self.looked_at.max(2)) {
-            Found::End(n_bytes) | Found::Broken(n_bytes) => Some(self.take(n_bytes)),
-            Found::More(looked_at) if self.bytes.len() <= MAX_PICTURE_BYTES => {
-                self.looked_at = looked_at;
+        let rest = &self.bytes[self.begins..];
+        let (at, place) = self.looking?;
+        match look(rest, at, place) {
+            Found::End(n_bytes) => Some(self.take(n_bytes)),
+            Found::More(at, place) if rest.len() <= MAX_PICTURE_BYTES => {
+                self.looking = Some((at, place));
                 None
             }
-            // What never ends is cut, and so no picture.
-            Found::More(_) => Some(self.take(MAX_PICTURE_BYTES)),
+            // One that never ends is cut, and so no picture.
+            Found::More(..) => Some(self.take(MAX_PICTURE_BYTES)),
         }
     }
 
     fn take(&mut self, n_bytes: usize) -> Vec<u8> {
-        let rest = self.bytes.split_off(n_bytes);
-        self.looked_at = 0;
+        let picture = self.bytes[self.begins..self.begins + n_bytes].to_vec();
+        self.begins += n_bytes;
+        self.looking = None;
         self.n_between = 0;
-        std::mem::replace(&mut self.bytes, rest)
+        picture
     }
 
     /// Drops what stands before the next beginning of a picture.
     fn skip_to_beginning(&mut self) {
-        let begins = self.bytes.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]);
+        let rest = &self.bytes[self.begins..];
+        let begins = rest.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]);
         // The last two bytes may be a beginning of which the rest has not come.
-        let n_bytes = begins.unwrap_or_else(|| self.bytes.len().saturating_sub(2));
+        let n_bytes = begins.unwrap_or_else(|| rest.len().saturating_sub(2));
         self.n_between += n_bytes;
-        self.bytes.drain(..n_bytes);
+        self.begins += n_bytes;
+        self.looking = begins.map(|_| (2, Place::Marker));
     }
 }
 
-/// Goes from marker to marker of the picture at the beginning of `bytes`, from the one at `at` on.
-fn look(bytes: &[u8], mut at: usize) -> Found {
+/// Goes from marker to marker of the picture at the beginning of `bytes`, from a place on. Each byte is looked at once, but for
+/// some at the end.
+fn look(bytes: &[u8], mut at: usize, mut place: Place) -> Found {
     loop {
-        let Some(marker) = bytes.get(at..at + 2) else { return Found::More(at) };
-        match marker {
-            [0xff, 0xd9] => return Found::End(at + 2),
-            [0xff, 0xd8] => return Found::Broken(at),
-            // Fill bytes, and markers without a segment.
-            [0xff, 0xff] => at += 1,
-            [0xff, 0x01 | 0xd0..=0xd7] => at += 2,
-            [0xff, 0xda] => {
-                let Some(next) = behind_segment(bytes, at) else { return Found::More(at) };
-                if next > bytes.len() {
-                    return Found::More(at);
-                }
-                match behind_data(bytes, next) {
-                    Some(next) => at = next,
-                    None => return Found::More(at),
-                }
+        match place {
+            Place::Data => {
+                let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
+                let next = bytes[at..].windows(2).position(is_marker);
+                let Some(next) = next else {
+                    return Found::More(bytes.len().saturating_sub(1).max(at), place);
+                };
+                (at, place) = (at + next, Place::Marker);
             }
-            [0xff, _] => {
-                let Some(next) = behind_segment(bytes, at) else { return Found::More(at) };
-                if next > bytes.len() {
-                    return Found::More(at);
-                }
-                at = next;
-            }
-            // No marker stands where one must: the next picture is looked for.
-            _ => {
+            Place::Lost => {
                 let next = bytes[at..].windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]);
-                return next.map_or_else(|| Found::More(at), |next| Found::Broken(at + next));
+                let more = || Found::More(bytes.len().saturating_sub(2).max(at), place);
+                return next.map_or_else(more, |next| Found::End(at + next));
+            }
+            Place::Marker => {
+                let Some(marker) = bytes.get(at..at + 2) else { return Found::More(at, place) };
+                match marker {
+                    [0xff, 0xd9] => return Found::End(at + 2),
+                    // Another picture.
+                    [0xff, 0xd8] => return Found::End(at),
+                    // Fill bytes, and markers without a segment.
+                    [0xff, 0xff] => at += 1,
+                    [0xff, 0x01 | 0xd0..=0xd7] => at += 2,
+                    [0xff, kind] => {
+                        let next = behind_segment(bytes, at).filter(|next| *next <= bytes.len());
+                        let Some(next) = next else { return Found::More(at, place) };
+                        place = if *kind == 0xda { Place::Data } else { Place::Marker };
+                        at = next;
+                    }
+                    _ => place = Place::Lost,
+                }
             }
         }
     }
 }
 
-/// Where the segment whose marker stands at `at` ends.
+/// Returns the end of the segment whose marker stands at `at`.
 fn behind_segment(bytes: &[u8], at: usize) -> Option<usize> {
     let length = bytes.get(at + 2..at + 4)?;
     Some(at + 2 + usize::from(u16::from_be_bytes([length[0], length[1]])).max(2))
-}
-
-/// Where the next marker stands in the coded data from `at` on.
-fn behind_data(bytes: &[u8], at: usize) -> Option<usize> {
-    let is_marker = |pair: &[u8]| pair[0] == 0xff && !matches!(pair[1], 0 | 0xd0..=0xd7 | 0xff);
-    bytes[at..].windows(2).position(is_marker).map(|next| at + next)
 }
 
 #[cfg(test)]
@@ -191,13 +204,31 @@ mod tests {
     }
 
     #[test]
+    fn bytes_of_a_picture_that_comes_in_pieces_are_looked_at_once() {
+        // A thousand pieces of a kilobyte: looked at from the beginning each time, half a billion bytes.
+        let mut splitter = Splitter::default();
+        splitter.push(&[0xff, 0xd8, 0xff, 0xda, 0, 2]);
+        for n in 1..=1000_usize {
+            splitter.push(&[7; 1000]);
+            assert_eq!(splitter.next(), None);
+            assert!(
+                matches!(splitter.looking, Some((at, Place::Data)) if at == 1000 * n + 5),
+                "{:?}",
+                splitter.looking
+            );
+        }
+        splitter.push(&[0xff, 0xd9]);
+        assert_eq!(splitter.next().map(|bytes| bytes.len()), Some(1_000_008));
+    }
+
+    #[test]
     fn what_holds_no_picture_is_counted_and_not_kept() {
         let mut splitter = Splitter::default();
         for _ in 0..100 {
             splitter.push(&[0xff; 1000]);
             assert_eq!(splitter.next(), None);
         }
-        assert!(splitter.bytes.len() < 10 && splitter.n_between() > 99_000);
+        assert!(splitter.bytes.len() - splitter.begins < 10 && splitter.n_between() > 99_000);
         let mut splitter = Splitter::default();
         splitter.push(&[&[0xff, 0xd8, 0xff, 0xda, 0, 2][..], &vec![7; MAX_PICTURE_BYTES]].concat());
         assert_eq!(splitter.next().map(|bytes| bytes.len()), Some(MAX_PICTURE_BYTES));

@@ -5,12 +5,15 @@ use crate::media::allowed::FORMATS;
 use gstreamer as gst;
 use gstreamer_sdp::{SDPMediaRef, SDPMessage};
 
+/// Most letters of a format's name.
+const MAX_NAME_LETTERS: usize = 40;
+
 /// The stream that is taken.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stream {
-    /// What `SETUP` asks for.
+    /// The address that `SETUP` asks for.
     pub(super) control: String,
-    /// What `PLAY` asks for.
+    /// The address that `PLAY` asks for.
     pub(super) session: String,
     pub(super) payload_type: u8,
     /// The format of its packets.
@@ -38,7 +41,7 @@ pub(super) fn first_video(description: &[u8], base: &str) -> Result<Stream, Faul
         match format_of(media, &message) {
             Ok((payload_type, caps)) => {
                 let control = media.attribute_val("control");
-                let control = control.map_or_else(|| session.clone(), |control| joined(base, control));
+                let control = control.map_or_else(|| session.clone(), |control| joined(&session, control));
                 return Ok(Stream { control, session, payload_type, caps });
             }
             Err(name) => refused.extend(name),
@@ -69,6 +72,7 @@ fn format_of(media: &SDPMediaRef, message: &SDPMessage) -> Result<(u8, gst::Caps
             structure.set("encoding-name", "JPEG");
         }
         let name = structure.get::<String>("encoding-name").unwrap_or_default().to_ascii_uppercase();
+        let name: String = name.chars().take(MAX_NAME_LETTERS).collect();
         if is_read(&name) {
             return Ok((payload_type, caps));
         }
@@ -131,6 +135,8 @@ mod tests {
         assert_eq!(structure.name(), "application/x-rtp");
         assert_eq!(structure.get::<i32>("clock-rate"), Ok(90_000));
         assert_eq!(structure.get::<&str>("sprop-parameter-sets"), Ok("Z0I=,aM4="));
+        let elsewhere = taken(&format!("a=control:rtsp://cam/live/\r\n{H264}")).unwrap();
+        assert_eq!(elsewhere.control, "rtsp://cam/live/trackID=1", "relative to the session's own");
         let jpeg = "m=video 0 RTP/AVP 26\r\n";
         assert_eq!(taken(jpeg).unwrap().payload_type, 26, "a payload type that needs no map");
         let unread = "m=video 0 RTP/AVP 97\r\na=rtpmap:97 jpeg2000/90000\r\n";

@@ -1,4 +1,4 @@
-//! What comes over an RTSP connection: answers, a camera's own requests, and packets between them (RFC 2326, 10.12).
+//! Reads an RTSP connection: answers, a camera's own requests, and packets between them (RFC 2326, 10.12).
 //!
 //! Cameras end lines with LF alone, send bytes that are no UTF-8, and now and then lose or add some between packets. What
 //! cannot be read is skipped up to the next thing that can, and counted.
@@ -44,7 +44,7 @@ impl Response {
         self.headers(name).next()
     }
 
-    /// All headers of that name, in lower case.
+    /// Returns all headers of that name, in lower case.
     pub(super) fn headers(&self, name: &str) -> impl Iterator<Item = &str> {
         self.headers.iter().filter(move |(found, _)| found == name).map(|(_, value)| value.as_str())
     }
@@ -59,7 +59,7 @@ impl Response {
     }
 }
 
-/// One thing that came.
+/// Thing that came.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Piece {
     /// A packet, on whatever channel.
@@ -69,7 +69,7 @@ pub(super) enum Piece {
     Request(Option<u32>),
 }
 
-/// Why nothing further can be read.
+/// Bytes of which nothing further can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Unreadable;
 
@@ -79,11 +79,11 @@ pub(super) struct Reader {
     bytes: VecDeque<u8>,
     /// Bytes skipped since the last piece.
     n_skipped: usize,
-    /// How often bytes were skipped.
+    /// Times that bytes were skipped.
     n_damaged: u64,
 }
 
-/// What stands at the beginning of what is there.
+/// Beginning of what is there.
 enum Start {
     Packet,
     Response,
@@ -99,7 +99,7 @@ impl Reader {
         self.bytes.extend(bytes);
     }
 
-    /// How often bytes were skipped.
+    /// Returns how often bytes were skipped.
     pub(super) const fn n_damaged(&self) -> u64 {
         self.n_damaged
     }
@@ -149,7 +149,7 @@ impl Reader {
     }
 }
 
-/// What `bytes` begin with. Behind bytes that were skipped a packet is one only if something begins after it.
+/// Tells what `bytes` begin with. Behind bytes that were skipped a packet is one only if something begins after it.
 fn start(bytes: &[u8], n_skipped: usize) -> Start {
     let is_lost = n_skipped > 0;
     let Some(first) = bytes.first() else { return Start::Unknown };

@@ -21,13 +21,16 @@ use std::sync::mpsc::SyncSender;
 use tokio::sync::oneshot;
 use videofields_vision::config::Transport;
 
-/// How long packets wait to be put in order: what a camera's frames are late by at most where packets come in disorder.
+/// Longest time for which packets wait to be put in order.
 const LATENCY_MS: u32 = 100;
 
-/// Most bytes of packets that wait to be put in order.
+/// Most bytes of packets on their way to be put in order.
 const WAITING_BYTES: u64 = 4 << 20;
 
-/// What a client needs to know.
+/// Most packets on their way to be put in order.
+const WAITING_PACKETS: u64 = 4096;
+
+/// Everything that a client needs to know.
 struct Target {
     peer: Peer,
     transport: Transport,
@@ -40,7 +43,7 @@ impl std::fmt::Debug for Target {
     }
 }
 
-/// Where packets go.
+/// Sources of the pipeline that take packets.
 #[derive(Debug)]
 struct Sinks {
     packets: gst_app::AppSrc,
@@ -85,7 +88,10 @@ impl Input {
         let buffer = make("rtpjitterbuffer")?;
         buffer.set_property("latency", LATENCY_MS);
         buffer.set_property("add-reference-timestamp-meta", true);
-        let sinks = Sinks { packets: live_source(WAITING_BYTES)?, reports: live_source(WAITING_BYTES)? };
+        let sinks = Sinks {
+            packets: live_source(WAITING_BYTES, WAITING_PACKETS)?,
+            reports: live_source(WAITING_BYTES, WAITING_PACKETS)?,
+        };
         let bin = gst::Bin::new();
         let fails = |error: &dyn std::error::Error| gstreamer_fault("build a pipeline", error);
         bin.add_many([sinks.packets.upcast_ref(), sinks.reports.upcast_ref(), &buffer])

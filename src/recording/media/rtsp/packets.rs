@@ -19,9 +19,9 @@ const SOURCE_DESCRIPTION: u8 = 202;
 pub(super) enum Kind {
     /// A piece of a picture.
     Rtp,
-    /// What the camera says of its clock.
+    /// Report of the camera's clock.
     SenderReport,
-    /// Nothing of use: another stream's, another report.
+    /// Anything else: another stream's, another report.
     Other,
 }
 

@@ -28,6 +28,9 @@ const USUAL_TIMEOUT: Duration = Duration::from_secs(60);
 /// Time between two reports, which some cameras take for signs of life.
 const REPORT_TIME: Duration = Duration::from_secs(5);
 
+/// Status of an answer to a request without a login, or with another than is wanted.
+const UNAUTHORIZED: u16 = 401;
+
 /// Status of an answer for a session that the camera does not know any more.
 const SESSION_NOT_FOUND: u16 = 454;
 
@@ -43,14 +46,14 @@ const PACKET_BYTES: usize = 64 << 10;
 /// Cameras that end the connection upon `GET_PARAMETER`, by scheme, host and port.
 static ASKED_BY_OPTIONS: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
 
-/// Most of them.
+/// Most cameras that are remembered so.
 const MAX_ASKED_BY_OPTIONS: usize = 1024;
 
-/// Where packets come.
+/// Ways on which packets come.
 enum Way {
-    /// Within the connection.
+    /// Packets come within the connection.
     Tcp,
-    /// In packets of their own; the second socket is the reports'.
+    /// Datagrams of their own; the second socket is the reports'.
     Udp { packets: UdpSocket, reports: UdpSocket, report_to: Option<SocketAddr> },
 }
 
@@ -147,7 +150,11 @@ impl<'a> Session<'a> {
             self.take_session(&answer);
             let Some((packets, reports, _)) = sockets else { return Ok(Way::Tcp) };
             let ports = answer.header("transport").and_then(server_ports);
-            let peer = |port: u16| SocketAddr::new(self.target.peer.address.ip(), port);
+            let peer = |port: u16| {
+                let mut address = self.target.peer.address;
+                address.set_port(port);
+                address
+            };
             if let Some((port, _)) = ports {
                 // A firewall lets in what was asked for.
                 let knock = packets.send_to(&sign_of_life(), peer(port)).await;
@@ -158,7 +165,7 @@ impl<'a> Session<'a> {
         Err(Fault::Connection(ConnectionFault::NoTransport))
     }
 
-    /// Two sockets side by side, the first at an even port.
+    /// Binds two sockets side by side, the first at an even port.
     async fn sockets(&self) -> Result<(UdpSocket, UdpSocket, u16), Fault> {
         let any = match self.target.peer.address.ip() {
             IpAddr::V4(_) => IpAddr::from([0; 4]),
@@ -204,6 +211,16 @@ impl<'a> Session<'a> {
                 if response.status == SESSION_NOT_FOUND {
                     return Err(Fault::Connection(ConnectionFault::Closed));
                 }
+                if response.status == UNAUTHORIZED {
+                    // Its challenge has run out.
+                    let challenges = response.headers("www-authenticate");
+                    self.answering.challenge(challenges).map_err(Fault::Connection)?;
+                    alive_at = Instant::now();
+                    continue;
+                }
+                if response.is_success() {
+                    self.answering.is_let_in();
+                }
                 // Whoever does not know the method is asked in the other way.
                 has_parameter &= response.is_success() || !answered.is_parameter;
             }
@@ -248,7 +265,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Whether signs of life are `GET_PARAMETER`, which cameras take for one and do nothing else upon.
+    /// Returns whether signs of life are `GET_PARAMETER`, which cameras take for one and do nothing else upon.
     fn has_parameter(&self) -> bool {
         let ends = ASKED_BY_OPTIONS.lock().unwrap_or_else(PoisonError::into_inner);
         !ends.contains(&self.target.peer.place)
@@ -320,7 +337,7 @@ impl<'a> Session<'a> {
             let number = self.send(method, url, headers).await?;
             let response = timeout(ANSWER_TIME, self.answer(number)).await;
             let response = response.map_err(|_elapsed| Fault::Connection(ConnectionFault::TimedOut))??;
-            if response.status != 401 {
+            if response.status != UNAUTHORIZED {
                 if response.is_success() {
                     self.answering.is_let_in();
                 }
@@ -330,13 +347,14 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Waits for the answer to request `number`. Cameras that leave out the number answer in order.
+    /// Waits for the answer to request `number`. Cameras answer in order: one without a number, or with a number that nobody used,
+    /// is the answer too; those with a lower one come late.
     async fn answer(&mut self, number: u32) -> Result<Response, Fault> {
         let mut chunk = vec![0; CHUNK_BYTES];
         loop {
             while let Some(piece) = self.next_piece()? {
                 if let Some(response) = self.take(piece).await?
-                    && response.number().is_none_or(|found| found == number)
+                    && response.number().is_none_or(|found| found == 0 || found >= number)
                 {
                     return Ok(response);
                 }
