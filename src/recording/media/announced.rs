@@ -673,10 +673,11 @@ mod tests {
             Written::default().bits(244, 8).bits(0, 8).bits(40, 8).exponential(0).exponential(3).bits(0, 1);
         let mut set = set.exponential(0).exponential(0).bits(0, 1).bits(1, 1);
         for list in 0..12 {
-            // The second list says all of its numbers, the third that it goes on as it stands; the others are left out.
+            // The second and the eighth list say all of their numbers, the third that it goes on as it stands; the others are left out.
             set = match list {
                 1 => (0..16).fold(set.bits(1, 1), |set, _| set.exponential(1)),
                 2 => set.bits(1, 1).exponential(16),
+                7 => (0..64).fold(set.bits(1, 1), |set, _| set.exponential(1)),
                 _ => set.bits(0, 1),
             };
         }
