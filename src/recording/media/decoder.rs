@@ -6,20 +6,20 @@
 //! encoded frames are wanted too, `tap` splits the stream before decodebin.
 
 use super::allowed::{is_allowed, is_refused};
-use super::announced::{self, Announced, MAX_SIDE, is_too_large, size_of_format};
+use super::announced::{MAX_SIDE, is_too_large, size_of_format};
 use super::device::device_fault;
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Connection, Keep, Memory, make};
-use super::losses::Losses;
-use super::{EncodedQueue, Fault, Input, jpeg, tap};
+use super::probes::{be_patient, refuse_large_pictures};
+use super::{EncodedQueue, Fault, Input, tap};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use gstreamer_app as gst_app;
 use gstreamer_video as gst_video;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// Decoded pictures that wait in the sink; decoding blocks when it is full.
 const QUEUE_LENGTH: u32 = 4;
@@ -339,106 +339,13 @@ fn codec_of(caps: &gst::CapsRef) -> Option<String> {
 }
 
 /// Returns whether `object` decodes by itself: decodebin, which says so too, has others do it.
-fn is_decoder(object: &gst::Object) -> bool {
+pub(super) fn is_decoder(object: &gst::Object) -> bool {
     !object.is::<gst::Bin>() && is_of(object, gst::ElementFactoryType::DECODER)
 }
 
 fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {
     let factory = object.downcast_ref::<gst::Element>().and_then(gst::Element::factory);
     factory.is_some_and(|factory| factory.has_type(kind))
-}
-
-/// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
-/// and, once packets were lost, all that builds on what they held: a decoder would make smears of it that look like
-/// something that moves.
-fn be_patient(element: &gst::Element, n_damaged: &Arc<AtomicU64>) {
-    if !is_decoder(element.upcast_ref()) {
-        return;
-    }
-    let has_limit = element.find_property("max-errors").map(|property| property.value_type());
-    if has_limit == Some(glib::Type::I32) {
-        element.set_property("max-errors", -1_i32);
-    }
-    let n_damaged = Arc::clone(n_damaged);
-    let losses = Mutex::new(Losses::default());
-    let Some(pad) = element.static_pad("sink") else { return };
-    pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
-        let caps = pad.current_caps();
-        let kind = caps.as_ref().and_then(|caps| caps.structure(0)).map(gst::StructureRef::name);
-        let Some(buffer) = info.buffer() else { return gst::PadProbeReturn::Ok };
-        let is_good = if kind.is_some_and(|kind| kind == "image/jpeg") {
-            buffer.map_readable().is_ok_and(|bytes| jpeg::is_whole(&bytes))
-        } else {
-            losses
-                .lock()
-                .unwrap_or_else(PoisonError::into_inner)
-                .is_good(buffer.flags(), gst::get_timestamp())
-        };
-        if is_good {
-            return gst::PadProbeReturn::Ok;
-        }
-        n_damaged.fetch_add(1, Ordering::Relaxed);
-        take_away(info)
-    });
-}
-
-/// Takes a probe's buffer, so that whoever it was for never sees it. `GStreamer` 1.22 complains where it is told to drop it,
-/// or that it was refused.
-fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn {
-    drop(info.take_buffer());
-    info.flow_res = Ok(gst::FlowSuccess::Ok);
-    gst::PadProbeReturn::Handled
-}
-
-/// Keeps from a decoder what announces pictures beyond the limits, which ends the stream, and headers that cannot be read.
-fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
-    if !is_decoder(element.upcast_ref()) {
-        return;
-    }
-    let Some(pad) = element.static_pad("sink") else { return };
-    let kinds = gst::PadProbeType::BUFFER | gst::PadProbeType::EVENT_DOWNSTREAM;
-    let (faults, is_over, is_unreadable) = (faults.clone(), AtomicBool::new(false), AtomicBool::new(false));
-    pad.add_probe(kinds, move |pad, info| {
-        let (announced, is_format) = match &info.data {
-            Some(gst::PadProbeData::Event(event)) => match event.view() {
-                gst::EventView::Caps(event) => {
-                    let said = event.caps().structure(0).map_or(Announced::Nothing, |format| {
-                        let named = size_of_format(format).map_or(Announced::Nothing, Announced::Size);
-                        named.max(announced::in_format(format))
-                    });
-                    (said, true)
-                }
-                _ => return gst::PadProbeReturn::Ok,
-            },
-            Some(gst::PadProbeData::Buffer(buffer)) => {
-                let caps = pad.current_caps();
-                let format = caps.as_ref().and_then(|caps| caps.structure(0));
-                match (format, buffer.map_readable()) {
-                    (Some(format), Ok(bytes)) => (announced::in_bytes(format, &bytes), false),
-                    _ => (Announced::Unreadable, false),
-                }
-            }
-            _ => return gst::PadProbeReturn::Ok,
-        };
-        if let Announced::Size((width, height)) = announced
-            && is_too_large((width, height))
-        {
-            is_over.store(true, Ordering::Relaxed);
-            tell(&faults, Fault::TooLarge { width, height });
-        }
-        if is_format {
-            // It goes on, since nothing is allocated before the first buffer; that does not.
-            is_unreadable.store(announced == Announced::Unreadable, Ordering::Relaxed);
-            if announced == Announced::Unreadable {
-                tell(&faults, Fault::Damaged("the header of its codec cannot be read".to_owned()));
-            }
-            return gst::PadProbeReturn::Ok;
-        }
-        let is_kept = announced == Announced::Unreadable
-            || is_over.load(Ordering::Relaxed)
-            || is_unreadable.load(Ordering::Relaxed);
-        if is_kept { take_away(info) } else { gst::PadProbeReturn::Ok }
-    });
 }
 
 /// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads (the property's name and type depend on the decoder). A

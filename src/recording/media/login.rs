@@ -85,7 +85,7 @@ impl Answering {
         let headers: Vec<&str> = headers.collect();
         let challenges: Vec<ChallengeRef<'_>> =
             headers.iter().flat_map(|header| challenges(header)).collect();
-        // Of those that hide the password equally well the first.
+        // The first counts of those that hide the password equally well.
         let best = challenges.iter().rev().filter_map(client_of).max_by_key(|(rank, _)| *rank);
         let Some((_, client)) = best else {
             // One that asks for nothing has no better answer for anybody.

@@ -21,6 +21,7 @@ mod losses;
 mod muxer;
 mod planes;
 mod plugins;
+mod probes;
 mod rtsp;
 mod tap;
 mod tls;

@@ -112,7 +112,7 @@ fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
     if let Some(pad) = sink.static_pad("sink") {
         let queue = Arc::clone(queue);
-        // What a recording holds of a stream does not say that its pictures are turned.
+        // A recording does not hold that a stream's pictures are turned.
         pad.add_probe(gst::PadProbeType::EVENT_DOWNSTREAM, move |_pad, info| {
             if info.event().is_some_and(|event| turns_pictures(event)) {
                 queue.want_pictures();

@@ -184,7 +184,7 @@ fn pictures_that_are_to_be_turned_are_turned_and_recorded_so() {
         }
         std::fs::write(&path, bytes).unwrap();
     };
-    // Where the bright half is then: left, right, top, bottom.
+    // Sides at which the bright half is then: left, right, top, bottom.
     let bright = |luma: &videofields_vision::frame::Plane<'_>| {
         let at = |x: u32, y: u32| luma.row(y)[x as usize] > 130;
         let (width, height) = (luma.width, luma.height);

@@ -34,7 +34,7 @@ fn connector() -> Result<TlsConnector, ConnectionFault> {
 pub(super) async fn encrypt(stream: TcpStream, name: &str) -> Result<TlsStream<TcpStream>, ConnectionFault> {
     let name = ServerName::try_from(name.to_owned()).map_err(|_no_name| ConnectionFault::Insecure)?;
     connector()?.connect(name, stream).await.map_err(|error| {
-        // What TLS itself refuses comes as invalid data.
+        // TLS gives what it refuses itself as invalid data.
         if error.kind() == std::io::ErrorKind::InvalidData {
             ConnectionFault::Insecure
         } else {

@@ -54,9 +54,9 @@ pub(super) struct CameraConsumer {
     background_concern: Option<String>,
     /// Metres by which the camera is told to see people elsewhere than other cameras do.
     misaligned_m: Option<f64>,
-    /// What is wrong with the recording although frames come.
+    /// Fault of the recording although frames come.
     recording_concern: Option<String>,
-    /// What is wrong although frames come, the recording first, then the picture's condition.
+    /// Worst fault although frames come: the recording's first, then the picture's condition.
     concern: Option<String>,
 }
 

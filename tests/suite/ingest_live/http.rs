@@ -171,7 +171,7 @@ fn who_wants_a_password_is_told_apart() {
 
 #[test]
 fn multipart_that_is_written_loosely_is_read() {
-    // What a camera writes before each picture: on the web pages of cameras there is every kind.
+    // Cameras write every kind of text before each picture.
     for (before, after) in [
         ("Content-Type: image/jpeg\r\n\r\n", "\r\n--next\r\n"),
         ("--next\r\nContent-Type: image/jpg\r\nContent-Length: 17\r\n\r\n", ""),

@@ -198,7 +198,7 @@ mod tests {
             let all = [&whole[..n], b"\r\n--b\r\n\r\n", &whole, &whole, &whole].concat();
             let found = parts(&[&all]);
             let n_whole = found.iter().filter(|part| **part == whole).count();
-            // Where its last segment says that it goes on, the next picture may lie in it.
+            // The next picture may lie in its last segment, if that says that it goes on.
             assert!(n_whole >= 2 && found.last() == Some(&whole), "{n} bytes: {n_whole} of 3");
         }
     }

@@ -284,7 +284,7 @@ impl<'a> Session<'a> {
     fn next_piece(&mut self) -> Result<Option<Piece>, Fault> {
         let n_before = self.reader.n_damaged();
         let piece = self.reader.next();
-        // What that costs is seen in the pictures; the log says once why.
+        // Pictures show the cost; the log says once why.
         if n_before == 0 && self.reader.n_damaged() > 0 {
             tracing::warn!("bytes are lost or added between a camera's packets");
         }
