@@ -4,5 +4,7 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    // Decoding is done by further processes of this program.
+    videofields_recording::media::run_if_asked();
     videofields_lab::commands::run()
 }

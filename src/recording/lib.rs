@@ -17,3 +17,10 @@ pub mod archive;
 pub mod timeline;
 
 pub mod ingest;
+
+/// Makes workers of test programs: they are started as the daemon is.
+#[cfg(test)]
+#[ctor::ctor(unsafe)]
+fn run_worker_if_asked() {
+    media::run_if_asked();
+}

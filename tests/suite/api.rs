@@ -169,7 +169,7 @@ async fn cameras_show_their_state() {
         south,
         json!({
             "id": "south", "name": "SOUTH", "state": "failed", "reason": "no such file", "since": LAST.to_string(),
-            "retries": 2, "next_try": LAST.to_string(), "size_px": [6, 4], "vision_size_px": [3, 2], "recording": null, "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
+            "retries": 2, "next_try": LAST.to_string(), "decoding": null, "size_px": [6, 4], "vision_size_px": [3, 2], "recording": null, "frames": 7, "dropped": 1, "first": FIRST.to_string(), "last": LAST.to_string(), "age_secs": 0.25,
             "stages": [{
                 "stage": "shake", "is_on": false, "choice": "auto", "quantity": "shake_px", "measured": null,
                 "on_above": 0.9, "off_below": 0.5, "frames": 0,

@@ -77,9 +77,9 @@ fn frames(folder: &Path) -> Vec<EncodedFrame> {
         pipeline.set_state(gst::State::Null).unwrap();
     }
     let queue = Arc::new(EncodedQueue::new(1 << 24));
-    let decoder = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
+    let mut decoder = Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap();
     while !decoder.has_ended() {
-        drop(decoder.pull(gst::ClockTime::from_mseconds(50)));
+        drop(decoder.pull(Duration::from_millis(50)));
         assert!(decoder.fault().is_none());
     }
     std::iter::from_fn(|| queue.take()).collect()
@@ -107,11 +107,11 @@ async fn rows(store: &Store, camera: &CameraId) -> Vec<SegmentRecord> {
 }
 
 /// Pictures that a decoder gives of a reading.
-fn n_decoded(input: &Input) -> u64 {
-    let decoder = Decoder::start(input, None).unwrap();
+fn n_decoded(input: Input) -> u64 {
+    let mut decoder = Decoder::start(input, None).unwrap();
     let mut n = 0;
     while !decoder.has_ended() {
-        n += u64::from(decoder.pull(gst::ClockTime::from_mseconds(50)).is_some());
+        n += u64::from(decoder.pull(Duration::from_millis(50)).is_some());
         assert!(decoder.fault().is_none());
     }
     n
@@ -267,7 +267,7 @@ async fn come_back(folder: &Path, said: [Said; CAMERAS.len()]) -> Cost {
         assert!(n_kept >= said.n_written, "{n_kept} of {said:?}");
         for row in latest() {
             let reading = archive.open_at(&row.camera, row.first_at).await.unwrap().unwrap();
-            assert_eq!(n_decoded(&Input::stream(reading).unwrap()), row.n_frames, "{row:#?}");
+            assert_eq!(n_decoded(Input::stream(reading)), row.n_frames, "{row:#?}");
         }
     }
     archive.stop();
@@ -371,7 +371,7 @@ async fn a_full_disk_pauses_recording_and_nothing_else() {
     assert!(kept.len() > 1, "{kept:#?}");
     for row in &kept {
         let reading = archive.open_at(&north, row.first_at).await.unwrap().unwrap();
-        assert_eq!(n_decoded(&Input::stream(reading).unwrap()), row.n_frames, "{row:#?}");
+        assert_eq!(n_decoded(Input::stream(reading)), row.n_frames, "{row:#?}");
     }
     // Room is made by whoever owns the disk, and recording goes on by itself.
     std::fs::remove_file(folder.path().join("archive").join(&kept[0].path)).unwrap();

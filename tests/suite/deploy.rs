@@ -1,10 +1,11 @@
 //! What is deployed fits what is built: service, package, image and configuration agree on their paths, and alerts and
 //! dashboard ask for metrics that there are.
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::Path;
+use videofields_recording::media::look_at_sandbox;
 use videofields_recording::telemetry::{DropReason, RecordingDrop, SnapshotFailure, ViewRefusal};
 use videofields_vision::config::{self, Config};
 
@@ -224,4 +225,65 @@ fn the_image_is_what_the_package_is() {
     assert!(compose.contains(&format!("pids_limit: {}\n", value(&unit, "TasksMax"))));
     assert!(compose.contains(&format!("nofile: {}\n", value(&unit, "LimitNOFILE"))));
     assert!(compose.contains(&format!("core: {}\n", value(&unit, "LimitCORE"))));
+}
+
+/// Returns the names of the system calls that the unit lets through: sets as systemd 252 knows them, each line adding to what lines
+/// before it left, or taking from it.
+fn let_through() -> BTreeSet<String> {
+    let sets = read("tests/suite/deploy/system-calls.txt");
+    let sets: BTreeMap<&str, Vec<&str>> = sets
+        .lines()
+        .filter_map(|line| line.split_once(' '))
+        .map(|(name, calls)| (name, calls.split(' ').collect()))
+        .collect();
+    let spelled_out = |word: &str| sets.get(word).cloned().unwrap_or_default();
+    // What every process needs to be started is always let through.
+    let mut calls: BTreeSet<String> = spelled_out("@default").into_iter().map(str::to_owned).collect();
+    let unit = read(UNIT);
+    for value in unit.lines().filter_map(|line| line.strip_prefix("SystemCallFilter=")) {
+        let (value, is_taken) = value.strip_prefix('~').map_or((value, false), |value| (value, true));
+        for word in value.split(' ') {
+            let named = if word.starts_with('@') {
+                assert!(sets.contains_key(word), "{word} is not in the list of sets");
+                spelled_out(word)
+            } else {
+                vec![word]
+            };
+            for call in named {
+                if is_taken {
+                    calls.remove(call);
+                } else {
+                    calls.insert(call.to_owned());
+                }
+            }
+        }
+    }
+    calls
+}
+
+#[test]
+fn the_services_filter_lets_decoding_processes_confine_themselves() {
+    let calls = let_through();
+    assert!(calls.contains("read") && !calls.contains("reboot") && !calls.contains("setpriority"));
+    let architecture = std::env::consts::ARCH.try_into().unwrap();
+    let compile = |calls: &[&str]| {
+        let calls: Vec<_> = calls.iter().map(|call| json!({"syscall": call})).collect();
+        let filter = json!({"unit": {
+            "mismatch_action": {"errno": libc::EPERM},
+            "match_action": "allow",
+            "filter": calls,
+        }});
+        seccompiler::compile_from_json(filter.to_string().as_bytes(), architecture)
+    };
+    // Other architectures have other calls.
+    let known: Vec<&str> = calls.iter().map(String::as_str).filter(|call| compile(&[call]).is_ok()).collect();
+    assert!(known.len() > 200, "{known:?}");
+    let filter = compile(&known).unwrap().remove("unit").unwrap();
+    let confined = std::thread::spawn(move || {
+        seccompiler::apply_filter(&filter).unwrap();
+        look_at_sandbox().unwrap()
+    });
+    let (confined, free) = (confined.join().unwrap(), look_at_sandbox().unwrap());
+    assert!(confined.has_limits && confined.has_seccomp, "{confined:?}");
+    assert_eq!(confined, free);
 }

@@ -409,8 +409,8 @@ fn encoded_frames_come_beside_the_pictures_of_a_camera() {
         path_and_query: "/".to_owned(),
     };
     let input = Input::rtsp(&peer, Transport::Tcp, None).unwrap();
-    let decoder = Decoder::start(&input, Some(&queue)).unwrap();
-    let patience = gstreamer::ClockTime::from_mseconds(10);
+    let mut decoder = Decoder::start(input, Some(&queue)).unwrap();
+    let patience = Duration::from_millis(10);
     let mut n_pictures = 0;
     wait_for("pictures", || {
         assert!(decoder.fault().is_none());

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "what is no test itself here serves tests alone")]
 
 mod exports;
+mod killed;
 mod privacy;
 
 use serde_json::json;

@@ -105,3 +105,10 @@ pub fn wait_for<T>(what: &str, mut ask: impl FnMut() -> Option<T>) -> T {
     }
     panic!("waited {MOST:?} for {what}");
 }
+
+/// Makes workers of test programs: whatever decodes in a test starts the test's own program for it, as the daemon does.
+#[cfg(feature = "streams")]
+#[ctor::ctor(unsafe)]
+fn run_worker_if_asked() {
+    videofields_recording::media::run_if_asked();
+}

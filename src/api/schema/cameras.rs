@@ -36,6 +36,20 @@ fn camera() -> Value {
         ("bytes", count(), "Bytes written since the daemon started"),
         ("dropped", count(), "Frames left out since the daemon started"),
     ]);
+    let decoding = object([
+        ("process_id", count(), "Number of the process"),
+        ("limits", boolean(), "Whether its memory and files are limited"),
+        (
+            "landlock",
+            nullable(count()),
+            "Version of Landlock by which other files are kept from it; null where the kernel has none",
+        ),
+        (
+            "seccomp",
+            boolean(),
+            "Whether system calls that it does not need, those of networks among them, are refused",
+        ),
+    ]);
     let privacy = object([
         ("zones", count(), "How many hide something"),
         ("version", count(), "Which version they are"),
@@ -49,6 +63,11 @@ fn camera() -> Value {
         ("since", time(), "When the state began, by the daemon's clock"),
         ("retries", count(), "How often its source was opened again since the daemon started"),
         ("next_try", nullable(time()), "When a failed source is opened again"),
+        (
+            "decoding",
+            nullable(decoding),
+            "The process that decodes it and what holds that, once a frame has come; null where frames come unencoded",
+        ),
         ("size_px", nullable(size()), "Columns and rows, once a frame has come"),
         (
             "vision_size_px",

@@ -1,7 +1,7 @@
 //! Frames recorded, read back, and kept within bounds.
 
 use super::*;
-use crate::media::{Decoder, EncodedFrame, EncodedQueue, Input, PlaneReader, TICK_NANOS, Times};
+use crate::media::{Decoder, EncodedFrame, EncodedQueue, Input, TICK_NANOS, Times};
 use crate::store::SegmentState;
 use crate::telemetry::RecordingDrop;
 use gst::prelude::*;
@@ -36,9 +36,9 @@ pub(super) fn frames(encoder: &str, n: u32) -> Vec<EncodedFrame> {
     assert!(matches!(end.unwrap().view(), gst::MessageView::Eos(_)), "{text}");
     pipeline.set_state(gst::State::Null).unwrap();
     let queue = Arc::new(EncodedQueue::new(1 << 24));
-    let decoder = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
+    let mut decoder = Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap();
     while !decoder.has_ended() {
-        drop(decoder.pull(gst::ClockTime::from_mseconds(50)));
+        drop(decoder.pull(Duration::from_millis(50)));
         assert!(decoder.fault().is_none());
     }
     std::iter::from_fn(|| queue.take()).collect()
@@ -114,13 +114,11 @@ impl Stage {
 }
 
 /// What a decoder gives of an input: times and sums of luma.
-pub(super) fn decoded(input: &Input, times: Times) -> Vec<(i64, u64)> {
-    let decoder = Decoder::start(input, None).unwrap();
-    let mut reader = PlaneReader::new(times);
+pub(super) fn decoded(input: Input, times: Times) -> Vec<(i64, u64)> {
+    let mut decoder = Decoder::start(input.with_times(times), None).unwrap();
     let mut seen = Vec::new();
     while !decoder.has_ended() {
-        if let Some(sample) = decoder.pull(gst::ClockTime::from_mseconds(50)) {
-            let picture = reader.picture(&sample).unwrap();
+        if let Some(picture) = decoder.pull(Duration::from_millis(50)) {
             let luma = picture.image.plane(0);
             let sum = (0..luma.height).flat_map(|y| luma.row(y)).map(|luma| u64::from(*luma)).sum();
             seen.push((picture.stream_nanos.unwrap(), sum));
@@ -139,13 +137,13 @@ async fn pictures_shown_before_their_key_frame_shift_nothing() {
     stage.record(0, &frames(OPEN_GROUPS, 60)).await;
     let archive = stage.archive().await;
     let whole = archive.open_at(&north(), at(0)).await.unwrap().unwrap();
-    let all = decoded(&Input::stream(whole).unwrap(), Times::Written);
+    let all = decoded(Input::stream(whole), Times::Written);
     assert_eq!(all.len(), 60);
     for i in 0..60 {
         let reading = archive.open_at(&north(), at(i * SECOND / 20)).await.unwrap().unwrap();
         let key = i / 10 * 10;
         assert_eq!(reading.starts_at(), at(key * SECOND / 20));
-        let part = decoded(&Input::stream(reading).unwrap(), Times::Written);
+        let part = decoded(Input::stream(reading), Times::Written);
         let part: Vec<_> = part.into_iter().filter(|(nanos, _)| *nanos >= key * SECOND / 20).collect();
         assert_eq!(part, all[key as usize..], "frame {i}");
     }
@@ -176,7 +174,7 @@ async fn what_was_recorded_is_decoded_from_any_instant_with_its_time() {
 
         let archive = stage.archive().await;
         let whole = archive.open_at(&north(), at(start)).await.unwrap().unwrap();
-        let all = decoded(&Input::stream(whole).unwrap(), Times::Written);
+        let all = decoded(Input::stream(whole), Times::Written);
         let times: Vec<_> = all.iter().map(|(nanos, _)| *nanos).collect();
         assert_eq!(times, (0..100).map(|i| i * SECOND / 20).collect::<Vec<_>>(), "{encoder}");
         // A frame before each key frame, on it, and after it. What is read as a stream begins at 0 wherever it begins.
@@ -185,7 +183,7 @@ async fn what_was_recorded_is_decoded_from_any_instant_with_its_time() {
             let key = if encoder == "jpegenc" { i } else { i / 10 * 10 };
             assert_eq!(reading.starts_at(), at(start + key * SECOND / 20), "{encoder}: {i}");
             assert_eq!((reading.segment().first_at, reading.last_at()), (at(start), rows[0].last_at));
-            let part = decoded(&Input::stream(reading).unwrap(), Times::Written);
+            let part = decoded(Input::stream(reading), Times::Written);
             // What is shown before the key frame is nobody's.
             let part: Vec<_> = part.into_iter().filter(|(nanos, _)| *nanos >= key * SECOND / 20).collect();
             assert_eq!(part, all[key as usize..], "{encoder}: frame {i}");
@@ -521,7 +519,7 @@ async fn a_file_cut_anywhere_is_kept_up_to_its_last_whole_frame() {
             let folder = folder::Folder::look(&stage.settings.folder).unwrap();
             let row = stage.store.segment_at_path(&whole.path).await.unwrap().unwrap();
             let reading = Reading::open(&folder, row, at(0)).unwrap();
-            assert_eq!(decoded(&Input::stream(reading).unwrap(), Times::Written).len() as u64, last, "{end}");
+            assert_eq!(decoded(Input::stream(reading), Times::Written).len() as u64, last, "{end}");
         }
     }
     assert!(last >= 28, "{last}");
@@ -541,18 +539,18 @@ async fn an_open_segment_is_read_as_far_as_it_is_written_and_told_as_far_as_it_i
     assert_eq!((reading.segment().state, reading.segment().n_frames), (SegmentState::Open, 1));
     let mut bytes = Vec::new();
     reading.read_to_end(&mut bytes).unwrap();
-    assert_eq!(decoded(&Input::stream(Cursor::new(bytes.clone())).unwrap(), Times::Written).len(), 60);
+    assert_eq!(decoded(Input::stream(Cursor::new(bytes.clone())), Times::Written).len(), 60);
     // Whoever reads while it is written may find half a block at its end; that costs this block alone.
     for n_missing in [1, 2, 7, 30, bytes.len() / 3] {
         let cut = bytes[..bytes.len() - n_missing].to_vec();
-        let n_seen = decoded(&Input::stream(Cursor::new(cut)).unwrap(), Times::Written).len();
+        let n_seen = decoded(Input::stream(Cursor::new(cut)), Times::Written).len();
         assert!(n_seen < 60 && (n_missing > 30 || n_seen >= 57), "{n_missing}: {n_seen}");
     }
     stage.clock.advance(writer::SYNC_INTERVAL);
     for _ in 0..1000 {
         let reading = archive.open_at(&north(), at(0)).await.unwrap().unwrap();
         if reading.segment().n_frames == 60 {
-            assert_eq!(decoded(&Input::stream(reading).unwrap(), Times::Written).len(), 60);
+            assert_eq!(decoded(Input::stream(reading), Times::Written).len(), 60);
             return;
         }
         tokio::time::sleep(Duration::from_millis(5)).await;

@@ -24,7 +24,7 @@ pub(super) fn open(
         rate_hz: settings.rate_hz,
     };
     let input = Input::v4l2(path, &wish).map_err(|fault| error_of(&place, fault))?;
-    LiveSource::start(place, &input, tap, stop)
+    LiveSource::start(place, input, tap, stop)
 }
 
 /// Refuses what is no V4L2 device or may not be opened, links resolved: such as those in `/dev/v4l/by-id`, which stay when

@@ -1,6 +1,7 @@
 //! What can go wrong between a path and its frames.
 
 use crate::media::{ConnectionFault, SIZE_LIMIT};
+use std::borrow::Cow;
 use std::path::PathBuf;
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::YuvError;
@@ -133,7 +134,7 @@ pub enum IngestError {
         /// What is missing, in `GStreamer`'s words.
         codec: String,
         /// The package or packages that may have it.
-        package: &'static str,
+        package: Cow<'static, str>,
     },
     /// A video without a single frame.
     #[error("{path:?} ends before its first frame")]
@@ -156,6 +157,14 @@ pub enum IngestError {
         path: PathBuf,
         /// What the decoder said.
         detail: String,
+    },
+    /// The process that decodes it ended.
+    #[error("{path:?} is not decoded any more: its decoding process ended, since {how}")]
+    Worker {
+        /// The path as asked for.
+        path: PathBuf,
+        /// How it ended.
+        how: String,
     },
     /// A format that is never read.
     #[error("{path:?} holds {format}, which is not supported; supported are {allowed}")]
@@ -200,7 +209,7 @@ pub enum IngestError {
     #[error("GStreamer cannot {action}: {detail}")]
     Gstreamer {
         /// What was tried.
-        action: &'static str,
+        action: Cow<'static, str>,
         /// What it said.
         detail: String,
     },
@@ -226,6 +235,12 @@ impl IngestError {
                 | Self::Refused { .. }
                 | Self::TooLarge { .. }
         )
+    }
+
+    /// Returns true where what was played of a recording until this fault cannot be followed by anything but itself.
+    #[must_use]
+    pub(super) const fn ends_a_recording(&self) -> bool {
+        self.is_of_content() || matches!(self, Self::Worker { .. })
     }
 
     /// Returns whether a camera refused the user or the password that it was given.
@@ -261,7 +276,9 @@ impl IngestError {
             Self::NotFound { .. } | Self::NoPictures { .. } => ErrorKind::NotFound,
             Self::MissingCodec { .. } | Self::Refused { .. } => ErrorKind::Unsupported,
             Self::TooLarge { .. } => ErrorKind::TooLarge,
-            Self::Unreadable { .. } | Self::Silent { .. } | Self::Stopped => ErrorKind::Unavailable,
+            Self::Unreadable { .. } | Self::Silent { .. } | Self::Stopped | Self::Worker { .. } => {
+                ErrorKind::Unavailable
+            }
             Self::Layout { .. } | Self::Gstreamer { .. } | Self::Thread { .. } => ErrorKind::Internal,
         }
     }

@@ -7,13 +7,11 @@
 use super::jpeg::push_as_jpeg;
 use super::medium::Medium;
 use super::{IngestError, MediaRoots, StopFlag, Tap};
-use crate::media::{
-    Decoder, EncodedFrame, EncodedQueue, Fault, Input, Picture, PlaneReader, SampleError, descriptor_path,
-};
-use gstreamer as gst;
+use crate::media::{Decoder, Decoding, EncodedFrame, EncodedQueue, Fault, Input, Picture, descriptor_path};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// How long a file may give nothing before it counts as failed, seconds.
 const SILENCE_SECS: u64 = 10;
@@ -21,11 +19,8 @@ const SILENCE_SECS: u64 = 10;
 /// Bytes of encoded frames that wait for being taken.
 pub(super) const ENCODED_BYTES: usize = 16 << 20;
 
-/// Looks in a row that find nothing at work until the file counts as given up.
-const MAX_IDLE_LOOKS: u32 = 3;
-
 /// How long one look for a frame lasts; the stop flag is heeded between looks.
-const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
+const LOOK: Duration = Duration::from_millis(100);
 
 /// A video file.
 pub struct VideoFile {
@@ -34,7 +29,7 @@ pub struct VideoFile {
     stop: StopFlag,
     /// Takes the encoded frames, where they are wanted.
     encoded: Option<Arc<EncodedQueue>>,
-    pass: Option<(Decoder, PlaneReader)>,
+    pass: Option<Decoder>,
 }
 
 impl VideoFile {
@@ -50,16 +45,14 @@ impl VideoFile {
 
     /// What its pictures are encoded in, and how many nanoseconds it has, as far as that is known with its first picture.
     pub(super) fn told(&self) -> (Option<String>, Option<i64>) {
-        let decoder = self.pass.as_ref().map(|(decoder, _)| decoder);
+        let decoder = self.pass.as_ref();
         (decoder.and_then(Decoder::codec), decoder.and_then(Decoder::duration_nanos))
     }
 
     /// Goes on at a time, or before it; where it stands in a file that cannot be sought in.
-    pub fn seek(&self, stream_nanos: i64) {
-        if let Some((decoder, _)) = &self.pass
-            && !decoder.seek(stream_nanos)
-        {
-            tracing::debug!(path = %self.path.display(), "a file cannot be sought in: it is read on");
+    pub fn seek(&mut self, stream_nanos: i64) {
+        if let Some(decoder) = &mut self.pass {
+            decoder.seek(stream_nanos);
         }
     }
 
@@ -71,29 +64,25 @@ impl VideoFile {
             Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
             Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
             Fault::Damaged(detail) => IngestError::Damaged { path, detail },
+            Fault::Worker(how) => IngestError::Worker { path, how },
             Fault::Connection(fault) => IngestError::Damaged { path, detail: format!("{fault:?}") },
             Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
         }
     }
 
-    fn pull(&self, decoder: &Decoder) -> Result<Option<gst::Sample>, IngestError> {
-        let mut n_idle_looks = 0;
-        for _ in 0..SILENCE_SECS * 1000 / LOOK.mseconds() {
+    fn pull(&self, decoder: &mut Decoder) -> Result<Option<Picture>, IngestError> {
+        for _ in 0..SILENCE_SECS * 1000 / LOOK.as_millis() as u64 {
             if self.stop.is_raised() {
                 return Err(IngestError::Stopped);
             }
-            if let Some(sample) = decoder.pull(LOOK) {
-                return Ok(Some(sample));
+            if let Some(picture) = decoder.pull(LOOK) {
+                return Ok(Some(picture));
             }
             if let Some(fault) = decoder.fault() {
                 return Err(self.error(fault));
             }
             if decoder.has_ended() {
                 return Ok(None);
-            }
-            n_idle_looks = if decoder.is_idle() { n_idle_looks + 1 } else { 0 };
-            if n_idle_looks == MAX_IDLE_LOOKS {
-                return Err(self.error(Fault::Damaged("its reader gave up without a word".to_owned())));
             }
         }
         Err(IngestError::Silent { path: self.path.clone(), secs: SILENCE_SECS })
@@ -108,8 +97,8 @@ impl Medium for VideoFile {
     fn begin(&mut self) -> Result<(), IngestError> {
         self.pass = None;
         let input = Input::file(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
-        let decoder = Decoder::start(&input, self.encoded.as_ref()).map_err(|fault| self.error(fault))?;
-        self.pass = Some((decoder, PlaneReader::default()));
+        let decoder = Decoder::start(input, self.encoded.as_ref()).map_err(|fault| self.error(fault))?;
+        self.pass = Some(decoder);
         Ok(())
     }
 
@@ -121,16 +110,14 @@ impl Medium for VideoFile {
         self.encoded.as_ref().map_or(0, |encoded| encoded.n_dropped())
     }
 
+    fn decoding(&self) -> Option<Decoding> {
+        self.pass.as_ref()?.decoding()
+    }
+
     fn next_picture(&mut self) -> Result<Option<Picture>, IngestError> {
-        let Some((decoder, mut reader)) = self.pass.take() else { return Ok(None) };
-        let Some(sample) = self.pull(&decoder)? else { return Ok(None) };
-        let picture = reader.picture(&sample).map_err(|error| match error {
-            SampleError::Layout(source) => IngestError::Layout { path: self.path.clone(), source },
-            SampleError::Unusable(detail) => {
-                IngestError::Gstreamer { action: "deliver I420 pictures", detail: detail.to_owned() }
-            }
-        })?;
-        self.pass = Some((decoder, reader));
+        let Some(mut decoder) = self.pass.take() else { return Ok(None) };
+        let Some(picture) = self.pull(&mut decoder)? else { return Ok(None) };
+        self.pass = Some(decoder);
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);
         }

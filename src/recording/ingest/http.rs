@@ -17,5 +17,5 @@ pub(super) fn open(
     let credentials = Credentials::read(settings)?;
     let login = credentials.as_ref().map(Credentials::login);
     let input = Input::http(&endpoint.peer(), login).map_err(|fault| error_of(&endpoint.place(), fault))?;
-    LiveSource::start(endpoint.place(), &input, tap, stop)
+    LiveSource::start(endpoint.place(), input, tap, stop)
 }

@@ -7,16 +7,14 @@ use super::file::ENCODED_BYTES;
 use super::jpeg::push_as_jpeg;
 use super::pairing::Pairing;
 use super::{CameraError, IngestError, Lost, Polled, Source, SourceFrame, StopFlag, Tap};
-use crate::media::{
-    ConnectionFault, Decoder, EncodedFrame, EncodedQueue, Fault, Input, PlaneReader, SampleError,
-};
-use gstreamer as gst;
+use crate::media::{ConnectionFault, Decoder, Decoding, EncodedFrame, EncodedQueue, Fault, Input, Picture};
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::Duration;
 use videofields_vision::clock::Timestamp;
 
 /// How long one look for a frame lasts; the stop flag is heeded between looks.
-const LOOK: gst::ClockTime = gst::ClockTime::from_mseconds(100);
+const LOOK: Duration = Duration::from_millis(100);
 
 /// How long who asks for the next frame waits for it, seconds.
 const SILENCE_SECS: u64 = 10;
@@ -25,7 +23,6 @@ const SILENCE_SECS: u64 = 10;
 pub(super) struct LiveSource {
     place: String,
     decoder: Decoder,
-    reader: PlaneReader,
     stop: StopFlag,
     /// Takes the encoded frames, where they are wanted.
     encoded: Option<Arc<EncodedQueue>>,
@@ -40,18 +37,12 @@ pub(super) struct LiveSource {
 
 impl LiveSource {
     /// Starts what `input` gives; `place` is what messages call it.
-    pub(super) fn start(
-        place: String,
-        input: &Input,
-        tap: Tap,
-        stop: &StopFlag,
-    ) -> Result<Self, IngestError> {
+    pub(super) fn start(place: String, input: Input, tap: Tap, stop: &StopFlag) -> Result<Self, IngestError> {
         let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
         let decoder = Decoder::start(input, encoded.as_ref()).map_err(|fault| error_of(&place, fault))?;
         Ok(Self {
             place,
             decoder,
-            reader: PlaneReader::default(),
             stop: stop.clone(),
             encoded,
             pairing: Pairing::default(),
@@ -73,13 +64,7 @@ impl LiveSource {
     }
 
     /// The next picture's frame. Stream time grows whatever the camera says.
-    fn frame(&mut self, sample: &gst::Sample) -> Result<SourceFrame, IngestError> {
-        let path = || PathBuf::from(&self.place);
-        let picture = self.reader.picture(sample).map_err(|error| match error {
-            SampleError::Layout(source) => IngestError::Layout { path: path(), source },
-            // A decoder that goes over to another form of pictures: connected anew, it is converted.
-            SampleError::Unusable(detail) => IngestError::Damaged { path: path(), detail: detail.to_owned() },
-        })?;
+    fn frame(&mut self, picture: Picture) -> SourceFrame {
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);
         }
@@ -98,13 +83,13 @@ impl LiveSource {
         let number = self.next_number;
         self.next_number += 1;
         let reference = picture.reference_nanos.map(Timestamp::from_nanos);
-        Ok(SourceFrame { image: Arc::new(picture.image), stream_nanos, number, reference })
+        SourceFrame { image: Arc::new(picture.image), stream_nanos, number, reference }
     }
 }
 
 impl Source for LiveSource {
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {
-        for _ in 0..SILENCE_SECS * 1000 / LOOK.mseconds() {
+        for _ in 0..SILENCE_SECS * 1000 / LOOK.as_millis() as u64 {
             if let Polled::Frame(frame) = self.poll()? {
                 return Ok(Some(frame));
             }
@@ -116,8 +101,8 @@ impl Source for LiveSource {
         if self.stop.is_raised() {
             return Err(IngestError::Stopped);
         }
-        if let Some(sample) = self.decoder.pull(LOOK) {
-            return Ok(Polled::Frame(self.frame(&sample)?));
+        if let Some(picture) = self.decoder.pull(LOOK) {
+            return Ok(Polled::Frame(self.frame(picture)));
         }
         if let Some(fault) = self.decoder.fault() {
             return Err(error_of(&self.place, fault));
@@ -147,6 +132,10 @@ impl Source for LiveSource {
         &self.place
     }
 
+    fn decoding(&self) -> Option<Decoding> {
+        self.decoder.decoding()
+    }
+
     fn lost(&self) -> Lost {
         Lost { n_replaced: self.decoder.n_replaced(), n_damaged: self.decoder.n_damaged() }
     }
@@ -161,6 +150,7 @@ pub(super) fn error_of(place: &str, fault: Fault) -> IngestError {
         Fault::Refused { format, allowed } => IngestError::Refused { path, format, allowed },
         Fault::TooLarge { width, height } => IngestError::TooLarge { path, width, height },
         Fault::Damaged(detail) => IngestError::Damaged { path, detail },
+        Fault::Worker(how) => IngestError::Worker { path, how },
         Fault::Gstreamer { action, detail } => IngestError::Gstreamer { action, detail },
         Fault::Connection(fault) => CameraError::Connection { place: place.to_owned(), fault }.into(),
     }

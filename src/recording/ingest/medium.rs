@@ -1,7 +1,7 @@
 //! What a file or a folder of pictures gives before frames are numbered and timed.
 
 use super::IngestError;
-use crate::media::{EncodedFrame, Picture};
+use crate::media::{Decoding, EncodedFrame, Picture};
 use std::path::Path;
 
 /// Pictures that can be read from the first to the last, and then again.
@@ -24,6 +24,11 @@ pub trait Medium: Send {
     /// Encoded frames that were left out since it was opened, for want of room.
     fn n_encoded_dropped(&self) -> u64 {
         0
+    }
+
+    /// Returns the process that decodes it and what holds that; none before its first picture, and where nothing is decoded.
+    fn decoding(&self) -> Option<Decoding> {
+        None
     }
 
     /// The next picture, or `None` after the last.

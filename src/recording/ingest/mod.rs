@@ -48,7 +48,7 @@ pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
 pub use worker::{CameraWorker, Feed, FrameConsumer};
 
-use crate::media::EncodedFrame;
+use crate::media::{Decoding, EncodedFrame};
 use std::sync::Arc;
 use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{Place, Scheme, SourceSettings, Timing};
@@ -133,6 +133,11 @@ pub trait Source: Send {
     /// What messages call a live source: scheme, host and port, or the device.
     fn place(&self) -> &str {
         ""
+    }
+
+    /// Returns the process that decodes it and what holds that; none before its first picture, and where nothing is decoded.
+    fn decoding(&self) -> Option<Decoding> {
+        None
     }
 
     /// What a live source left out so far.

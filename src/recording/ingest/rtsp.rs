@@ -20,5 +20,5 @@ pub(super) fn open(
     let login = credentials.as_ref().map(Credentials::login);
     let input = Input::rtsp(&endpoint.peer(), settings.transport, login)
         .map_err(|fault| error_of(&endpoint.place(), fault))?;
-    LiveSource::start(endpoint.place(), &input, tap, stop)
+    LiveSource::start(endpoint.place(), input, tap, stop)
 }

@@ -1,5 +1,6 @@
 //! How a camera is doing, for everyone who asks.
 
+use crate::media::Decoding;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 use videofields_vision::clock::Timestamp;
@@ -56,6 +57,8 @@ pub struct CameraStatus {
     pub retries: u64,
     /// Wall-clock time at which the source is opened again, where it failed.
     pub next_try: Option<Timestamp>,
+    /// The process that decodes its pictures and what holds that; none before the first one, and where they come unencoded.
+    pub decoding: Option<Decoding>,
     /// Frames delivered.
     pub frames: u64,
     /// Frames left out: too late, replaced by newer ones, or damaged.
@@ -147,6 +150,7 @@ impl SharedStatus {
             reason: None,
             since: now,
             retries: 0,
+            decoding: None,
             next_try: None,
             frames: 0,
             dropped: 0,
@@ -190,6 +194,11 @@ impl SharedStatus {
         let mut status = self.lock();
         status.enter(CameraState::Stalled, now);
         status.reason = Some(reason);
+    }
+
+    /// Tells which process decodes its pictures and what holds that.
+    pub(super) fn tell_decoding(&self, decoding: Option<Decoding>) {
+        self.lock().decoding = decoding;
     }
 
     pub(super) fn count_dropped(&self, n: u64) {

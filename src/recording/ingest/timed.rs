@@ -3,7 +3,7 @@
 use super::medium::Medium;
 use super::pairing::Pairing;
 use super::{IngestError, Source, SourceFrame};
-use crate::media::{EncodedFrame, Picture};
+use crate::media::{Decoding, EncodedFrame, Picture};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use videofields_vision::config::{End, Timing};
@@ -189,6 +189,10 @@ impl<M: Medium> Source for TimedSource<M> {
 
     fn n_encoded_dropped(&self) -> u64 {
         self.media.n_encoded_dropped()
+    }
+
+    fn decoding(&self) -> Option<Decoding> {
+        self.media.decoding()
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {

@@ -33,6 +33,13 @@ const TICK_INTERVAL: Duration = Duration::from_secs(1);
 /// Time for which frames must have come before a failure counts as the first again.
 const STEADY: Duration = Duration::from_secs(30);
 
+/// Time for which a decoding process must have lived for its end to be a mishap, after which the camera is opened again soon. One that
+/// ends sooner met something that ends it: then pauses grow as after all else.
+const DECODER_STEADY: Duration = Duration::from_secs(5);
+
+/// Time to the next attempt after such a mishap.
+const DECODER_PAUSE: Duration = Duration::from_millis(500);
+
 /// Time to the next attempt with a login that was refused: cameras lock an account, or the address that asks, after some wrong
 /// passwords within minutes.
 const LOGIN_PAUSE: Duration = Duration::from_secs(600);
@@ -49,6 +56,10 @@ pub trait FrameConsumer: Send {
     fn tap(&self) -> Tap {
         Tap::Closed
     }
+
+    /// Called where a source begins, the first time and each time after a failure: encoded frames that follow do not build on those
+    /// before.
+    fn begin(&mut self) {}
 
     /// Takes a frame as the camera encoded it, with the scene time of its picture, in decoding order; each comes about
     /// when its picture does, and also where its picture was left out.
@@ -333,6 +344,7 @@ impl Camera {
             let mut is_live = false;
             let outcome = open(&self.stop).and_then(|mut source| {
                 is_live = source.is_live();
+                self.consumer.begin();
                 if is_live { self.follow(source.as_mut()) } else { self.play(source.as_mut()) }
             });
             let Err(error) = outcome else { break };
@@ -349,7 +361,7 @@ impl Camera {
                 continue;
             }
             // What was played cannot be played again as if it were new: a recording that ends in damage ends there.
-            if !is_live && self.end == End::Stop && self.next_number > 0 && error.is_of_content() {
+            if !is_live && self.end == End::Stop && self.next_number > 0 && error.ends_a_recording() {
                 tracing::error!(%error, "a camera's recording is damaged and ends here");
                 self.status.fail(error.to_string(), self.clock.now(), None);
                 last_state = CameraState::Failed;
@@ -359,6 +371,11 @@ impl Camera {
                 error.to_string(),
                 retry_delay(n_failures, std::hash::RandomState::new().hash_one(n_failures)),
             );
+            let is_mishap =
+                is_live && matches!(error, IngestError::Worker { .. }) && lasted >= DECODER_STEADY;
+            if is_mishap {
+                delay = DECODER_PAUSE;
+            }
             let is_refused = self.login.is_some() && error.is_login_refused();
             if is_refused {
                 delay = LOGIN_PAUSE;
@@ -366,7 +383,7 @@ impl Camera {
             }
             tracing::warn!(%error, retry_in = ?delay, "a camera's source failed");
             self.status.fail(reason.clone(), self.clock.now(), Some(delay));
-            n_failures += 1;
+            n_failures += u32::from(!is_mishap);
             let due = self.clock.monotonic().saturating_add(delay);
             if is_refused {
                 self.sleep_until_login_changes(due);
@@ -404,6 +421,7 @@ impl Camera {
             self.next_number = first_number + frame.number + 1;
             match self.pacer.turn(self.clock.monotonic()) {
                 Turn::Deliver => {
+                    self.tell_decoding(source);
                     let timestamp = self.scene_start.saturating_add_nanos(self.pacer.stream_nanos());
                     let timestamp = self.scene_time(timestamp);
                     self.deliver(frame, timestamp, first_number);
@@ -465,6 +483,13 @@ impl Camera {
             Tap::Closed => nanos,
             Tap::Open => nanos - nanos.rem_euclid(TICK_NANOS),
         })
+    }
+
+    /// Tells with a source's first frame which process decodes it.
+    fn tell_decoding(&self, source: &dyn Source) {
+        if self.steady_since.is_none() {
+            self.status.tell_decoding(source.decoding());
+        }
     }
 
     fn deliver(&mut self, frame: SourceFrame, timestamp: Timestamp, first_number: u64) {

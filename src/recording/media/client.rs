@@ -3,9 +3,9 @@
 //! No redirection is followed, and no proxy is asked. What a camera says of itself may hold addresses with secrets in them, so
 //! nothing of it is passed on but its kind.
 
-use super::decoder::tell;
 use super::fault::{ConnectionFault, Fault, gstreamer_fault};
 use super::input::{Connection, make};
+use super::pipeline::tell;
 use super::tls::encrypt;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -106,7 +106,7 @@ pub(super) fn live_source(max_bytes: u64, max_buffers: u64) -> Result<gst_app::A
     element.set_property("max-buffers", max_buffers);
     element.set_property_from_str("leaky-type", "downstream");
     element.downcast().map_err(|other| Fault::Gstreamer {
-        action: "make an element",
+        action: "make an element".into(),
         detail: format!("appsrc is a {}", other.type_()),
     })
 }

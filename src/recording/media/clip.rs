@@ -87,7 +87,7 @@ impl ClipWriter {
     /// When `GStreamer` lacks an element or cannot start.
     pub fn start(format: &EncodedFormat, file: File) -> Result<Self, Fault> {
         let fault = |error: &dyn std::error::Error| gstreamer_fault(ACTION, error);
-        let lacks = |what: &str| Fault::Gstreamer { action: ACTION, detail: format!("no {what}") };
+        let lacks = |what: &str| Fault::Gstreamer { action: ACTION.into(), detail: format!("no {what}") };
         let timestamper = match format.codec() {
             "video/x-h264" => Some(make("h264timestamper")?),
             "video/x-h265" => Some(make("h265timestamper")?),
@@ -183,7 +183,7 @@ impl ClipWriter {
                 _ => {}
             }
         }
-        Err(Fault::Gstreamer { action: ACTION, detail: "its end is not written".to_owned() })
+        Err(Fault::Gstreamer { action: ACTION.into(), detail: "its end is not written".to_owned() })
     }
 
     /// Waits a moment for an error.
@@ -200,12 +200,12 @@ impl ClipWriter {
 }
 
 fn given_up() -> Fault {
-    Fault::Gstreamer { action: ACTION, detail: "it was broken off".to_owned() }
+    Fault::Gstreamer { action: ACTION.into(), detail: "it was broken off".to_owned() }
 }
 
 fn told(error: &gst::message::Error) -> Fault {
     let detail = error.error().message().trim_end_matches('.').to_owned();
-    Fault::Gstreamer { action: ACTION, detail }
+    Fault::Gstreamer { action: ACTION.into(), detail }
 }
 
 impl Drop for ClipWriter {

@@ -1,46 +1,42 @@
-//! One `GStreamer` pipeline from an input to I420 pictures, and what its messages mean.
-//!
-//! `input ! decodebin ! [videoconvert !] appsink`: decodebin finds demuxer and decoder, and works without the
-//! parsers of plugins-bad. Only the first video stream is decoded. The decoder's own buffers arrive: where it
-//! writes I420 there is no converter, and the sink accepts padded rows (`VideoMeta`), so nothing is copied. Where the
-//! encoded frames are wanted too, `tap` splits the stream before decodebin.
+//! Decodes an input: a worker does, and here its pictures, its faults and its numbers come together.
 
-use super::allowed::{is_allowed, is_refused};
-use super::announced::{MAX_SIDE, is_too_large, size_of_format};
-use super::device::device_fault;
-use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
-use super::input::{Connection, Keep, Memory, make};
-use super::probes::{be_patient, refuse_large_pictures};
-use super::{EncodedQueue, Fault, Input, tap};
-use gst::glib;
-use gst::prelude::*;
+use super::input::Kind;
+use super::pipeline::{Pipeline, codec_of};
+use super::worker::{Decoding, Remote, Sandbox, Work};
+use super::{EncodedQueue, Fault, Input, Picture, PlaneReader};
 use gstreamer as gst;
-use gstreamer_app as gst_app;
-use gstreamer_video as gst_video;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
-/// Decoded pictures that wait in the sink; decoding blocks when it is full.
-const QUEUE_LENGTH: u32 = 4;
+/// Starts a decoding process and returns what holds it.
+///
+/// # Errors
+/// When no process can be started, or it says nothing for a while.
+pub fn look_at_sandbox() -> Result<Sandbox, Fault> {
+    Remote::look_at_sandbox()
+}
 
-/// Most threads of one decoder: many cameras decode side by side.
-const MAX_DECODER_THREADS: usize = 2;
+/// Longest time that a worker is waited for while it is not known whether pictures come from it.
+const SHORT: Duration = Duration::from_millis(20);
 
-/// A running pipeline; it ends when this is dropped.
+/// An input that is being decoded; that ends when this is dropped.
 #[derive(Debug)]
 pub struct Decoder {
-    pipeline: gst::Pipeline,
-    bus: gst::Bus,
-    sink: gst_app::AppSink,
-    link_faults: Receiver<Fault>,
-    unknown_streams: Receiver<gst::Caps>,
-    n_arrived: Arc<AtomicU64>,
-    n_pulled: AtomicU64,
-    n_damaged: Arc<AtomicU64>,
-    keep: Keep,
-    /// The connection that feeds the pipeline, where that is not the pipeline itself.
-    connection: Option<Connection>,
+    /// Comes first, so that a pipeline's threads do not wait for it when they are to end.
+    worker: Option<Remote>,
+    camera: Option<Camera>,
+}
+
+/// A camera's pipeline in the daemon.
+#[derive(Debug)]
+struct Camera {
+    pipeline: Pipeline,
+    /// Reads pictures that come unencoded.
+    reader: PlaneReader,
+    /// The codec of the frames that were handed over.
+    codec: Arc<OnceLock<Option<String>>>,
+    /// Fault of a picture that came unencoded.
+    fault: Option<Fault>,
 }
 
 impl Decoder {
@@ -48,474 +44,113 @@ impl Decoder {
     /// each some pictures before its own.
     ///
     /// # Errors
-    /// When `GStreamer` lacks an element or cannot start; all else shows with the first picture.
-    pub fn start(input: &Input, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
-        let decode = make("decodebin")?;
-        let sink = make_sink(input.keep());
-        if input.memory() == Memory::Own {
-            free_with_the_last_user(&sink);
-        }
-        let n_arrived = count_arrivals(&sink);
-        let pipeline = gst::Pipeline::new();
-        pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        let (keep, n_damaged) = (input.keep(), Arc::<AtomicU64>::default());
-        let counter = Arc::clone(&n_damaged);
-        let (faults, link_faults) = sync_channel(1);
-        let size_faults = faults.clone();
-        pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
-            set_up(element);
-            if keep == Keep::Newest {
-                be_patient(element, &counter);
+    /// When `GStreamer` lacks an element or no worker can be started; all else shows with the first picture.
+    pub fn start(input: Input, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
+        let times = input.times;
+        match input.kind {
+            Kind::File(file) => {
+                let worker = Remote::start(Work::File(file, encoded.cloned()), times)?;
+                Ok(Self { worker: Some(worker), camera: None })
             }
-            refuse_large_pictures(element, &size_faults);
-        });
-        let (streams, unknown_streams) = sync_channel(8);
-        link_first_video(&decode, &pipeline, (&sink, keep), faults.clone());
-        watch(&decode, &streams, keep);
-        let reader = match encoded {
-            None => decode,
-            Some(queue) => {
-                let parse = make("parsebin")?;
-                watch(&parse, &streams, keep);
-                tap::split_first_video(&parse, &decode, (&pipeline, queue), faults.clone());
-                parse
+            Kind::Stream(reader) => {
+                let worker = Remote::start(Work::Stream(reader), times)?;
+                Ok(Self { worker: Some(worker), camera: None })
             }
-        };
-        pipeline.add(&reader).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
-        input.link(&pipeline, &reader)?;
-        let bus = pipeline.bus().ok_or_else(|| Fault::Gstreamer {
-            action: "build a pipeline",
-            detail: "the pipeline has no bus".to_owned(),
-        })?;
-        let n_pulled = AtomicU64::new(0);
-        if keep == Keep::Newest {
-            keep_errors_alone(&bus, &n_damaged);
-        }
-        let mut decoder = Self {
-            pipeline,
-            bus,
-            sink,
-            link_faults,
-            unknown_streams,
-            n_arrived,
-            n_pulled,
-            n_damaged,
-            keep,
-            connection: None,
-        };
-        match decoder.pipeline.set_state(gst::State::Playing) {
-            Ok(_) => {
-                decoder.connection = input.start_client(&faults)?;
-                Ok(decoder)
+            Kind::Live(source, client) => {
+                let worker = Remote::start(Work::Frames, times)?;
+                let (frames, codec) = (worker.frames(), Arc::<OnceLock<_>>::default());
+                let known = Arc::clone(&codec);
+                let take = Box::new(move |sample: &gst::SampleRef| {
+                    known.get_or_init(|| sample.caps().and_then(codec_of));
+                    frames.push(sample);
+                });
+                let pipeline = Pipeline::hand_over((source, client), encoded, take)?;
+                let camera = Camera { pipeline, reader: PlaneReader::new(times), codec, fault: None };
+                Ok(Self { worker: Some(worker), camera: Some(camera) })
             }
-            Err(error) => Err(decoder.fault().unwrap_or_else(|| gstreamer_fault("start a pipeline", &error))),
         }
     }
 
-    /// The next picture if one comes within `patience`. Of a live input, one that its decoder marks as broken is left out
-    /// and counted.
-    pub fn pull(&self, patience: gst::ClockTime) -> Option<gst::Sample> {
-        let sample = self.sink.try_pull_sample(patience)?;
-        self.n_pulled.fetch_add(1, Ordering::Relaxed);
-        let is_broken =
-            sample.buffer().is_some_and(|buffer| buffer.flags().contains(gst::BufferFlags::CORRUPTED));
-        if is_broken && self.keep == Keep::Newest {
-            self.n_damaged.fetch_add(1, Ordering::Relaxed);
-            return None;
+    /// Returns the next picture if one comes within `patience`. Of a camera, one that its decoder marks as broken is left out and
+    /// counted.
+    pub fn pull(&mut self, patience: Duration) -> Option<Picture> {
+        let Some(camera) = &mut self.camera else { return self.worker.as_mut()?.pull(patience) };
+        if self.worker.is_some() && camera.pipeline.n_arrived() > 0 {
+            // Its pictures come unencoded: there is nothing to decode.
+            self.worker = None;
         }
-        Some(sample)
+        let Some(worker) = &mut self.worker else { return camera.pull(patience) };
+        let patience = if camera.codec.get().is_some() { patience } else { patience.min(SHORT) };
+        worker.pull(patience)
     }
 
-    /// Pictures of a live input that were left out as broken, and complaints of its decoder, each of which cost a picture.
+    /// Returns the number of pictures of a camera that were left out as broken, and of complaints of its decoder, each of which cost
+    /// a picture.
     #[must_use]
     pub fn n_damaged(&self) -> u64 {
-        self.n_damaged.load(Ordering::Relaxed)
+        self.sum(Remote::n_damaged, Pipeline::n_damaged)
     }
 
-    /// Pictures of a live input that newer ones replaced before they were pulled; one that waits now may be counted.
+    /// Returns the number of pictures of a camera that newer ones replaced before they were pulled; one that waits now may be counted.
     #[must_use]
     pub fn n_replaced(&self) -> u64 {
-        let n_pulled = self.n_pulled.load(Ordering::Relaxed);
-        self.n_arrived.load(Ordering::Relaxed).saturating_sub(n_pulled + 1)
+        self.sum(Remote::n_replaced, Pipeline::n_replaced)
     }
 
-    /// Whether every picture was pulled.
+    fn sum(&self, of_worker: impl Fn(&Remote) -> u64, of_pipeline: impl Fn(&Pipeline) -> u64) -> u64 {
+        self.worker.as_ref().map_or(0, of_worker)
+            + self.camera.as_ref().map_or(0, |camera| of_pipeline(&camera.pipeline))
+    }
+
+    /// Returns true once every picture was pulled.
     #[must_use]
     pub fn has_ended(&self) -> bool {
-        self.sink.is_eos()
+        match &self.camera {
+            Some(camera) => camera.pipeline.has_ended(),
+            None => self.worker.as_ref().is_some_and(Remote::has_ended),
+        }
     }
 
-    /// Whether nothing in the pipeline is at work, so that nothing will come. An error that a demuxer posts while
-    /// decodebin still tries it is swallowed there (seen with 1.22 on a file that breaks off in its header): the
-    /// demuxer then rests for ever, and this is its only trace.
-    #[must_use]
-    pub fn is_idle(&self) -> bool {
-        let mut elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
-        let is_at_work = |pad: &gst::Pad| pad.task_state() == gst::TaskState::Started;
-        !elements.any(|element| element.pads().iter().any(is_at_work))
-    }
-
-    /// How many nanoseconds the input has, where that is known.
+    /// Returns the length of the input in nanoseconds, where that is known, once a picture has come.
     #[must_use]
     pub fn duration_nanos(&self) -> Option<i64> {
-        let duration = self.pipeline.query_duration::<gst::ClockTime>()?;
-        i64::try_from(duration.nseconds()).ok().filter(|nanos| *nanos > 0)
+        self.worker.as_ref()?.duration_nanos()
     }
 
-    /// What the pictures are encoded in, such as `h264`, once one has come; none where they come unencoded.
+    /// Returns the codec of the pictures, such as `h264`, once one has come; none where they come unencoded.
     #[must_use]
     pub fn codec(&self) -> Option<String> {
-        let elements = self.pipeline.iterate_recurse().into_iter().filter_map(Result::ok);
-        let decoders = elements.filter(|element| is_decoder(element.upcast_ref()));
-        decoders
-            .filter_map(|element| element.static_pad("sink")?.current_caps())
-            .find_map(|caps| codec_of(&caps))
+        match &self.camera {
+            Some(camera) => camera.codec.get().cloned().flatten(),
+            None => self.worker.as_ref()?.codec(),
+        }
     }
 
-    /// Goes on at the key frame before a time; whether the input takes that.
+    /// Returns the process that decodes it and what holds it; none before it has begun, and where nothing is decoded.
     #[must_use]
-    pub fn seek(&self, stream_nanos: i64) -> bool {
-        let time = gst::ClockTime::from_nseconds(u64::try_from(stream_nanos).unwrap_or_default());
-        let how = gst::SeekFlags::FLUSH | gst::SeekFlags::KEY_UNIT | gst::SeekFlags::SNAP_BEFORE;
-        self.pipeline.seek_simple(how, time).is_ok()
+    pub fn decoding(&self) -> Option<Decoding> {
+        self.worker.as_ref()?.decoding()
     }
 
-    /// What went wrong since the last call, if anything did.
-    #[must_use]
-    pub fn fault(&self) -> Option<Fault> {
-        if let Ok(fault) = self.link_faults.try_recv() {
-            return Some(if matches!(fault, Fault::NotVideo(_)) {
-                self.unread_video().unwrap_or(fault)
-            } else {
-                fault
-            });
-        }
-        let message = self.bus.pop_filtered(&[gst::MessageType::Error])?;
-        let gst::MessageView::Error(message) = message.view() else { return None };
-        let error = message.error();
-        if self.keep == Keep::Newest {
-            return Some(self.live_fault(&error));
-        }
-        // The debug text holds line numbers and element names: for the log alone.
-        tracing::debug!(%error, source = message.debug().as_deref().unwrap_or(""), "a pipeline failed");
-        Some(self.error_fault(&error))
-    }
-
-    /// What an error on the bus means.
-    fn error_fault(&self, error: &glib::Error) -> Fault {
-        if let Some(fault) = self.unread_video() {
-            return fault;
-        }
-        let detail = error.message().trim_end_matches('.').to_owned();
-        match error.kind::<gst::StreamError>() {
-            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => Fault::NotVideo(detail),
-            _ => Fault::Damaged(detail),
+    /// Goes on at the key frame before a time; where it stands in an input that cannot be sought in.
+    pub fn seek(&mut self, stream_nanos: i64) {
+        if let Some(worker) = &mut self.worker {
+            worker.seek(stream_nanos);
         }
     }
 
-    /// As [`Self::error_fault`], of a camera: nothing of what the error says is told or logged, since it may hold a secret.
-    fn live_fault(&self, error: &glib::Error) -> Fault {
-        if let Some(fault) = self.unread_video() {
-            return fault;
-        }
-        // Only a device is an element of the pipeline; other cameras' connections tell themselves.
-        if let Some(kind) = error.kind::<gst::ResourceError>() {
-            return Fault::Connection(device_fault(kind));
-        }
-        let (core, stream) = (error.kind::<gst::CoreError>(), error.kind::<gst::StreamError>());
-        tracing::debug!(?core, ?stream, "a camera's pipeline failed");
-        match stream {
-            Some(gst::StreamError::TypeNotFound | gst::StreamError::WrongType) => {
-                Fault::NotVideo("its type is not known".to_owned())
-            }
-            Some(gst::StreamError::Decrypt | gst::StreamError::DecryptNokey) => {
-                Fault::Connection(ConnectionFault::Insecure)
-            }
-            _ => Fault::Damaged("its pictures cannot be decoded further".to_owned()),
-        }
-    }
-
-    /// The missing codec, if a stream was found that nothing installed reads.
-    fn unread_video(&self) -> Option<Fault> {
-        self.unknown_streams.try_iter().find_map(|caps| {
-            let format = caps.structure(0)?;
-            Some(if is_refused(format, self.keep) { refused_format(format) } else { missing_codec(format) })
-        })
+    /// Returns what went wrong since the last call, if anything did.
+    pub fn fault(&mut self) -> Option<Fault> {
+        let of_camera =
+            self.camera.as_mut().and_then(|camera| camera.fault.take().or_else(|| camera.pipeline.fault()));
+        of_camera.or_else(|| self.worker.as_mut()?.take_fault())
     }
 }
 
-impl Drop for Decoder {
-    fn drop(&mut self) {
-        drop(self.connection.take());
-        if let Err(error) = self.pipeline.set_state(gst::State::Null) {
-            tracing::warn!(%error, "a decoder did not stop");
-        }
+impl Camera {
+    fn pull(&mut self, patience: Duration) -> Option<Picture> {
+        let sample = self.pipeline.pull(patience)?;
+        let picture = self.reader.picture(&sample);
+        picture.map_err(|error| self.fault = Some(Fault::Damaged(error.to_string()))).ok()
     }
-}
-
-/// The end of the pipeline.
-pub(super) fn make_sink(keep: Keep) -> gst_app::AppSink {
-    let caps = gst::Caps::builder("video/x-raw")
-        .field("format", "I420")
-        .field("width", gst::IntRange::new(1, MAX_SIDE as i32))
-        .field("height", gst::IntRange::new(1, MAX_SIDE as i32))
-        .build();
-    let sink = gst_app::AppSink::builder()
-        .caps(&caps)
-        .max_buffers(if keep == Keep::All { QUEUE_LENGTH } else { 1 })
-        .drop(keep == Keep::Newest)
-        .sync(false)
-        .enable_last_sample(false)
-        .build();
-    // The sink answers the decoder's question for memory itself: rows may be padded. Without that answer decoders
-    // that pad copy every picture into unpadded rows.
-    if let Some(pad) = sink.static_pad("sink") {
-        pad.add_probe(gst::PadProbeType::QUERY_DOWNSTREAM, |_pad, info| {
-            let Some(query) = info.query_mut() else { return gst::PadProbeReturn::Ok };
-            let gst::QueryViewMut::Allocation(query) = query.view_mut() else {
-                return gst::PadProbeReturn::Ok;
-            };
-            query.add_allocation_meta::<gst_video::VideoMeta>(None);
-            gst::PadProbeReturn::Handled
-        });
-    }
-    sink
-}
-
-/// Has each picture's memory freed with its last user. A pool takes back what it gave, for its next pictures, as long as it
-/// lives: whoever held a whole group of pictures once would leave all of their memory with a decoder that rests. What bears
-/// this flag is taken for changed, and is not taken back.
-fn free_with_the_last_user(sink: &gst_app::AppSink) {
-    let Some(pad) = sink.static_pad("sink") else { return };
-    pad.add_probe(gst::PadProbeType::BUFFER, |_pad, info| {
-        if let Some(buffer) = info.buffer_mut() {
-            buffer.make_mut().set_flags(gst::BufferFlags::TAG_MEMORY);
-        }
-        gst::PadProbeReturn::Ok
-    });
-}
-
-/// Counts the pictures that reach the sink.
-fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
-    let n_arrived = Arc::new(AtomicU64::new(0));
-    if let Some(pad) = sink.static_pad("sink") {
-        let counter = Arc::clone(&n_arrived);
-        pad.add_probe(gst::PadProbeType::BUFFER, move |_pad, _info| {
-            counter.fetch_add(1, Ordering::Relaxed);
-            gst::PadProbeReturn::Ok
-        });
-    }
-    n_arrived
-}
-
-/// Lets nothing but errors wait on the bus of a live pipeline, which runs for months: what decoders complain of is counted,
-/// the rest is nobody's.
-fn keep_errors_alone(bus: &gst::Bus, n_damaged: &Arc<AtomicU64>) {
-    let n_damaged = Arc::clone(n_damaged);
-    bus.set_sync_handler(move |_bus, message| {
-        match message.view() {
-            gst::MessageView::Error(_) => return gst::BusSyncReply::Pass,
-            gst::MessageView::Warning(_) if message.src().is_some_and(is_decoder) => {
-                n_damaged.fetch_add(1, Ordering::Relaxed);
-            }
-            _ => {}
-        }
-        gst::BusSyncReply::Drop
-    });
-}
-
-/// What people call what a video stream is encoded in.
-fn codec_of(caps: &gst::CapsRef) -> Option<String> {
-    let structure = caps.structure(0)?;
-    match structure.name().as_str() {
-        "image/jpeg" => Some("jpeg".to_owned()),
-        "video/mpeg" => {
-            let version = structure.get::<i32>("mpegversion").ok();
-            Some(version.map_or("mpeg".to_owned(), |version| format!("mpeg{version}")))
-        }
-        "video/x-raw" => None,
-        name => name.strip_prefix("video/x-").or(name.strip_prefix("image/")).map(str::to_owned),
-    }
-}
-
-/// Returns whether `object` decodes by itself: decodebin, which says so too, has others do it.
-pub(super) fn is_decoder(object: &gst::Object) -> bool {
-    !object.is::<gst::Bin>() && is_of(object, gst::ElementFactoryType::DECODER)
-}
-
-fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {
-    let factory = object.downcast_ref::<gst::Element>().and_then(gst::Element::factory);
-    factory.is_some_and(|factory| factory.has_type(kind))
-}
-
-/// Gives a new decoder at most [`MAX_DECODER_THREADS`] threads (the property's name and type depend on the decoder). A
-/// picture that libav also needs for the next ones cannot be handed on, and is copied: with "direct rendering" into memory
-/// allocated for it alone, without into a pool's.
-fn set_up(element: &gst::Element) {
-    if !is_decoder(element.upcast_ref()) {
-        return;
-    }
-    let available = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let threads = available.min(MAX_DECODER_THREADS) as u32;
-    for name in ["max-threads", "threads", "n-threads"] {
-        match element.find_property(name).map(|property| property.value_type()) {
-            Some(glib::Type::I32) => element.set_property(name, threads as i32),
-            Some(glib::Type::U32) => element.set_property(name, threads),
-            _ => {}
-        }
-    }
-    if element.find_property("direct-rendering").is_some() {
-        element.set_property("direct-rendering", false);
-    }
-}
-
-fn link_first_video(
-    decode: &gst::Element,
-    pipeline: &gst::Pipeline,
-    (sink, keep): (&gst_app::AppSink, Keep),
-    faults: SyncSender<Fault>,
-) {
-    let (pipeline, sink) = (pipeline.downgrade(), sink.downgrade());
-    let is_linked = Arc::new(AtomicBool::new(false));
-    let (was_linked, no_video) = (Arc::clone(&is_linked), faults.clone());
-    decode.connect_no_more_pads(move |_decode| {
-        if !was_linked.load(Ordering::Acquire) {
-            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
-        }
-    });
-    decode.connect_pad_added(move |_decode, pad| {
-        let (Some(pipeline), Some(sink)) = (pipeline.upgrade(), sink.upgrade()) else { return };
-        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
-        let is_video = caps.structure(0).is_some_and(|structure| structure.name() == "video/x-raw");
-        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
-            return;
-        }
-        if let Err(fault) = link_video(pad, &caps, &pipeline, (&sink, keep)) {
-            tell(&faults, fault);
-        }
-    });
-}
-
-/// One fault is enough: when the channel is full, the one in it is told.
-pub(super) fn tell(faults: &SyncSender<Fault>, fault: Fault) {
-    if let Err(error) = faults.try_send(fault) {
-        tracing::debug!(%error, "a second fault of one stream is not told");
-    }
-}
-
-fn link_video(
-    pad: &gst::Pad,
-    caps: &gst::Caps,
-    pipeline: &gst::Pipeline,
-    (sink, keep): (&gst_app::AppSink, Keep),
-) -> Result<(), Fault> {
-    let structure =
-        caps.structure(0).ok_or_else(|| Fault::NotVideo("a stream without a format".to_owned()))?;
-    if let Some((width, height)) = size_of_format(structure).filter(|size| is_too_large(*size)) {
-        return Err(Fault::TooLarge { width, height });
-    }
-    let fails = |error: glib::BoolError| gstreamer_fault("convert the decoder's pictures", &error);
-    let mut end: gst::Element = sink.clone().upcast();
-    if keep == Keep::All {
-        // Lets everything through untouched unless the file says that its pictures are turned, which it does later.
-        end = put_before("videoflip", &end, pipeline).map_err(fails)?;
-        end.set_property_from_str("video-direction", "auto");
-    }
-    if structure.get::<&str>("format") != Ok("I420") {
-        end = add_converter(pipeline, &end, structure).map_err(fails)?;
-    }
-    let target = end.static_pad("sink");
-    let target = target.ok_or_else(|| Fault::Gstreamer {
-        action: "link the decoder",
-        detail: "an element has no sink pad".to_owned(),
-    })?;
-    pad.link(&target).map(|_linked| ()).map_err(|error| gstreamer_fault("link the decoder", &error))
-}
-
-/// Returns whether an event says that pictures are to be turned or mirrored before they are shown, as telephones' are.
-pub(super) fn turns_pictures(event: &gst::EventRef) -> bool {
-    let gst::EventView::Tag(event) = event.view() else { return false };
-    event
-        .tag()
-        .get::<gst::tags::ImageOrientation>()
-        .is_some_and(|orientation| orientation.get() != "rotate-0")
-}
-
-/// Puts a new element in front of `next`.
-fn put_before(
-    name: &'static str,
-    next: &gst::Element,
-    pipeline: &gst::Pipeline,
-) -> Result<gst::Element, glib::BoolError> {
-    let element = gst::ElementFactory::make(name).build()?;
-    pipeline.add(&element)?;
-    element.link(next)?;
-    element.sync_state_with_parent()?;
-    Ok(element)
-}
-
-/// A converter to I420 in front of `next`. The colours keep the code that the decoder gave them, so that no
-/// range is squeezed.
-fn add_converter(
-    pipeline: &gst::Pipeline,
-    next: &gst::Element,
-    from: &gst::StructureRef,
-) -> Result<gst::Element, glib::BoolError> {
-    let has_luma = from
-        .get::<&str>("format")
-        .ok()
-        .and_then(|name| name.parse::<gst_video::VideoFormat>().ok())
-        .map(gst_video::VideoFormatInfo::from_format)
-        .is_some_and(|format| format.is_yuv() || format.is_gray());
-    let colorimetry = from.get::<&str>("colorimetry").ok().filter(|_| has_luma);
-    let to = gst::Caps::builder("video/x-raw").field("format", "I420");
-    let to = to.field_if_some("colorimetry", colorimetry).build();
-    let filter = put_before("capsfilter", next, pipeline)?;
-    filter.set_property("caps", to);
-    put_before("videoconvert", &filter, pipeline)
-}
-
-/// Leaves sound and text as they are (what is not needed is neither decoded nor missed), has nothing read by an element that
-/// is not allowed, and collects the formats of streams that nothing reads.
-fn watch(reader: &gst::Element, unknown: &SyncSender<gst::Caps>, keep: Keep) {
-    reader.connect("autoplug-continue", false, |values| {
-        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
-        let is_beside =
-            caps.is_some_and(|caps| caps.structure(0).is_some_and(|kind| is_beside_video(kind.name())));
-        Some((!is_beside).to_value())
-    });
-    reader.connect("autoplug-select", false, move |values| {
-        let caps = values.get(2).and_then(|value| value.get::<gst::Caps>().ok());
-        let factory = values.get(3).and_then(|value| value.get::<gst::ElementFactory>().ok());
-        let is_skipped = caps
-            .zip(factory)
-            .is_none_or(|(caps, factory)| !is_allowed(&factory, keep) || loses_frames(&factory, &caps));
-        let kind = glib::Type::from_name("GstAutoplugSelectResult")?;
-        glib::EnumClass::with_type(kind)?.to_value_by_nick(if is_skipped { "skip" } else { "try" })
-    });
-    let unknown = unknown.clone();
-    reader.connect("unknown-type", false, move |values| {
-        if let Some(Ok(caps)) = values.get(2).map(glib::Value::get::<gst::Caps>)
-            && unknown.try_send(caps).is_err()
-        {
-            tracing::debug!("more unknown streams than are told of");
-        }
-        None
-    });
-}
-
-/// Whether an element parses again what a container has parted into frames already (seen with 1.22): that of MPEG-4
-/// (part 2) joins or loses frames at the stream's ends, those of H.264 and H.265 lose nearly all of a file with broken
-/// times. A bare stream has neither a size nor the codec's header before it was parsed.
-fn loses_frames(factory: &gst::ElementFactory, caps: &gst::Caps) -> bool {
-    let has = |field| caps.structure(0).is_some_and(|structure| structure.has_field(field));
-    match factory.name().as_str() {
-        "mpeg4videoparse" => has("width"),
-        "h264parse" | "h265parse" => has("codec_data"),
-        _ => false,
-    }
-}
-
-fn is_beside_video(kind: &str) -> bool {
-    ["audio/", "text/", "subpicture/", "closedcaption/"].iter().any(|prefix| kind.starts_with(prefix))
 }

@@ -24,6 +24,8 @@ pub struct Demuxer {
     sink: gst_app::AppSink,
     /// That of the newest frame; all frames of one share it.
     format: Option<Arc<EncodedFormat>>,
+    /// The file that it reads, kept open.
+    _file: Option<std::fs::File>,
 }
 
 impl Demuxer {
@@ -31,7 +33,7 @@ impl Demuxer {
     ///
     /// # Errors
     /// When `GStreamer` lacks an element or cannot start; all else shows with the first frame.
-    pub fn start(input: &Input) -> Result<Self, Fault> {
+    pub fn start(input: Input) -> Result<Self, Fault> {
         const ACTION: &str = "read Matroska";
         let demux = make("matroskademux")?;
         let sink = gst_app::AppSink::builder()
@@ -43,7 +45,7 @@ impl Demuxer {
         let fault = |error: &dyn std::error::Error| gstreamer_fault(ACTION, error);
         pipeline.add(&demux).map_err(|error| fault(&error))?;
         pipeline.add(&sink).map_err(|error| fault(&error))?;
-        input.link(&pipeline, &demux)?;
+        let file = input.into_source()?.link(&pipeline, &demux)?;
         let weak_sink = sink.downgrade();
         demux.connect_pad_added(move |_demux, pad| {
             let target = weak_sink.upgrade().and_then(|sink| sink.static_pad("sink"));
@@ -54,10 +56,10 @@ impl Demuxer {
             }
         });
         let bus = pipeline.bus().ok_or_else(|| Fault::Gstreamer {
-            action: ACTION,
+            action: ACTION.into(),
             detail: "the pipeline has no bus".to_owned(),
         })?;
-        let demuxer = Self { pipeline, bus, sink, format: None };
+        let demuxer = Self { pipeline, bus, sink, format: None, _file: file };
         demuxer.pipeline.set_state(gst::State::Playing).map_err(|error| fault(&error))?;
         Ok(demuxer)
     }

@@ -1,7 +1,7 @@
 //! Inputs from V4L2 devices, and which of the formats that a device lists is taken.
 
 use super::fault::{ConnectionFault, gstreamer_fault};
-use super::input::{Keep, make};
+use super::input::make;
 use super::{Fault, Input};
 use gst::prelude::*;
 use gstreamer as gst;
@@ -61,11 +61,11 @@ fn capture(element: gst::Element, wish: &DeviceWish) -> Result<Input, Fault> {
 
 fn build(element: gst::Element, caps: &gst::Caps) -> Result<Input, gst::glib::BoolError> {
     let filter = gst::ElementFactory::make("capsfilter").property("caps", caps).build()?;
-    Ok(Input::new(vec![element, filter], Keep::Newest))
+    Ok(Input::live(vec![element, filter], None))
 }
 
 fn no_pad() -> Fault {
-    Fault::Gstreamer { action: "open a device", detail: "its element has no source pad".to_owned() }
+    Fault::Gstreamer { action: "open a device".into(), detail: "its element has no source pad".to_owned() }
 }
 
 /// Returns what an error of that kind, which a device's element posts, means.
@@ -137,8 +137,9 @@ fn rank(kind: &str, format: DeviceFormat) -> Option<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::media::{Decoder, EncodedQueue, PlaneReader};
+    use crate::media::{Decoder, EncodedQueue};
     use std::sync::Arc;
+    use std::time::Duration;
 
     /// As a usual USB camera lists them: large pictures fast as JPEG alone.
     const LISTED: &str = "video/x-raw,format=YUY2,width=640,height=480,framerate={30/1,15/1}; \
@@ -194,16 +195,15 @@ mod tests {
             source
         };
         let input = capture(source(), &wish(DeviceFormat::Raw, Some((320, 240)), 50.0)).unwrap();
-        let decoder = Decoder::start(&input, None).unwrap();
-        let picture = (0..100).find_map(|_| decoder.pull(gst::ClockTime::from_mseconds(100))).unwrap();
-        let picture = PlaneReader::default().picture(&picture).unwrap();
+        let mut decoder = Decoder::start(input, None).unwrap();
+        let picture = (0..100).find_map(|_| decoder.pull(Duration::from_millis(100))).unwrap();
         assert_eq!((picture.image.width(), picture.image.height()), (320, 240));
         assert_eq!(picture.interval_nanos, Some(20_000_000));
         // What is recorded of it is made from its pictures.
         let input = capture(source(), &wish(DeviceFormat::Raw, Some((320, 240)), 50.0)).unwrap();
         let queue = Arc::new(EncodedQueue::new(1 << 20));
-        let decoder = Decoder::start(&input, Some(&queue)).unwrap();
-        (0..100).find_map(|_| decoder.pull(gst::ClockTime::from_mseconds(100))).unwrap();
+        let mut decoder = Decoder::start(input, Some(&queue)).unwrap();
+        (0..100).find_map(|_| decoder.pull(Duration::from_millis(100))).unwrap();
         assert!(queue.wants_pictures() && queue.take().is_none());
         let none = capture(source(), &wish(DeviceFormat::H264, None, 25.0)).unwrap_err();
         assert!(matches!(none, Fault::Connection(ConnectionFault::NoFormat)), "{none:?}");

@@ -8,7 +8,7 @@ use super::{Fault, Times};
 use gstreamer as gst;
 use std::collections::VecDeque;
 use std::fmt;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// What all encoded frames of a stretch of stream have in common: codec, size, the codec's own header.
@@ -39,6 +39,7 @@ pub struct EncodedQueue {
     max_bytes: usize,
     /// Set once it is known that the stream comes in a form that is not recorded.
     wants_pictures: AtomicBool,
+    n_dropped_elsewhere: AtomicU64,
 }
 
 #[derive(Debug, Default)]
@@ -120,6 +121,20 @@ impl EncodedFrame {
         Ok(Self { format, stream_nanos, interval_nanos, is_key: true, buffer })
     }
 
+    /// Returns a frame of these bytes, of which another process took the times.
+    pub(super) fn from_bytes(
+        bytes: Vec<u8>,
+        format: Arc<EncodedFormat>,
+        [stream_nanos, interval_nanos]: [Option<i64>; 2],
+        is_key: bool,
+    ) -> Self {
+        let mut buffer = gst::Buffer::from_mut_slice(bytes);
+        if let Some(buffer) = buffer.get_mut().filter(|_| !is_key) {
+            buffer.set_flags(gst::BufferFlags::DELTA_UNIT);
+        }
+        Self { format, stream_nanos, interval_nanos, is_key, buffer }
+    }
+
     /// A key frame of no bytes, for tests.
     #[cfg(test)]
     pub(crate) fn blank(
@@ -145,7 +160,12 @@ impl EncodedQueue {
     /// An empty queue for at most `max_bytes` of frames.
     #[must_use]
     pub fn new(max_bytes: usize) -> Self {
-        Self { waiting: Mutex::default(), max_bytes, wants_pictures: AtomicBool::new(false) }
+        Self {
+            waiting: Mutex::default(),
+            max_bytes,
+            wants_pictures: AtomicBool::new(false),
+            n_dropped_elsewhere: AtomicU64::new(0),
+        }
     }
 
     /// Adds a frame, or leaves it out where there is no room or one before it was left out.
@@ -183,10 +203,15 @@ impl EncodedQueue {
         self.wants_pictures.load(Ordering::Relaxed)
     }
 
-    /// Frames that were left out so far.
+    /// Returns the number of frames that were left out so far.
     #[must_use]
     pub fn n_dropped(&self) -> u64 {
-        self.lock().n_dropped
+        self.lock().n_dropped + self.n_dropped_elsewhere.load(Ordering::Relaxed)
+    }
+
+    /// Counts frames that were left out before they came here.
+    pub(super) fn drop_elsewhere(&self, n_more: u64) {
+        self.n_dropped_elsewhere.fetch_add(n_more, Ordering::Relaxed);
     }
 
     fn lock(&self) -> MutexGuard<'_, Waiting> {

@@ -2,13 +2,15 @@
 
 use super::allowed::{CONTAINER_FORMATS, FORMATS};
 use gstreamer as gst;
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::fmt;
 
 /// The limits of pictures, as people read them: `MAX_SIDE` and `MAX_PIXELS`.
 pub const SIZE_LIMIT: &str = "8192 pixels a side and 36 megapixels";
 
 /// Why a pipeline gives no further picture.
-#[derive(Debug)]
+#[derive(Debug, Serialize, Deserialize)]
 pub enum Fault {
     /// No type, no video stream.
     NotVideo(String),
@@ -17,7 +19,7 @@ pub enum Fault {
         /// What is missing.
         codec: String,
         /// Debian packages that may have it.
-        package: &'static str,
+        package: Cow<'static, str>,
     },
     /// A format that is never read, whatever is installed.
     Refused {
@@ -37,10 +39,12 @@ pub enum Fault {
     Damaged(String),
     /// A camera is not reached, or sends nothing.
     Connection(ConnectionFault),
+    /// The process that decodes it ended, and how.
+    Worker(String),
     /// `GStreamer` fails or is incomplete.
     Gstreamer {
         /// What was tried.
-        action: &'static str,
+        action: Cow<'static, str>,
         /// What it said.
         detail: String,
     },
@@ -58,6 +62,7 @@ impl fmt::Display for Fault {
             Self::TooLarge { width, height } => {
                 write!(formatter, "pictures of {width} x {height}: allowed are {SIZE_LIMIT}")
             }
+            Self::Worker(how) => write!(formatter, "its decoding process ended: {how}"),
             Self::Connection(fault) => write!(formatter, "the connection failed: {fault:?}"),
             Self::Gstreamer { action, detail } => write!(formatter, "cannot {action}: {detail}"),
         }
@@ -65,7 +70,7 @@ impl fmt::Display for Fault {
 }
 
 /// Why a camera gives nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ConnectionFault {
     /// Nothing listens there, or there is no way there.
     Unreachable,
@@ -99,7 +104,7 @@ pub enum ConnectionFault {
 
 /// A failure of `GStreamer` itself while `action` was tried.
 pub(super) fn gstreamer_fault(action: &'static str, error: &dyn std::error::Error) -> Fault {
-    Fault::Gstreamer { action, detail: error.to_string() }
+    Fault::Gstreamer { action: action.into(), detail: error.to_string() }
 }
 
 /// Returns the fault of a stream of `format`, which is never read.
@@ -119,7 +124,7 @@ pub(super) fn refused_format(format: &gst::StructureRef) -> Fault {
 pub(super) fn missing_codec(format: &gst::StructureRef) -> Fault {
     let kind = format.name().as_str();
     let codec = four_letters(format).unwrap_or_else(|| kind.to_owned());
-    Fault::MissingCodec { codec: format!("decoder for {codec}"), package: package_of(kind) }
+    Fault::MissingCodec { codec: format!("decoder for {codec}"), package: package_of(kind).into() }
 }
 
 /// The four letters by which a container names a codec that nobody knows, quoted.

@@ -1,7 +1,7 @@
-//! Where a pipeline's bytes come from.
+//! Inputs: files, cameras, and the elements at which a pipeline begins.
 
-use super::Fault;
 use super::fault::gstreamer_fault;
+use super::{Fault, Times};
 use gst::glib;
 use gstreamer as gst;
 use gstreamer::prelude::*;
@@ -11,21 +11,45 @@ use std::io::Read;
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::SyncSender;
-use std::sync::{Mutex, PoisonError};
 
 /// Bytes that are read at once.
 const CHUNK_BYTES: usize = 128 * 1024;
 
-/// The elements at which a pipeline begins, each linked to the next.
-///
-/// The last one's source pad is linked to whatever reads it.
-#[derive(Debug)]
+/// A source of pictures: a file, a file's bytes, or a camera.
 pub struct Input {
+    pub(super) kind: Kind,
+    pub(super) times: Times,
+}
+
+/// A kind of input.
+pub(super) enum Kind {
+    /// A file; read by a worker.
+    File(File),
+    /// A file's bytes from their beginning to their end; read by a worker, which asks for them.
+    Stream(Box<dyn Read + Send>),
+    /// A camera: elements of the daemon, and what feeds them where they do not read by themselves.
+    Live(Source, Option<Box<dyn Client>>),
+}
+
+impl std::fmt::Debug for Input {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self.kind {
+            Kind::File(_) => "Input(file)",
+            Kind::Stream(_) => "Input(stream)",
+            Kind::Live(..) => "Input(camera)",
+        })
+    }
+}
+
+/// The elements at which a pipeline begins, each linked to the next. The last one's source pad is linked to whatever reads it.
+#[derive(Debug)]
+pub(super) struct Source {
     elements: Vec<gst::Element>,
-    keep: Keep,
-    /// Client that feeds the elements, until it is started.
-    client: Mutex<Option<Box<dyn Client>>>,
-    memory: Memory,
+    pub(super) keep: Keep,
+    pub(super) memory: Memory,
+    /// Memory for decoded pictures, where it is not the decoder's own.
+    pub(super) allocator: Option<gst::Allocator>,
+    file: Option<File>,
 }
 
 /// Feeds an input's elements from a connection of its own.
@@ -41,10 +65,10 @@ pub(super) trait Client: std::fmt::Debug + Send {
 /// A connection at work.
 pub(super) type Connection = Box<dyn std::any::Any + Send + Sync>;
 
-/// Where the memory of decoded pictures comes from.
+/// Origin of the memory of decoded pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Memory {
-    /// From the decoder's pool, for as long as it lives: nothing is allocated once as many pictures were in use as ever
+    /// Memory of the decoder's pool, for as long as it lives: nothing is allocated once as many pictures were in use as ever
     /// will be. For what runs on and on.
     Pooled,
     /// Every picture's is its own and ends with it: of a decoder that rests, nothing stays but what is held. For looking
@@ -52,7 +76,7 @@ pub(super) enum Memory {
     Own,
 }
 
-/// What becomes of pictures that are not taken as they come.
+/// Fate of pictures that are not taken as they come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Keep {
     /// They wait, and so does decoding: files.
@@ -62,39 +86,73 @@ pub(super) enum Keep {
 }
 
 impl Input {
-    /// The file at `location`.
+    /// Returns the file at `location` as an input.
+    ///
+    /// # Errors
+    /// When it cannot be opened.
+    pub fn file(location: &Path) -> Result<Self, Fault> {
+        let file = File::open(location);
+        let file = file.map_err(|error| Fault::Damaged(format!("it cannot be opened: {error}")))?;
+        Ok(Self::new(Kind::File(file)))
+    }
+
+    /// Returns as an input what `reader` gives, from its beginning to its end, in any container that needs no seeking.
+    #[must_use]
+    pub fn stream(reader: impl Read + Send + 'static) -> Self {
+        Self::new(Kind::Stream(Box::new(reader)))
+    }
+
+    /// Returns a camera that `elements` give, fed by `client` where they do not read by themselves.
+    pub(super) fn live(elements: Vec<gst::Element>, client: Option<Box<dyn Client>>) -> Self {
+        Self::new(Kind::Live(Source::new(elements, Keep::Newest, Memory::Pooled), client))
+    }
+
+    const fn new(kind: Kind) -> Self {
+        Self { kind, times: Times::Played }
+    }
+
+    /// Returns the same input, whose pictures' times count as `times` has it.
+    #[must_use]
+    pub fn with_times(self, times: Times) -> Self {
+        Self { times, ..self }
+    }
+
+    /// Returns elements of this process that read it.
+    pub(super) fn into_source(self) -> Result<Source, Fault> {
+        match self.kind {
+            Kind::File(file) => {
+                let source = Source::file(&descriptor_path(&file))?;
+                Ok(Source { file: Some(file), ..source })
+            }
+            Kind::Stream(reader) => Source::stream(reader),
+            Kind::Live(source, _client) => Ok(source),
+        }
+    }
+}
+
+impl Source {
+    pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep, memory: Memory) -> Self {
+        Self { elements, keep, memory, allocator: None, file: None }
+    }
+
+    /// Returns the file at `location`, which is opened when a pipeline starts.
     ///
     /// # Errors
     /// When `GStreamer` lacks the element.
-    pub fn file(location: &Path) -> Result<Self, Fault> {
+    pub(super) fn file(location: &Path) -> Result<Self, Fault> {
         let element = make("filesrc")?;
         element.set_property("location", location);
-        Ok(Self::new(vec![element], Keep::All))
+        Ok(Self::new(vec![element], Keep::All, Memory::Pooled))
     }
 
-    pub(super) const fn new(elements: Vec<gst::Element>, keep: Keep) -> Self {
-        Self { elements, keep, client: Mutex::new(None), memory: Memory::Pooled }
-    }
-
-    /// Returns the same input, fed by `client`.
-    pub(super) fn fed_by(self, client: Box<dyn Client>) -> Self {
-        Self { client: Mutex::new(Some(client)), ..self }
-    }
-
-    /// Starts what feeds the elements, if that has not happened.
-    pub(super) fn start_client(&self, faults: &SyncSender<Fault>) -> Result<Option<Connection>, Fault> {
-        let client = self.client.lock().unwrap_or_else(PoisonError::into_inner).take();
-        client.map(|client| client.start(faults.clone())).transpose()
-    }
-
-    /// What `reader` gives, from its beginning to its end, in any container that needs no seeking.
+    /// Returns what `reader` gives, from its beginning to its end.
     ///
     /// # Errors
     /// When `GStreamer` lacks the element.
-    pub fn stream(mut reader: impl Read + Send + 'static) -> Result<Self, Fault> {
+    pub(super) fn stream(mut reader: impl Read + Send + 'static) -> Result<Self, Fault> {
         let element = make("appsrc")?;
         let source = element.clone().downcast::<gst_app::AppSrc>().map_err(|other| Fault::Gstreamer {
-            action: "make an element",
+            action: "make an element".into(),
             detail: format!("appsrc is a {}", other.type_()),
         })?;
         let need_data = move |source: &gst_app::AppSrc, _length: u32| {
@@ -115,24 +173,23 @@ impl Input {
             }
         };
         source.set_callbacks(gst_app::AppSrcCallbacks::builder().need_data(need_data).build());
-        Ok(Self { memory: Memory::Own, ..Self::new(vec![element], Keep::All) })
+        Ok(Self::new(vec![element], Keep::All, Memory::Own))
     }
 
-    /// Puts the input into `pipeline`, and links it to `reader`.
-    pub(super) fn link(&self, pipeline: &gst::Pipeline, reader: &gst::Element) -> Result<(), Fault> {
+    /// Returns the same source, whose decoded pictures lie in memory of `allocator`.
+    pub(super) fn with_allocator(self, allocator: gst::Allocator) -> Self {
+        Self { allocator: Some(allocator), ..self }
+    }
+
+    /// Puts the elements into `pipeline`, and links them to `reader`; the file that must stay open while they read.
+    pub(super) fn link(self, pipeline: &gst::Pipeline, reader: &gst::Element) -> Result<Option<File>, Fault> {
         let fault = |error: &glib::BoolError| gstreamer_fault("build a pipeline", error);
         pipeline.add_many(&self.elements).map_err(|error| fault(&error))?;
         gst::Element::link_many(&self.elements).map_err(|error| fault(&error))?;
-        let Some(last) = self.elements.last() else { return Ok(()) };
-        last.link(reader).map_err(|error| fault(&error))
-    }
-
-    pub(super) const fn memory(&self) -> Memory {
-        self.memory
-    }
-
-    pub(super) const fn keep(&self) -> Keep {
-        self.keep
+        if let Some(last) = self.elements.last() {
+            last.link(reader).map_err(|error| fault(&error))?;
+        }
+        Ok(self.file)
     }
 }
 
@@ -143,7 +200,7 @@ pub fn descriptor_path(file: &File) -> PathBuf {
     PathBuf::from(format!("/proc/self/fd/{}", file.as_raw_fd()))
 }
 
-/// A new element; starts `GStreamer` if nobody has.
+/// Makes an element; starts `GStreamer` if nobody has.
 pub(super) fn make(name: &'static str) -> Result<gst::Element, Fault> {
     gst::init().map_err(|error| gstreamer_fault("start", &error))?;
     gst::ElementFactory::make(name).build().map_err(|error| gstreamer_fault("make an element", &error))

@@ -19,17 +19,19 @@ mod jpeg;
 mod login;
 mod losses;
 mod muxer;
+mod pipeline;
 mod planes;
 mod plugins;
 mod probes;
 mod rtsp;
 mod tap;
 mod tls;
+mod worker;
 
 pub use announced::{MAX_SIDE, is_too_large};
 pub use client::Peer;
 pub use clip::{ClipContainer, ClipWriter};
-pub use decoder::Decoder;
+pub use decoder::{Decoder, look_at_sandbox};
 pub use demuxer::Demuxer;
 pub use device::DeviceWish;
 pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
@@ -37,8 +39,10 @@ pub use fault::{ConnectionFault, Fault, SIZE_LIMIT};
 pub use input::{Input, descriptor_path};
 pub use login::Login;
 pub use muxer::{Muxer, TICK_NANOS};
-pub use planes::{PlaneReader, SampleError, Times};
+use planes::PlaneReader;
+pub use planes::Times;
 pub use plugins::{Codec, decoded_codecs, missing_elements};
+pub use worker::{Decoding, Sandbox, run_if_asked};
 
 use videofields_vision::frame::YuvImage;
 

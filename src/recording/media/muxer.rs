@@ -43,7 +43,7 @@ impl Muxer {
         element.set_property("min-cluster-duration", 0_i64);
         element.set_property("max-cluster-duration", MAX_CLUSTER_NANOS);
         let output = Arc::<Mutex<Vec<u8>>>::default();
-        let lacks = |what: &str| Fault::Gstreamer { action: ACTION, detail: format!("no {what} pad") };
+        let lacks = |what: &str| Fault::Gstreamer { action: ACTION.into(), detail: format!("no {what} pad") };
         let source = gst::Pad::builder(gst::PadDirection::Src).name("frames").build();
         let written = Arc::clone(&output);
         let sink = gst::Pad::builder(gst::PadDirection::Sink)
@@ -67,7 +67,7 @@ impl Muxer {
             && muxer.source.push_event(gst::event::Segment::new(&segment));
         if !is_taken {
             let detail = format!("{} in this packaging does not fit into it", format.codec());
-            return Err(Fault::Gstreamer { action: ACTION, detail });
+            return Err(Fault::Gstreamer { action: ACTION.into(), detail });
         }
         Ok(muxer)
     }

@@ -3,6 +3,7 @@
 use super::Picture;
 use gstreamer as gst;
 use gstreamer_video as gst_video;
+use serde::{Deserialize, Serialize};
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvError, YuvImage, YuvLayout};
 
 /// Rows from which a picture that names no matrix counts as high definition.
@@ -10,7 +11,7 @@ const HIGH_DEFINITION_ROWS: u32 = 720;
 
 /// A sample that is no I420 picture in memory.
 #[derive(Debug, thiserror::Error)]
-pub enum SampleError {
+pub(super) enum SampleError {
     /// The sample lacks a part or its caps are not raw I420.
     #[error("{0}")]
     Unusable(&'static str),
@@ -21,18 +22,18 @@ pub enum SampleError {
 
 /// Reads samples of one stream; remembers the format between them.
 #[derive(Debug, Default)]
-pub struct PlaneReader {
+pub(super) struct PlaneReader {
     format: Option<Format>,
     times: Times,
 }
 
-/// Where the times of pictures count from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Zero from which the times of pictures count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Times {
-    /// From where playing begins, as the container's own lists and maps have it.
+    /// The time at which playing begins, as the container's own lists and maps have it.
     #[default]
     Played,
-    /// From the file's zero, as they are written. Of a recording that is read on from a key frame in its midst, what is
+    /// The file's zero, as they are written. Of a recording that is read on from a key frame in its midst, what is
     /// played would count from the key frame or from a picture that is shown before it, and that changes on the way.
     Written,
 }
@@ -63,7 +64,7 @@ struct Format {
 impl PlaneReader {
     /// One whose pictures' times count as `times` has it.
     #[must_use]
-    pub const fn new(times: Times) -> Self {
+    pub(super) const fn new(times: Times) -> Self {
         Self { format: None, times }
     }
 
@@ -71,7 +72,7 @@ impl PlaneReader {
     ///
     /// # Errors
     /// When the sample is no whole I420 picture.
-    pub fn picture(&mut self, sample: &gst::Sample) -> Result<Picture, SampleError> {
+    pub(super) fn picture(&mut self, sample: &gst::Sample) -> Result<Picture, SampleError> {
         let caps = sample.caps().ok_or(SampleError::Unusable("a sample without caps"))?;
         // The format changes rarely, if ever: caps are compared, which is an address in the usual case.
         let format = match self.format.take() {
@@ -118,8 +119,8 @@ impl Format {
 /// Seconds from 1900, where NTP begins, to 1970.
 const NTP_EPOCH_SECS: u64 = 2_208_988_800;
 
-/// When the picture in `buffer` was taken as its camera says, nanoseconds since 1970 (UTC).
-fn reference_nanos(buffer: &gst::BufferRef) -> Option<i64> {
+/// Returns the time at which the picture in `buffer` was taken as its camera says, nanoseconds since 1970 (UTC).
+pub(super) fn reference_nanos(buffer: &gst::BufferRef) -> Option<i64> {
     buffer.iter_meta::<gst::ReferenceTimestampMeta>().find_map(|meta| {
         let since_secs = match meta.reference().structure(0)?.name().as_str() {
             "timestamp/x-ntp" => NTP_EPOCH_SECS,
@@ -145,7 +146,7 @@ fn place_planes(layout: &mut YuvLayout, offsets: &[usize], strides: &[i32]) -> R
     Ok(())
 }
 
-/// What a stream says of its colours, completed by what is usual: BT.601 for standard definition, BT.709 from 720
+/// Returns what a stream says of its colours, completed by what is usual: BT.601 for standard definition, BT.709 from 720
 /// rows on, limited range. JPEG decoders name full-range BT.601 themselves.
 fn color(named: Option<gst_video::VideoColorimetry>, height: u32) -> (ColorMatrix, ColorRange) {
     let usual = if height < HIGH_DEFINITION_ROWS { ColorMatrix::Bt601 } else { ColorMatrix::Bt709 };

@@ -1,16 +1,19 @@
 //! Probes at decoders' inputs, which keep from them what would harm: broken frames, and pictures beyond the limits.
 
 use super::announced::{self, Announced, is_too_large, size_of_format};
-use super::decoder::{is_decoder, tell};
 use super::fault::Fault;
 use super::jpeg;
 use super::losses::Losses;
+use super::pipeline::{is_decoder, tell};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// Frames with headers that cannot be read, of which a stream may begin with so many; one that has nothing else gives no picture.
+const MAX_UNREADABLE: u64 = 50;
 
 /// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
 /// and, once packets were lost, all that builds on what they held: a decoder would make smears of it that look like
@@ -62,6 +65,7 @@ pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<
     let Some(pad) = element.static_pad("sink") else { return };
     let kinds = gst::PadProbeType::BUFFER | gst::PadProbeType::EVENT_DOWNSTREAM;
     let (faults, is_over, is_unreadable) = (faults.clone(), AtomicBool::new(false), AtomicBool::new(false));
+    let (has_read, n_unreadable) = (AtomicBool::new(false), AtomicU64::new(0));
     pad.add_probe(kinds, move |pad, info| {
         let (announced, is_format) = match &info.data {
             Some(gst::PadProbeData::Event(event)) => match event.view() {
@@ -97,6 +101,13 @@ pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<
                 tell(&faults, Fault::Damaged("the header of its codec cannot be read".to_owned()));
             }
             return gst::PadProbeReturn::Ok;
+        }
+        if announced != Announced::Unreadable {
+            has_read.store(true, Ordering::Relaxed);
+        } else if !has_read.load(Ordering::Relaxed)
+            && n_unreadable.fetch_add(1, Ordering::Relaxed) == MAX_UNREADABLE
+        {
+            tell(&faults, Fault::Damaged("the headers of its frames cannot be read".to_owned()));
         }
         let is_kept = announced == Announced::Unreadable
             || is_over.load(Ordering::Relaxed)

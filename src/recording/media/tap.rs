@@ -1,11 +1,12 @@
-//! Splits a stream before its decoder, so that its frames can be recorded as they came.
+//! Takes a stream's frames as they are encoded: to be recorded, and to be decoded by a worker.
 //!
+//! A camera's: `parsebin ! [parser ! capsfilter !] appsink`. A file's that a worker reads,
 //! `parsebin ! [parser ! capsfilter !] tee ! decodebin`, and `tee ! appsink` into an [`EncodedQueue`]. The sink's callback
 //! runs on the stream's own thread and never waits. A stream that Matroska does not hold goes to `decodebin` alone, and the
 //! queue says that pictures are wanted instead; so it does where pictures are turned.
 
-use super::decoder::{tell, turns_pictures};
 use super::fault::gstreamer_fault;
+use super::pipeline::{Parts, link_video, tell, turns_pictures};
 use super::{EncodedFormat, EncodedFrame, EncodedQueue, Fault, Muxer, Times};
 use gst::glib;
 use gst::prelude::*;
@@ -51,6 +52,72 @@ pub(super) fn split_first_video(
     });
 }
 
+/// Takes encoded frames, one after the other.
+pub(super) type Taker = Box<dyn Fn(&gst::SampleRef) + Send + Sync>;
+
+/// Hands the first video of `parse` over, frame by frame: to `take`, and to the queue where it can be recorded so. One that comes
+/// unencoded is linked to the pipeline's own sink.
+pub(super) fn hand_over_first_video(
+    parse: &gst::Element,
+    parts: &Parts<'_>,
+    (queue, take): (Option<&Arc<EncodedQueue>>, Taker),
+) {
+    let is_linked = Arc::new(AtomicBool::new(false));
+    let (was_linked, no_video) = (Arc::clone(&is_linked), parts.faults.clone());
+    parse.connect_no_more_pads(move |_parse| {
+        if !was_linked.load(Ordering::Acquire) {
+            tell(&no_video, Fault::NotVideo("it has no video stream".to_owned()));
+        }
+    });
+    let (pipeline, pictures, keep) = (parts.pipeline.downgrade(), parts.sink.downgrade(), parts.keep);
+    let (faults, queue, take) = (parts.faults.clone(), queue.cloned(), Mutex::new(Some(take)));
+    parse.connect_pad_added(move |_parse, pad| {
+        let (Some(pipeline), Some(pictures)) = (pipeline.upgrade(), pictures.upgrade()) else { return };
+        let caps = pad.current_caps().unwrap_or_else(|| pad.query_caps(None));
+        let Some(structure) = caps.structure(0) else { return };
+        let kind = structure.name();
+        let is_video = kind.starts_with("video/") || kind.starts_with("image/");
+        if !is_video || is_linked.swap(true, Ordering::AcqRel) {
+            return;
+        }
+        let is_recorded = Muxer::takes(kind);
+        if let Some(queue) = queue.as_ref().filter(|_| !is_recorded) {
+            queue.want_pictures();
+        }
+        if kind == "video/x-raw" {
+            if let Err(fault) = link_video(pad, &caps, &pipeline, (&pictures, keep)) {
+                tell(&faults, fault);
+            }
+            return;
+        }
+        let Some(take) = take.lock().unwrap_or_else(PoisonError::into_inner).take() else { return };
+        let queue = queue.clone().filter(|_| is_recorded);
+        if let Err(error) = hand_over(pad, structure, &pipeline, (queue, take)) {
+            tell(&faults, gstreamer_fault("hand over a stream", &*error));
+        }
+    });
+}
+
+/// Builds what stands between a parsed stream and who takes its frames.
+fn hand_over(
+    pad: &gst::Pad,
+    stream: &gst::StructureRef,
+    pipeline: &gst::Pipeline,
+    (queue, take): (Option<Arc<EncodedQueue>>, Taker),
+) -> Result<(), Box<dyn std::error::Error>> {
+    let sink = make_sink(queue.as_ref(), Some(take));
+    let mut chain = packaging(stream)?;
+    chain.push(sink.upcast());
+    pipeline.add_many(&chain)?;
+    gst::Element::link_many(&chain)?;
+    for element in chain.iter().rev() {
+        element.sync_state_with_parent()?;
+    }
+    let first = chain[0].static_pad("sink").ok_or("an element has no sink pad")?;
+    pad.link(&first)?;
+    Ok(())
+}
+
 /// Links a stream that is not recorded as it comes to its decoder alone.
 fn pass_on(
     pad: &gst::Pad,
@@ -71,7 +138,7 @@ fn split(
     (decode, queue): (&gst::Element, &Arc<EncodedQueue>),
 ) -> Result<(), Box<dyn std::error::Error>> {
     let tee = gst::ElementFactory::make("tee").build()?;
-    let sink = make_sink(queue);
+    let sink = make_sink(Some(queue), None);
     let mut chain = packaging(stream)?;
     chain.push(tee);
     pipeline.add_many(&chain)?;
@@ -91,7 +158,7 @@ fn split(
     Ok(())
 }
 
-/// What brings a codec's frames into the packaging that containers hold: whole pictures, the codec's header beside them.
+/// Makes the elements that bring a codec's frames into the packaging that containers hold: whole pictures, the codec's header beside them.
 /// Nothing where they came from a container so: parsed once more, those of a file with broken times would be lost.
 fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::BoolError> {
     let (parser, packaging) = match stream.name().as_str() {
@@ -108,10 +175,10 @@ fn packaging(stream: &gst::StructureRef) -> Result<Vec<gst::Element>, glib::Bool
     Ok(vec![gst::ElementFactory::make(parser).build()?, filter])
 }
 
-fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
+/// Makes the end of a stream of encoded frames: each goes to the queue and to `also`, where they are.
+fn make_sink(queue: Option<&Arc<EncodedQueue>>, also: Option<Taker>) -> gst_app::AppSink {
     let sink = gst_app::AppSink::builder().sync(false).async_(false).enable_last_sample(false).build();
-    if let Some(pad) = sink.static_pad("sink") {
-        let queue = Arc::clone(queue);
+    if let (Some(pad), Some(queue)) = (sink.static_pad("sink"), queue.cloned()) {
         // A recording does not hold that a stream's pictures are turned.
         pad.add_probe(gst::PadProbeType::EVENT_DOWNSTREAM, move |_pad, info| {
             if info.event().is_some_and(|event| turns_pictures(event)) {
@@ -120,22 +187,30 @@ fn make_sink(queue: &Arc<EncodedQueue>) -> gst_app::AppSink {
             gst::PadProbeReturn::Ok
         });
     }
-    let queue = Arc::clone(queue);
+    let queue = queue.cloned();
     // The format changes rarely, if ever, and all frames of one share it.
     let format: Mutex<Option<Arc<EncodedFormat>>> = Mutex::default();
     let take = move |sink: &gst_app::AppSink| {
         let sample = sink.pull_sample().map_err(|_ended: glib::BoolError| gst::FlowError::Eos)?;
-        let Some(caps) = sample.caps_owned().filter(|_caps| !queue.wants_pictures()) else {
-            return Ok(gst::FlowSuccess::Ok);
-        };
-        let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = format.take().filter(|known| *known.caps() == caps);
-        let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));
-        if let Some(frame) = EncodedFrame::of(&sample, Arc::clone(known), Times::Played) {
-            queue.push(frame);
+        // First, so that a picture that is taken finds its encoded frame in the queue.
+        if let Some(queue) = queue.as_ref().filter(|queue| !queue.wants_pictures()) {
+            record(queue, &sample, &format);
+        }
+        if let Some(also) = &also {
+            also(&sample);
         }
         Ok(gst::FlowSuccess::Ok)
     };
     sink.set_callbacks(gst_app::AppSinkCallbacks::builder().new_sample(take).build());
     sink
+}
+
+fn record(queue: &EncodedQueue, sample: &gst::Sample, format: &Mutex<Option<Arc<EncodedFormat>>>) {
+    let Some(caps) = sample.caps_owned() else { return };
+    let mut format = format.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = format.take().filter(|known| *known.caps() == caps);
+    let known = format.insert(known.unwrap_or_else(|| Arc::new(EncodedFormat::new(caps))));
+    if let Some(frame) = EncodedFrame::of(sample, Arc::clone(known), Times::Played) {
+        queue.push(frame);
+    }
 }

@@ -5,9 +5,10 @@ use gst::prelude::*;
 use gstreamer as gst;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Writes 40 frames of a test picture by `encoder` and `muxer`.
-fn write_video(path: &Path, encoder: &str, muxer: &str) {
+pub(super) fn write_video(path: &Path, encoder: &str, muxer: &str) {
     gst::init().unwrap();
     let description = format!(
         "videotestsrc num-buffers=40 pattern=ball ! video/x-raw,format=I420,width=160,height=120,framerate=20/1 ! \
@@ -15,6 +16,23 @@ fn write_video(path: &Path, encoder: &str, muxer: &str) {
         path.display()
     );
     run(&gst::parse::launch(&description).unwrap());
+}
+
+/// Returns the bytes of a file's frames, and true for those with which decoding can begin, as another reader gives them.
+pub(super) fn frames_of(path: &Path) -> impl Iterator<Item = (Vec<u8>, bool)> {
+    let description = format!("filesrc location={} ! qtdemux ! appsink name=out sync=false", path.display());
+    let pipeline = gst::parse::launch(&description).unwrap();
+    let sink = pipeline.downcast_ref::<gst::Bin>().unwrap().by_name("out").unwrap();
+    let sink = sink.downcast::<gstreamer_app::AppSink>().unwrap();
+    pipeline.set_state(gst::State::Playing).unwrap();
+    let mut frames = Vec::new();
+    while let Ok(sample) = sink.pull_sample() {
+        let buffer = sample.buffer().unwrap();
+        let is_key = !buffer.flags().contains(gst::BufferFlags::DELTA_UNIT);
+        frames.push((buffer.map_readable().unwrap().to_vec(), is_key));
+    }
+    pipeline.set_state(gst::State::Null).unwrap();
+    frames.into_iter()
 }
 
 /// Runs `pipeline` to its end.
@@ -30,12 +48,10 @@ fn run(pipeline: &gst::Element) {
 }
 
 /// Every picture's time, and the sum of its luma.
-fn pictures(decoder: &Decoder) -> Vec<(Option<i64>, u64)> {
-    let mut reader = PlaneReader::default();
+fn pictures(mut decoder: Decoder) -> Vec<(Option<i64>, u64)> {
     let mut seen = Vec::new();
     while !decoder.has_ended() {
-        if let Some(sample) = decoder.pull(gst::ClockTime::from_mseconds(100)) {
-            let Picture { image, stream_nanos, .. } = reader.picture(&sample).unwrap();
+        if let Some(Picture { image, stream_nanos, .. }) = decoder.pull(Duration::from_millis(100)) {
             let luma = image.plane(0);
             let sum = (0..luma.height).flat_map(|y| luma.row(y)).map(|luma| u64::from(*luma)).sum();
             seen.push((stream_nanos, sum));
@@ -62,11 +78,11 @@ fn encoded_frames_in_matroska_show_the_same_pictures_at_the_same_times() {
     for (codec, encoder, muxer) in CODECS {
         let path = folder.path().join("video");
         write_video(&path, encoder, muxer);
-        let plain = pictures(&Decoder::start(&Input::file(&path).unwrap(), None).unwrap());
+        let plain = pictures(Decoder::start(Input::file(&path).unwrap(), None).unwrap());
         assert_eq!(plain.len(), 40, "{codec}");
         let queue = Arc::new(EncodedQueue::new(1 << 20));
-        let tapped = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
-        assert_eq!(pictures(&tapped), plain, "{codec}: the tap changes nothing");
+        let tapped = Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap();
+        assert_eq!(pictures(tapped), plain, "{codec}: the tap changes nothing");
         let frames: Vec<EncodedFrame> = std::iter::from_fn(|| queue.take()).collect();
         assert_eq!((frames.len(), queue.n_dropped()), (40, 0), "{codec}");
         assert_eq!((frames[0].format.codec(), frames[0].format.size_px()), (codec, Some((160, 120))));
@@ -81,8 +97,7 @@ fn encoded_frames_in_matroska_show_the_same_pictures_at_the_same_times() {
             muxer.push(frame, nanos, &mut bytes).unwrap();
             assert!(bytes.len() > n_before, "a frame comes out as it goes in");
         }
-        let back =
-            pictures(&Decoder::start(&Input::stream(std::io::Cursor::new(bytes)).unwrap(), None).unwrap());
+        let back = pictures(Decoder::start(Input::stream(std::io::Cursor::new(bytes)), None).unwrap());
         let expected: Vec<_> =
             plain.iter().map(|(nanos, sum)| (nanos.map(|nanos| nanos - first), *sum)).collect();
         assert_eq!(back, expected, "{codec}");
@@ -95,15 +110,15 @@ fn pictures_of_a_stream_are_freed_and_those_of_a_camera_go_back_to_their_pool() 
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video");
     write_video(&path, "x264enc bframes=2 key-int-max=10 tune=0", "matroskamux");
-    let n_freed = |input: Input| {
-        let decoder = Decoder::start(&input, None).unwrap();
-        let samples = std::iter::repeat_with(|| decoder.pull(gst::ClockTime::from_seconds(10))).take(40);
+    let n_freed = |source: input::Source| {
+        let pipeline = pipeline::Pipeline::start(source, None).unwrap();
+        let samples = std::iter::repeat_with(|| pipeline.pull(Duration::from_secs(10))).take(40);
         let is_freed =
             |sample: &gst::Sample| sample.buffer().unwrap().flags().contains(gst::BufferFlags::TAG_MEMORY);
         samples.map(Option::unwrap).filter(is_freed).count()
     };
-    assert_eq!(n_freed(Input::stream(std::fs::File::open(&path).unwrap()).unwrap()), 40);
-    assert_eq!(n_freed(Input::file(&path).unwrap()), 0);
+    assert_eq!(n_freed(input::Source::stream(std::fs::File::open(&path).unwrap()).unwrap()), 40);
+    assert_eq!(n_freed(input::Source::file(&path).unwrap()), 0);
 }
 
 #[test]
@@ -112,7 +127,7 @@ fn who_pads_rows_is_not_made_to_copy_them() {
     let caps: gst::Caps = "video/x-raw,format=I420,width=160,height=120".parse().unwrap();
     for keep in [input::Keep::All, input::Keep::Newest] {
         let mut question = gst::query::Allocation::new(Some(&caps), false);
-        let sink = decoder::make_sink(keep);
+        let sink = pipeline::make_sink(keep, None);
         let _ = sink.static_pad("sink").unwrap().query(question.query_mut());
         assert!(question.find_allocation_meta::<gstreamer_video::VideoMeta>().is_some(), "{keep:?}");
     }
@@ -143,9 +158,9 @@ fn files_whose_frames_all_bear_one_time_lose_none_of_them() {
             gst::PadProbeReturn::Ok
         });
         run(&pipeline);
-        let plain = pictures(&Decoder::start(&Input::file(&path).unwrap(), None).unwrap());
+        let plain = pictures(Decoder::start(Input::file(&path).unwrap(), None).unwrap());
         let queue = Arc::new(EncodedQueue::new(1 << 20));
-        let tapped = pictures(&Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap());
+        let tapped = pictures(Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap());
         let n_encoded = std::iter::from_fn(|| queue.take()).count();
         assert_eq!((plain.len(), tapped.len(), n_encoded), (40, 40, 40), "{encoder}");
     }
@@ -198,9 +213,8 @@ fn pictures_that_are_to_be_turned_are_turned_and_recorded_so() {
     ] {
         write(matrix);
         let queue = Arc::new(EncodedQueue::new(1 << 20));
-        let decoder = Decoder::start(&Input::file(&path).unwrap(), Some(&queue)).unwrap();
-        let sample = decoder.pull(gst::ClockTime::from_seconds(10)).unwrap();
-        let picture = PlaneReader::default().picture(&sample).unwrap();
+        let mut decoder = Decoder::start(Input::file(&path).unwrap(), Some(&queue)).unwrap();
+        let picture = decoder.pull(Duration::from_secs(10)).unwrap();
         assert_eq!((picture.image.width(), picture.image.height()), size, "{orientation}");
         let [left, right, top, bottom] = bright(&picture.image.plane(0));
         if orientation % 180 == 90 {

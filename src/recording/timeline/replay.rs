@@ -7,10 +7,9 @@
 use super::passed::{Passed, PassedPictures};
 use super::ring::{REACH_NANOS, edges};
 use crate::archive::{Archive, ArchiveError, Reading};
-use crate::media::{Decoder, Fault, Input, PlaneReader, Times};
+use crate::media::{Decoder, Fault, Input, Times};
 use crate::memory;
 use crate::store::SegmentState;
-use gstreamer::ClockTime;
 use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -33,7 +32,7 @@ const IDLE_TIME: Duration = Duration::from_secs(15);
 const FORWARD_NANOS: i64 = 2_000_000_000;
 
 /// How long one look for a picture lasts, and how many there are before a recording counts as unreadable.
-const LOOK: ClockTime = ClockTime::from_mseconds(50);
+const LOOK: Duration = Duration::from_millis(50);
 const MAX_LOOKS: u32 = 100;
 
 /// Pictures that a codec puts out of their order, at most.
@@ -139,7 +138,6 @@ struct Cursor {
     /// Scene time of the key frame with which decoding began.
     starts_at: Timestamp,
     decoder: Decoder,
-    reader: PlaneReader,
     /// The frame before the one shown, for the distance between frames.
     before: Option<Timestamp>,
     shown: Option<PastFrame>,
@@ -402,8 +400,8 @@ impl Cursor {
         let is_growing = reading.segment().state == SegmentState::Open;
         let undecoded =
             |fault: Fault| ReplayError::Undecoded { path: path.clone(), reason: fault.to_string() };
-        let input = Input::stream(reading).map_err(undecoded)?;
-        let decoder = Decoder::start(&input, None).map_err(undecoded)?;
+        let input = Input::stream(reading).with_times(Times::Written);
+        let decoder = Decoder::start(input, None).map_err(undecoded)?;
         Ok(Self {
             camera: camera.clone(),
             path,
@@ -411,7 +409,6 @@ impl Cursor {
             first_at,
             starts_at,
             decoder,
-            reader: PlaneReader::new(Times::Written),
             before: None,
             shown: None,
             next: None,
@@ -477,8 +474,7 @@ impl Cursor {
     fn pull(&mut self) -> Result<Option<PastFrame>, ReplayError> {
         let undecoded = |reason: String| ReplayError::Undecoded { path: self.path.clone(), reason };
         for _ in 0..MAX_LOOKS {
-            if let Some(sample) = self.decoder.pull(LOOK) {
-                let picture = self.reader.picture(&sample).map_err(|error| undecoded(error.to_string()))?;
+            if let Some(picture) = self.decoder.pull(LOOK) {
                 let stream_nanos =
                     picture.stream_nanos.ok_or_else(|| undecoded("a frame without a time".to_owned()))?;
                 let timestamp = self.first_at.saturating_add_nanos(stream_nanos);

@@ -277,6 +277,12 @@ impl FrameConsumer for CameraConsumer {
         if self.recorder.is_some() { Tap::Open } else { Tap::Closed }
     }
 
+    fn begin(&mut self) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.break_off();
+        }
+    }
+
     fn record(&mut self, frame: &EncodedFrame, time: Timestamp) {
         // What the camera sent shows what its zones hide: its pictures are recorded instead, once that is filled.
         let Some(recorder) = self.recorder.as_mut().filter(|_| self.privacy.now().zones.is_empty()) else {

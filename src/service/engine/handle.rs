@@ -16,6 +16,7 @@ use videofields_picture::fuse::SceneState;
 use videofields_picture::scene::Scene;
 use videofields_recording::archive::{CameraRecording, ExportFile, ExportStatus, RecordingState};
 use videofields_recording::ingest::{Look, StopFlag};
+use videofields_recording::media::Decoding;
 use videofields_recording::store::ActivityRecord;
 use videofields_recording::timeline::LoggedEvent;
 use videofields_vision::access::Grants;
@@ -63,6 +64,8 @@ pub struct CameraSummary {
     pub retries: u64,
     /// When a failed source is opened again, RFC 3339.
     pub next_try: Option<String>,
+    /// The process that decodes its pictures and what holds that, once one has come; none where they come unencoded.
+    pub decoding: Option<DecodingSummary>,
     /// Columns and rows of its pictures, once one has come.
     pub size_px: Option<[u32; 2]>,
     /// Columns and rows at which its background is learned and its foreground found, once a picture has come.
@@ -85,6 +88,30 @@ pub struct CameraSummary {
     pub privacy: PrivacySummary,
     /// Scenes that hold the camera.
     pub scenes: Vec<String>,
+}
+
+/// A camera's decoding process and what holds it, as the API shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct DecodingSummary {
+    /// Number of the process.
+    pub process_id: u32,
+    /// True where memory, files to be written and open files are limited.
+    pub limits: bool,
+    /// Version of Landlock by which files are kept from it; none where the kernel has none.
+    pub landlock: Option<u8>,
+    /// True where system calls that decoding does not need, those of networks among them, are refused.
+    pub seccomp: bool,
+}
+
+impl From<Decoding> for DecodingSummary {
+    fn from(Decoding { process_id, sandbox }: Decoding) -> Self {
+        Self {
+            process_id,
+            limits: sandbox.has_limits,
+            landlock: sandbox.landlock_abi,
+            seccomp: sandbox.has_seccomp,
+        }
+    }
 }
 
 /// How a camera's recording goes, as the API shows it.

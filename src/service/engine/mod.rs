@@ -59,8 +59,8 @@ pub use error::{EngineError, LateStage};
 pub use exports::ExportAsked;
 pub use forecaster::Expected;
 pub use handle::{
-    At, CameraSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview, Readiness,
-    RecordingSummary, SceneSummary,
+    At, CameraSummary, DecodingSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview,
+    Readiness, RecordingSummary, SceneSummary,
 };
 pub use identity::ViewIdentity;
 pub use looking::FoundSources;

@@ -266,6 +266,7 @@ mod tests {
                 since: String::new(),
                 retries: 0,
                 next_try: None,
+                decoding: None,
                 size_px: Some([1280, 960]),
                 vision_size_px: None,
                 stages: Vec::new(),

@@ -19,12 +19,12 @@ use videofields_recording::timeline::{
 };
 use videofields_service::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
-    CameraSummary, CameraTimeline, DeviceSummary, Door, EngineError, EntityCursor, EntityQuery, Expected,
-    FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand, FoundTrack, FoundTracks, LocateMethod,
-    Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment, PlannedEntity,
-    PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary, Readiness,
-    RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime, StopFlag,
-    TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    CameraSummary, CameraTimeline, DecodingSummary, DeviceSummary, Door, EngineError, EntityCursor,
+    EntityQuery, Expected, FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand, FoundTrack,
+    FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
+    PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary,
+    Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
+    StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields_vision::access::Grants;
 use videofields_vision::calibrate::CameraDocument;
@@ -121,6 +121,12 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         since: LAST.to_string(),
         retries: 2,
         next_try: reason.map(|_| LAST.to_string()),
+        decoding: (camera == "north").then_some(DecodingSummary {
+            process_id: 4711,
+            limits: true,
+            landlock: Some(7),
+            seccomp: true,
+        }),
         size_px: Some([6, 4]),
         vision_size_px: Some([3, 2]),
         stages: vec![Switch::new(StageKind::Shake).state(StageChoice::Auto)],

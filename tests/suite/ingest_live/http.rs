@@ -257,7 +257,7 @@ fn motion_jpeg_is_recorded_as_it_comes() {
         let n_frames = bytes.windows(3).filter(|bytes| *bytes == [0xff, 0xd8, 0xff]).count();
         (n_frames >= 10).then_some(n_frames)
     });
-    let decoder = Decoder::start(&Input::stream(std::io::Cursor::new(bytes)).unwrap(), None).unwrap();
-    let n_pictures = std::iter::from_fn(|| decoder.pull(gstreamer::ClockTime::from_seconds(5))).count();
+    let mut decoder = Decoder::start(Input::stream(std::io::Cursor::new(bytes)), None).unwrap();
+    let n_pictures = std::iter::from_fn(|| decoder.pull(Duration::from_secs(5))).count();
     assert_eq!(n_pictures, n_frames);
 }

@@ -2,22 +2,19 @@
 
 use super::{FRAME_NANOS, Numbered, RATE_HZ, Running, START, film, number_of, start, wait_for};
 use crate::engine::pictures;
-use gstreamer::ClockTime;
 use serde_json::json;
 use std::path::Path;
 use std::time::Duration;
 use videofields_recording::archive::{ExportState, Manifest};
-use videofields_recording::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields_recording::media::{Decoder, Input, descriptor_path};
 use videofields_service::engine::EngineError;
 
 /// The numbers that are burned into a file's pictures, and their times in it.
 fn numbers(path: &Path) -> Vec<(u64, i64)> {
-    let decoder = Decoder::start(&Input::file(path).unwrap(), None).unwrap();
-    let mut reader = PlaneReader::default();
+    let mut decoder = Decoder::start(Input::file(path).unwrap(), None).unwrap();
     let mut seen = Vec::new();
     while !decoder.has_ended() {
-        if let Some(sample) = decoder.pull(ClockTime::from_mseconds(50)) {
-            let picture = reader.picture(&sample).unwrap();
+        if let Some(picture) = decoder.pull(Duration::from_millis(50)) {
             seen.push((number_of(&picture.image), picture.stream_nanos.unwrap()));
         }
         assert!(decoder.fault().is_none());

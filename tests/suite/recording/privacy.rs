@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use videofields_api::read_view_request;
 use videofields_recording::archive::{ExportState, Manifest};
-use videofields_recording::media::{Decoder, Input, PlaneReader, descriptor_path};
+use videofields_recording::media::{Decoder, Input, descriptor_path};
 use videofields_recording::store::{BackgroundHistoryBounds, BackgroundRecord, TrackRecord};
 use videofields_recording::telemetry::Metrics;
 use videofields_service::engine::{At, BlurAsked, EngineError, LiftedZone, Privacy};
@@ -266,11 +266,10 @@ fn exported(running: &Running, asked: Value) -> (Manifest, Vec<YuvImage>) {
     let mut shown = Vec::new();
     for clip in manifest.clips() {
         let (file, _) = running.handle.export_file(&asked.id, &clip.file).unwrap();
-        let decoder = Decoder::start(&Input::file(&descriptor_path(&file)).unwrap(), None).unwrap();
-        let mut reader = PlaneReader::default();
+        let mut decoder = Decoder::start(Input::file(&descriptor_path(&file)).unwrap(), None).unwrap();
         while !decoder.has_ended() {
-            if let Some(sample) = decoder.pull(gstreamer::ClockTime::from_mseconds(50)) {
-                shown.push(reader.picture(&sample).unwrap().image);
+            if let Some(picture) = decoder.pull(Duration::from_millis(50)) {
+                shown.push(picture.image);
             }
             assert!(decoder.fault().is_none());
         }

@@ -4,7 +4,7 @@ use super::line::Line;
 use rustix::fs::{Access, access};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::Path;
-use videofields_recording::media::{Codec, decoded_codecs, missing_elements};
+use videofields_recording::media::{Codec, decoded_codecs, look_at_sandbox, missing_elements};
 use videofields_vision::config::{CameraSettings, Config, Place};
 
 /// What every camera is decoded with.
@@ -60,7 +60,32 @@ pub(super) fn look_at_codecs(config: &Config) -> Vec<Line> {
         let what = format!("{} cannot be decoded", lacking.join(", "));
         Line::warning("codecs", what, "cameras that send it fail").do_this(install)
     };
-    vec![missing, codecs]
+    vec![missing, codecs, sandbox()]
+}
+
+/// Looks whether decoding is confined: cameras and files may hold what takes a decoder over.
+fn sandbox() -> Line {
+    let sandbox = match look_at_sandbox() {
+        Ok(sandbox) => sandbox,
+        Err(fault) => {
+            let what = "no decoding process can be started".to_owned();
+            return Line::problem("decoding", what, format!("no camera has pictures: {fault}"));
+        }
+    };
+    let (mut holds, mut lacks) = (Vec::new(), Vec::new());
+    let mut part = |name: String, is_held: bool| if is_held { holds.push(name) } else { lacks.push(name) };
+    part("limits of memory and files".to_owned(), sandbox.has_limits);
+    let version = sandbox.landlock_abi.map_or(String::new(), |abi| format!(" {abi}"));
+    part(format!("Landlock{version}"), sandbox.landlock_abi.is_some());
+    part("seccomp".to_owned(), sandbox.has_seccomp);
+    let what = format!("decoding processes are held by {}", holds.join(", "));
+    if lacks.is_empty() {
+        return Line::ok("decoding", what);
+    }
+    let why =
+        format!("{} not at work here: a stream that takes a decoder over can do more", lacks.join(" and "));
+    Line::warning("decoding", what, why)
+        .do_this("use a kernel from 5.13 on with Landlock, and let the service manager's filter allow landlock and seccomp")
 }
 
 pub(super) fn look(config: &Config) -> Vec<Line> {

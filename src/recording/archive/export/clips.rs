@@ -151,8 +151,8 @@ impl<'a> Clips<'a> {
         let reading = self.shared.open(segment, self.from.max(first_at));
         let reading = reading.map_err(|error| unreadable(error.without_places()))?;
         let starts_at = reading.starts_at();
-        let input = Input::stream(reading).map_err(|fault| unreadable(fault.to_string()))?;
-        let mut demuxer = Demuxer::start(&input).map_err(|fault| unreadable(fault.to_string()))?;
+        let mut demuxer =
+            Demuxer::start(Input::stream(reading)).map_err(|fault| unreadable(fault.to_string()))?;
         let mut passage = Passage {
             path: path.clone(),
             before: Vec::new(),

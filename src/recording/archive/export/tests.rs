@@ -66,7 +66,7 @@ fn manifest_of(archive: &Archive, id: &str) -> Manifest {
 /// What a file of an export shows: times within it and sums of luma.
 fn shown(archive: &Archive, id: &str, file: &str) -> Vec<(i64, u64)> {
     let (file, _) = archive.exports().open(id, file).unwrap().unwrap();
-    decoded(&Input::file(Path::new(&format!("/proc/self/fd/{}", file.as_raw_fd()))).unwrap(), Times::Played)
+    decoded(Input::file(Path::new(&format!("/proc/self/fd/{}", file.as_raw_fd()))).unwrap(), Times::Played)
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -82,7 +82,7 @@ async fn a_clip_has_the_frames_of_its_span_across_files_to_the_bit_and_the_tick(
         stage.record(START, &original).await;
         let archive = stage.archive().await;
         let whole = archive.open_at(&north(), at(START)).await.unwrap().unwrap();
-        let recorded = decoded(&Input::stream(whole).unwrap(), Times::Written);
+        let recorded = decoded(Input::stream(whole), Times::Written);
 
         let asked = request(START + SECOND * 5 / 4, START + SECOND * 26 / 5);
         let status = exported(&archive, &asked).await;
@@ -115,7 +115,7 @@ async fn a_clip_of_open_groups_begins_with_its_key_frame_and_loses_nothing_behin
     stage.record(START, &frames(OPEN_GROUPS, 60)).await;
     let archive = stage.archive().await;
     let whole = archive.open_at(&north(), at(START)).await.unwrap().unwrap();
-    let recorded = decoded(&Input::stream(whole).unwrap(), Times::Written);
+    let recorded = decoded(Input::stream(whole), Times::Written);
     let status = exported(&archive, &request(START + SECOND * 5 / 4, START + 2 * SECOND)).await;
     let manifest = manifest_of(&archive, &status.id);
     let clip = &manifest.cameras[0].clips[0];

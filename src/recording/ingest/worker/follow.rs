@@ -49,6 +49,7 @@ impl Camera {
                     let (stream_nanos, reference) = (frame.stream_nanos, frame.reference);
                     let now = self.clock.now();
                     let arrival = Arrival { now, monotonic: heard, stream_nanos, reference };
+                    self.tell_decoding(source);
                     let stamped = self.arrivals.stamp(&arrival);
                     let timestamp = self.scene_time(stamped);
                     self.hand_on_encoded(source, stamped.as_nanos().saturating_sub(stream_nanos));

@@ -3,6 +3,7 @@
 use super::*;
 use crate::media::{Decoder, Fault, Input, fault::SIZE_LIMIT};
 use gst::prelude::*;
+use std::time::Duration;
 
 /// Writes bits, the highest of each byte first.
 #[derive(Default)]
@@ -249,10 +250,10 @@ fn fault_of(bytes: &[u8]) -> Fault {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("file");
     std::fs::write(&path, bytes).unwrap();
-    let decoder = Decoder::start(&Input::file(&path).unwrap(), None).unwrap();
+    let mut decoder = Decoder::start(Input::file(&path).unwrap(), None).unwrap();
     for _ in 0..50 {
-        if let Some(sample) = decoder.pull(gst::ClockTime::from_mseconds(100)) {
-            panic!("a picture came: {:?}", sample.caps());
+        if let Some(picture) = decoder.pull(Duration::from_millis(100)) {
+            panic!("a picture came: {:?}", picture.image);
         }
         if let Some(fault) = decoder.fault() {
             return fault;

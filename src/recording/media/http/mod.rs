@@ -7,7 +7,7 @@ mod pictures;
 
 use super::client::{ANSWER_TIME, Peer, USER_AGENT, connect, expect_success, live_source, spawn};
 use super::fault::ConnectionFault;
-use super::input::{Client, Connection, Keep};
+use super::input::{Client, Connection};
 use super::login::{Answering, Login, OwnedLogin};
 use super::{Fault, Input, jpeg};
 use crate::media::announced::{Announced, Size};
@@ -61,7 +61,7 @@ impl Input {
     pub fn http(peer: &Peer, login: Option<Login<'_>>) -> Result<Self, Fault> {
         let source = live_source(WAITING_BYTES, WAITING_PICTURES)?;
         let client = Http { peer: peer.clone(), login: login.map(OwnedLogin::of), source: source.clone() };
-        Ok(Self::new(vec![source.upcast()], Keep::Newest).fed_by(Box::new(client)))
+        Ok(Self::live(vec![source.upcast()], Some(Box::new(client))))
     }
 }
 

@@ -10,7 +10,7 @@ mod session;
 
 use super::client::{Peer, live_source, spawn};
 use super::fault::{ConnectionFault, gstreamer_fault};
-use super::input::{Client, Connection, Keep, make};
+use super::input::{Client, Connection, make};
 use super::login::{Login, OwnedLogin};
 use super::{Fault, Input};
 use gst::prelude::*;
@@ -98,13 +98,13 @@ impl Input {
             .map_err(|error| fails(&error))?;
         sinks.packets.link(&buffer).map_err(|error| fails(&error))?;
         sinks.reports.link_pads(Some("src"), &buffer, Some("sink_rtcp")).map_err(|error| fails(&error))?;
-        let lacks = || Fault::Gstreamer { action: "build a pipeline", detail: "no source pad".to_owned() };
+        let lacks =
+            || Fault::Gstreamer { action: "build a pipeline".into(), detail: "no source pad".to_owned() };
         let pad = buffer.static_pad("src").ok_or_else(lacks)?;
         let ghost = gst::GhostPad::with_target(&pad).map_err(|error| fails(&error))?;
         bin.add_pad(&ghost).map_err(|error| fails(&error))?;
         let target = Target { peer: peer.clone(), transport, login: login.map(OwnedLogin::of) };
-        let input = Self::new(vec![bin.upcast()], Keep::Newest);
-        Ok(input.fed_by(Box::new(Rtsp { target, sinks })))
+        Ok(Self::live(vec![bin.upcast()], Some(Box::new(Rtsp { target, sinks }))))
     }
 }
 

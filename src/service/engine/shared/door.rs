@@ -7,8 +7,8 @@ use super::super::blurring::{BlurAsked, CameraBlur};
 use super::super::chronicle::SceneTimeline;
 use super::super::entities::{EntityQuery, FoundEntities};
 use super::super::handle::{
-    At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, RecordingSummary,
-    SceneSummary, surface_name,
+    At, CameraSummary, DecodingSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness,
+    RecordingSummary, SceneSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
 use super::super::looking::FoundSources;
@@ -70,6 +70,7 @@ impl Door for Shared {
                 since: status.since.to_string(),
                 retries: status.retries,
                 next_try: status.next_try.map(|at| at.to_string()),
+                decoding: status.decoding.map(DecodingSummary::from),
                 size_px: status.size.map(|(width, height)| [width, height]),
                 vision_size_px,
                 stages: camera.tuning.stages().map(Vec::from).unwrap_or_default(),

@@ -1,0 +1,53 @@
+//! Tries what a worker may not do.
+
+use rustix::fs::{Mode, OFlags};
+use std::fs::File;
+use std::net::{TcpListener, UdpSocket};
+use std::os::unix::net::UnixDatagram;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// Returns the file of the process of that number that is to be emptied.
+pub(super) fn victim(process_id: u32) -> PathBuf {
+    std::env::temp_dir().join(format!("videofields-trial-{process_id}"))
+}
+
+/// Returns what came of each trial, as `name=done` or `name=error`, parted by commas.
+pub(super) fn results() -> String {
+    let parent = std::os::unix::process::parent_id();
+    let pid = rustix::process::Pid::from_raw(i32::try_from(parent).unwrap_or_default());
+    let flags = rustix::fs::MemfdFlags::CLOEXEC;
+    let emptied = rustix::fs::open(victim(parent), OFlags::RDONLY | OFlags::TRUNC, Mode::empty());
+    let trials: [(&str, Result<(), String>); 14] = [
+        ("thread", told(std::thread::spawn(|| {}).join().map_err(|_panicked| "panicked"))),
+        ("library", told(std::fs::read_dir("/usr/lib"))),
+        ("memory", told(Vec::<u8>::new().try_reserve_exact(64 << 20))),
+        ("much", told(Vec::<u8>::new().try_reserve_exact(3 << 30))),
+        ("read", told(File::open("/etc/passwd"))),
+        ("write", told(File::create("/tmp/videofields-trial"))),
+        ("environment", told(std::fs::read(format!("/proc/{parent}/environ")))),
+        ("tcp", told(TcpListener::bind(("127.0.0.1", 0)))),
+        ("udp", told(UdpSocket::bind(("127.0.0.1", 0)))),
+        ("unix", told(UnixDatagram::unbound())),
+        ("program", told(Command::new("/bin/true").spawn())),
+        ("empty", told(emptied)),
+        ("memfd", told(rustix::fs::memfd_create("trial", flags))),
+        (
+            "signal",
+            told(
+                pid.ok_or("no parent")
+                    .map(|pid| rustix::process::test_kill_process(pid))
+                    .and_then(|sent| sent.map_err(|_refused| "refused")),
+            ),
+        ),
+    ];
+    let text = trials.map(|(name, outcome)| match outcome {
+        Ok(()) => format!("{name}=done"),
+        Err(_error) => format!("{name}=refused"),
+    });
+    text.join(", ")
+}
+
+fn told<T, E: ToString>(result: Result<T, E>) -> Result<(), String> {
+    result.map(drop).map_err(|error| error.to_string())
+}
