@@ -174,7 +174,7 @@ async fn cameras_show_their_state() {
                 "stage": "shake", "is_on": false, "choice": "auto", "quantity": "shake_px", "measured": null,
                 "on_above": 0.9, "off_below": 0.5, "frames": 0,
             }],
-            "scenes": ["plaza"], "privacy": {"zones": 0, "version": 0, "since": null},
+            "scenes": ["plaza"], "stretched": [{"scene": "plaza", "calibrated_px": [4, 6]}], "privacy": {"zones": 0, "version": 0, "since": null},
         })
     );
 }

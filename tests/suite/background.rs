@@ -9,7 +9,7 @@ use videofields_vision::frame::{CameraId, Frame};
 #[test]
 fn restart_in_the_middle_of_a_clip_changes_no_mask() {
     let Some(path) = real_data("pets2009_s2l1/vtest.avi") else { return };
-    let roots = MediaRoots::folder_of(&path).unwrap();
+    let roots = MediaRoots::of_caller(&path).unwrap();
     let settings = SourceSettings::of_path(path);
     let mut source = ingest::open(&settings, &roots).unwrap();
     let mut frames = std::iter::from_fn(|| source.next_frame().unwrap()).map(|frame| Frame {

@@ -25,6 +25,7 @@ mod restart;
 mod rights;
 mod snapshots;
 mod streams;
+mod stretched;
 mod tags;
 mod tracks;
 mod views;

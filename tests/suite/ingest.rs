@@ -14,19 +14,21 @@ use videofields_testing::real_data;
 use videofields_vision::clock::{Clock, SimulatedClock, SystemClock, Timestamp};
 use videofields_vision::config::{End, SourceSettings, Timing};
 use videofields_vision::error::ErrorKind;
-use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame};
+use videofields_vision::frame::{CameraId, ColorMatrix, ColorRange, Frame, YuvImage};
 
 fn settings(path: &Path) -> SourceSettings {
     SourceSettings::of_path(path)
 }
 
 fn open(settings: &SourceSettings) -> Result<Box<dyn Source>, IngestError> {
-    ingest::open(settings, &MediaRoots::folder_of(settings.path.as_deref().unwrap())?)
+    ingest::open(settings, &MediaRoots::of_caller(settings.path.as_deref().unwrap())?)
 }
 
 fn frames(settings: &SourceSettings) -> Vec<SourceFrame> {
     let mut source = open(settings).unwrap();
-    std::iter::from_fn(|| source.next_frame().unwrap()).collect()
+    let frames = std::iter::from_fn(|| source.next_frame().unwrap()).collect();
+    assert_eq!(source.lost(), ingest::Lost::default(), "{settings:?}");
+    frames
 }
 
 fn first_error(settings: &SourceSettings) -> IngestError {
@@ -315,7 +317,7 @@ fn spawn(settings: SourceSettings, roots: MediaRoots, kept: &Kept) -> CameraWork
 fn a_camera_whose_file_appears_later_comes_to_life() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("late.webm");
-    let (roots, kept) = (MediaRoots::folder_of(&path).unwrap(), Kept::default());
+    let (roots, kept) = (MediaRoots::of_caller(&path).unwrap(), Kept::default());
     let worker = spawn(settings(&path), roots, &kept);
     wait_until("the camera fails", || worker.status().reason.is_some());
     assert!(worker.status().reason.unwrap().contains("there is no file"));
@@ -333,6 +335,76 @@ fn a_camera_whose_file_appears_later_comes_to_life() {
     assert!(frames.iter().all(|frame| frame.camera.as_str() == "door"));
 }
 
+/// Takes long to get ready, until somebody lets it.
+struct Slow {
+    kept: Kept,
+    may_begin: Arc<std::sync::atomic::AtomicBool>,
+}
+
+impl FrameConsumer for Slow {
+    fn prepare(&mut self, _first: &YuvImage) {
+        wait_until("it may begin", || self.may_begin.load(std::sync::atomic::Ordering::Relaxed));
+    }
+
+    fn consume(&mut self, frame: Frame) {
+        self.kept.consume(frame);
+    }
+}
+
+#[test]
+fn files_that_belong_together_begin_when_the_last_is_ready() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.webm");
+    ball(&path, 8, "format=I420,width=64,height=48", "vp8enc deadline=1 ! webmmux");
+    let clock = Arc::new(SystemClock::new());
+    let together = ingest::Together::from((Timestamp::from_nanos(0), clock.monotonic()));
+    let (early, late, may_begin) = (Kept::default(), Kept::default(), Arc::default());
+    let all = together.hold();
+    let spawn = |name: &str, consumer: Box<dyn FrameConsumer>| {
+        let (id, roots) = (CameraId::new(name).unwrap(), MediaRoots::of_caller(&path).unwrap());
+        CameraWorker::spawn(id, settings(&path), roots, clock.clone(), together.clone(), consumer).unwrap()
+    };
+    let slow = Slow { kept: late.clone(), may_begin: Arc::clone(&may_begin) };
+    let workers = [spawn("early", Box::new(early.clone())), spawn("late", Box::new(slow))];
+    drop(all);
+    wait_until("one waits for the other", || {
+        workers[0].status().reason.is_some_and(|reason| reason.contains("waits for the files"))
+    });
+    assert!(early.0.lock().unwrap().is_empty());
+    may_begin.store(true, std::sync::atomic::Ordering::Relaxed);
+    wait_until("both end", || workers.iter().all(CameraWorker::is_finished));
+    assert_eq!(workers[0].zero(), workers[1].zero(), "a common time 0");
+    let frames = [&early, &late].map(|kept| kept.0.lock().unwrap()[0].clone());
+    for (worker, frame) in workers.iter().zip(&frames) {
+        assert_eq!((frame.number, frame.timestamp), (0, worker.zero()));
+        assert!(worker.status().reason.is_none(), "{:?}", worker.status());
+    }
+}
+
+#[test]
+fn damaged_pictures_of_a_file_are_left_out_and_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("film.mp4");
+    let encoder = "x264enc bframes=2 tune=0 key-int-max=8 ! mp4mux";
+    ball(&path, 24, "format=I420,width=96,height=64", encoder);
+    let count = |end: End, most: usize| {
+        let mut source = open(&SourceSettings { end, ..settings(&path) }).unwrap();
+        let n_pictures = std::iter::from_fn(|| source.next_frame().unwrap()).take(most).count();
+        (n_pictures, source.lost().n_damaged as usize)
+    };
+    assert_eq!(count(End::Stop, 99), (24, 0));
+    let mut bytes = std::fs::read(&path).unwrap();
+    let find = |name: &[u8]| bytes.windows(4).position(|window| window == name).unwrap();
+    let (first, last) = (find(b"mdat") + 2000, find(b"moov"));
+    bytes[first..last].iter_mut().step_by(97).for_each(|byte| *byte ^= 0xff);
+    std::fs::write(&path, &bytes).unwrap();
+    let (n_pictures, n_damaged) = count(End::Stop, 99);
+    assert!(n_damaged > 0, "{n_pictures} pictures");
+    assert_eq!(n_pictures + n_damaged, 24);
+    let twice = count(End::Loop, 2 * n_pictures + 1);
+    assert_eq!(twice, (2 * n_pictures + 1, 2 * n_damaged), "passes add up");
+}
+
 #[test]
 fn a_camera_begins_at_its_start_and_ends_when_it_is_dropped() {
     let folder = tempfile::tempdir().unwrap();
@@ -341,7 +413,7 @@ fn a_camera_begins_at_its_start_and_ends_when_it_is_dropped() {
     let start = "2009-06-01T12:00:00Z".parse().unwrap();
     let looped = SourceSettings { end: End::Loop, start: Some(start), ..settings(&path) };
     let kept = Kept::default();
-    let worker = spawn(looped, MediaRoots::folder_of(&path).unwrap(), &kept);
+    let worker = spawn(looped, MediaRoots::of_caller(&path).unwrap(), &kept);
     wait_until("frames come", || worker.status().frames > 10);
     assert_eq!(worker.status().state, CameraState::Live);
     drop(worker);

@@ -14,7 +14,7 @@ use videofields_vision::segment::{MOVING, PixelRect};
 fn open(path: &Path) -> Box<dyn Source> {
     let settings =
         SourceSettings { timing: Some(Timing::Index), rate_hz: 10.0, ..SourceSettings::of_path(path) };
-    ingest::open(&settings, &MediaRoots::folder_of(path).unwrap()).unwrap()
+    ingest::open(&settings, &MediaRoots::of_caller(path).unwrap()).unwrap()
 }
 
 pub(crate) fn frames(path: &Path) -> impl Iterator<Item = Frame> + use<> {

@@ -320,7 +320,13 @@ fn a_source_is_one_thing_and_has_its_own_keys_alone() {
     };
     let url = "url = \"rtsp://10.0.0.2/a\"\n";
     let device = "device = \"/dev/video0\"\n";
-    for good in ["path = \"a\"", url, device, "url = \"https://cam/a\"\nstall_secs = 9"] {
+    for good in [
+        "path = \"a\"",
+        "path = \"a\"\npace = \"all\"",
+        url,
+        device,
+        "url = \"https://cam/a\"\nstall_secs = 9",
+    ] {
         assert_eq!(
             parse(&format!("[[camera]]\nid = \"a\"\n[camera.source]\n{good}")).err().map(|e| e.to_string()),
             None
@@ -333,6 +339,15 @@ fn a_source_is_one_thing_and_has_its_own_keys_alone() {
         "source.end: `end` belongs to a file, and this source is a camera's URL",
     );
     check(&format!("{url}rate_hz = 5"), "`rate_hz` belongs to");
+    check(&format!("{url}pace = \"all\""), "`pace` belongs to a file");
+    check(
+        "path = \"a\"\npace = \"al\"",
+        "source.pace: unknown value `al`; did you mean `all`? allowed: real_time, all",
+    );
+    check(
+        "path = \"a\"\nend = \"loop\"\npace = \"all\"",
+        "source.pace: `all` does not go with `end = \"loop\"`",
+    );
     check(&format!("{url}width_px = 640"), "`width_px` belongs to a device");
     check(
         &format!("{device}transport = \"udp\""),

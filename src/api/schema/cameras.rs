@@ -55,6 +55,10 @@ fn camera() -> Value {
         ("version", count(), "Which version they are"),
         ("since", nullable(time()), "Since when they hold, by the daemon's clock"),
     ]);
+    let stretched = object([
+        ("scene", id(), "The scene"),
+        ("calibrated_px", size(), "Columns and rows of the picture that was calibrated"),
+    ]);
     object([
         ("id", id(), "Its id"),
         ("name", text(), "For people"),
@@ -87,6 +91,11 @@ fn camera() -> Value {
         ("age_secs", nullable(number()), "Seconds since the latest frame came"),
         ("privacy", privacy, "What nobody may see of its pictures"),
         ("scenes", list(id()), "Scenes that hold it"),
+        (
+            "stretched",
+            list(stretched),
+            "Those of them whose calibration is of pictures of another shape than its newest",
+        ),
     ])
 }
 

@@ -4,13 +4,16 @@ use anyhow::{Result, bail};
 use std::path::PathBuf;
 use videofields_picture::scene::{self, Scene};
 use videofields_recording::ingest::{self, MediaRoots};
+use videofields_service::engine::shape_concern;
 use videofields_service::sequence::SceneSequences;
 use videofields_vision::config::{self, CameraSettings, Settings, SourceSettings};
+use videofields_vision::geometry::is_stretched;
 
 /// Reads a configuration and the scenes it names, and says what is wrong with them.
 ///
-/// Also reads the first frame of every camera and background clip and says which cannot be read now, which
-/// cameras of a scene are not configured, and which of its recorded sequences cannot be opened; those are warnings and do not make the configuration wrong.
+/// Also reads the first frame of every camera and background clip and says which cannot be read now, and of which scenes'
+/// calibrations are of another picture shape; which cameras of a scene are not configured, and which of its recorded sequences cannot
+/// be opened. Those are warnings and do not make the configuration wrong.
 #[derive(Debug, clap::Args)]
 pub(crate) struct CheckConfig {
     /// The configuration (TOML).
@@ -21,7 +24,7 @@ impl CheckConfig {
     pub(crate) fn run(&self) -> Result<()> {
         let config = config::load(&self.file)?;
         let settings = config.settings();
-        let mut n_faulty = 0;
+        let (mut n_faulty, mut scenes) = (0, Vec::new());
         for scene in &settings.scene {
             match scene::load_file(&scene.id, &scene.file, &settings.media.roots) {
                 Ok(parsed) => {
@@ -30,6 +33,7 @@ impl CheckConfig {
                     for (id, reason) in SceneSequences::open(&parsed.scene, &roots, 0).problems() {
                         super::complain(&format!("warning: scene {}: sequence {id}: {reason}", scene.id));
                     }
+                    scenes.push(parsed.scene);
                 }
                 Err(error) => {
                     super::complain(&format!("scene {}: {}: {error}", scene.id, scene.file.display()));
@@ -40,7 +44,11 @@ impl CheckConfig {
         match MediaRoots::new(&settings.media.roots) {
             Ok(roots) => {
                 let roots = roots.with_networks(&settings.media.networks);
-                settings.camera.iter().for_each(|camera| warn_of_unreadable(camera, &roots));
+                for camera in &settings.camera {
+                    if let Some(size_px) = warn_of_unreadable(camera, &roots) {
+                        warn_of_other_shape(camera, size_px, &scenes);
+                    }
+                }
             }
             Err(error) => super::complain(&format!("warning: {error}")),
         }
@@ -60,7 +68,22 @@ fn warn_of_unknown_cameras(settings: &Settings, scene: &Scene) {
     }
 }
 
-fn warn_of_unreadable(camera: &CameraSettings, roots: &MediaRoots) {
+/// Warns of calibrations of a camera that are of another shape than its pictures.
+fn warn_of_other_shape(camera: &CameraSettings, size_px: (u32, u32), scenes: &[Scene]) {
+    for scene in scenes {
+        for member in scene.cameras.iter().filter(|member| member.id == camera.id) {
+            let calibrated_px = member.camera.size_px();
+            if is_stretched(calibrated_px, size_px) {
+                let concern = shape_concern(&scene.id, calibrated_px, size_px);
+                super::complain(&format!("warning: camera {}: {concern}", camera.id));
+            }
+        }
+    }
+}
+
+/// Warns of what cannot be read now of a camera; returns the size of its first picture.
+fn warn_of_unreadable(camera: &CameraSettings, roots: &MediaRoots) -> Option<(u32, u32)> {
+    let mut size_px = None;
     let clip = camera
         .background
         .clip
@@ -68,9 +91,11 @@ fn warn_of_unreadable(camera: &CameraSettings, roots: &MediaRoots) {
         .map(|clip| SourceSettings { rate_hz: camera.source.rate_hz, ..SourceSettings::of_path(clip) });
     for (what, source) in [("", Some(&camera.source)), ("background clip: ", clip.as_ref())] {
         let Some(source) = source else { continue };
-        let first = ingest::open(source, roots).and_then(|mut frames| frames.next_frame());
-        if let Err(error) = first {
-            super::complain(&format!("warning: camera {}: {what}{error}", camera.id));
+        match ingest::open(source, roots).and_then(|mut frames| frames.next_frame()) {
+            Ok(Some(frame)) if what.is_empty() => size_px = Some((frame.image.width(), frame.image.height())),
+            Ok(_) => {}
+            Err(error) => super::complain(&format!("warning: camera {}: {what}{error}", camera.id)),
         }
     }
+    size_px
 }

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail};
 use std::path::{Path, PathBuf};
 use videofields_picture::scene::exchange::{self, ExchangeFormat};
-use videofields_picture::scene::{self, FolderImports, SceneError};
+use videofields_picture::scene::{self, FolderImports, ParsedScene, SceneError};
 use videofields_vision::error::{Fault, join_faults};
 
 /// Takes scenes to other programs and back: the paper's JSON and glTF.
@@ -63,13 +63,26 @@ fn format_of(named: Option<ExchangeFormat>, file: Option<&Path>) -> ExchangeForm
 }
 
 /// Returns a scene's id, from its file's name as far as that is one.
-pub(super) fn id_of(file: &Path) -> String {
+fn id_of(file: &Path) -> String {
     let stem = file.file_stem().and_then(std::ffi::OsStr::to_str).unwrap_or_default().to_lowercase();
     if videofields_vision::frame::is_id(&stem) { stem } else { "scene".to_owned() }
 }
 
+/// Reads a scene document that the caller names. What it imports lies beside it, also where the name is a link to it.
+///
+/// # Errors
+/// When it cannot be read, or is no scene.
+pub(super) fn load(file: &Path) -> Result<ParsedScene> {
+    Ok(scene::load_file(&id_of(file), &followed(file), &[])?)
+}
+
+/// Returns the file itself where its name is a link. What leads nowhere, or to a pipe, stays as it is named.
+fn followed(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_other| file.to_owned())
+}
+
 fn export(file: &Path, to: &To) -> Result<()> {
-    let parsed = scene::load_file(&id_of(file), file, &[])?;
+    let parsed = load(file)?;
     let format = format_of(to.format, to.output.as_deref());
     let written = exchange::write(&parsed.scene, format)?;
     warn(&written.warnings);
@@ -85,7 +98,7 @@ fn import(file: &Path, to: &To) -> Result<()> {
     let bytes = std::fs::read(file).with_context(|| format!("cannot read {shown}"))?;
     let taken = exchange::take(&bytes, format_of(to.format, Some(file)))?;
     warn(&taken.warnings);
-    let imports = FolderImports::beside(file, &[]);
+    let imports = FolderImports::beside(&followed(file), &[]);
     let parsed = scene::parse(&id_of(file), &taken.document, imports).map_err(|error| match error {
         SceneError::Faults(faults) => anyhow::Error::msg(join_faults(&taken.told(faults))),
         error => error.into(),

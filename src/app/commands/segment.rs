@@ -80,11 +80,11 @@ impl Segment {
         pipeline.set_object_sizes(self.object_sizes()?);
         let mut output = Output::open(self)?;
         if let Some(clip) = &self.background {
-            let roots = MediaRoots::folder_of(clip)?;
+            let roots = MediaRoots::of_caller(clip)?;
             ingest::learn_clip(&mut pipeline, clip, self.rate_hz, &roots)?;
         }
 
-        let roots = MediaRoots::folder_of(&self.input)?;
+        let roots = MediaRoots::of_caller(&self.input)?;
         let mut source = ingest::open(&settings.source, &roots)?;
         let clock = SystemClock::new();
         let started = clock.monotonic();
@@ -119,7 +119,7 @@ impl Segment {
     /// Returns the sizes of objects by the scene; none where no scene is named.
     fn object_sizes(&self) -> Result<Option<Arc<ObjectSizes>>> {
         let (Some(file), Some(id)) = (&self.scene, &self.camera) else { return Ok(None) };
-        let scene = scene::load_file(&super::scene::id_of(file), file, &[])?.scene;
+        let scene = super::scene::load(file)?.scene;
         let member = scene.cameras.iter().find(|member| member.id.as_str() == id).with_context(|| {
             let known = scene.cameras.iter().map(|member| member.id.as_str()).collect::<Vec<_>>().join(", ");
             format!("--camera {id}: {} has no such camera; it has {known}", file.display())

@@ -190,7 +190,7 @@ impl Background {
             rate_hz: 1.0 / STEP_SECS,
             ..SourceSettings::of_path(&self.input)
         };
-        let mut source = ingest::open(&settings, &MediaRoots::folder_of(&self.input)?)?;
+        let mut source = ingest::open(&settings, &MediaRoots::of_caller(&self.input)?)?;
         let mut frames: Vec<Arc<YuvImage>> = Vec::new();
         while frames.len() < self.frames as usize {
             let Some(next) = source.next_frame()? else { break };

@@ -200,7 +200,7 @@ impl Sequence {
         let settings =
             camera(Tables::of_flags(flags.iter().map(String::as_str))?, SourceSettings::of_path(&pattern))?;
         let mut pipeline = pipeline(&settings);
-        let mut source = ingest::open(&settings.source, &MediaRoots::folder_of(&pattern)?)?;
+        let mut source = ingest::open(&settings.source, &MediaRoots::of_caller(&pattern)?)?;
         let mut numbers = self.inputs.keys();
         let mut counts = Counts::default();
         let mut before: Option<(Arc<Mask>, Vec<u8>)> = None;

@@ -174,7 +174,7 @@ impl Clip {
             .find(|path| path.file_stem().is_some_and(|stem| stem == camera))
             .with_context(|| format!("{}: no clip of {camera}", folder.display()))?;
         let source = clip_source(&path);
-        let mut source = ingest::open(&source, &MediaRoots::folder_of(&path)?)?;
+        let mut source = ingest::open(&source, &MediaRoots::of_caller(&path)?)?;
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
         while let Some(next) = source.next_frame()? {
             let place =

@@ -90,7 +90,7 @@ impl Vision {
     /// Plays the clip once, as fast as it goes, before a camera or before nobody.
     fn play(&self, mut camera: Option<&mut Camera>) -> Result<Run> {
         let source = SourceSettings::of_path(&self.input);
-        let mut frames = ingest::open(&source, &MediaRoots::folder_of(Path::new(&self.input))?)?;
+        let mut frames = ingest::open(&source, &MediaRoots::of_caller(Path::new(&self.input))?)?;
         let started = cpu_ms(ClockId::ProcessCPUTime);
         let mut run = Run { n_frames: 0, cpu_ms: 0.0, stages_ms: [0.0; Stage::ALL.len()] };
         let (mut last_nanos, mut step_nanos) = (0, 40_000_000);

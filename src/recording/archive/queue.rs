@@ -63,6 +63,12 @@ impl Queue {
         true
     }
 
+    /// Tells whether half of the room is free, or nobody takes anything any more.
+    pub(super) fn has_room(&self) -> bool {
+        let waiting = self.lock();
+        waiting.is_closed || waiting.n_bytes <= self.max_bytes / 2
+    }
+
     /// The job that has waited longest, or the first that comes within `patience`.
     pub(super) fn take(&self, patience: Duration) -> Taken {
         let is_idle = |waiting: &mut Waiting| waiting.jobs.is_empty() && !waiting.is_closed;
@@ -102,5 +108,31 @@ impl Job {
             Self::Frame(_, frame, _) => frame.len_bytes() + FRAME_BYTES,
             Self::End(_) => 0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::media::EncodedFormat;
+    use crate::telemetry::Metrics;
+    use videofields_vision::frame::CameraId;
+
+    #[test]
+    fn there_is_room_up_to_the_half_and_once_nobody_takes_anything() {
+        let queue = Queue::new(4 * FRAME_BYTES);
+        let lane = Arc::new(Lane::new(CameraId::new("north").unwrap(), Arc::new(Metrics::new())));
+        let format = Arc::new(EncodedFormat::named("image/jpeg"));
+        let push = || {
+            let frame = EncodedFrame::blank(Arc::clone(&format), Some(0), None);
+            queue.push(Job::Frame(Arc::clone(&lane), frame, Timestamp::from_nanos(0)))
+        };
+        assert!(queue.has_room() && push() && push());
+        assert!(queue.has_room(), "half of it is taken");
+        assert!(push() && !queue.has_room());
+        assert!(matches!(queue.take(Duration::ZERO), Taken::Job(_)));
+        assert!(queue.has_room() && push());
+        queue.close();
+        assert!(queue.has_room(), "who waited would wait for ever");
     }
 }

@@ -69,6 +69,12 @@ impl Recorder {
         }
     }
 
+    /// Tells whether frames can be handed over without one being left out for want of room.
+    #[must_use]
+    pub fn has_room(&self) -> bool {
+        self.lane.is_paused() || self.shared.queue.has_room()
+    }
+
     /// What follows does not build on what came before: it is recorded from its next key frame on.
     pub const fn break_off(&mut self) {
         self.is_broken = true;

@@ -30,6 +30,8 @@ pub struct VideoFile {
     /// Takes the encoded frames, where they are wanted.
     encoded: Option<Arc<EncodedQueue>>,
     pass: Option<Decoder>,
+    /// Pictures of passes before this one that could not be decoded whole.
+    n_damaged: u64,
 }
 
 impl VideoFile {
@@ -40,7 +42,7 @@ impl VideoFile {
     pub fn open(path: &Path, roots: &MediaRoots, stop: &StopFlag, tap: Tap) -> Result<Self, IngestError> {
         let file = roots.open(path)?;
         let encoded = (tap == Tap::Open).then(|| Arc::new(EncodedQueue::new(ENCODED_BYTES)));
-        Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), encoded, pass: None })
+        Ok(Self { path: path.to_path_buf(), file, stop: stop.clone(), encoded, pass: None, n_damaged: 0 })
     }
 
     /// What its pictures are encoded in, and how many nanoseconds it has, as far as that is known with its first picture.
@@ -87,6 +89,11 @@ impl VideoFile {
         }
         Err(IngestError::Silent { path: self.path.clone(), secs: SILENCE_SECS })
     }
+
+    /// Ends a pass and keeps what it counted.
+    fn end_pass(&mut self, decoder: &Decoder) {
+        self.n_damaged += decoder.n_damaged();
+    }
 }
 
 impl Medium for VideoFile {
@@ -95,7 +102,9 @@ impl Medium for VideoFile {
     }
 
     fn begin(&mut self) -> Result<(), IngestError> {
-        self.pass = None;
+        if let Some(decoder) = self.pass.take() {
+            self.end_pass(&decoder);
+        }
         let input = Input::file(&descriptor_path(&self.file)).map_err(|fault| self.error(fault))?;
         let decoder = Decoder::start(input, self.encoded.as_ref()).map_err(|fault| self.error(fault))?;
         self.pass = Some(decoder);
@@ -104,6 +113,10 @@ impl Medium for VideoFile {
 
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
         self.encoded.as_ref()?.take()
+    }
+
+    fn n_damaged(&self) -> u64 {
+        self.n_damaged + self.pass.as_ref().map_or(0, Decoder::n_damaged)
     }
 
     fn n_encoded_dropped(&self) -> u64 {
@@ -116,7 +129,13 @@ impl Medium for VideoFile {
 
     fn next_picture(&mut self) -> Result<Option<Picture>, IngestError> {
         let Some(mut decoder) = self.pass.take() else { return Ok(None) };
-        let Some(picture) = self.pull(&mut decoder)? else { return Ok(None) };
+        let picture = match self.pull(&mut decoder) {
+            Ok(Some(picture)) => picture,
+            over => {
+                self.end_pass(&decoder);
+                return over.map(|_none| None);
+            }
+        };
         self.pass = Some(decoder);
         if let Some(queue) = self.encoded.as_ref().filter(|queue| queue.wants_pictures()) {
             push_as_jpeg(queue, &picture);

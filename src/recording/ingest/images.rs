@@ -98,6 +98,11 @@ impl Medium for NumberedPictures {
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
         self.encoded.take()
     }
+
+    fn newest_path(&self) -> PathBuf {
+        let newest = self.next.map_or(*self.numbers.end(), |next| next.saturating_sub(1));
+        self.pattern.path(newest)
+    }
 }
 
 /// The least and the greatest number, none between them missing.
@@ -167,7 +172,10 @@ fn decode(bytes: &[u8]) -> Result<(RgbImage, Option<ImageFormat>), image::ImageE
 
 #[cfg(test)]
 mod tests {
+    use super::super::Source as _;
+    use super::super::timed::TimedSource;
     use super::*;
+    use videofields_vision::config::{End, Timing};
     use videofields_vision::error::ErrorKind;
 
     fn write(folder: &Path, name: &str, color: [u8; 3]) {
@@ -249,6 +257,24 @@ mod tests {
         closed.begin().unwrap();
         closed.next_picture().unwrap().unwrap();
         assert!(closed.take_encoded().is_none());
+    }
+
+    #[test]
+    fn a_picture_of_another_size_is_told_once_with_its_name() {
+        let folder = tempfile::tempdir().unwrap();
+        for (number, size) in [(6, 4), (6, 4), (3, 2), (6, 4), (8, 4)].into_iter().enumerate() {
+            image::RgbImage::new(size.0, size.1).save(folder.path().join(format!("in{number}.png"))).unwrap();
+        }
+        let pictures = open(folder.path(), "in%d.png").unwrap();
+        let mut source = TimedSource::new(pictures, Timing::Index, 10.0, End::Stop);
+        let mut concerns = Vec::new();
+        while let Some(frame) = source.next_frame().unwrap() {
+            concerns.push((frame.image.width(), source.concern().map(str::to_owned)));
+        }
+        let told = "its pictures are of several sizes: 6 x 4 at first, 3 x 2 in in2.png (number 2); each has a \
+                    background of its own";
+        let expected = [(6, None), (6, None), (3, Some(told)), (6, Some(told)), (8, Some(told))];
+        assert_eq!(concerns, expected.map(|(width, told)| (width, told.map(str::to_owned))));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::IngestError;
 use crate::media::{Decoding, EncodedFrame, Picture};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Pictures that can be read from the first to the last, and then again.
 pub trait Medium: Send {
@@ -29,6 +29,16 @@ pub trait Medium: Send {
     /// Returns the process that decodes it and what holds that; none before its first picture, and where nothing is decoded.
     fn decoding(&self) -> Option<Decoding> {
         None
+    }
+
+    /// Returns the number of pictures that were left out since it was opened, because they could not be decoded whole.
+    fn n_damaged(&self) -> u64 {
+        0
+    }
+
+    /// Returns the path of what holds the newest picture; for messages.
+    fn newest_path(&self) -> PathBuf {
+        self.path().to_path_buf()
     }
 
     /// The next picture, or `None` after the last.

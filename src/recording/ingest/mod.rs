@@ -16,6 +16,7 @@ mod images;
 mod jpeg;
 mod live;
 mod look;
+mod losses;
 mod medium;
 mod pacing;
 mod pairing;
@@ -29,6 +30,7 @@ mod standing;
 mod status;
 mod stop;
 mod timed;
+mod together;
 mod unchanging;
 mod worker;
 
@@ -46,6 +48,7 @@ pub use reach::CameraError;
 pub use roots::MediaRoots;
 pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
+pub use together::{Member, Together};
 pub use worker::{CameraWorker, Feed, FrameConsumer};
 
 use crate::media::{Decoding, EncodedFrame};
@@ -78,10 +81,10 @@ pub enum Polled {
     Ended,
 }
 
-/// Frames that a live source left out since it was opened.
+/// Frames that a source left out since it was opened.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lost {
-    /// A newer one came before they were taken.
+    /// A newer one came before they were taken; of live sources alone.
     pub n_replaced: u64,
     /// They could not be decoded whole.
     pub n_damaged: u64,
@@ -140,9 +143,14 @@ pub trait Source: Send {
         None
     }
 
-    /// What a live source left out so far.
+    /// Returns what it left out so far.
     fn lost(&self) -> Lost {
         Lost::default()
+    }
+
+    /// What is wrong with a file although its pictures come.
+    fn concern(&self) -> Option<&str> {
+        None
     }
 }
 

@@ -70,6 +70,8 @@ pub struct Pipeline {
     /// Models of formats that the camera left, the one left last at the end: a picture of one size is never read by
     /// the model of another, and a size that comes back finds what was learned.
     aside: Vec<Model>,
+    /// How often pictures went over to another format.
+    n_changes: u64,
     /// The background picture that frames share, and when it was taken.
     picture: Option<(Timestamp, Arc<YuvImage>)>,
     /// Whether frames of the past are looked at: backgrounds stay as they were restored, and nothing is told.
@@ -125,6 +127,7 @@ impl Pipeline {
             events: Vec::new(),
             current: None,
             aside: Vec::new(),
+            n_changes: 0,
             picture: None,
             is_review: false,
             has_vision: true,
@@ -494,8 +497,14 @@ impl Pipeline {
         let remembered = std::mem::replace(self.segmenter.memory_mut(), std::mem::take(&mut next.memory));
         if let Some(mut left) = self.current.replace(next) {
             left.memory = remembered;
-            let camera = camera.map(CameraId::as_str);
-            tracing::warn!(camera, from = %left.mixture.format(), to = %format, "picture format changed");
+            self.n_changes += 1;
+            // Of pictures that go to and fro, such as numbered ones of mixed sizes, each change would be a line.
+            if self.n_changes.is_power_of_two() {
+                let (camera, n_changes) = (camera.map(CameraId::as_str), self.n_changes);
+                tracing::warn!(
+                    camera, n_changes, from = %left.mixture.format(), to = %format, "picture format changed"
+                );
+            }
             self.aside.push(left);
             if self.aside.len() > MAX_ASIDE {
                 self.aside.remove(0);

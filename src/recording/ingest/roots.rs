@@ -80,13 +80,14 @@ impl MediaRoots {
         &self.networks
     }
 
-    /// The folder that `path` lies in as the only root: for commands whose caller may read the file anyway.
+    /// What a command's caller names by `path`, wherever symbolic links lead: whoever gives the command may read the file anyway.
     ///
     /// # Errors
-    /// When that folder does not exist or cannot be read.
-    pub fn folder_of(path: &Path) -> Result<Self, IngestError> {
+    /// When the folder that `path` lies in does not exist or cannot be read.
+    pub fn of_caller(path: &Path) -> Result<Self, IngestError> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        Self::new(&[folder.unwrap_or_else(|| Path::new(".")).to_path_buf()])
+        let roots = Self::new(&[folder.unwrap_or_else(|| Path::new(".")).to_path_buf()])?;
+        Ok(Self { resolved: vec![PathBuf::from("/")], ..roots })
     }
 
     /// Resolves a folder that must lie in the roots.
@@ -217,6 +218,27 @@ mod tests {
     }
 
     #[test]
+    fn links_that_a_command_s_caller_names_are_followed() {
+        let (folder, roots) = plaza();
+        let link = folder.path().join("media/out.avi");
+        assert!(matches!(roots.open(&link), Err(IngestError::Outside { .. })));
+        let named = MediaRoots::of_caller(&link).unwrap();
+        assert!(named.open(&link).is_ok());
+        assert!(
+            named.open(&folder.path().join("media/up/secret.avi")).is_ok(),
+            "so are pictures of a pattern"
+        );
+        let steps = folder.path().join("media/day/../out.avi");
+        assert!(MediaRoots::of_caller(&steps).unwrap().open(&steps).is_ok());
+        let absent = folder.path().join("media/absent.avi");
+        assert!(matches!(
+            MediaRoots::of_caller(&absent).unwrap().open(&absent),
+            Err(IngestError::NotFound { .. })
+        ));
+        assert!(matches!(named.open(Path::new("/dev/zero")), Err(IngestError::NotAFile { .. })));
+    }
+
+    #[test]
     fn roots_that_are_no_folders_are_refused() {
         let (folder, _) = plaza();
         for path in ["secret.avi", "nowhere"] {
@@ -228,8 +250,8 @@ mod tests {
         let roots = MediaRoots::new(std::slice::from_ref(&relative)).unwrap();
         assert!(roots.open(&relative.join("a.avi")).is_ok());
         assert!(matches!(roots.open(&relative.join("../day/a.avi")), Err(IngestError::ParentStep { .. })));
-        let beside = MediaRoots::folder_of(&folder.path().join("secret.avi")).unwrap();
+        let beside = MediaRoots::of_caller(&folder.path().join("secret.avi")).unwrap();
         assert!(beside.open(&folder.path().join("secret.avi")).is_ok());
-        assert!(MediaRoots::folder_of(Path::new("secret.avi")).is_ok());
+        assert!(MediaRoots::of_caller(Path::new("secret.avi")).is_ok());
     }
 }

@@ -189,6 +189,11 @@ impl SharedStatus {
         status.reason = Some(reason);
     }
 
+    /// Tells something of the state that it is in.
+    pub(super) fn tell(&self, reason: String) {
+        self.lock().reason = Some(reason);
+    }
+
     /// Tells that no frame has come for a while.
     pub(super) fn stall(&self, reason: String, now: Timestamp) {
         let mut status = self.lock();

@@ -2,7 +2,7 @@
 
 use super::medium::Medium;
 use super::pairing::Pairing;
-use super::{IngestError, Source, SourceFrame};
+use super::{IngestError, Lost, Source, SourceFrame};
 use crate::media::{Decoding, EncodedFrame, Picture};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -42,6 +42,10 @@ pub(super) struct TimedSource<M> {
     pairing: Pairing,
     /// Encoded frames of passes that have ended.
     encoded: VecDeque<EncodedFrame>,
+    /// Columns and rows of the first picture.
+    first_size_px: Option<(u32, u32)>,
+    /// What is wrong although pictures come: one had another size than the first.
+    concern: Option<String>,
 }
 
 enum Position {
@@ -83,6 +87,8 @@ impl<M: Medium> TimedSource<M> {
             pass: Pass::default(),
             pairing: Pairing::default(),
             encoded: VecDeque::new(),
+            first_size_px: None,
+            concern: None,
         }
     }
 
@@ -127,7 +133,27 @@ impl<M: Medium> TimedSource<M> {
         self.pass.played = (stream_nanos, self.pass.played.1 + 1);
         let number = self.number;
         self.number += 1;
+        self.compare_size((picture.image.width(), picture.image.height()), number);
         Some(SourceFrame { image: Arc::new(picture.image), stream_nanos, number, reference: None })
+    }
+
+    /// Tells once, in the log and as a concern, where a picture has another size than the first.
+    fn compare_size(&mut self, size_px: (u32, u32), number: u64) {
+        let first_size_px = *self.first_size_px.get_or_insert(size_px);
+        if size_px == first_size_px || self.concern.is_some() {
+            return;
+        }
+        let ((first_width, first_height), (width, height)) = (first_size_px, size_px);
+        let path = self.media.newest_path();
+        tracing::warn!(
+            path = %path.display(), number, width, height, first_width, first_height,
+            "a picture has another size than the first one; each size has a background of its own"
+        );
+        let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+        self.concern = Some(format!(
+            "its pictures are of several sizes: {first_width} x {first_height} at first, {width} x {height} in {name} \
+             (number {number}); each has a background of its own"
+        ));
     }
 
     /// The next picture of the part that is played; none where the pass is over.
@@ -193,6 +219,14 @@ impl<M: Medium> Source for TimedSource<M> {
 
     fn decoding(&self) -> Option<Decoding> {
         self.media.decoding()
+    }
+
+    fn lost(&self) -> Lost {
+        Lost { n_damaged: self.media.n_damaged(), ..Lost::default() }
+    }
+
+    fn concern(&self) -> Option<&str> {
+        self.concern.as_deref()
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, IngestError> {

@@ -1,28 +1,37 @@
-//! One thread a camera: opens its source, paces the frames in real time, opens it again after a failure.
+//! One thread a camera: opens its source, hands its frames on, opens it again after a failure.
 //!
 //! In: a source and a clock. Out: frames of scene time to one consumer, and the camera's status. Scene time is the
-//! configured start, or the daemon's, plus stream time; it never runs backwards, also when a source failed and
-//! begins anew: then it goes on where real time stands. Live sources are not paced (`follow`).
+//! configured start, or that of the beginning, plus stream time; it never runs backwards, also when a source failed and
+//! begins anew. Files are played in real time or as fast as their frames are processed (`play`), live sources are
+//! followed (`follow`).
 
 mod follow;
+mod play;
+mod start;
 #[cfg(test)]
 mod tests;
 
 use super::arrival::ArrivalClock;
-use super::pacing::{Pacer, Turn};
+use super::losses::{Counts, Losses};
+use super::pacing::Pacer;
 use super::secret::LoginWatch;
 use super::status::{CameraState, CameraStatus, Delivered, RateMeter, SharedStatus, StatusReader};
-use super::{IngestError, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
+use super::together::{Member, Together};
+use super::{IngestError, Lost, MediaRoots, Source, SourceFrame, StopFlag, Tap, open_tapped};
 use crate::media::{EncodedFrame, TICK_NANOS};
 use crate::telemetry::DropReason;
+use play::Played;
+pub use start::Feed;
+use start::{Corrected, SharedClock, Start};
 use std::hash::BuildHasher;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use videofields_vision::clock::{Clock, Timestamp};
-use videofields_vision::config::{ClockSettings, End, SourceSettings};
-use videofields_vision::frame::{CameraId, Frame};
+use videofields_vision::config::{ClockSettings, End, Pace};
+use videofields_vision::frame::{CameraId, Frame, YuvImage};
 
 /// Longest sleep between two looks at the stop flag.
 const SLICE: Duration = Duration::from_millis(100);
@@ -49,6 +58,9 @@ const LOGIN_LOOK: Duration = Duration::from_secs(1);
 
 /// What receives a camera's frames, on the camera's own thread. Slow consumers lose frames, never others' time.
 pub trait FrameConsumer: Send {
+    /// Gets ready for frames such as the first one of a file, before any of its frames is due: whatever takes long. Called once.
+    fn prepare(&mut self, _first: &YuvImage) {}
+
     /// Takes the next frame; timestamps and numbers only grow.
     fn consume(&mut self, frame: Frame);
 
@@ -64,6 +76,11 @@ pub trait FrameConsumer: Send {
     /// Takes a frame as the camera encoded it, with the scene time of its picture, in decoding order; each comes about
     /// when its picture does, and also where its picture was left out.
     fn record(&mut self, _frame: &EncodedFrame, _time: Timestamp) {}
+
+    /// Whether [`Self::record`] leaves nothing out for want of room; a file of which every frame counts waits for it.
+    fn has_room(&self) -> bool {
+        true
+    }
 
     /// What is wrong with the camera although its frames come; shown as its reason.
     fn concern(&self) -> Option<&str> {
@@ -93,12 +110,13 @@ pub struct CameraWorker {
     stop: StopFlag,
     status: SharedStatus,
     clock: SharedClock,
+    zero: Arc<AtomicI64>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl CameraWorker {
-    /// Starts the camera `id`. Stream time 0 is monotonic time `began`, the same for cameras that belong together; its
-    /// scene time is that of the file's `start`, or `origin` if there is none.
+    /// Starts the camera `id`. Files that are given the same `together` have a common stream time 0; its scene time is that of
+    /// the file's `start`, or that of the common beginning if there is none.
     ///
     /// # Errors
     /// When no thread can be started. Whatever is wrong with the source shows in the status.
@@ -107,11 +125,11 @@ impl CameraWorker {
         feed: impl Into<Feed>,
         roots: MediaRoots,
         clock: Arc<dyn Clock>,
-        (origin, began): (Timestamp, Duration),
+        together: impl Into<Together>,
         consumer: Box<dyn FrameConsumer>,
     ) -> Result<Self, IngestError> {
         let feed = feed.into();
-        let start = feed.start(origin, began);
+        let start = feed.start(together.into());
         let (end, stall, tap) = (feed.source.end, feed.source.stall_secs, consumer.tap());
         let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
         let login = LoginWatch::of(&feed.source);
@@ -133,10 +151,23 @@ impl CameraWorker {
         let stop = StopFlag::default();
         let status = start.status.map_or_else(|| SharedStatus::new(clock.now()), |status| status.shared());
         let counted = status.read();
+        let scene_start = start.scene.unwrap_or_else(|| start.together.origin());
+        let zero = Arc::new(AtomicI64::new(scene_start.as_nanos()));
         let camera = Camera {
             id: id.clone(),
             clock,
-            scene_start: start.scene,
+            start: start.scene,
+            scene_start,
+            zero: Arc::clone(&zero),
+            member: start.pace.map(|pace| start.together.join(pace)),
+            pace: start.pace.unwrap_or_default(),
+            together: start.together,
+            is_prepared: false,
+            played: None,
+            resumed: None,
+            losses: Losses::default(),
+            damage: 0,
+            source_concern: None,
             own_clock: start.clock.clone(),
             corrected: start.corrected,
             end,
@@ -146,7 +177,7 @@ impl CameraWorker {
             status: status.clone(),
             tap: consumer.tap(),
             consumer,
-            pacer: Pacer::new(start.began),
+            pacer: None,
             arrivals: ArrivalClock::default(),
             steady_since: None,
             rate: RateMeter::default(),
@@ -157,7 +188,7 @@ impl CameraWorker {
             .name(format!("camera-{id}"))
             .spawn(move || camera.run_contained(open))
             .map_err(|source| IngestError::Thread { camera: id.clone(), source })?;
-        Ok(Self { id, stop, status, clock: start.clock, thread: Some(thread) })
+        Ok(Self { id, stop, status, clock: start.clock, zero, thread: Some(thread) })
     }
 
     /// The camera.
@@ -176,6 +207,12 @@ impl CameraWorker {
     #[must_use]
     pub fn status_reader(&self) -> StatusReader {
         self.status.reader()
+    }
+
+    /// Returns the scene time of stream time 0, before the clock is corrected: of a file, where it began.
+    #[must_use]
+    pub fn zero(&self) -> Timestamp {
+        Timestamp::from_nanos(self.zero.load(Ordering::Relaxed))
     }
 
     /// Corrects the camera's clock from its next frame on. Where that sets time back, frames come for a while whose times
@@ -222,84 +259,31 @@ impl Drop for CameraWorker {
     }
 }
 
-/// What a camera is fed from.
-#[derive(Clone, Debug, Default)]
-pub struct Feed {
-    /// Where its frames come from.
-    pub source: SourceSettings,
-    /// What is wrong with its clock.
-    pub clock: ClockSettings,
-    /// The status of the worker that stood here before: it is told on, and its counts go on.
-    pub status: Option<StatusReader>,
-}
-
-impl From<SourceSettings> for Feed {
-    fn from(source: SourceSettings) -> Self {
-        Self { source, ..Self::default() }
-    }
-}
-
-impl Feed {
-    /// Where stream time 0 lies, if the daemon began at `origin`.
-    fn start(&self, origin: Timestamp, began: Duration) -> Start {
-        let from_nanos = (self.source.from_secs * 1e9).round() as i64;
-        let is_file = self.source.path.is_some();
-        Start {
-            scene: self.source.start.map_or(origin, |start| start.saturating_add_nanos(from_nanos)),
-            began,
-            clock: SharedClock(Arc::new(Mutex::new(self.clock))),
-            corrected: match self.source.start {
-                Some(since) => Corrected::SceneTime { since },
-                None if is_file => Corrected::StreamTime,
-                None => Corrected::SceneTime { since: origin },
-            },
-            status: self.status.clone(),
-        }
-    }
-}
-
-/// What is wrong with a camera's clock; may be changed while the camera runs.
-#[derive(Clone, Debug, Default)]
-struct SharedClock(Arc<Mutex<ClockSettings>>);
-
-impl SharedClock {
-    fn get(&self) -> ClockSettings {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn set(&self, clock: ClockSettings) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = clock;
-    }
-}
-
-/// Which time the camera's clock is corrected in.
-#[derive(Clone, Copy, Debug, Default)]
-enum Corrected {
-    /// A file that begins with the daemon is moved against the others that do: it plays later, or what lies before their
-    /// beginning is left out.
-    #[default]
-    StreamTime,
-    /// All else is played as it comes, and bears another time; `since` is the instant from which on drift counts.
-    SceneTime { since: Timestamp },
-}
-
-/// Where stream time 0 lies, and how what follows from it becomes scene time.
-#[derive(Clone, Default)]
-struct Start {
-    /// In scene time, before the correction.
-    scene: Timestamp,
-    /// In monotonic time.
-    began: Duration,
-    clock: SharedClock,
-    corrected: Corrected,
-    status: Option<StatusReader>,
-}
-
 /// What lives on the camera's thread.
 struct Camera {
     id: CameraId,
     clock: Arc<dyn Clock>,
+    /// Scene time of stream time 0 as it is configured.
+    start: Option<Timestamp>,
+    /// The same as it is in force.
     scene_start: Timestamp,
+    /// Tells that to others.
+    zero: Arc<AtomicI64>,
+    /// Those with whom a file begins, and its place among them while it is played or about to be.
+    together: Together,
+    member: Option<Member>,
+    pace: Pace,
+    /// Whether the consumer is.
+    is_prepared: bool,
+    /// How far a file that is played whole was played, and how far it was when it was opened again after a failure.
+    played: Option<Played>,
+    resumed: Option<Played>,
+    /// Frames that were left out, until the log tells them.
+    losses: Losses,
+    /// Frames of a file that were damaged.
+    damage: u64,
+    /// What is wrong with the source although its frames come.
+    source_concern: Option<String>,
     own_clock: SharedClock,
     corrected: Corrected,
     end: End,
@@ -311,7 +295,8 @@ struct Camera {
     status: SharedStatus,
     tap: Tap,
     consumer: Box<dyn FrameConsumer>,
-    pacer: Pacer,
+    /// Paces a file in real time, once it has begun.
+    pacer: Option<Pacer>,
     arrivals: ArrivalClock,
     /// Monotonic times of the first and the latest frame since the source was opened.
     steady_since: Option<(Duration, Duration)>,
@@ -347,6 +332,9 @@ impl Camera {
                 self.consumer.begin();
                 if is_live { self.follow(source.as_mut()) } else { self.play(source.as_mut()) }
             });
+            // Whoever fails or has ended is not waited for.
+            self.member = None;
+            self.tell_losses(Losses::take);
             let Err(error) = outcome else { break };
             if self.stop.is_raised() {
                 break;
@@ -393,50 +381,12 @@ impl Camera {
             self.status.retry(reason);
         }
         self.consumer.finish();
+        if self.damage > 0 && last_state == CameraState::Ended && !self.stop.is_raised() {
+            self.status.tell(format!("{} of its pictures were damaged and are left out", self.damage));
+        }
         if last_state != CameraState::Failed {
             self.status.set(last_state, self.clock.now());
         }
-    }
-
-    /// Delivers frames until the source or the camera ends.
-    fn play(&mut self, source: &mut dyn Source) -> Result<(), IngestError> {
-        self.pacer.begin();
-        let first_number = self.next_number;
-        while let Some(frame) = source.next_frame()? {
-            let stream_nanos = self.stream_time(frame.stream_nanos);
-            if stream_nanos < 0 {
-                // Before the beginning that is common to all.
-                self.hand_on_encoded(source, self.file_offset_nanos());
-                if self.stop.is_raised() {
-                    break;
-                }
-                continue;
-            }
-            let due = self.pacer.due(self.clock.monotonic(), stream_nanos);
-            self.sleep_until(due);
-            if self.stop.is_raised() {
-                break;
-            }
-            self.hand_on_encoded(source, self.file_offset_nanos());
-            self.next_number = first_number + frame.number + 1;
-            match self.pacer.turn(self.clock.monotonic()) {
-                Turn::Deliver => {
-                    self.tell_decoding(source);
-                    let timestamp = self.scene_start.saturating_add_nanos(self.pacer.stream_nanos());
-                    let timestamp = self.scene_time(timestamp);
-                    self.deliver(frame, timestamp, first_number);
-                }
-                Turn::Drop => {
-                    self.status.count_dropped(1);
-                    self.consumer.miss(DropReason::Overrun, 1);
-                }
-            }
-            self.tick_if_due();
-        }
-        if !self.stop.is_raised() {
-            self.hand_on_encoded(source, self.file_offset_nanos());
-        }
-        Ok(())
     }
 
     /// Hands on the encoded frames whose pictures came; `offset_nanos` is added to stream time.
@@ -446,7 +396,7 @@ impl Camera {
         }
         while let Some(frame) = source.take_encoded() {
             let stream_nanos = self.stream_time(frame.stream_nanos.unwrap_or(0));
-            if stream_nanos < 0 {
+            if stream_nanos < 0 || self.is_played_already(stream_nanos) {
                 continue;
             }
             let time = self.scene_time(Timestamp::from_nanos(offset_nanos.saturating_add(stream_nanos)));
@@ -468,7 +418,7 @@ impl Camera {
 
     /// What is added to a file's stream time.
     fn file_offset_nanos(&self) -> i64 {
-        self.scene_start.as_nanos().saturating_add(self.pacer.offset_nanos())
+        self.scene_start.as_nanos().saturating_add(self.pacer.as_ref().map_or(0, Pacer::offset_nanos))
     }
 
     /// What `time` is once the camera's clock is corrected, as it is kept: of a camera that is recorded, in the unit that
@@ -505,8 +455,34 @@ impl Camera {
         self.steady_since = Some((self.steady_since.map_or(now, |(first, _)| first), now));
         let state = if self.consumer.is_frozen() { CameraState::Frozen } else { CameraState::Live };
         let delivered = Delivered { timestamp, monotonic: now, wall: self.clock.now(), size, fps, state };
-        if self.status.count_frame(&delivered, self.consumer.concern()) {
+        if self.status.count_frame(&delivered, self.consumer.concern().or(self.source_concern.as_deref())) {
             tracing::info!(width = size.0, height = size.1, "a camera is live");
+        }
+    }
+
+    /// Counts what a live source left out beyond `counted`.
+    fn count_lost(&mut self, lost: Lost, counted: &mut Lost) {
+        let n_replaced = lost.n_replaced.saturating_sub(counted.n_replaced);
+        let n_damaged = lost.n_damaged.saturating_sub(counted.n_damaged);
+        counted.n_replaced += n_replaced;
+        counted.n_damaged += n_damaged;
+        self.leave_out(DropReason::Replaced, n_replaced);
+        self.leave_out(DropReason::Damaged, n_damaged);
+    }
+
+    /// Counts `n` frames that are left out.
+    fn leave_out(&mut self, reason: DropReason, n: u64) {
+        if n > 0 {
+            self.status.count_dropped(n);
+            self.consumer.miss(reason, n);
+            self.losses.count(reason, n, self.clock.monotonic());
+        }
+    }
+
+    /// Tells the log of frames that were left out, if there are any to be told.
+    fn tell_losses(&mut self, due: impl FnOnce(&mut Losses) -> Option<Counts>) {
+        if let Some(Counts { n_late, n_replaced, n_damaged }) = due(&mut self.losses) {
+            tracing::warn!(n_late, n_replaced, n_damaged, "frames of a camera were left out");
         }
     }
 
@@ -541,6 +517,7 @@ impl Camera {
         if now.saturating_sub(ticked) >= TICK_INTERVAL {
             self.ticked = Some(now);
             self.consumer.tick();
+            self.tell_losses(|losses| losses.due(now));
         }
     }
 }

@@ -11,7 +11,7 @@ use super::announced::{MAX_SIDE, is_too_large, size_of_format};
 use super::device::device_fault;
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Client, Connection, Keep, Memory, Source, make};
-use super::probes::{be_patient, refuse_large_pictures};
+use super::probes::{be_patient, count_entries, refuse_large_pictures};
 use super::{EncodedQueue, Fault, tap};
 use gst::glib;
 use gst::prelude::*;
@@ -41,6 +41,8 @@ pub(super) struct Pipeline {
     n_arrived: Arc<AtomicU64>,
     n_pulled: AtomicU64,
     n_damaged: Arc<AtomicU64>,
+    /// Frames of a file that went into its decoder.
+    n_entered: Arc<AtomicU64>,
     keep: Keep,
     /// True where errors may name addresses and passwords: of a camera that is connected to from here.
     has_secrets: bool,
@@ -104,16 +106,23 @@ impl Pipeline {
         self.n_pulled.fetch_add(1, Ordering::Relaxed);
         let is_broken =
             sample.buffer().is_some_and(|buffer| buffer.flags().contains(gst::BufferFlags::CORRUPTED));
-        if is_broken && self.keep == Keep::Newest {
+        if is_broken {
             self.n_damaged.fetch_add(1, Ordering::Relaxed);
             return None;
         }
         Some(sample)
     }
 
-    /// Pictures of a live input that were left out as broken, and complaints of its decoder, each of which cost a picture.
+    /// Returns the number of pictures that were left out as broken, and of complaints of a decoder, each of which cost a picture; of
+    /// a file that has ended also of frames of which no picture came.
     pub(super) fn n_damaged(&self) -> u64 {
-        self.n_damaged.load(Ordering::Relaxed)
+        let n_damaged = self.n_damaged.load(Ordering::Relaxed);
+        if self.keep == Keep::Newest || !self.has_ended() {
+            return n_damaged;
+        }
+        let n_entered = self.n_entered.load(Ordering::Relaxed);
+        // A complaint cost the same picture.
+        n_damaged.max(n_entered.saturating_sub(self.n_arrived.load(Ordering::Relaxed)))
     }
 
     /// Pictures of a live input that newer ones replaced before they were pulled; one that waits now may be counted.
@@ -251,13 +260,16 @@ impl Built {
         let pipeline = gst::Pipeline::new();
         pipeline.add(&sink).map_err(|error| gstreamer_fault("build a pipeline", &error))?;
         let n_damaged = Arc::<AtomicU64>::default();
-        let counter = Arc::clone(&n_damaged);
+        let n_entered = Arc::<AtomicU64>::default();
+        let (counter, entries) = (Arc::clone(&n_damaged), Arc::clone(&n_entered));
         let (faults, link_faults) = sync_channel(1);
         let size_faults = faults.clone();
         pipeline.connect_deep_element_added(move |_pipeline, _bin, element| {
             set_up(element);
             if keep == Keep::Newest {
                 be_patient(element, &counter);
+            } else {
+                count_entries(element, &entries);
             }
             refuse_large_pictures(element, &size_faults);
         });
@@ -271,9 +283,7 @@ impl Built {
             action: "build a pipeline".into(),
             detail: "the pipeline has no bus".to_owned(),
         })?;
-        if keep == Keep::Newest {
-            keep_errors_alone(&bus, &n_damaged);
-        }
+        keep_errors_alone(&bus, &n_damaged);
         let pipeline = Pipeline {
             pipeline,
             bus,
@@ -283,6 +293,7 @@ impl Built {
             n_arrived,
             n_pulled: AtomicU64::new(0),
             n_damaged,
+            n_entered,
             keep,
             has_secrets: false,
             _file: file,
@@ -370,8 +381,8 @@ fn count_arrivals(sink: &gst_app::AppSink) -> Arc<AtomicU64> {
     n_arrived
 }
 
-/// Lets nothing but errors wait on the bus of a live pipeline, which runs for months: what decoders complain of is counted,
-/// the rest is nobody's.
+/// Lets nothing but errors wait on the bus of a pipeline, which may run for months: what decoders complain of is counted, the
+/// rest is nobody's.
 fn keep_errors_alone(bus: &gst::Bus, n_damaged: &Arc<AtomicU64>) {
     let n_damaged = Arc::clone(n_damaged);
     bus.set_sync_handler(move |_bus, message| {
@@ -403,6 +414,12 @@ pub(super) fn codec_of(caps: &gst::CapsRef) -> Option<String> {
 /// Returns whether `object` decodes by itself: decodebin, which says so too, has others do it.
 pub(super) fn is_decoder(object: &gst::Object) -> bool {
     !object.is::<gst::Bin>() && is_of(object, gst::ElementFactoryType::DECODER)
+}
+
+/// Returns true where an element decodes pictures, not sound.
+pub(super) fn is_picture_decoder(element: &gst::Element) -> bool {
+    let object = element.upcast_ref();
+    is_decoder(object) && !is_of(object, gst::ElementFactoryType::MEDIA_AUDIO)
 }
 
 fn is_of(object: &gst::Object, kind: gst::ElementFactoryType) -> bool {

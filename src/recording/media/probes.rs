@@ -4,7 +4,7 @@ use super::announced::{self, Announced, is_too_large, size_of_format};
 use super::fault::Fault;
 use super::jpeg;
 use super::losses::Losses;
-use super::pipeline::{is_decoder, tell};
+use super::pipeline::{is_decoder, is_picture_decoder, tell};
 use gst::glib;
 use gst::prelude::*;
 use gstreamer as gst;
@@ -14,6 +14,23 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// Frames with headers that cannot be read, of which a stream may begin with so many; one that has nothing else gives no picture.
 const MAX_UNREADABLE: u64 = 50;
+
+/// Counts the frames that go into a pipeline's first decoder of pictures and are to be seen.
+pub(super) fn count_entries(element: &gst::Element, n_entered: &Arc<AtomicU64>) {
+    // The pipeline and who asks it hold one each; the probe of one that counts already is a third.
+    let is_first = || Arc::strong_count(n_entered) <= 2;
+    let Some(pad) = element.static_pad("sink").filter(|_| is_picture_decoder(element) && is_first()) else {
+        return;
+    };
+    let n_entered = Arc::clone(n_entered);
+    pad.add_probe(gst::PadProbeType::BUFFER, move |_pad, info| {
+        let is_seen = |buffer: &gst::Buffer| !buffer.flags().contains(gst::BufferFlags::DECODE_ONLY);
+        if info.buffer().is_some_and(is_seen) {
+            n_entered.fetch_add(1, Ordering::Relaxed);
+        }
+        gst::PadProbeReturn::Ok
+    });
+}
 
 /// Lets the decoder of a live input leave out what it cannot decode, however much that is, and keeps from it broken JPEG
 /// and, once packets were lost, all that builds on what they held: a decoder would make smears of it that look like

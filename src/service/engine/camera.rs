@@ -2,7 +2,8 @@
 
 use super::activity::Activity;
 use super::checkpoint::Checkpoints;
-use super::object_sizes::CameraObjectSizes;
+use super::handle::shape_concern;
+use super::object_sizes::{Calibrated, CameraObjectSizes};
 use super::privacy::{CameraPrivacy, Privacy};
 use super::sightings::Sightings;
 use super::tracks::Tracks;
@@ -18,7 +19,7 @@ use videofields_recording::timeline::{EventKind, EventLog, Timeline, TimelineErr
 use videofields_vision::clock::{Clock, Timestamp};
 use videofields_vision::condition::{Condition, ConditionKind};
 use videofields_vision::config::{CameraSettings, Learning};
-use videofields_vision::frame::Frame;
+use videofields_vision::frame::{Frame, YuvImage};
 use videofields_vision::observation::Observation;
 
 /// Scene time that goes by, all of it older than what is kept, until that is let go.
@@ -54,6 +55,8 @@ pub(super) struct CameraConsumer {
     background_concern: Option<String>,
     /// Metres by which the camera is told to see people elsewhere than other cameras do.
     misaligned_m: Option<f64>,
+    /// The scene by whose calibration its pictures are stretched, as the log was told.
+    stretched: Option<Calibrated>,
     /// Fault of the recording although frames come.
     recording_concern: Option<String>,
     /// Worst fault although frames come: the recording's first, then the picture's condition.
@@ -97,6 +100,7 @@ impl CameraConsumer {
             records_hidden: false,
             background_concern: None,
             misaligned_m: None,
+            stretched: None,
             recording_concern: None,
             concern: None,
         }
@@ -115,13 +119,13 @@ impl CameraConsumer {
     /// Before the first frame: the background of the last run, else that of the clip. A held background is always
     /// learned anew, so that another clip takes effect; one that adapts learns a clip that was named since. False
     /// where the camera was stopped meanwhile.
-    fn prepare(&mut self, first: &Frame) -> bool {
+    fn learn_place(&mut self, first: &YuvImage) -> bool {
         if !self.pipeline.has_vision() {
             return true;
         }
         let id = &self.settings.id;
         let is_held = self.settings.background.learning == Learning::Hold;
-        let is_restored = !is_held && self.checkpoints.restore(&mut self.pipeline, &first.image);
+        let is_restored = !is_held && self.checkpoints.restore(&mut self.pipeline, first);
         let Some(clip) = &self.settings.background.clip else { return true };
         if is_restored && self.pipeline.has_learned_clip() {
             return true;
@@ -209,6 +213,19 @@ impl CameraConsumer {
         self.concern = self.worst();
     }
 
+    /// Tells the log where pictures of that size have another shape than the one that was calibrated, whenever that changes. Callers
+    /// see it in the camera's summary.
+    fn compare_shape(&mut self, size_px: (u32, u32)) {
+        let stretched = self.object_sizes.stretched(&self.settings.id, size_px);
+        if stretched != self.stretched {
+            if let Some((scene, calibrated_px)) = &stretched {
+                let concern = shape_concern(scene, *calibrated_px, size_px);
+                tracing::warn!(camera = %self.settings.id, concern, "a calibration does not fit");
+            }
+            self.stretched = stretched;
+        }
+    }
+
     /// Takes notice of what was told of the camera's calibration.
     fn hear_of_calibration(&mut self) {
         let misaligned_m = self.sightings.misaligned_m();
@@ -250,17 +267,23 @@ fn condition_concern(condition: &Condition) -> Option<String> {
 }
 
 impl FrameConsumer for CameraConsumer {
+    fn prepare(&mut self, first: &YuvImage) {
+        self.pipeline.set_zones(&self.privacy.now().zones);
+        self.is_prepared = self.learn_place(first);
+    }
+
     fn consume(&mut self, frame: Frame) {
         let (privacy, number) = self.privacy.numbered();
         self.pipeline.set_zones(&privacy.zones);
         if !self.is_prepared {
-            if !self.prepare(&frame) {
+            self.is_prepared = self.learn_place(&frame.image);
+            if !self.is_prepared {
                 return;
             }
-            self.is_prepared = true;
         }
         self.tuning.apply(&mut self.pipeline);
         self.pipeline.set_object_sizes(self.object_sizes.of(&self.settings.id));
+        self.compare_shape((frame.image.width(), frame.image.height()));
         let id = self.settings.id.as_str();
         let mut started = self.clock.monotonic();
         let observation = self.pipeline.process_staged(frame, |stage| {
@@ -292,6 +315,10 @@ impl FrameConsumer for CameraConsumer {
             recorder.break_off();
         }
         recorder.push(frame, time);
+    }
+
+    fn has_room(&self) -> bool {
+        self.recorder.as_ref().is_none_or(Recorder::has_room)
     }
 
     fn concern(&self) -> Option<&str> {

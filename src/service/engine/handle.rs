@@ -88,6 +88,37 @@ pub struct CameraSummary {
     pub privacy: PrivacySummary,
     /// Scenes that hold the camera.
     pub scenes: Vec<String>,
+    /// Those of them by whose calibration its newest picture is stretched.
+    pub stretched: Vec<StretchedSummary>,
+}
+
+impl CameraSummary {
+    /// Names calibrations of another shape as the reason where nothing else is wrong.
+    pub(super) fn tell_stretched(&mut self) {
+        if let (None, Some([width, height]), Some(of)) = (&self.reason, self.size_px, self.stretched.first())
+        {
+            self.reason = Some(shape_concern(&of.scene, of.calibrated_px.into(), (width, height)));
+        }
+    }
+}
+
+/// Returns what people are told of a camera whose pictures have another shape than the one that was calibrated for a scene.
+#[must_use]
+pub fn shape_concern(scene: &str, calibrated_px: (u32, u32), (width, height): (u32, u32)) -> String {
+    let (calibrated_width, calibrated_height) = calibrated_px;
+    format!(
+        "its pictures are {width} x {height}, but scene {scene} has a calibration of {calibrated_width} x \
+         {calibrated_height}, which is another shape: they are stretched onto the scene"
+    )
+}
+
+/// A scene whose calibration of a camera is of pictures of another shape.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct StretchedSummary {
+    /// The scene.
+    pub scene: String,
+    /// Columns and rows of the picture that was calibrated.
+    pub calibrated_px: [u32; 2],
 }
 
 /// A camera's decoding process and what holds it, as the API shows it.

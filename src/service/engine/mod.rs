@@ -60,7 +60,7 @@ pub use exports::ExportAsked;
 pub use forecaster::Expected;
 pub use handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, Handle, LocateMethod, Located, Preview,
-    Readiness, RecordingSummary, SceneSummary,
+    Readiness, RecordingSummary, SceneSummary, StretchedSummary, shape_concern,
 };
 pub use identity::ViewIdentity;
 pub use looking::FoundSources;
@@ -85,13 +85,13 @@ use past::Past;
 use privacy::Privacies;
 use roster::{Allotment, Roster, Surroundings};
 use shared::Shared;
-use std::sync::{Arc, OnceLock, RwLock};
+use std::sync::{Arc, Mutex, OnceLock, RwLock};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 use videofields_picture::scene::Scene;
 use videofields_recording::archive::Archive;
-use videofields_recording::ingest::IngestError;
+use videofields_recording::ingest::{IngestError, Together};
 use videofields_recording::store::Store;
 use videofields_recording::telemetry::Metrics;
 use videofields_recording::timeline::{EventLog, Replay};
@@ -184,7 +184,7 @@ impl Engine {
             archive: archive.clone(),
             events: Arc::clone(&events),
             stop: stop.clone(),
-            origin: (clock.now(), clock.monotonic()),
+            together: Mutex::new(Together::from((clock.now(), clock.monotonic()))),
         };
         let roster = Arc::new(Roster::start(&settings.camera, surroundings)?);
         let cameras = roster.entries();

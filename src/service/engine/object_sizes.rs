@@ -7,12 +7,15 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use videofields_picture::scene::{Scene, object_sizes};
 use videofields_vision::frame::CameraId;
+use videofields_vision::geometry::is_stretched;
 use videofields_vision::segment::ObjectSizes;
 
 /// Keeps the sizes of objects of all cameras that a scene has.
 #[derive(Debug, Default)]
 pub(super) struct CameraObjectSizes {
     by_camera: RwLock<HashMap<CameraId, Arc<ObjectSizes>>>,
+    /// Scenes that have a camera, each with the size of the picture that was calibrated.
+    calibrated: RwLock<HashMap<CameraId, Vec<Calibrated>>>,
     /// Scenes whose sizes are known; held while they are brought up to date.
     known: Mutex<Vec<Known>>,
 }
@@ -20,10 +23,23 @@ pub(super) struct CameraObjectSizes {
 /// A scene, and the sizes in the order of its cameras.
 type Known = (Arc<Scene>, Vec<Arc<ObjectSizes>>);
 
+/// A scene's id, and columns and rows of the picture that was calibrated for it.
+pub(super) type Calibrated = (String, (u32, u32));
+
 impl CameraObjectSizes {
     /// Returns the sizes of a camera; none where no scene has it.
     pub(super) fn of(&self, camera: &CameraId) -> Option<Arc<ObjectSizes>> {
         self.by_camera.read().unwrap_or_else(PoisonError::into_inner).get(camera).cloned()
+    }
+
+    /// Returns the first scene by whose calibration pictures of a camera of that size are stretched, with the size that was calibrated.
+    pub(super) fn stretched(&self, camera: &CameraId, size_px: (u32, u32)) -> Option<Calibrated> {
+        let calibrated = self.calibrated.read().unwrap_or_else(PoisonError::into_inner);
+        calibrated
+            .get(camera)?
+            .iter()
+            .find(|(_, calibrated_px)| is_stretched(*calibrated_px, size_px))
+            .cloned()
     }
 
     /// Brings the sizes up to date with the scenes that `now` returns. `now` is asked under the
@@ -39,6 +55,7 @@ impl CameraObjectSizes {
             known.push((Arc::clone(scene), sizes));
         }
         let mut by_camera: HashMap<CameraId, Arc<ObjectSizes>> = HashMap::new();
+        let mut calibrated: HashMap<CameraId, Vec<Calibrated>> = HashMap::new();
         for (scene, sizes) in &*known {
             for (member, sizes) in scene.cameras.iter().zip(sizes) {
                 let smallest = match by_camera.get(&member.id) {
@@ -46,9 +63,12 @@ impl CameraObjectSizes {
                     None => Arc::clone(sizes),
                 };
                 by_camera.insert(member.id.clone(), smallest);
+                let of = calibrated.entry(member.id.clone()).or_default();
+                of.push((scene.id.clone(), member.camera.size_px()));
             }
         }
         *self.by_camera.write().unwrap_or_else(PoisonError::into_inner) = by_camera;
+        *self.calibrated.write().unwrap_or_else(PoisonError::into_inner) = calibrated;
     }
 }
 

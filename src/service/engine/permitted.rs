@@ -185,8 +185,12 @@ impl Door for Permitted {
         let is_known = |camera: &CameraSummary| self.grants.knows(camera.id.as_str());
         let known = self.known();
         let is_there = |scene: &String| self.shared.scene_within(scene, &known).is_ok();
-        let mut cameras: Vec<_> = self.shared.cameras().into_iter().filter(is_known).collect();
-        cameras.iter_mut().for_each(|camera| camera.scenes.retain(is_there));
+        let mut cameras: Vec<_> = self.shared.camera_summaries().into_iter().filter(is_known).collect();
+        for camera in &mut cameras {
+            camera.scenes.retain(is_there);
+            camera.stretched.retain(|of| is_there(&of.scene));
+            camera.tell_stretched();
+        }
         cameras
     }
 

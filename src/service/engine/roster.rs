@@ -21,7 +21,9 @@ use std::time::Duration;
 use tokio::runtime::Handle as Runtime;
 use videofields_picture::fuse::FootSighting;
 use videofields_recording::archive::Archive;
-use videofields_recording::ingest::{CameraWorker, Feed, IngestError, MediaRoots, StatusReader, StopFlag};
+use videofields_recording::ingest::{
+    CameraWorker, Feed, IngestError, MediaRoots, StatusReader, StopFlag, Together,
+};
 use videofields_recording::store::Store;
 use videofields_recording::telemetry::Metrics;
 use videofields_recording::timeline::{EventLog, Timeline};
@@ -49,9 +51,9 @@ pub(super) struct Surroundings {
     pub(super) object_sizes: Arc<CameraObjectSizes>,
     /// Ends what cameras do that takes long.
     pub(super) stop: StopFlag,
-    /// Scene time and monotonic time of the zero of all cameras that name no start, so that clips which belong together
-    /// stay together.
-    pub(super) origin: (Timestamp, Duration),
+    /// Those that begin with the daemon, or with a change that came before the last one had begun, so that clips which belong
+    /// together stay together.
+    pub(super) together: Mutex<Together>,
 }
 
 /// What a camera's thread is given when it begins, as the configuration was read last.
@@ -101,8 +103,6 @@ struct Post {
 
 /// A camera that is started once more.
 struct Anew<'a> {
-    /// Scene time and monotonic time of its zero, if it names no start.
-    origin: (Timestamp, Duration),
     status: &'a StatusReader,
     /// Whether it looks at another place now.
     is_elsewhere: bool,
@@ -119,8 +119,6 @@ struct Held {
     settings: CameraSettings,
     /// Whether it looks at another place than the last thread that ran.
     is_elsewhere: bool,
-    /// Scene time of its zero, if it names no start.
-    origin: Timestamp,
     worker: Option<CameraWorker>,
 }
 
@@ -129,6 +127,8 @@ impl Roster {
     pub(super) fn start(cameras: &[CameraSettings], surroundings: Surroundings) -> Result<Self, IngestError> {
         let interval = surroundings.allotment().checkpoint_interval();
         let n_cameras = cameras.len() as u32;
+        // None begins before all have been started.
+        let _all = surroundings.together().hold();
         let mut posts = Vec::with_capacity(cameras.len());
         for (camera, place) in cameras.iter().zip(0..) {
             // One after the other over the interval, not all at once: they share one database.
@@ -165,6 +165,8 @@ impl Roster {
         allotment: Allotment,
     ) -> Vec<(CameraId, String)> {
         self.surroundings.set_allotment(allotment);
+        // Files that are added or changed at once begin together.
+        let _all = self.surroundings.renewed_together().hold();
         let before = self.posts();
         let is_gone = |post: &&Arc<Post>| !cameras.iter().any(|camera| camera.id == post.id);
         let gone: Vec<_> =
@@ -256,12 +258,9 @@ impl Roster {
 
     fn add(&self, camera: &CameraSettings, elsewhere: Elsewhere) -> (Arc<Post>, Result<(), EngineError>) {
         let post = Post::new(camera, Duration::ZERO, &self.surroundings);
-        let clock = &self.surroundings.clock;
-        let now = (clock.now(), clock.monotonic());
-        post.lock().origin = now.0;
         let is_elsewhere = elsewhere == Elsewhere::Yes;
         post.lock().is_elsewhere = is_elsewhere;
-        let anew = Anew { origin: now, status: &post.status, is_elsewhere };
+        let anew = Anew { status: &post.status, is_elsewhere };
         let begun = self.surroundings.begin(&post, &mut post.lock(), Some(anew));
         (Arc::new(post), begun.map(|_status| ()).map_err(|error| EngineError::Internal(error.to_string())))
     }
@@ -384,14 +383,10 @@ impl Roster {
     }
 
     fn begin_anew(&self, post: &Post, held: &mut Held, elsewhere: Elsewhere) -> Result<(), EngineError> {
-        // What begins now begins at its beginning.
-        let clock = &self.surroundings.clock;
-        let now = (clock.now(), clock.monotonic());
-        held.origin = now.0;
         let is_elsewhere = elsewhere == Elsewhere::Yes || held.is_elsewhere;
         // Kept until a thread has begun: another try must know of it.
         held.is_elsewhere = is_elsewhere;
-        let anew = Anew { origin: now, status: &post.status, is_elsewhere };
+        let anew = Anew { status: &post.status, is_elsewhere };
         let begun = self.surroundings.begin(post, held, Some(anew));
         begun.map(|_status| ()).map_err(|error| EngineError::Internal(error.to_string()))
     }
@@ -433,7 +428,8 @@ impl Roster {
         let post = self.post(camera).ok()?;
         let held = post.lock();
         let source = &held.settings.source;
-        let since = source.start.or(source.path.as_ref().map(|_file| held.origin));
+        let zero = || held.worker.as_ref().filter(|_| source.path.is_some()).map(CameraWorker::zero);
+        let since = source.start.or_else(zero);
         Some(held.settings.clock.corrected(now, ahead, since))
     }
 
@@ -484,12 +480,7 @@ impl Post {
             sightings: Arc::default(),
             status: StatusReader::switched_off(surroundings.clock.now()),
             sooner,
-            held: Mutex::new(Held {
-                settings: camera.clone(),
-                is_elsewhere: false,
-                origin: surroundings.origin.0,
-                worker: None,
-            }),
+            held: Mutex::new(Held { settings: camera.clone(), is_elsewhere: false, worker: None }),
         }
     }
 
@@ -579,15 +570,31 @@ impl Surroundings {
         .with_recorder(recorder.map(|archive| archive.recorder(&camera.id)))
         .with_object_sizes(Arc::clone(&self.object_sizes));
         let status = anew.as_ref().map(|anew| anew.status.clone());
+        // What begins once more begins at its beginning.
+        let together = if anew.is_some() { self.renewed_together() } else { self.together() };
         let feed = Feed { source: camera.source.clone(), clock: camera.clock, status };
         CameraWorker::spawn(
             camera.id.clone(),
             feed,
             roots.clone(),
             Arc::clone(&self.clock),
-            anew.map_or(self.origin, |anew| anew.origin),
+            together,
             Box::new(consumer),
         )
+    }
+
+    /// Those that begin together now.
+    fn together(&self) -> Together {
+        self.together.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Those that begin together now; others than before where these have begun.
+    fn renewed_together(&self) -> Together {
+        let mut together = self.together.lock().unwrap_or_else(PoisonError::into_inner);
+        if !together.is_awaited() {
+            *together = Together::from((self.clock.now(), self.clock.monotonic()));
+        }
+        together.clone()
     }
 
     fn tell_zones(&self, camera: &str, n_zones: usize) {

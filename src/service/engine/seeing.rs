@@ -277,6 +277,7 @@ mod tests {
                 last: None,
                 age_secs: None,
                 scenes: Vec::new(),
+                stretched: Vec::new(),
                 privacy: crate::engine::PrivacySummary { zones: 0, version: 0, since: None },
             };
             [summary("near", near), summary("far", "live")]

@@ -5,6 +5,7 @@ use glam::DVec3;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use videofields_vision::error::{Fault, pointer_to};
+use videofields_vision::geometry::is_stretched;
 use videofields_vision::mesh::Mended;
 
 /// Most faults that are told; the rest is counted.
@@ -55,9 +56,6 @@ pub struct CameraCheck {
     /// Whether they have another aspect than the picture that was calibrated.
     pub is_stretched: bool,
 }
-
-/// By how much aspects may differ: a row.
-const MOST_STRETCHED: f64 = 0.01;
 
 impl SequenceCheck {
     fn fault(&mut self, text: String) {
@@ -116,9 +114,7 @@ pub fn check(sequence: &mut Sequence, mut progress: impl FnMut(usize)) -> Sequen
     }
     for camera in 0..found.cameras.len() {
         let (width, height) = sequence.cameras()[camera].camera.size_px();
-        let aspect = f64::from(width) / f64::from(height);
-        let is_other =
-            |size: &[u32; 2]| (f64::from(size[0]) / f64::from(size[1]) / aspect - 1.0).abs() > MOST_STRETCHED;
+        let is_other = |size: &[u32; 2]| is_stretched((width, height), (size[0], size[1]));
         if let Some([columns, rows]) = found.cameras[camera].sizes_px.iter().copied().find(is_other) {
             found.cameras[camera].is_stretched = true;
             let place = pointer_to("/cameras", &camera.to_string());

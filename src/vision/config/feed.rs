@@ -153,7 +153,10 @@ fn merge(target: &mut Value, change: &Value) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::change::CameraChange;
+    use super::super::source::Pace;
     use super::*;
+    use crate::frame::CameraId;
     use serde_json::json;
 
     fn feed(source: SourceSettings) -> FeedSettings {
@@ -185,6 +188,22 @@ mod tests {
         let camera = changed.changed(&away).unwrap();
         assert_eq!(camera.source.url, Some(CameraUrl::new("rtsp://10.0.0.7/live")));
         assert!(camera.shown()["source"].get("rate_hz").is_none());
+    }
+
+    #[test]
+    fn the_pace_of_a_file_is_shown_where_it_is_not_the_usual_one() {
+        let file = feed(SourceSettings::of_path("/films/a.mp4"));
+        assert!(file.shown()["source"].get("pace").is_none());
+        let whole = file.changed(&json!({"source": {"pace": "all"}})).unwrap();
+        assert_eq!((whole.source.pace, &whole.shown()["source"]["pace"]), (Pace::All, &json!("all")));
+        for usual in [json!(null), json!("real_time")] {
+            assert_eq!(whole.changed(&json!({"source": {"pace": usual}})).unwrap(), file);
+        }
+        assert_eq!(places(&whole, &json!({"source": {"end": "loop"}})), ["/source/pace"]);
+        // It is kept over a configuration that says otherwise.
+        let camera = CameraSettings::new(CameraId::new("north").unwrap(), whole.source.clone());
+        let change = CameraChange::default().with_feed(&camera, &file);
+        assert_eq!(FeedSettings::of(&change.over(&camera).0), file);
     }
 
     #[test]

@@ -35,7 +35,7 @@ pub use resolution::Resolution;
 pub use restart::{ChangedKey, Effect, KEYS, changed_keys};
 pub use settings::*;
 pub use snapshot::{SnapshotScheduleSettings, check_annotation};
-pub use source::{DeviceFormat, End, Place, SourceSettings, Timing, Transport};
+pub use source::{DeviceFormat, End, Pace, Place, SourceSettings, Timing, Transport};
 pub use stage_choice::StageChoice;
 pub use storage::StorageSettings;
 pub use telling::{LogFormat, LogSettings, TelemetrySettings};

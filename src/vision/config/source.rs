@@ -31,7 +31,10 @@ pub struct SourceSettings {
     pub rate_hz: f64,
     /// What follows a file's last frame. Default `stop`.
     pub end: End,
-    /// Scene time of a file's first frame, RFC 3339 or nanoseconds. Default: when the daemon started.
+    /// How fast a file is played. Default `real_time`; `all` does not go with `end = "loop"`.
+    #[serde(skip_serializing_if = "Pace::is_real_time")]
+    pub pace: Pace,
+    /// Scene time of a file's first frame, RFC 3339 or nanoseconds. Default: when the files that begin with it began.
     #[serde(deserialize_with = "timestamp", serialize_with = "as_text")]
     pub start: Option<Timestamp>,
     /// Where the part of a file begins that is played, seconds after its first frame, 0 to 1e7. Frames keep their times
@@ -67,6 +70,7 @@ impl Default for SourceSettings {
             timing: None,
             rate_hz: 25.0,
             end: End::Stop,
+            pace: Pace::RealTime,
             start: None,
             from_secs: 0.0,
             until_secs: None,
@@ -168,6 +172,25 @@ pub enum End {
     Loop,
 }
 
+/// How fast a file is played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Pace {
+    /// As fast as it was taken: frames that come too late are left out and counted.
+    #[default]
+    RealTime,
+    /// As fast as its frames are processed: none is left out.
+    All,
+}
+
+impl Pace {
+    /// Tells whether files are played as fast as they were taken.
+    #[must_use]
+    pub const fn is_real_time(&self) -> bool {
+        matches!(self, Self::RealTime)
+    }
+}
+
 /// How an RTSP camera's frames travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -196,7 +219,7 @@ pub enum DeviceFormat {
 
 /// The keys of each kind of source, and what its people call it.
 const KINDS: [(&str, &str, &[&str]); 3] = [
-    ("path", "a file", &["path", "timing", "rate_hz", "end", "start", "from_secs", "until_secs"]),
+    ("path", "a file", &["path", "timing", "rate_hz", "end", "pace", "start", "from_secs", "until_secs"]),
     ("url", "a camera's URL", &["url", "transport", "user", "password_file", "password_env", "stall_secs"]),
     ("device", "a device", &["device", "rate_hz", "stall_secs", "width_px", "height_px", "format"]),
 ];
@@ -255,6 +278,10 @@ pub(super) fn check(source: &SourceSettings, place: &str, gatherer: &mut Gathere
     }
     if let Some(Err(error)) = source.url.as_ref().map(CameraUrl::parse) {
         gatherer.fault(at("url"), error.to_string());
+    }
+    if source.pace == Pace::All && source.end == End::Loop {
+        let message = "`all` does not go with `end = \"loop\"`: a loop has no last frame to be done with";
+        gatherer.fault(at("pace"), message);
     }
     range(gatherer, &at("rate_hz"), source.rate_hz, 0.01, 1000.0, "frames a second");
     range(gatherer, &at("stall_secs"), source.stall_secs, 0.5, 60.0, "seconds");

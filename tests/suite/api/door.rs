@@ -24,7 +24,7 @@ use videofields_service::engine::{
     FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
     PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary,
     Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
-    StopFlag, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields_vision::access::Grants;
 use videofields_vision::calibrate::CameraDocument;
@@ -144,6 +144,7 @@ fn summary(camera: &str, state: &str, reason: Option<&str>) -> CameraSummary {
         age_secs: Some(0.25),
         privacy: PrivacySummary { zones: 0, version: 0, since: None },
         scenes: vec!["plaza".to_owned()],
+        stretched: vec![StretchedSummary { scene: "plaza".to_owned(), calibrated_px: [4, 6] }],
     }
 }
 

@@ -47,6 +47,7 @@ fn what_is_simulated_is_checked_segmented_viewed_and_compared() {
     );
     its_faults_are_found(folder);
     masks_and_blobs_are_written(folder);
+    links_are_followed(folder);
     views_are_drawn(folder);
 
     let truth = "world/truth/west/frame/000000.png";
@@ -82,6 +83,42 @@ fn its_faults_are_found(folder: &Path) {
     let warned = succeed(folder, &["check-config", "world/absent.toml"]).stderr;
     assert!(warned.contains("warning: camera west: ") && warned.contains("note.webm"), "{warned}");
     assert!(warned.contains("warning: scene plaza: camera north is not configured"), "{warned}");
+
+    // The camera was calibrated with pictures of another shape.
+    let mut scene: Value =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("world/plaza.json")).unwrap()).unwrap();
+    let calibration = std::fs::read_to_string(folder.join("world/calibration/west.json")).unwrap();
+    let mut calibration: Value = serde_json::from_str(&calibration).unwrap();
+    calibration["image_size_px"] = serde_json::json!([54, 96]);
+    let cameras = scene["cameras"].as_array_mut().unwrap();
+    cameras.iter_mut().find(|camera| camera["id"] == "west").unwrap()["calibration"] = calibration;
+    write("upright.json", &scene.to_string());
+    write("upright.toml", &good.replace("plaza.json", "upright.json"));
+    let warned = succeed(folder, &["check-config", "world/upright.toml"]).stderr;
+    let expected = "warning: camera west: its pictures are 96 x 54, but scene plaza has a calibration of 54 x 96, which is \
+                    another shape: they are stretched onto the scene\n";
+    assert!(warned.ends_with(expected) && warned.lines().count() == 1, "{warned}");
+}
+
+/// The person at the command line names the files, so links are followed wherever they lead.
+fn links_are_followed(folder: &Path) {
+    let links = folder.join("links");
+    std::fs::create_dir(&links).unwrap();
+    let link = |to: &str, name: &str| {
+        std::os::unix::fs::symlink(folder.join(to), links.join(name)).unwrap();
+    };
+    link("world/clips/west.webm", "clip.webm");
+    link("world/plaza.json", "plaza.json");
+    for number in 0..3 {
+        link(&format!("walk/in{:04}.png", number + 7), &format!("in{number}.png"));
+    }
+    let clip = ["segment", "--input", "links/clip.webm", "--background", "links/clip.webm", "--frames", "3"];
+    let of_scene = ["--scene", "links/plaza.json", "--camera", "west"];
+    assert!(succeed(folder, &[&clip[..], &of_scene].concat()).stderr.contains("3 frames in "));
+    let pictures = succeed(folder, &["segment", "--input", "links/in%d.png"]);
+    assert!(pictures.stderr.contains("3 frames in "), "{}", pictures.stderr);
+    let whole = succeed(folder, &["scene", "export", "world/plaza.json"]).stdout;
+    assert_eq!(succeed(folder, &["scene", "export", "links/plaza.json"]).stdout, whole);
 }
 
 fn masks_and_blobs_are_written(folder: &Path) {

@@ -143,6 +143,7 @@ fn doctor_says_what_a_daemon_would_meet_and_changes_nothing() {
     has(&fresh, "ok", "database", "made at the first start");
     has(&fresh, "ok", "cameras", "west");
     has(&fresh, "ok", "folders", "database in");
+    has(&fresh, "ok", "calibrations", "of their pictures' shape");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), before, "nothing is made");
 
     let daemon = Daemon::start(&config);

@@ -91,7 +91,7 @@ fn five_hundred_damaged_files_end_in_pictures_or_in_a_reason() {
 
 /// Plays it to its end: whether pictures came, and how it ended.
 fn play(settings: &SourceSettings, tap: Tap) -> String {
-    let roots = MediaRoots::folder_of(settings.path.as_deref().unwrap()).unwrap();
+    let roots = MediaRoots::of_caller(settings.path.as_deref().unwrap()).unwrap();
     let mut source = match open_tapped(settings, &roots, &StopFlag::default(), tap) {
         Ok(source) => source,
         Err(error) => return format!("nothing, {:?}", error.kind()),

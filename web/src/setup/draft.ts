@@ -17,7 +17,7 @@ export type AxisLine = { readonly axis: "x" | "y" | "z"; readonly ends_px: reado
 /** The keys of [camera.source] that the pages set; others are kept as they came. */
 export type Source = {
   readonly path?: string; readonly url?: string; readonly device?: string;
-  readonly from_secs?: number; readonly until_secs?: number; readonly end?: "stop" | "loop"; readonly start?: string;
+  readonly from_secs?: number; readonly until_secs?: number; readonly end?: "stop" | "loop"; readonly pace?: "real_time" | "all"; readonly start?: string;
   readonly timing?: "pts" | "index"; readonly rate_hz?: number; readonly transport?: "tcp" | "udp";
   readonly [key: string]: unknown;
 };

@@ -3,6 +3,7 @@
 //! One file a subject. Each is looked at on a thread of its own and for a bounded time: a device or file server that hangs
 //! is a line like others.
 
+mod calibrations;
 mod cameras;
 mod database;
 mod drawing;
@@ -45,13 +46,14 @@ const SHORT: Duration = Duration::from_secs(5);
 /// Time for what opens drivers or reads a database.
 const LONG: Duration = Duration::from_secs(30);
 
-const SUBJECTS: [Subject; 7] = [
+const SUBJECTS: [Subject; 8] = [
     ("machine", SHORT, machine::look),
     ("folders", SHORT, folders::look),
     ("database", LONG, database::look),
     ("network", SHORT, network::look),
     ("codecs", LONG, cameras::look_at_codecs),
     ("cameras", SHORT, cameras::look),
+    ("calibrations", LONG, calibrations::look),
     ("drawing", LONG, drawing::look),
 ];
 

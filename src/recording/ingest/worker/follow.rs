@@ -6,7 +6,6 @@ use super::Camera;
 use crate::ingest::arrival::Arrival;
 use crate::ingest::status::CameraState;
 use crate::ingest::{CameraError, IngestError, Lost, Polled, Source};
-use crate::telemetry::DropReason;
 use std::time::Duration;
 
 /// Longest time from connecting to the first frame.
@@ -71,21 +70,6 @@ impl Camera {
         if self.status.read().state != CameraState::Stalled {
             tracing::warn!(%silence, "a camera stalled");
             self.status.stall(silence.to_string(), self.clock.now());
-        }
-    }
-
-    fn count_lost(&mut self, lost: Lost, counted: &mut Lost) {
-        let reasons = [
-            (DropReason::Replaced, lost.n_replaced, &mut counted.n_replaced),
-            (DropReason::Damaged, lost.n_damaged, &mut counted.n_damaged),
-        ];
-        for (reason, n_now, n_before) in reasons {
-            let n = n_now.saturating_sub(*n_before);
-            if n > 0 {
-                *n_before = n_now;
-                self.status.count_dropped(n);
-                self.consumer.miss(reason, n);
-            }
         }
     }
 }

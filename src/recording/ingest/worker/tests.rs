@@ -3,7 +3,9 @@
 use super::*;
 use crate::media::EncodedFormat;
 use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
 use videofields_vision::clock::SimulatedClock;
+use videofields_vision::config::SourceSettings;
 use videofields_vision::frame::{ColorMatrix, ColorRange, YuvImage};
 
 const FRAME_NANOS: i64 = 40_000_000;
@@ -13,6 +15,7 @@ enum Event {
     Frame { number: u64, nanos: i64, at: Duration },
     Tick(Duration),
     Miss,
+    Damaged(u64),
     Finish,
     Encoded(i64),
 }
@@ -22,11 +25,22 @@ struct Recorder {
     clock: Arc<SimulatedClock>,
     events: Arc<Mutex<Vec<Event>>>,
     cost: Duration,
+    prepare_cost: Duration,
     panics_at: Option<u64>,
     tap: Tap,
+    has_room: Arc<AtomicBool>,
 }
 
 impl FrameConsumer for Recorder {
+    fn prepare(&mut self, first: &YuvImage) {
+        assert_eq!((first.width(), first.height()), (4, 2));
+        self.clock.advance(self.prepare_cost);
+    }
+
+    fn has_room(&self) -> bool {
+        self.has_room.load(Ordering::Relaxed)
+    }
+
     fn consume(&mut self, frame: Frame) {
         assert_ne!(Some(frame.number), self.panics_at, "told to panic");
         let (number, nanos) = (frame.number, frame.timestamp.as_nanos());
@@ -40,8 +54,11 @@ impl FrameConsumer for Recorder {
     }
 
     fn miss(&mut self, reason: DropReason, n: u64) {
-        assert_eq!((reason, n), (DropReason::Overrun, 1));
-        self.events.lock().unwrap().push(Event::Miss);
+        self.events.lock().unwrap().push(match (reason, n) {
+            (DropReason::Overrun, 1) => Event::Miss,
+            (DropReason::Damaged, n) => Event::Damaged(n),
+            other => panic!("{other:?}"),
+        });
     }
 
     fn tap(&self) -> Tap {
@@ -66,9 +83,15 @@ struct Scripted {
     cost: Duration,
     fails: bool,
     encoded: Vec<EncodedFrame>,
+    /// After how many frames each one that is damaged comes; none does with 0.
+    damaged_every: u64,
 }
 
 impl Source for Scripted {
+    fn lost(&self) -> Lost {
+        Lost { n_damaged: self.next.checked_div(self.damaged_every).unwrap_or(0), n_replaced: 0 }
+    }
+
     fn take_encoded(&mut self) -> Option<EncodedFrame> {
         (!self.encoded.is_empty()).then(|| self.encoded.remove(0))
     }
@@ -103,9 +126,21 @@ struct Bench {
     tap: Tap,
     own_clock: ClockSettings,
     corrected: Corrected,
+    start: Option<Timestamp>,
+    pace: Pace,
+    /// Those with whom it begins; nobody else if absent.
+    together: Option<Together>,
+    /// What getting ready takes.
+    prepare_cost: Duration,
+    has_room: Arc<AtomicBool>,
+    damaged_every: u64,
 }
 
 impl Bench {
+    fn begins_now(&self) -> (Timestamp, Duration) {
+        (self.clock.now(), self.clock.monotonic())
+    }
+
     fn new() -> Self {
         let clock = Arc::new(SimulatedClock::new(Timestamp::from_nanos(77)));
         let (consume_cost, decode_cost) = (Duration::ZERO, Duration::ZERO);
@@ -119,6 +154,12 @@ impl Bench {
             tap: Tap::Closed,
             own_clock: ClockSettings::default(),
             corrected: Corrected::StreamTime,
+            start: Some(Timestamp::from_nanos(1_000)),
+            pace: Pace::RealTime,
+            together: None,
+            prepare_cost: Duration::ZERO,
+            has_room: Arc::new(AtomicBool::new(true)),
+            damaged_every: 0,
         }
     }
 
@@ -129,10 +170,12 @@ impl Bench {
             clock: Arc::clone(&clock),
             events: Arc::clone(&self.events),
             cost: self.consume_cost,
+            prepare_cost: self.prepare_cost,
             panics_at: self.panics_at,
             tap: self.tap,
+            has_room: Arc::clone(&self.has_room),
         };
-        let mut n_opened = 0;
+        let (mut n_opened, damaged_every) = (0, self.damaged_every);
         let sources = Arc::clone(&clock);
         let open = move |_stop: &StopFlag| {
             n_opened += 1;
@@ -144,12 +187,14 @@ impl Bench {
                 cost,
                 fails,
                 encoded: Vec::new(),
+                damaged_every,
             }) as Box<dyn Source>)
         };
         let id = CameraId::new("gate").unwrap();
         let start = Start {
-            scene: Timestamp::from_nanos(1_000),
-            began: clock.monotonic(),
+            scene: self.start,
+            together: self.together.clone().unwrap_or_else(|| self.begins_now().into()),
+            pace: Some(self.pace),
             clock: SharedClock(Arc::new(Mutex::new(self.own_clock))),
             corrected: self.corrected,
             status: None,
@@ -374,7 +419,8 @@ fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
         }
         if tries.len() == 4 {
             let (clock, cost) = (Arc::clone(&opened), Duration::ZERO);
-            let source = Scripted { clock, n: 1, next: 0, cost, fails: false, encoded: Vec::new() };
+            let source =
+                Scripted { clock, n: 1, next: 0, cost, fails: false, encoded: Vec::new(), damaged_every: 0 };
             return Ok(Box::new(source) as Box<dyn Source>);
         }
         let (place, fault) = ("rtsp://cam:554".to_owned(), crate::media::ConnectionFault::LoginRefused);
@@ -384,14 +430,22 @@ fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
         clock: Arc::clone(&clock),
         events: Arc::clone(&bench.events),
         cost: Duration::ZERO,
+        prepare_cost: Duration::ZERO,
         panics_at: None,
         tap: Tap::Closed,
+        has_room: Arc::clone(&bench.has_room),
+    };
+    let start = Start {
+        scene: bench.start,
+        together: bench.begins_now().into(),
+        pace: None,
+        clock: SharedClock::default(),
+        corrected: Corrected::default(),
+        status: None,
     };
     let login = LoginWatch::of(&source);
     let (id, kind) = (CameraId::new("gate").unwrap(), (End::Loop, Duration::from_secs(5)));
-    let worker =
-        CameraWorker::spawn_with(id, (open, login), kind, clock, Start::default(), Box::new(recorder))
-            .unwrap();
+    let worker = CameraWorker::spawn_with(id, (open, login), kind, clock, start, Box::new(recorder)).unwrap();
     while !worker.is_finished() {
         std::thread::yield_now();
     }
@@ -399,4 +453,92 @@ fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
     let pauses: Vec<u64> = tried.windows(2).map(|pair| (pair[1] - pair[0]).as_secs()).collect();
     assert_eq!(pauses, [600, 600, 0]);
     assert_eq!(worker.status().frames, 1);
+}
+
+#[test]
+fn a_file_begins_when_its_camera_is_ready_and_loses_nothing_before() {
+    let prepare_cost = Duration::from_secs(40);
+    let bench = Bench { prepare_cost, start: None, ..Bench::new() };
+    let (events, status) = bench.run(&[60]);
+    assert_eq!(numbers(&events), (0..60).collect::<Vec<_>>());
+    assert_eq!((status.frames, status.dropped), (60, 0));
+    for event in &events {
+        if let Event::Frame { number, nanos, at } = event {
+            assert_eq!(*at, prepare_cost + Duration::from_millis(40 * number));
+            // Without a start of its own it bears the time at which it is shown.
+            assert_eq!(*nanos, 77 + i64::try_from(at.as_nanos()).unwrap());
+        }
+    }
+}
+
+#[test]
+fn a_file_with_a_start_bears_its_own_time_whenever_it_begins() {
+    let bench = Bench { prepare_cost: Duration::from_secs(40), ..Bench::new() };
+    let first = bench.run(&[2]).0.into_iter().find(|event| matches!(event, Event::Frame { .. }));
+    assert_eq!(first, Some(Event::Frame { number: 0, nanos: 1_000, at: bench.prepare_cost }));
+}
+
+#[test]
+fn a_file_waits_for_those_that_begin_with_it() {
+    let bench = Bench::new();
+    let together = Together::from(bench.begins_now());
+    // Somebody who never gets ready: it is waited for, but not for ever.
+    let _learns = together.hold();
+    let (events, status) = Bench { together: Some(together), ..bench }.run(&[10]);
+    assert_eq!(status.dropped, 0);
+    assert_eq!(shown(&events)[0], (0, 300_000_000_000));
+}
+
+#[test]
+fn a_file_that_is_played_whole_loses_nothing_and_waits_for_no_clock() {
+    for (consume_cost, decode_cost) in [(100, 0), (0, 100), (1, 1)] {
+        let (consume_cost, decode_cost) =
+            (Duration::from_millis(consume_cost), Duration::from_millis(decode_cost));
+        let (events, status) =
+            Bench { pace: Pace::All, consume_cost, decode_cost, ..Bench::new() }.run(&[500]);
+        assert_eq!(numbers(&events), (0..500).collect::<Vec<_>>());
+        assert_eq!((status.frames, status.dropped), (500, 0));
+        let cost_nanos = (consume_cost + decode_cost).as_nanos() as i64;
+        for (frame, (stream_nanos, at_nanos)) in
+            shown(&events).into_iter().zip(0_i64..).map(|(of, n)| (n, of))
+        {
+            assert_eq!(stream_nanos, frame * FRAME_NANOS);
+            assert_eq!(at_nanos, frame * cost_nanos + decode_cost.as_nanos() as i64);
+        }
+    }
+}
+
+#[test]
+fn a_file_that_is_played_whole_goes_on_where_it_failed() {
+    let bench = Bench { pace: Pace::All, tap: Tap::Open, ..Bench::new() };
+    let (events, status) = bench.run(&[10, 4, 30]);
+    assert_eq!(numbers(&events), (0..30).collect::<Vec<_>>());
+    let encoded = events.iter().filter(|event| matches!(event, Event::Encoded(_))).count();
+    assert_eq!((encoded, status.dropped), (30, 0));
+}
+
+#[test]
+fn a_file_that_is_played_whole_waits_for_room_in_its_recording() {
+    let bench = Bench { pace: Pace::All, ..Bench::new() };
+    bench.has_room.store(false, Ordering::Relaxed);
+    let worker = bench.spawn(&[5]);
+    while bench.clock.monotonic() < Duration::from_secs(3) && !worker.is_finished() {
+        std::thread::yield_now();
+    }
+    bench.has_room.store(true, Ordering::Relaxed);
+    while !worker.is_finished() {
+        std::thread::yield_now();
+    }
+    let events = bench.events.lock().unwrap();
+    assert_eq!(numbers(&events), (0..5).collect::<Vec<_>>());
+    assert!(shown(&events)[0].1 >= 3_000_000_000, "{:?}", shown(&events)[0]);
+}
+
+#[test]
+fn damaged_pictures_of_a_file_are_counted_and_told_at_its_end() {
+    let (events, status) = Bench { damaged_every: 7, end: End::Stop, ..Bench::new() }.run(&[30]);
+    let n_damaged: u64 = events.iter().map(|event| if let Event::Damaged(n) = event { *n } else { 0 }).sum();
+    assert_eq!((n_damaged, status.dropped, status.frames), (4, 4, 30));
+    assert_eq!(status.state, CameraState::Ended);
+    assert_eq!(status.reason.as_deref(), Some("4 of its pictures were damaged and are left out"));
 }

@@ -8,7 +8,7 @@ use super::super::chronicle::SceneTimeline;
 use super::super::entities::{EntityQuery, FoundEntities};
 use super::super::handle::{
     At, CameraSummary, DecodingSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness,
-    RecordingSummary, SceneSummary, surface_name,
+    RecordingSummary, SceneSummary, StretchedSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
 use super::super::looking::FoundSources;
@@ -38,19 +38,13 @@ use videofields_vision::clock::Timestamp;
 use videofields_vision::config::{self, CameraSettings, FeedSettings, SegmentSettings, SourceSettings};
 use videofields_vision::error::Fault;
 use videofields_vision::frame::CameraId;
+use videofields_vision::geometry::is_stretched;
 use videofields_vision::mapping::{self, Location};
 use videofields_vision::observation::Observation;
 
-impl Door for Shared {
-    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door> {
-        if grants.is_everything() { self } else { Arc::new(Permitted::new(self, grants)) }
-    }
-
-    fn leaves_out(&self, _scene: &str, _at: At) -> bool {
-        false
-    }
-
-    fn cameras(&self) -> Vec<CameraSummary> {
+impl Shared {
+    /// Returns every camera with all scenes that hold it; of calibrations of another shape nothing is said as the reason.
+    pub(in crate::engine) fn camera_summaries(&self) -> Vec<CameraSummary> {
         let now = self.clock.monotonic();
         let recordings = self.past.as_ref().map(|past| past.recordings()).unwrap_or_default();
         let scenes = self.scenes.all();
@@ -82,9 +76,41 @@ impl Door for Shared {
                 age_secs: status.last_frame_at.map(|at| now.saturating_sub(at).as_secs_f64()),
                 privacy: self.privacies.of_known(&camera.id).now().summary(),
                 scenes: scenes.iter().filter(holds).map(|scene| scene.id.clone()).collect(),
+                stretched: status
+                    .size
+                    .map(|size_px| stretched(&scenes, &camera.id, size_px))
+                    .unwrap_or_default(),
             }
         };
         self.all_cameras().iter().map(summary).collect()
+    }
+}
+
+/// Returns the scenes by whose calibration a camera's pictures of that size are stretched.
+fn stretched(scenes: &[Arc<Scene>], camera: &CameraId, size_px: (u32, u32)) -> Vec<StretchedSummary> {
+    let calibrated = |scene: &Arc<Scene>| {
+        let member = scene.cameras.iter().find(|member| member.id == *camera)?;
+        let calibrated_px = member.camera.size_px();
+        let scene = scene.id.clone();
+        is_stretched(calibrated_px, size_px)
+            .then(|| StretchedSummary { scene, calibrated_px: calibrated_px.into() })
+    };
+    scenes.iter().filter_map(calibrated).collect()
+}
+
+impl Door for Shared {
+    fn within(self: Arc<Self>, grants: Arc<Grants>) -> Arc<dyn Door> {
+        if grants.is_everything() { self } else { Arc::new(Permitted::new(self, grants)) }
+    }
+
+    fn leaves_out(&self, _scene: &str, _at: At) -> bool {
+        false
+    }
+
+    fn cameras(&self) -> Vec<CameraSummary> {
+        let mut cameras = self.camera_summaries();
+        cameras.iter_mut().for_each(CameraSummary::tell_stretched);
+        cameras
     }
 
     fn observation(&self, camera: &str, at: At) -> Result<Observation, EngineError> {

@@ -5,6 +5,7 @@ import { say } from "../../strings";
 import { type DraftCamera, type Source, editCamera } from "../draft";
 import { NumberField } from "../Fields";
 import { without } from "../without";
+import { withEnd, withPace } from "./edits";
 import { Scrubber } from "./Scrubber";
 
 /** The source with another part; ends that are the file's own are not named. */
@@ -66,7 +67,10 @@ export function PartFields({ camera, length, rateHz, at, onAt, isDisabled }: {
       <div class="row">
         <span>{say("videos.end")}</span>
         <Segments name="source-end" label={say("videos.end")} values={["loop", "stop"]} chosen={source.end ?? "stop"} text={(value) => say(`videos.end.${value}`)}
-          onChoose={(value) => change(say("step.end", { name }), (of) => ({ ...of, end: value }))} />
+          onChoose={(value) => change(say("step.end", { name }), (of) => withEnd(of, value))} />
+        <span>{say("videos.pace")}</span>
+        <Segments name="source-pace" label={say("videos.pace")} values={["real_time", "all"]} chosen={source.pace ?? "real_time"} text={(value) => say(`videos.pace.${value}`)}
+          onChoose={(value) => change(say("step.pace", { name }), (of) => withPace(of, value))} />
         <label class="field">
           {say("videos.start")}
           <input type="datetime-local" step="0.001" value={localTime(source.start)} aria-describedby="start-hint"

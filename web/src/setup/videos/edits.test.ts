@@ -2,7 +2,7 @@
 
 import { expect, test } from "vitest";
 import type { Calibration, Draft } from "../draft";
-import { placeOf, withId, withName, withNewCamera, withoutCamera } from "./edits";
+import { placeOf, withEnd, withId, withName, withNewCamera, withoutCamera, withPace } from "./edits";
 
 const calibration = { focal_px: [1, 1] } as unknown as Calibration;
 const start: Draft = { scene: { id: "s", document: { version: 1 } }, cameras: [], removedCameras: [], calibrating: {} };
@@ -37,4 +37,12 @@ test("calibration and pairs go with the id, and away with the camera", () => {
 
 test("which part is played does not change what a source shows", () => {
   expect(placeOf({ path: "/a", from_secs: 1, until_secs: 2, end: "loop", start: "x", rate_hz: 5 })).toEqual({ path: "/a", rate_hz: 5 });
+  expect(placeOf({ path: "/a", pace: "all" })).toEqual({ path: "/a" });
+});
+
+test("a loop plays in real time, and a file whose every frame counts ends with its last", () => {
+  expect(withPace({ path: "/a", end: "loop" }, "all")).toEqual({ path: "/a", end: "stop", pace: "all" });
+  expect(withPace({ path: "/a", end: "stop", pace: "all" }, "real_time")).toEqual({ path: "/a", end: "stop" });
+  expect(withEnd({ path: "/a", end: "stop", pace: "all" }, "loop")).toEqual({ path: "/a", end: "loop" });
+  expect(withEnd({ path: "/a", pace: "all" }, "stop")).toEqual({ path: "/a", end: "stop", pace: "all" });
 });

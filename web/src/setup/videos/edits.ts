@@ -15,13 +15,23 @@ export function kindOf(source: Source): Kind {
 /** What follows the last frame of a file that is newly chosen: it goes on, as a camera does. */
 const FILE_END = "loop";
 
+/** The source with another end; a loop has no last frame to be done with, and plays in real time. */
+export function withEnd(source: Source, end: "loop" | "stop"): Source {
+  return { ...(end === "loop" ? without(source, "pace") : source), end };
+}
+
+/** The source with another pace; one whose every frame is processed ends with the last. */
+export function withPace(source: Source, pace: "real_time" | "all"): Source {
+  return pace === "all" ? { ...source, end: "stop", pace } : without(source, "pace");
+}
+
 export function emptySource(kind: Kind): Source {
   return kind === "path" ? { path: "", end: FILE_END } : { [kind]: "" };
 }
 
 /** What tells a picture of the source: nothing of which part of it is played. */
 export function placeOf(source: Source): Source {
-  return without(source, "from_secs", "until_secs", "end", "start");
+  return without(source, "from_secs", "until_secs", "end", "pace", "start");
 }
 
 function follows(of: Draft, { id, name }: DraftCamera): boolean {
