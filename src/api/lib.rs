@@ -63,6 +63,7 @@ mod session;
 mod snapshot_making;
 mod snapshots;
 mod sockets;
+mod source_discovery;
 mod source_files;
 mod source_looks;
 mod streams;
@@ -182,6 +183,8 @@ struct Api {
     imports: Arc<Semaphore>,
     /// Sources that are looked at at once.
     looks: Arc<Semaphore>,
+    /// Searches for cameras in the network at once.
+    discoveries: Arc<Semaphore>,
     /// Cameras that are worked out of pairs and lines at once.
     solvers: Arc<Semaphore>,
 }
@@ -274,6 +277,7 @@ pub fn router_within(
         answered: Arc::default(),
         imports: Arc::new(Semaphore::new(scene_exchange::AT_ONCE)),
         looks: Arc::new(Semaphore::new(source_looks::AT_ONCE)),
+        discoveries: Arc::new(Semaphore::new(source_discovery::AT_ONCE)),
         solvers: Arc::new(Semaphore::new(calibration_solve::AT_ONCE)),
     };
     let limited = resources()
@@ -309,6 +313,7 @@ fn resources() -> Routes {
         camera_documents::routes(),
         source_looks::routes(),
         source_files::routes(),
+        source_discovery::routes(),
         privacy::routes(),
         calibrations::routes(),
         calibration_import::routes(),

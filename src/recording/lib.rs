@@ -18,6 +18,8 @@ pub mod timeline;
 
 pub mod ingest;
 
+pub mod onvif;
+
 /// Makes workers of test programs: they are started as the daemon is.
 #[cfg(test)]
 #[ctor::ctor(unsafe)]

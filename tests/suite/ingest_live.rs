@@ -18,7 +18,7 @@ use videofields_recording::telemetry::DropReason;
 use videofields_testing::rtsp::{RtspServer, ball, jpeg_ball};
 use videofields_testing::wait_for;
 use videofields_vision::clock::{Clock, SystemClock, Timestamp};
-use videofields_vision::config::{CameraUrl, SourceSettings, Transport};
+use videofields_vision::config::{CameraUrl, CredentialsSettings, SourceSettings, Transport};
 use videofields_vision::error::ErrorKind;
 use videofields_vision::frame::{CameraId, Frame};
 
@@ -81,11 +81,15 @@ struct Camera {
 
 impl Camera {
     fn connect(settings: SourceSettings) -> Self {
+        Self::connect_within(roots(), settings)
+    }
+
+    fn connect_within(roots: MediaRoots, settings: SourceSettings) -> Self {
         let clock = HastyClock { system: SystemClock::new(), skipped_nanos: AtomicU64::new(0) };
         let (kept, start) = (Kept::default(), (clock.now(), clock.monotonic()));
         let id = CameraId::new("yard").unwrap();
         let consumer = Box::new(kept.clone());
-        let worker = CameraWorker::spawn(id, settings, roots(), Arc::new(clock), start, consumer).unwrap();
+        let worker = CameraWorker::spawn(id, settings, roots, Arc::new(clock), start, consumer).unwrap();
         Self { worker, kept }
     }
 
@@ -178,6 +182,34 @@ fn the_password_opens_the_camera_and_is_never_told() {
     assert!(status.retries > 0 && status.next_try.is_none(), "{status:?}");
     let nobody = Camera::connect(settings(&server.url()));
     nobody.wait_failed("refuses the user or the password");
+}
+
+#[test]
+fn credentials_by_name_open_the_cameras_that_they_are_for() {
+    let server = RtspServer::start(0, &ball(320, 240), Some(("viewer", "s3cret-right")));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("password");
+    std::fs::write(&path, "s3cret-wrong\n").unwrap();
+    let credentials = |network: &str| CredentialsSettings {
+        id: "gates".to_owned(),
+        user: "viewer".to_owned(),
+        password_file: Some(path.clone()),
+        password_env: None,
+        networks: vec![network.parse().unwrap()],
+    };
+    let connect = |name: &str, network: &str| {
+        let roots = roots().with_credentials(&[credentials(network)]);
+        let credentials = Some(name.to_owned());
+        Camera::connect_within(roots, SourceSettings { credentials, ..settings(&server.url()) })
+    };
+    connect("gates", "10.0.0.0/8").wait_failed("is in none of the networks of credentials \"gates\"");
+    connect("yards", "127.0.0.0/8").wait_failed("no credentials \"yards\": it has gates");
+    let camera = connect("gates", "127.0.0.0/8");
+    camera.wait_failed("refuses the user or the password");
+    // Tried anew before ten minutes are over, since the file is another.
+    std::fs::write(&path, "s3cret-right\n").unwrap();
+    let status = camera.wait_frames(3);
+    assert!(!format!("{status:?}").contains("s3cret"), "{status:?}");
 }
 
 /// Memory that this process holds, bytes.

@@ -11,6 +11,7 @@ mod faults;
 mod hull;
 mod ingest;
 mod ingest_live;
+mod onvif;
 mod recording;
 mod scene;
 mod seeing;

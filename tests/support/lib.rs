@@ -4,6 +4,8 @@ pub mod golden;
 #[cfg(feature = "streams")]
 pub mod odd_rtsp;
 #[cfg(feature = "streams")]
+pub mod onvif;
+#[cfg(feature = "streams")]
 pub mod rtsp;
 #[cfg(feature = "streams")]
 pub mod schema;

@@ -56,7 +56,9 @@ fn the_example_parses_to_the_defaults() {
 #[test]
 fn the_example_s_camera_has_the_defaults_too() {
     let config = parse(&full_example()).expect("a configuration without faults");
-    let [camera, yard, gate, desk] = config.settings().camera.as_slice() else { panic!("four cameras") };
+    let [camera, yard, gate, lane, desk] = config.settings().camera.as_slice() else {
+        panic!("five cameras")
+    };
     let minimal = parse("[[camera]]\nid = \"north\"\nsource.path = \"north.webm\"").expect("enough");
     let mut expected = minimal.settings().camera[0].clone();
     // Those that have no value to show as their default.
@@ -86,6 +88,15 @@ fn the_example_s_camera_has_the_defaults_too() {
         ..default.clone()
     };
     assert_eq!(gate.source, gate_expected);
+    let lane_expected = SourceSettings {
+        url: Some(CameraUrl::new("rtsp://192.168.1.22/stream1")),
+        credentials: Some("gates".to_owned()),
+        ..default.clone()
+    };
+    assert_eq!(lane.source, lane_expected);
+    let [gates, yards] = config.settings().credentials.as_slice() else { panic!("two credentials") };
+    assert_eq!(gates.password_file.as_deref(), Some(Path::new("/etc/videofields/gates.password")));
+    assert_eq!(yards.password_env.as_deref(), Some("VIDEOFIELDS_YARDS_PASSWORD"));
     let (device, width_px, height_px) = (Some("/dev/video0".into()), Some(1280), Some(720));
     assert_eq!(desk.source, SourceSettings { device, width_px, height_px, ..default });
     assert_eq!(config.settings().scene[0].file, Path::new("/etc/videofields/plaza.json"));
@@ -133,6 +144,9 @@ fn the_example_names_every_key() {
         }
         check(&written, part, &document);
     }
+    let mut credentials = example["credentials"][0].as_table().expect("a table").clone();
+    credentials.extend(example["credentials"][1].as_table().expect("a table").clone());
+    check(&credentials, "credentials", "[[credentials]]\nid = \"a\"\nzzz = 1");
     let scene = example["scene"][0].as_table().expect("a table");
     check(scene, "scene", "[[scene]]\nid = \"a\"\nfile = \"a\"\nzzz = 1");
     // One shows a scene, another a camera.
@@ -182,7 +196,7 @@ fn a_wrong_key_fails_with_its_place_and_what_was_meant() {
         "[sever]\nlisten = \"127.0.0.1:1\"",
         &[
             "1:2: sever: unknown key `sever`; did you mean `server`? allowed: server, storage, archive, media, \
-           timeline, entities, render, accuracy, log, telemetry, camera, scene, snapshot",
+           timeline, entities, render, accuracy, log, telemetry, credentials, camera, scene, snapshot",
         ],
     );
 }
@@ -367,6 +381,38 @@ fn a_source_is_one_thing_and_has_its_own_keys_alone() {
 }
 
 #[test]
+fn credentials_say_who_logs_in_and_where() {
+    let of = |text: &str| faults_of(&format!("[[credentials]]\nid = \"a\"\nuser = \"b\"\n{text}"));
+    let check = |text: &str, expected: &str| {
+        let said = of(text);
+        assert!(said.len() == 1 && said[0].contains(expected), "{text}: {said:#?}");
+    };
+    let rest = "password_env = \"C\"\nnetworks = [\"10.0.0.0/8\"]\n";
+    let good = format!("[[credentials]]\nid = \"a\"\nuser = \"b\"\n{rest}");
+    let camera = "[[camera]]\nid = \"c\"\n[camera.source]\nurl = \"rtsp://10.0.0.2/a\"\n";
+    assert!(parse(&format!("{good}{camera}credentials = \"a\"")).is_ok());
+    check("networks = [\"10.0.0.0/8\"]", "credentials[0].user: a user needs a password");
+    check("password_env = \"C\"", "the key `networks` is missing");
+    check("password_env = \"C\"\nnetworks = []", "1 to 64 blocks of addresses");
+    check("password_env = \"s3cret!\"\nnetworks = [\"::1\"]", "the name of an environment variable");
+    check(&format!("{rest}password_file = \"d\""), "not both");
+    check(&format!("{rest}[[credentials]]\nid = \"a\"\nuser = \"b\"\n{rest}"), "ids are unique");
+    check(
+        &format!("{rest}{camera}credentials = \"d\""),
+        "source.credentials: unknown credentials `d`; allowed: a",
+    );
+    check(
+        &format!("{rest}{camera}credentials = \"a\"\nuser = \"b\"\npassword_env = \"C\""),
+        "stand in place of",
+    );
+    let file = "[[camera]]\nid = \"c\"\n[camera.source]\npath = \"a\"\n";
+    check(&format!("{rest}{file}credentials = \"a\""), "`credentials` belongs to a camera's URL");
+    let said =
+        faults_of("[[credentials]]\nid = \"A\"\nuser = \"b\"\npassword_env = \"C\"\nnetworks = [\"::1\"]");
+    assert!(said.len() == 1 && said[0].contains("invalid id \"A\""), "{said:?}");
+}
+
+#[test]
 fn no_fault_repeats_a_password() {
     let check = |source: &str, expected: &str| {
         let said = faults_of(&format!("[[camera]]\nid = \"a\"\n[camera.source]\n{source}")).join("\n");
@@ -476,7 +522,7 @@ fn the_environment_wins_and_its_faults_name_the_variable() {
         "environment variable VIDEOFIELDS_RENDER__SAMPLES: render.samples: expected 1 or 4, got 3",
         "environment variable VIDEOFIELDS_RENDER__SAMPLE: render.sample: unknown key `sample`; did you mean",
         "environment variable VIDEOFIELDS_RENDR__SAMPLES: rendr.samples: unknown section `rendr`; did you mean",
-        "environment variable VIDEOFIELDS_CAMERA__ID: camera.id: cameras, scenes and snapshots are written in the file",
+        "environment variable VIDEOFIELDS_CAMERA__ID: camera.id: credentials, cameras, scenes and snapshots are written in the file",
         "environment variable VIDEOFIELDS_TIMELINE__MIB_PER_CAMERA: timeline.mib_per_camera: wrong type: string",
     ] {
         assert!(said.iter().any(|fault| fault.starts_with(expected)), "{expected} is not in {said:#?}");

@@ -49,3 +49,68 @@ pub(crate) fn files() -> Value {
         ("devices", list(device), "Cameras at this machine (V4L2)"),
     ])
 }
+
+/// Whom to ask, and as whom.
+pub(crate) fn discovery_asked() -> Value {
+    let letters = || json!({"type": "string", "minLength": 1, "maxLength": 1024});
+    taken(
+        &[],
+        [
+            (
+                "address",
+                nullable(letters()),
+                "One camera: HOST, HOST:PORT or the http or https URL of its device service; everybody if absent",
+            ),
+            ("credentials", nullable(letters()), "Id of the configuration's credentials; needs an `address`"),
+        ],
+    )
+}
+
+/// Cameras that were found.
+pub(crate) fn discovery() -> Value {
+    let clock = object([
+        (
+            "secs",
+            number(),
+            "Seconds by which the camera's clock is ahead of the daemon's; negative where it is behind",
+        ),
+        ("error_secs", number(), "Most seconds by which that may be wrong"),
+    ]);
+    let stream = object([
+        ("profile", text(), "Name of the profile that it belongs to"),
+        ("encoding", nullable(text()), "As the camera calls it, such as `H264`"),
+        ("size_px", nullable(exactly(2, count())), "Columns and rows"),
+        ("rate_hz", nullable(number()), "Most pictures a second"),
+        (
+            "url",
+            nullable(text()),
+            "At the host that was asked, without a login, as `url` of a source takes it; null where there is none",
+        ),
+        ("told_url", nullable(text()), "As the camera tells it, where that is at another host"),
+    ]);
+    let device = object([
+        (
+            "services",
+            list(text()),
+            "Its device service at each address from which it answered, as `address` takes it",
+        ),
+        ("told_services", list(text()), "As it tells it, where that is at other hosts"),
+        ("endpoint", nullable(text()), "What it is told apart by, where it answered everybody's question"),
+        ("name", nullable(text()), ""),
+        ("maker", nullable(text()), ""),
+        ("model", nullable(text()), ""),
+        ("clock", nullable(clock), "Null where it does not tell its time"),
+        ("streams", list(stream), "None unless it was asked by its address"),
+        ("problem", nullable(text()), "Why no more is known, in words for people"),
+    ]);
+    object([
+        ("devices", list(device), "By their addresses; what stands here strangers say"),
+        (
+            "n_ignored",
+            count(),
+            "Answers that were left out: not understood, too long, or from outside `media.networks`",
+        ),
+        ("is_cut", boolean(), "Whether there may be more"),
+        ("credentials", list(text()), "Ids of the configuration's credentials"),
+    ])
+}

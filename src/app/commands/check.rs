@@ -43,7 +43,8 @@ impl CheckConfig {
         }
         match MediaRoots::new(&settings.media.roots) {
             Ok(roots) => {
-                let roots = roots.with_networks(&settings.media.networks);
+                let roots =
+                    roots.with_networks(&settings.media.networks).with_credentials(&settings.credentials);
                 for camera in &settings.camera {
                     if let Some(size_px) = warn_of_unreadable(camera, &roots) {
                         warn_of_other_shape(camera, size_px, &scenes);

@@ -10,6 +10,7 @@ pub(crate) mod account;
 pub(crate) mod audit;
 pub(crate) mod backup;
 pub(crate) mod calibration;
+pub(crate) mod cameras;
 pub(crate) mod check;
 pub(crate) mod compare;
 pub(crate) mod doctor;

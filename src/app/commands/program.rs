@@ -23,6 +23,7 @@ enum Command {
     Restore(super::restore::Restore),
     Audit(super::audit::Audit),
     Doctor(super::doctor::Doctor),
+    Cameras(super::cameras::Cameras),
     User(super::account::User),
     Token(super::account::Token),
     View(Box<super::view::View>),
@@ -63,6 +64,7 @@ pub fn run() -> ExitCode {
         Command::Audit(audit) => audit.run(),
         // It has a status of its own.
         Command::Doctor(doctor) => return doctor.run(),
+        Command::Cameras(cameras) => cameras.run(),
         Command::User(user) => user.run(),
         Command::Token(token) => token.run(),
         Command::View(view) => view.run(),

@@ -22,7 +22,7 @@ const MAX_LOOK_UPS: usize = 64;
 static N_LOOK_UPS: AtomicUsize = AtomicUsize::new(0);
 
 /// Where a camera is connected to.
-pub(super) struct Endpoint {
+pub(crate) struct Endpoint {
     parts: UrlParts,
     address: IpAddr,
     /// Number of the network interface behind which a link-local address lies; 0 for all others.
@@ -31,7 +31,7 @@ pub(super) struct Endpoint {
 
 impl Endpoint {
     /// Takes a URL apart, finds its address, and checks it.
-    pub(super) fn of(url: &CameraUrl, networks: &[Network]) -> Result<Self, IngestError> {
+    pub(crate) fn of(url: &CameraUrl, networks: &[Network]) -> Result<Self, IngestError> {
         let parts = url.parse().map_err(CameraError::Url)?;
         let interface = interface_of(&parts)?;
         Ok(Self { interface, ..Self::checked(parts, networks, look_up)? })
@@ -71,8 +71,13 @@ impl Endpoint {
     }
 
     /// Scheme, host and port: what messages may show.
-    pub(super) fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         self.parts.to_string()
+    }
+
+    /// Returns whether the address that is connected to lies in one of `networks`.
+    pub(crate) fn is_within(&self, networks: &[Network]) -> bool {
+        networks.iter().any(|network| network.contains(self.address))
     }
 
     /// The URL to connect to; may hold secrets behind the port.
@@ -85,7 +90,7 @@ impl Endpoint {
     }
 
     /// Returns the address that is connected to, and what the camera is asked for.
-    pub(super) fn peer(&self) -> Peer {
+    pub(crate) fn peer(&self) -> Peer {
         Peer {
             address: match self.address {
                 IpAddr::V4(address) => (address, self.parts.port).into(),

@@ -3,18 +3,18 @@
 use super::endpoint::Endpoint;
 use super::live::{LiveSource, error_of};
 use super::secret::Credentials;
-use super::{IngestError, StopFlag, Tap};
+use super::{IngestError, MediaRoots, StopFlag, Tap};
 use crate::media::Input;
 use videofields_vision::config::SourceSettings;
 
 /// Begins to connect to the camera at `endpoint`.
 pub(super) fn open(
     endpoint: &Endpoint,
-    settings: &SourceSettings,
+    (settings, roots): (&SourceSettings, &MediaRoots),
     stop: &StopFlag,
     tap: Tap,
 ) -> Result<LiveSource, IngestError> {
-    let credentials = Credentials::read(settings)?;
+    let credentials = Credentials::for_camera(settings, roots, endpoint)?;
     let login = credentials.as_ref().map(Credentials::login);
     let input = Input::http(&endpoint.peer(), login).map_err(|fault| error_of(&endpoint.place(), fault))?;
     LiveSource::start(endpoint.place(), input, tap, stop)

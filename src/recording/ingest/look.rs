@@ -55,7 +55,7 @@ pub fn look(
                 Scheme::Rtsp | Scheme::Rtsps => rtsp::open,
                 Scheme::Http | Scheme::Https => http::open,
             };
-            of_live(open(&endpoint, source, stop, Tap::Closed)?)
+            of_live(open(&endpoint, (source, roots), stop, Tap::Closed)?)
         }
         Some(Place::Device(path)) => of_live(device::open(path, source, stop, Tap::Closed)?),
         None => Err(IngestError::NoPlace),

@@ -36,6 +36,7 @@ mod worker;
 
 pub use browse::{FoundFile, FoundFiles, browse, devices};
 pub use clip::{index_rate_hz, learn_clip, learn_clip_stoppable};
+pub(crate) use endpoint::Endpoint;
 pub use error::IngestError;
 pub use file::VideoFile;
 pub use images::{read_bytes, read_picture};
@@ -46,6 +47,7 @@ pub use pattern::Pattern;
 pub use pipeline::{CHECKPOINT_VERSION, Pipeline};
 pub use reach::CameraError;
 pub use roots::MediaRoots;
+pub(crate) use secret::Credentials;
 pub use status::{CameraState, CameraStatus, StatusReader};
 pub use stop::StopFlag;
 pub use together::{Member, Together};
@@ -195,12 +197,12 @@ pub fn open_tapped(
     let path = match settings.place() {
         Some(Place::Path(path)) => path,
         Some(Place::Url(url)) => {
-            let endpoint = endpoint::Endpoint::of(url, roots.networks())?;
+            let endpoint = Endpoint::of(url, roots.networks())?;
             let open = match endpoint.scheme() {
                 Scheme::Rtsp | Scheme::Rtsps => rtsp::open,
                 Scheme::Http | Scheme::Https => http::open,
             };
-            return Ok(Box::new(open(&endpoint, settings, stop, tap)?));
+            return Ok(Box::new(open(&endpoint, (settings, roots), stop, tap)?));
         }
         Some(Place::Device(device)) => return Ok(Box::new(device::open(device, settings, stop, tap)?)),
         None => return Err(IngestError::NoPlace),

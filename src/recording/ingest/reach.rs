@@ -30,6 +30,24 @@ pub enum CameraError {
         /// Where it lies.
         address: IpAddr,
     },
+    /// It is to log in with credentials that the configuration does not have.
+    #[error("the configuration has no credentials {name:?}: {known}")]
+    NoCredentials {
+        /// Their name.
+        name: String,
+        /// Names of those that there are.
+        known: String,
+    },
+    /// It is to log in with credentials that may not go there.
+    #[error(
+        "{place} is in none of the networks of credentials {name:?}: whoever keeps the configuration may add it there"
+    )]
+    CredentialsElsewhere {
+        /// Their name.
+        name: String,
+        /// Scheme, host and port.
+        place: String,
+    },
     /// The file with its password cannot be read.
     #[error("cannot read the password in {path:?}: {source}")]
     PasswordFile {
@@ -91,6 +109,8 @@ impl CameraError {
         match self {
             Self::Url(_)
             | Self::Forbidden { .. }
+            | Self::NoCredentials { .. }
+            | Self::CredentialsElsewhere { .. }
             | Self::PasswordFile { .. }
             | Self::PasswordVariable { .. }
             | Self::NotADevice { .. }

@@ -10,14 +10,15 @@ use crate::media::descriptor_path;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Component, Path, PathBuf};
-use videofields_vision::config::{MediaSettings, Network};
+use videofields_vision::config::{CredentialsSettings, MediaSettings, Network};
 
-/// Folders beneath which files may be opened, and networks in which cameras may be reached.
+/// Folders beneath which files may be opened, networks in which cameras may be reached, and logins that cameras may name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MediaRoots {
     configured: Vec<PathBuf>,
     resolved: Vec<PathBuf>,
     networks: Vec<Network>,
+    credentials: Vec<CredentialsSettings>,
 }
 
 impl MediaRoots {
@@ -35,7 +36,12 @@ impl MediaRoots {
             Ok(resolved)
         };
         let resolved = roots.iter().map(resolve).collect::<Result<_, _>>()?;
-        Ok(Self { configured: roots.to_vec(), resolved, networks: MediaSettings::default().networks })
+        Ok(Self {
+            configured: roots.to_vec(),
+            resolved,
+            networks: MediaSettings::default().networks,
+            credentials: Vec::new(),
+        })
     }
 
     /// As [`Self::new`], leaving out roots that cannot be used (and logging them): what lies beneath the others can be
@@ -49,7 +55,12 @@ impl MediaRoots {
                 Err(error) => tracing::error!(%error, "a media root is left out"),
             }
         }
-        Self { configured: roots.to_vec(), resolved, networks: MediaSettings::default().networks }
+        Self {
+            configured: roots.to_vec(),
+            resolved,
+            networks: MediaSettings::default().networks,
+            credentials: Vec::new(),
+        }
     }
 
     /// The same, with these networks as the ones in which cameras may be reached, instead of private, loopback and
@@ -57,6 +68,12 @@ impl MediaRoots {
     #[must_use]
     pub fn with_networks(self, networks: &[Network]) -> Self {
         Self { networks: networks.to_vec(), ..self }
+    }
+
+    /// The same, with these logins as those that cameras may name.
+    #[must_use]
+    pub fn with_credentials(self, credentials: &[CredentialsSettings]) -> Self {
+        Self { credentials: credentials.to_vec(), ..self }
     }
 
     /// The same with one more folder.
@@ -76,11 +93,20 @@ impl MediaRoots {
         self.configured.iter().filter(is_usable).map(PathBuf::as_path)
     }
 
-    pub(super) fn networks(&self) -> &[Network] {
+    /// Networks in which cameras may be reached.
+    #[must_use]
+    pub fn networks(&self) -> &[Network] {
         &self.networks
     }
 
-    /// What a command's caller names by `path`, wherever symbolic links lead: whoever gives the command may read the file anyway.
+    /// Returns the logins that cameras may name.
+    #[must_use]
+    pub fn credentials(&self) -> &[CredentialsSettings] {
+        &self.credentials
+    }
+
+    /// Returns as a root what a command's caller names by `path`, wherever symbolic links lead: whoever gives the command may read the
+    /// file anyway.
     ///
     /// # Errors
     /// When the folder that `path` lies in does not exist or cannot be read.

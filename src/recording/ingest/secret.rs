@@ -1,12 +1,13 @@
 //! A camera's user and password, read where the configuration says, each time the camera is connected to.
 
-use super::CameraError;
+use super::endpoint::Endpoint;
+use super::{CameraError, MediaRoots};
 use crate::media::Login;
 use std::fmt;
 use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Read};
 use std::path::Path;
-use videofields_vision::config::SourceSettings;
+use videofields_vision::config::{CredentialsSettings, SourceSettings};
 
 /// Most bytes of a file with a password.
 const MAX_FILE_BYTES: u64 = 4096;
@@ -23,7 +24,7 @@ impl fmt::Debug for Secret {
 
 /// Who logs in at a camera.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Credentials {
+pub(crate) struct Credentials {
     user: String,
     password: Secret,
 }
@@ -43,8 +44,30 @@ impl Credentials {
         Ok(Some(Self { user, password: Secret(password) }))
     }
 
+    /// Returns those that `settings` name, or that stand at their name in `roots`, for the camera at `endpoint`; `None` where nobody
+    /// logs in.
+    pub(super) fn for_camera(
+        settings: &SourceSettings,
+        roots: &MediaRoots,
+        endpoint: &Endpoint,
+    ) -> Result<Option<Self>, CameraError> {
+        match &settings.credentials {
+            Some(name) => Self::named(name, roots, endpoint).map(Some),
+            None => Self::read(settings),
+        }
+    }
+
+    /// Returns those of that name in `roots`, which may go to `endpoint`.
+    pub(crate) fn named(name: &str, roots: &MediaRoots, endpoint: &Endpoint) -> Result<Self, CameraError> {
+        let found = find(name, roots)?;
+        if !endpoint.is_within(&found.networks) {
+            return Err(CameraError::CredentialsElsewhere { name: name.to_owned(), place: endpoint.place() });
+        }
+        Self::read(&source_of(found))?.ok_or_else(|| missing(name, roots))
+    }
+
     /// What a connection needs.
-    pub(super) fn login(&self) -> Login<'_> {
+    pub(crate) fn login(&self) -> Login<'_> {
         Login { user: &self.user, password: &self.password.0 }
     }
 }
@@ -52,16 +75,19 @@ impl Credentials {
 /// Tells whether a camera's login has changed since it was refused, without holding it.
 #[derive(Clone, Debug)]
 pub(super) struct LoginWatch {
-    settings: SourceSettings,
+    settings: Option<SourceSettings>,
     state: RandomState,
     refused: Option<u64>,
 }
 
 impl LoginWatch {
-    /// Watches the login that `settings` name; none where nobody logs in.
-    pub(super) fn of(settings: &SourceSettings) -> Option<Self> {
-        settings.user.as_ref()?;
-        Some(Self { settings: settings.clone(), state: RandomState::new(), refused: None })
+    /// Watches the login that `settings` name, or that stands at their name in `roots`; none where nobody logs in.
+    pub(super) fn of(settings: &SourceSettings, roots: &MediaRoots) -> Option<Self> {
+        let settings = match &settings.credentials {
+            Some(name) => find(name, roots).ok().map(source_of),
+            None => Some(settings.user.as_ref().map(|_user| settings.clone())?),
+        };
+        Some(Self { settings, state: RandomState::new(), refused: None })
     }
 
     /// Remembers the login as it is now, before it is tried.
@@ -76,8 +102,29 @@ impl LoginWatch {
 
     /// A number that stands for the login; none where it cannot be read.
     fn digest(&self) -> Option<u64> {
-        let credentials = Credentials::read(&self.settings).ok()??;
+        let credentials = Credentials::read(self.settings.as_ref()?).ok()??;
         Some(self.state.hash_one((&credentials.user, &credentials.password.0)))
+    }
+}
+
+fn find<'a>(name: &str, roots: &'a MediaRoots) -> Result<&'a CredentialsSettings, CameraError> {
+    roots.credentials().iter().find(|known| known.id == name).ok_or_else(|| missing(name, roots))
+}
+
+fn missing(name: &str, roots: &MediaRoots) -> CameraError {
+    let known: Vec<&str> = roots.credentials().iter().map(|known| known.id.as_str()).collect();
+    let known =
+        if known.is_empty() { "it has none".to_owned() } else { format!("it has {}", known.join(", ")) };
+    CameraError::NoCredentials { name: name.to_owned(), known }
+}
+
+/// A source with that login of its own.
+fn source_of(named: &CredentialsSettings) -> SourceSettings {
+    SourceSettings {
+        user: Some(named.user.clone()),
+        password_file: named.password_file.clone(),
+        password_env: named.password_env.clone(),
+        ..SourceSettings::default()
     }
 }
 

@@ -132,7 +132,7 @@ impl CameraWorker {
         let start = feed.start(together.into());
         let (end, stall, tap) = (feed.source.end, feed.source.stall_secs, consumer.tap());
         let stall = Duration::try_from_secs_f64(stall).unwrap_or(Duration::from_secs(5));
-        let login = LoginWatch::of(&feed.source);
+        let login = LoginWatch::of(&feed.source, &roots);
         let open = move |stop: &StopFlag| open_tapped(&feed.source, &roots, stop, tap);
         Self::spawn_with(id, (open, login), (end, stall), clock, start, consumer)
     }

@@ -20,10 +20,10 @@ use tokio::sync::oneshot;
 use tokio::time::timeout;
 
 /// Time for a connection to come about, and for each answer on it.
-pub(super) const ANSWER_TIME: Duration = Duration::from_secs(5);
+pub(crate) const ANSWER_TIME: Duration = Duration::from_secs(5);
 
 /// The name by which cameras are asked.
-pub(super) const USER_AGENT: &str = concat!("videofields/", env!("CARGO_PKG_VERSION"));
+pub(crate) const USER_AGENT: &str = concat!("videofields/", env!("CARGO_PKG_VERSION"));
 
 /// A camera's address, and how it is spoken to.
 #[derive(Clone)]
@@ -52,14 +52,14 @@ impl std::fmt::Debug for Peer {
 }
 
 /// Bytes that go both ways over a connection, encrypted or not.
-pub(super) trait Bytes: AsyncRead + AsyncWrite + Send + Unpin {}
+pub(crate) trait Bytes: AsyncRead + AsyncWrite + Send + Unpin {}
 impl<S: AsyncRead + AsyncWrite + Send + Unpin> Bytes for S {}
 
 /// Connects to `peer`.
 ///
 /// # Errors
 /// When it is not reached, or does not prove its name.
-pub(super) async fn connect(peer: &Peer) -> Result<Box<dyn Bytes>, Fault> {
+pub(crate) async fn connect(peer: &Peer) -> Result<Box<dyn Bytes>, Fault> {
     let connected = timeout(ANSWER_TIME, TcpStream::connect(peer.address)).await;
     let stream = match connected {
         Err(_elapsed) => return Err(Fault::Connection(ConnectionFault::TimedOut)),
@@ -81,7 +81,7 @@ pub(super) async fn connect(peer: &Peer) -> Result<Box<dyn Bytes>, Fault> {
 }
 
 /// Returns what an answer with that status means, where it is none of success.
-pub(super) fn expect_success(status: u16) -> Result<(), Fault> {
+pub(crate) fn expect_success(status: u16) -> Result<(), Fault> {
     let fault = match status {
         200..=299 => return Ok(()),
         300..=399 => ConnectionFault::Redirected,

@@ -19,19 +19,19 @@ pub struct Login<'a> {
 
 /// A user and a password that are kept for as long as a connection may be made.
 #[derive(Clone)]
-pub(super) struct OwnedLogin {
+pub(crate) struct OwnedLogin {
     user: String,
     password: String,
 }
 
 impl OwnedLogin {
-    pub(super) fn of(login: Login<'_>) -> Self {
+    pub(crate) fn of(login: Login<'_>) -> Self {
         Self { user: login.user.to_owned(), password: login.password.to_owned() }
     }
 }
 
 /// Logs in at one camera for as long as a connection lasts.
-pub(super) struct Answering {
+pub(crate) struct Answering {
     login: Option<OwnedLogin>,
     client: Option<Client>,
     /// True where an answer was taken since the last challenge.
@@ -47,12 +47,12 @@ enum Client {
 
 impl Answering {
     /// Returns one that has not answered yet.
-    pub(super) const fn new(login: Option<OwnedLogin>) -> Self {
+    pub(crate) const fn new(login: Option<OwnedLogin>) -> Self {
         Self { login, client: None, was_taken: false, was_stale: false }
     }
 
     /// The header that answers the last challenge for a request; none where nobody asked yet.
-    pub(super) fn header(&mut self, method: &str, uri: &str) -> Option<String> {
+    pub(crate) fn header(&mut self, method: &str, uri: &str) -> Option<String> {
         let OwnedLogin { user, password } = self.login.as_ref()?;
         match self.client.as_mut()? {
             Client::Basic(client) => Some(client.respond(user, password)),
@@ -66,7 +66,7 @@ impl Answering {
     }
 
     /// Tells that a request was answered other than by a challenge.
-    pub(super) const fn is_let_in(&mut self) {
+    pub(crate) const fn is_let_in(&mut self) {
         self.was_taken = self.client.is_some();
         self.was_stale = false;
     }
@@ -75,7 +75,7 @@ impl Answering {
     ///
     /// # Errors
     /// When there is no login, it is refused, or the camera wants one in a way that is not known.
-    pub(super) fn challenge<'a>(
+    pub(crate) fn challenge<'a>(
         &mut self,
         headers: impl Iterator<Item = &'a str>,
     ) -> Result<(), ConnectionFault> {

@@ -30,6 +30,7 @@ mod worker;
 
 pub use announced::{MAX_SIDE, is_too_large};
 pub use client::Peer;
+pub(crate) use client::{ANSWER_TIME, USER_AGENT, connect, expect_success};
 pub use clip::{ClipContainer, ClipWriter};
 pub use decoder::{Decoder, look_at_sandbox};
 pub use demuxer::Demuxer;
@@ -38,6 +39,7 @@ pub use encoded::{EncodedFormat, EncodedFrame, EncodedQueue};
 pub use fault::{ConnectionFault, Fault, SIZE_LIMIT};
 pub use input::{Input, descriptor_path};
 pub use login::Login;
+pub(crate) use login::{Answering, OwnedLogin};
 pub use muxer::{Muxer, TICK_NANOS};
 use planes::PlaneReader;
 pub use planes::Times;

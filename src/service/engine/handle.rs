@@ -1,9 +1,9 @@
 //! The engine's door: every question that a caller may ask of the running daemon.
 
 use super::{
-    AccuracyStatus, BlurAsked, CameraBlur, EngineError, EntityQuery, FoundEntities, FoundSources,
-    FoundTracks, MapSummary, PlannedView, PlayheadState, Present, Privacy, PrivacySummary, SceneAlignment,
-    SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    AccuracyStatus, BlurAsked, CameraBlur, EngineError, EntityQuery, FoundCameras, FoundEntities,
+    FoundSources, FoundTracks, MapSummary, PlannedView, PlayheadState, Present, Privacy, PrivacySummary,
+    SceneAlignment, SceneMoment, SceneTimeline, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use glam::DVec2;
 use serde::Serialize;
@@ -374,6 +374,14 @@ pub trait Door: Send + Sync {
     /// # Errors
     /// [`EngineError::Source`], [`EngineError::Forbidden`].
     fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError>;
+
+    /// Cameras in the network that speak ONVIF, or the one at `address`, asked as who `credentials` of the configuration are. Blocks
+    /// for some seconds.
+    ///
+    /// # Errors
+    /// [`EngineError::Source`], [`EngineError::Forbidden`].
+    fn discover(&self, address: Option<&str>, credentials: Option<&str>)
+    -> Result<FoundCameras, EngineError>;
 
     /// What nobody may see of a camera's pictures.
     ///

@@ -9,9 +9,19 @@ use super::{EngineError, roster::Roster};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use videofields_recording::ingest::{FoundFiles, IngestError, Look, StopFlag, browse, devices, look};
+use videofields_recording::onvif::{self, Audience, Discovery};
 use videofields_vision::config::{Place, SourceSettings};
 use videofields_vision::error::{ErrorKind, Fault};
 use videofields_vision::frame::{BufferPool, YuvImage, ZoneMask};
+
+/// Cameras in the network, and the logins by which one may be asked.
+#[derive(Clone, Debug, Default)]
+pub struct FoundCameras {
+    /// What was found.
+    pub discovery: Discovery,
+    /// Ids of the configuration's credentials.
+    pub credentials: Vec<String>,
+}
 
 /// What could feed a camera.
 #[derive(Clone, Debug, Default)]
@@ -46,6 +56,31 @@ impl Shared {
             kind: error.kind(),
         })?;
         Ok(FoundSources { files, devices: devices() })
+    }
+
+    /// Finds cameras in the network: [`Door::discover`].
+    pub(super) fn cameras_in_network(
+        &self,
+        address: Option<&str>,
+        credentials: Option<&str>,
+    ) -> Result<FoundCameras, EngineError> {
+        let roots = self.feeding()?.roots();
+        let wish = (&roots, credentials);
+        let discovery = match address {
+            None => onvif::discover(Audience::Everybody, wish, &self.clock),
+            Some(address) => onvif::device_service(address)
+                .and_then(|url| onvif::ask_device(&url, wish, &self.clock))
+                .map(|device| Discovery { devices: vec![device], ..Discovery::default() }),
+        };
+        let discovery = discovery.map_err(|error| EngineError::Source {
+            fault: Fault::new(
+                if error.is_of_credentials() { "/credentials" } else { "/address" },
+                error.to_string(),
+            ),
+            kind: error.kind(),
+        })?;
+        let credentials = roots.credentials().iter().map(|login| login.id.clone()).collect();
+        Ok(FoundCameras { discovery, credentials })
     }
 
     fn feeding(&self) -> Result<&Roster, EngineError> {

@@ -63,7 +63,7 @@ pub use handle::{
     Readiness, RecordingSummary, SceneSummary, StretchedSummary, shape_concern,
 };
 pub use identity::ViewIdentity;
-pub use looking::FoundSources;
+pub use looking::{FoundCameras, FoundSources};
 pub use maps::{MapProgress, MapSummary};
 pub use offline::view_once;
 pub use planned::{OpenedBuilding, PlannedEntity, PlannedView};
@@ -77,6 +77,9 @@ pub use view::{EYE_DISTANCE_M, Origin, SceneMoment, SourceTime, ViewAnswer, View
 
 /// What [`Door::look`] and [`Door::find_sources`] tell and take.
 pub use videofields_recording::ingest::{FoundFile, FoundFiles, Look, StopFlag};
+
+/// What [`Door::discover`] tells.
+pub use videofields_recording::onvif::{Device, Discovery};
 
 use checkpoint::StoreHealth;
 use entities::Entities;

@@ -43,7 +43,8 @@ pub fn view_once(
     Subject::of(request, scene, Timestamp::default(), &Observations::new(), limits)?;
     let roots = MediaRoots::new(&settings.media.roots)
         .map_err(|error| EngineError::Request(Fault::new("/media/roots", error.to_string())))?
-        .with_networks(&settings.media.networks);
+        .with_networks(&settings.media.networks)
+        .with_credentials(&settings.credentials);
     let until = match request.at {
         At::Live => None,
         At::Time(instant) => Some(instant),

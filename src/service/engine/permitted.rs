@@ -14,7 +14,7 @@ use super::handle::{
     At, CameraSummary, DeviceSummary, Door, LocateMethod, Located, Preview, Readiness, SceneSummary,
 };
 use super::identity::ViewIdentity;
-use super::looking::FoundSources;
+use super::looking::{FoundCameras, FoundSources};
 use super::maps::MapSummary;
 use super::planned::PlannedView;
 use super::playheads::{Change, Entry, PlayheadState};
@@ -290,6 +290,15 @@ impl Door for Permitted {
     fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError> {
         self.check_role(Role::Admin, "looking for sources")?;
         self.shared.sources(under, stop)
+    }
+
+    fn discover(
+        &self,
+        address: Option<&str>,
+        credentials: Option<&str>,
+    ) -> Result<FoundCameras, EngineError> {
+        self.check_role(Role::Admin, "looking for cameras")?;
+        self.shared.cameras_in_network(address, credentials)
     }
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {

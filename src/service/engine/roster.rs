@@ -70,7 +70,9 @@ pub(super) struct Allotment {
 impl Allotment {
     pub(super) fn of(settings: &Settings) -> Self {
         Self {
-            roots: MediaRoots::usable(&settings.media.roots).with_networks(&settings.media.networks),
+            roots: MediaRoots::usable(&settings.media.roots)
+                .with_networks(&settings.media.networks)
+                .with_credentials(&settings.credentials),
             timeline_bytes: settings.timeline.mib_per_camera as usize * 1024 * 1024,
             storage: settings.storage.clone(),
         }

@@ -1,6 +1,6 @@
 //! Environment variables `VIDEOFIELDS_SECTION__KEY` laid over the file's sections.
 //!
-//! Cameras, scenes and snapshots are lists and are written in the file alone.
+//! Credentials, cameras, scenes and snapshots are lists and are written in the file alone.
 
 use super::document::{Document, scalar_value};
 use crate::error::{Gatherer, unknown};
@@ -55,11 +55,11 @@ pub(super) fn overlay(
     ours.sort();
     for (section, key, variable, value) in ours {
         let place = format!("/{section}/{key}");
-        if matches!(section.as_str(), "camera" | "scene" | "snapshot") {
+        if matches!(section.as_str(), "credentials" | "camera" | "scene" | "snapshot") {
             document.note_variable(place.clone(), &variable);
             gatherer.fault(
                 place,
-                "cameras, scenes and snapshots are written in the file, not in the environment",
+                "credentials, cameras, scenes and snapshots are written in the file, not in the environment",
             );
         } else if !SECTIONS.contains(&section.as_str()) {
             document.note_variable(place.clone(), &variable);

@@ -135,7 +135,7 @@ fn check_login(source: &mut Value, gatherer: &mut Gatherer) {
     for key in LOGIN {
         if keys.remove(key).is_some() {
             let message = "a camera's user and password stand in the configuration file alone: have whoever keeps that file \
-                           add the camera there";
+                           add `credentials` there, and name these";
             gatherer.fault(format!("/source/{key}"), message);
         }
     }

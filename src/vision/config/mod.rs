@@ -7,6 +7,7 @@
 mod archive;
 mod change;
 mod clock;
+mod credentials;
 mod document;
 mod environment;
 mod error;
@@ -27,6 +28,7 @@ mod validate;
 pub use archive::ArchiveSettings;
 pub use change::{CameraChange, Unfit};
 pub use clock::ClockSettings;
+pub use credentials::CredentialsSettings;
 pub use error::{ConfigError, ConfigFault, Origin};
 pub use feed::FeedSettings;
 pub use made::MadeCamera;
@@ -198,16 +200,24 @@ fn gather(tree: serde_json::Value, gatherer: &mut Gatherer) -> Settings {
         accuracy: section!("accuracy"),
         log: section!("log"),
         telemetry: section!("telemetry"),
+        credentials: Vec::new(),
         camera: Vec::new(),
         scene: Vec::new(),
         snapshot: Vec::new(),
     };
     validate::check(&settings, gatherer);
+    let credentials = gatherer.list(fields.take("credentials"), credentials::MAX_CREDENTIALS);
     let cameras = gatherer.list(fields.take("camera"), MAX_CAMERAS);
     let scenes = gatherer.list(fields.take("scene"), validate::MAX_SCENES);
     let snapshots = gatherer.list(fields.take("snapshot"), validate::MAX_SNAPSHOTS);
     // Each is checked with its own place: an element that could not be read must not renumber those after it.
     let mut ids = validate::Ids::default();
+    for (value, place) in credentials {
+        if let Some(login) = gatherer.read(value, &place) {
+            credentials::check(&login, &place, &mut ids, gatherer);
+            settings.credentials.push(login);
+        }
+    }
     for (value, place) in cameras {
         if let Some(source) = value.get("source") {
             source::check_keys(source, &format!("{place}/source"), gatherer);
@@ -263,6 +273,7 @@ fn resolve(mut settings: Settings, folder: PathBuf) -> Config {
         place(&mut settings.server.private_key);
     }
     settings.media.roots.iter_mut().for_each(place);
+    settings.credentials.iter_mut().filter_map(|login| login.password_file.as_mut()).for_each(place);
     for camera in &mut settings.camera {
         camera.source.path.iter_mut().for_each(place);
         camera.source.password_file.iter_mut().for_each(place);

@@ -17,7 +17,7 @@ pub enum Effect {
 /// A key that was changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChangedKey {
-    /// Its dotted path; `camera`, `scene` and `snapshot` for all of these.
+    /// Its dotted path; `credentials`, `camera`, `scene` and `snapshot` for all of these.
     pub key: &'static str,
     /// When it takes effect.
     pub effect: Effect,
@@ -32,8 +32,8 @@ impl fmt::Display for ChangedKey {
 /// Declares every key once: its path, its effect, and how two settings are held against each other.
 macro_rules! keys {
     ($($section:ident.$key:ident: $effect:ident,)*) => {
-        /// Every key but those of cameras and scenes, which take effect at once, and of snapshots' schedules, which do at a
-        /// restart.
+        /// Every key but those of cameras and scenes, which take effect at once, of credentials, which do for new cameras, and of
+        /// snapshots' schedules, which do at a restart.
         pub const KEYS: &[(&str, Effect)] =
             &[$((concat!(stringify!($section), ".", stringify!($key)), Effect::$effect),)*];
 
@@ -45,6 +45,9 @@ macro_rules! keys {
                 let key = concat!(stringify!($section), ".", stringify!($key));
                 changed.push(ChangedKey { key, effect: Effect::$effect });
             })*
+            if before.credentials != after.credentials {
+                changed.push(ChangedKey { key: "credentials", effect: Effect::ForNewCameras });
+            }
             if before.camera != after.camera {
                 changed.push(ChangedKey { key: "camera", effect: Effect::AtOnce });
             }
@@ -120,7 +123,8 @@ mod tests {
                 section = name.trim_matches(['[', ']']).to_owned();
             } else if let Some((key, _)) = line.split_once(" = ")
                 && !section.is_empty()
-                && !["camera", "scene", "snapshot"].contains(&section.split('.').next().unwrap_or_default())
+                && !["credentials", "camera", "scene", "snapshot"]
+                    .contains(&section.split('.').next().unwrap_or_default())
             {
                 keys.push(format!("{section}.{key}"));
             }
@@ -152,6 +156,9 @@ mod tests {
         check("[archive]\nmin_free_mib = 1", &[("archive.min_free_mib", Effect::AtOnce)]);
         check("[render]\nsamples = 1", &[("render.samples", Effect::AtRestart)]);
         check("[[camera]]\nid = \"a\"\nsource.path = \"a\"", &[("camera", Effect::AtOnce)]);
+        let login =
+            "[[credentials]]\nid = \"a\"\nuser = \"b\"\npassword_env = \"C\"\nnetworks = [\"10.0.0.0/8\"]";
+        check(login, &[("credentials", Effect::ForNewCameras)]);
         let both = "[media]\nroots = [\"b\"]\n[[scene]]\nid = \"s\"\nfile = \"s.json\"";
         check(both, &[("media.roots", Effect::ForNewCameras), ("scene", Effect::AtOnce)]);
     }

@@ -2,6 +2,7 @@
 
 use super::archive::ArchiveSettings;
 use super::clock::ClockSettings;
+use super::credentials::CredentialsSettings;
 use super::network::{self, Network};
 use super::resolution::Resolution;
 use super::snapshot::SnapshotScheduleSettings;
@@ -40,6 +41,8 @@ pub struct Settings {
     pub log: LogSettings,
     /// Traces of requests.
     pub telemetry: TelemetrySettings,
+    /// Logins by name; ids are unique; at most 64.
+    pub credentials: Vec<CredentialsSettings>,
     /// The cameras, in any order; ids are unique; at most 256.
     pub camera: Vec<CameraSettings>,
     /// The scenes, the default one first; ids are unique; at most 64.

@@ -50,6 +50,8 @@ pub struct SourceSettings {
     pub password_file: Option<PathBuf>,
     /// The environment variable that holds the user's password.
     pub password_env: Option<String>,
+    /// The id of credentials, in place of a user and a password.
+    pub credentials: Option<String>,
     /// Seconds without a frame after which a camera is stalled, 0.5 to 60; five seconds later it is connected anew.
     /// Default 5.
     pub stall_secs: f64,
@@ -78,6 +80,7 @@ impl Default for SourceSettings {
             user: None,
             password_file: None,
             password_env: None,
+            credentials: None,
             stall_secs: 5.0,
             width_px: None,
             height_px: None,
@@ -220,7 +223,11 @@ pub enum DeviceFormat {
 /// The keys of each kind of source, and what its people call it.
 const KINDS: [(&str, &str, &[&str]); 3] = [
     ("path", "a file", &["path", "timing", "rate_hz", "end", "pace", "start", "from_secs", "until_secs"]),
-    ("url", "a camera's URL", &["url", "transport", "user", "password_file", "password_env", "stall_secs"]),
+    (
+        "url",
+        "a camera's URL",
+        &["url", "transport", "user", "password_file", "password_env", "credentials", "stall_secs"],
+    ),
     ("device", "a device", &["device", "rate_hz", "stall_secs", "width_px", "height_px", "format"]),
 ];
 
@@ -295,13 +302,24 @@ pub(super) fn check(source: &SourceSettings, place: &str, gatherer: &mut Gathere
     for (key, side) in [("width_px", source.width_px), ("height_px", source.height_px)] {
         range(gatherer, &at(key), f64::from(side.unwrap_or(16)), 16.0, 8192.0, "pixels");
     }
-    check_login(source, place, gatherer);
+    let password = (source.password_file.is_some(), source.password_env.as_ref());
+    check_login(source.user.as_ref(), password, place, gatherer);
+    if source.credentials.is_some() && (source.user.is_some() || password.0 || password.1.is_some()) {
+        let message = "`credentials` stand in place of `user`, `password_file` and `password_env`: name one or the other";
+        gatherer.fault(at("credentials"), message);
+    }
 }
 
-fn check_login(source: &SourceSettings, place: &str, gatherer: &mut Gatherer) {
+/// Checks a user, with whether a file with the password is named, and the variable with it, at `place`.
+pub(super) fn check_login(
+    user: Option<&String>,
+    (has_file, variable): (bool, Option<&String>),
+    place: &str,
+    gatherer: &mut Gatherer,
+) {
     let at = |key: &str| format!("{place}/{key}");
-    let has_password = source.password_file.is_some() || source.password_env.is_some();
-    match &source.user {
+    let has_password = has_file || variable.is_some();
+    match user {
         Some(user)
             if user.is_empty()
                 || user.chars().count() > MAX_USER_CHARS
@@ -315,12 +333,12 @@ fn check_login(source: &SourceSettings, place: &str, gatherer: &mut Gatherer) {
             gatherer.fault(at("user"), "a user needs a password: name `password_file` or `password_env`");
         }
         None if has_password => {
-            let key = if source.password_file.is_some() { "password_file" } else { "password_env" };
+            let key = if has_file { "password_file" } else { "password_env" };
             gatherer.fault(at(key), "a password needs a `user`");
         }
         _ => {}
     }
-    if source.password_file.is_some() && source.password_env.is_some() {
+    if has_file && variable.is_some() {
         gatherer
             .fault(at("password_env"), "the password comes from `password_file` or `password_env`, not both");
     }
@@ -329,7 +347,7 @@ fn check_login(source: &SourceSettings, place: &str, gatherer: &mut Gatherer) {
             && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
             && !name.as_bytes()[0].is_ascii_digit()
     };
-    if source.password_env.as_ref().is_some_and(|name| !is_name(name)) {
+    if variable.is_some_and(|name| !is_name(name)) {
         // Somebody may have written the password itself: it is not repeated.
         let message = "expected the name of an environment variable: letters, digits and `_`";
         gatherer.fault(at("password_env"), message);

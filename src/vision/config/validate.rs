@@ -1,7 +1,7 @@
 //! What the types of the settings cannot say: ranges, ids, and keys that need one another.
 
 use super::settings::{CameraSettings, Learning, SceneSettings, SegmentSettings, ServerSettings, Settings};
-use crate::error::Gatherer;
+use crate::error::{Gatherer, unknown};
 use crate::frame::is_id;
 use std::collections::HashSet;
 use std::path::Path;
@@ -21,6 +21,7 @@ const MAX_PATH_BYTES: usize = 4096;
 /// The ids met so far.
 #[derive(Debug, Default)]
 pub(super) struct Ids {
+    pub(super) credentials: HashSet<String>,
     cameras: HashSet<String>,
     scenes: HashSet<String>,
     pub(super) snapshots: HashSet<String>,
@@ -65,6 +66,7 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
     range(gatherer, "/render/cache_mib", f64::from(render.cache_mib), 0.0, 65_536.0, "MiB");
     let mut ids = Ids::default();
     for (key, count, most) in [
+        ("/credentials", settings.credentials.len(), super::credentials::MAX_CREDENTIALS),
         ("/camera", settings.camera.len(), MAX_CAMERAS),
         ("/scene", settings.scene.len(), MAX_SCENES),
         ("/snapshot", settings.snapshot.len(), MAX_SNAPSHOTS),
@@ -72,6 +74,9 @@ pub(super) fn check(settings: &Settings, gatherer: &mut Gatherer) {
         if count > most {
             gatherer.fault(key, format!("at most {most} are allowed, got {count}"));
         }
+    }
+    for (i, login) in settings.credentials.iter().enumerate() {
+        super::credentials::check(login, &format!("/credentials/{i}"), &mut ids, gatherer);
     }
     for (i, camera) in settings.camera.iter().enumerate() {
         check_camera(camera, &format!("/camera/{i}"), &mut ids, gatherer);
@@ -128,6 +133,13 @@ pub(super) fn check_camera(camera: &CameraSettings, place: &str, ids: &mut Ids, 
     }
     check_text(&camera.name, &format!("{place}/name"), gatherer);
     super::source::check(&camera.source, &format!("{place}/source"), gatherer);
+    if let Some(named) = &camera.source.credentials
+        && !ids.credentials.contains(named)
+    {
+        let mut known: Vec<&str> = ids.credentials.iter().map(String::as_str).collect();
+        known.sort_unstable();
+        gatherer.fault(format!("{place}/source/credentials"), unknown("credentials", named, &known));
+    }
     super::clock::check(&camera.clock, &camera.source, &format!("{place}/clock"), gatherer);
 
     crate::frame::check_zones(&camera.privacy_zones, &format!("{place}/privacy_zones"), gatherer);

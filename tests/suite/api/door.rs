@@ -20,11 +20,11 @@ use videofields_recording::timeline::{
 use videofields_service::engine::{
     AccuracyState, AccuracyStatus, At, BlurAsked, CalibrationAlignment, CameraAlignment, CameraBlur,
     CameraSummary, CameraTimeline, DecodingSummary, DeviceSummary, Door, EngineError, EntityCursor,
-    EntityQuery, Expected, FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand, FoundTrack,
-    FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin, PairAlignment,
-    PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy, PrivacySummary,
-    Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline, SourceTime,
-    StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
+    EntityQuery, Expected, FoundCameras, FoundEntities, FoundEntity, FoundPoint, FoundSources, FoundStand,
+    FoundTrack, FoundTracks, LocateMethod, Located, Look, MapProgress, MapSummary, OpenedBuilding, Origin,
+    PairAlignment, PlannedEntity, PlannedView, PlayheadState, Present, PresentEntity, Preview, Privacy,
+    PrivacySummary, Readiness, RecordingSummary, SceneAlignment, SceneMoment, SceneSummary, SceneTimeline,
+    SourceTime, StopFlag, StretchedSummary, TrackCursor, TrackQuery, ViewAnswer, ViewIdentity, ViewRequest,
 };
 use videofields_vision::access::Grants;
 use videofields_vision::calibrate::CameraDocument;
@@ -502,6 +502,14 @@ impl Door for FakeDoor {
 
     fn find_sources(&self, _under: Option<&Path>, _stop: &StopFlag) -> Result<FoundSources, EngineError> {
         Ok(FoundSources::default())
+    }
+
+    fn discover(
+        &self,
+        _address: Option<&str>,
+        _credentials: Option<&str>,
+    ) -> Result<FoundCameras, EngineError> {
+        Ok(FoundCameras::default())
     }
 
     fn put_camera(

@@ -9,6 +9,7 @@ use std::process::Stdio;
 use tempfile::TempDir;
 use videofields_render::gpu::Gpu;
 use videofields_simulate::{SimulateOptions, World};
+use videofields_testing::onvif::{Oddities, OnvifDevice, PASSWORD, USER};
 
 fn in_folder(folder: &Path, arguments: &[&str]) -> Output {
     run(videofields().current_dir(folder).args(arguments))
@@ -70,6 +71,43 @@ fn what_is_simulated_is_checked_segmented_viewed_and_compared() {
     check_refused(folder, &["calibration", "world/plaza.toml"], 1, "world/plaza.toml");
     check_refused(folder, &["calibration", "again.json", "--format", "colmap"], 2, "--format");
     check_refused(folder, &["calibration", "again.json", "--image-size-px", "0x5"], 2, "--image-size-px");
+}
+
+#[test]
+fn cameras_are_asked_by_their_address_and_told_as_a_configuration() {
+    let folder = TempDir::new().unwrap();
+    let folder = folder.path();
+    let device = OnvifDevice::start(Oddities { ahead_secs: 37, ..Oddities::default() });
+    std::fs::write(folder.join("gates.password"), PASSWORD).unwrap();
+    let login = format!(
+        "id = \"gates\"\nuser = \"{USER}\"\npassword_file = \"gates.password\"\nnetworks = [\"127.0.0.1\"]\n"
+    );
+    std::fs::write(folder.join("site.toml"), format!("[[credentials]]\n{login}")).unwrap();
+    let address = device.address().to_string();
+    let asked = ["cameras", "discover", "--config", "site.toml", "--address", &address];
+    let with = |more: &[&str]| succeed(folder, &[&asked, more].concat());
+    let told = with(&["--credentials", "gates"]);
+    assert!(
+        told.stdout.contains("s ahead of this machine's") && told.stderr.is_empty(),
+        "{} {}",
+        told.stdout,
+        told.stderr
+    );
+    let site = format!("[[credentials]]\n{login}{}", told.stdout);
+    std::fs::write(folder.join("site.toml"), site).unwrap();
+    let checked = succeed(folder, &["check-config", "site.toml"]);
+    assert!(checked.stdout.contains("good, 1 cameras"), "{}", checked.stdout);
+    let told: Value = serde_json::from_str(&with(&["--credentials", "gates", "--json"]).stdout).unwrap();
+    let camera = &told["devices"][0];
+    assert_eq!((&camera["model"], &camera["problem"]), (&"XN-7".into(), &Value::Null));
+    assert!((camera["clock"]["secs"].as_f64().unwrap() - 37.0).abs() < 5.0, "{camera}");
+    assert_eq!(camera["streams"][0]["url"], "rtsp://127.0.0.1:8554/live/main?a=1&b=2");
+    let shy = with(&[]).stdout;
+    assert!(shy.contains("http://127.0.0.1") && shy.contains("or wants one"), "{shy}");
+    check_refused(folder, &[&asked[..], &["--credentials", "gate"]].concat(), 1, "did you mean `gates`?");
+    let other = ["cameras", "discover", "--config", "site.toml", "--address"];
+    check_refused(folder, &[&other[..], &["u:p@127.0.0.1"]].concat(), 1, "expected a camera's address");
+    check_refused(folder, &[&other[..], &["8.8.8.8"]].concat(), 1, "media.networks");
 }
 
 fn its_faults_are_found(folder: &Path) {

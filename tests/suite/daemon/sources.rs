@@ -7,6 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use std::path::Path;
 use tempfile::TempDir;
+use videofields_testing::onvif::{Answers, Oddities, OnvifDevice, PASSWORD, USER};
+use videofields_testing::wait_for;
 
 const LOOK: &str = "/api/v1/sources/look";
 
@@ -129,4 +131,92 @@ fn files_that_could_feed_a_camera_are_listed() {
     assert_eq!(under(&folder.path().join("nowhere")).status, 404);
     assert_eq!(under(Path::new("relative")).status, 400);
     assert_eq!(daemon.stop("TERM").status, Some(0));
+}
+
+#[test]
+fn cameras_in_the_network_are_asked_for_their_streams_and_taken_over_by_the_name_of_a_login() {
+    let folder = TempDir::new().unwrap();
+    let config = super::demo(folder.path());
+    std::fs::write(folder.path().join("gates.password"), PASSWORD).unwrap();
+    let login = |id: &str, network: &str| {
+        format!(
+            "[[credentials]]\nid = \"{id}\"\nuser = \"{USER}\"\npassword_file = \"gates.password\"\nnetworks = [\"{network}\"]\n"
+        )
+    };
+    let text = std::fs::read_to_string(&config).unwrap();
+    let text = [text, login("gates", "127.0.0.0/8"), login("yards", "10.0.0.0/8")].join("\n");
+    std::fs::write(&config, text).unwrap();
+    let daemon = Daemon::start(&config);
+    let discover = |asked: &Value| daemon.send("POST", "/api/v1/sources/discover", "", &asked.to_string());
+    let device = OnvifDevice::start(Oddities { ahead_secs: 37, ..Oddities::default() });
+    let address = device.address().to_string();
+
+    let answer = discover(&json!({"address": address, "credentials": "gates"}));
+    let told = body(&answer);
+    assert_eq!(answer.status, 200, "{told}");
+    assert_eq!(told["credentials"], json!(["gates", "yards"]));
+    let camera = &told["devices"][0];
+    assert!((camera["clock"]["secs"].as_f64().unwrap() - 37.0).abs() < 5.0, "{camera}");
+    let url = &camera["streams"][0]["url"];
+    assert_eq!((url, &camera["problem"]), (&json!("rtsp://127.0.0.1:8554/live/main?a=1&b=2"), &Value::Null));
+    let nobody = body(&discover(&json!({"address": address})));
+    assert!(nobody["devices"][0]["problem"].as_str().unwrap().contains("or wants one"), "{nobody}");
+
+    let check = |asked: Value, expected: (u16, &str, &str)| {
+        let answer = discover(&asked);
+        let (status, pointer, said) = expected;
+        let error = &body(&answer)["errors"][0];
+        assert_eq!(
+            (answer.status, &error["pointer"]),
+            (status, &json!(pointer)),
+            "{asked}: {}",
+            body(&answer)
+        );
+        assert!(error["detail"].as_str().unwrap().contains(said), "{asked}: {}", body(&answer));
+    };
+    let n_asked = device.asked().len();
+    check(json!({"credentials": "gates"}), (400, "/credentials", "not everybody"));
+    check(json!({"address": address, "credentials": "yards"}), (400, "/credentials", "none of the networks"));
+    check(json!({"address": address, "credentials": "lanes"}), (400, "/credentials", "it has gates, yards"));
+    check(json!({"address": "8.8.8.8"}), (400, "/address", "media.networks"));
+    check(json!({"address": "169.254.169.254"}), (400, "/address", "media.networks"));
+    check(json!({"address": "u:p@127.0.0.1"}), (400, "/address", "without user and password"));
+    check(json!({"address": "127.0.0.1:9"}), (503, "/address", "not reached"));
+    check(json!({"adress": "127.0.0.1"}), (400, "/adress", "did you mean `address`"));
+    assert_eq!(device.asked().len(), n_asked, "who is refused asks nobody");
+
+    // A camera is made of it whose login has a name alone; a login that may not go there shows as its reason.
+    let source = json!({"name": "Gate", "source": {"url": url, "credentials": "yards"}});
+    let made = daemon.send("PUT", "/api/v1/cameras/gate", "if-none-match: *", &source.to_string());
+    assert!((200..300).contains(&made.status), "{}", body(&made));
+    let gate = || {
+        daemon.json("/api/v1/cameras")["cameras"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|camera| camera["id"] == "gate")
+            .cloned()
+    };
+    let reason = wait_for("a reason", || gate()?["reason"].as_str().map(str::to_owned));
+    assert!(reason.contains("credentials \"yards\""), "{reason}");
+    let document = daemon.json("/api/v1/cameras/gate/document");
+    assert_eq!(document["source"]["credentials"], "yards");
+    assert!(!daemon.stop("TERM").stderr.contains(PASSWORD));
+}
+
+#[test]
+fn one_search_for_cameras_at_a_time() {
+    let folder = TempDir::new().unwrap();
+    let daemon = start(folder.path());
+    let silent = OnvifDevice::start(Oddities { answers: Answers::Never, ..Oddities::default() });
+    let asked = json!({"address": silent.address().to_string()}).to_string();
+    std::thread::scope(|scope| {
+        let first = scope.spawn(|| daemon.send("POST", "/api/v1/sources/discover", "", &asked));
+        wait_for("the first search", || (!silent.asked().is_empty()).then_some(()));
+        let second = daemon.send("POST", "/api/v1/sources/discover", "", "{}");
+        assert_eq!(second.status, 503, "{}", body(&second));
+        assert!(body(&second)["detail"].as_str().unwrap().contains("already"), "{}", body(&second));
+        let first = first.join().unwrap();
+        assert_eq!((first.status, &body(&first)["errors"][0]["pointer"]), (503, &json!("/address")));
+    });
 }

@@ -349,6 +349,7 @@ fn changes(camera: &str, scene: &str, other: &str) -> Vec<Ask> {
         change("PUT", format!("/api/v1/assets/{other}.png"), &Value::Null).with("if-none-match", "*"),
         any(change("DELETE", format!("/api/v1/assets/{other}.png"), &Value::Null)),
         change("POST", "/api/v1/sources/look", &json!({"source": {"path": "/films/a.mp4"}})),
+        change("POST", "/api/v1/sources/discover", &json!({"address": "127.0.0.1:1"})),
         change("POST", "/api/v1/calibrations/vanishing", &json!({"image_size_px": [64, 48], "pencils": []})),
         change("POST", "/api/v1/calibrations/solve", &json!({"image_size_px": [64, 48], "pairs": []})),
         change("PUT", format!("{cameras}/frame.jpg"), &Value::Null),

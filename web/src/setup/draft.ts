@@ -18,7 +18,7 @@ export type AxisLine = { readonly axis: "x" | "y" | "z"; readonly ends_px: reado
 export type Source = {
   readonly path?: string; readonly url?: string; readonly device?: string;
   readonly from_secs?: number; readonly until_secs?: number; readonly end?: "stop" | "loop"; readonly pace?: "real_time" | "all"; readonly start?: string;
-  readonly timing?: "pts" | "index"; readonly rate_hz?: number; readonly transport?: "tcp" | "udp";
+  readonly timing?: "pts" | "index"; readonly rate_hz?: number; readonly transport?: "tcp" | "udp"; readonly credentials?: string;
   readonly [key: string]: unknown;
 };
 

@@ -27,6 +27,24 @@ export function sourceFiles(): Promise<SourceFiles> {
   return change<SourceFiles>("GET", "/api/v1/sources/files");
 }
 
+export type DeviceStream = {
+  profile: string; encoding: string | null; size_px: [number, number] | null; rate_hz: number | null;
+  url: string | null; told_url: string | null;
+};
+export type Device = {
+  services: string[]; told_services: string[]; endpoint: string | null;
+  name: string | null; maker: string | null; model: string | null;
+  clock: { secs: number; error_secs: number } | null;
+  streams: DeviceStream[];
+  problem: string | null;
+};
+export type Discovery = { devices: Device[]; n_ignored: number; is_cut: boolean; credentials: string[] };
+
+/** Cameras in the network that speak ONVIF; with an address that one alone, as whoever the credentials are. */
+export function discoverCameras(whom: { address?: string; credentials?: string }): Promise<Discovery> {
+  return change<Discovery>("POST", "/api/v1/sources/discover", whom);
+}
+
 export type Solved = {
   calibration: Calibration;
   rms_px: number;

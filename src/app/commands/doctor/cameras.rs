@@ -89,23 +89,20 @@ fn sandbox() -> Line {
 }
 
 pub(super) fn look(config: &Config) -> Vec<Line> {
-    config.settings().camera.iter().map(camera).collect()
+    let settings = config.settings();
+    let credentials = settings.credentials.iter().filter_map(|login| {
+        let called = format!("credentials {}", login.id);
+        password(&called, login.password_file.as_deref(), login.password_env.as_deref())
+    });
+    credentials.chain(settings.camera.iter().map(camera)).collect()
 }
 
 fn camera(camera: &CameraSettings) -> Line {
     let id = &camera.id;
-    if let Some(file) = &camera.source.password_file
-        && let Err(error) = access(file, Access::READ_OK)
+    let source = &camera.source;
+    if let Some(line) = password(id.as_str(), source.password_file.as_deref(), source.password_env.as_deref())
     {
-        let what = format!("{id}: the password's file {}", file.display());
-        return Line::problem("cameras", what, error.to_string())
-            .do_this("a file of the service manager's credentials is there only while the service runs");
-    }
-    if let Some(variable) = &camera.source.password_env
-        && std::env::var_os(variable).is_none()
-    {
-        let what = format!("{id}: the password's variable {variable}");
-        return Line::warning("cameras", what, "it is not set here; the daemon's environment counts");
+        return line;
     }
     match camera.source.place() {
         Some(Place::Device(device)) => self::device(id.as_str(), device),
@@ -113,6 +110,22 @@ fn camera(camera: &CameraSettings) -> Line {
         Some(Place::Url(_)) => Line::ok("cameras", format!("{id}: in the network, not asked from here")),
         None => Line::problem("cameras", format!("{id}: has no source"), "nothing feeds it"),
     }
+}
+
+/// Returns what is wrong with where a password stands; none where nothing is.
+fn password(called: &str, file: Option<&Path>, variable: Option<&str>) -> Option<Line> {
+    if let Some(file) = file
+        && let Err(error) = access(file, Access::READ_OK)
+    {
+        let what = format!("{called}: the password's file {}", file.display());
+        let line = Line::problem("cameras", what, error.to_string());
+        return Some(
+            line.do_this("a file of the service manager's credentials is there only while the service runs"),
+        );
+    }
+    let variable = variable.filter(|variable| std::env::var_os(variable).is_none())?;
+    let what = format!("{called}: the password's variable {variable}");
+    Some(Line::warning("cameras", what, "it is not set here; the daemon's environment counts"))
 }
 
 fn device(id: &str, device: &Path) -> Line {

@@ -443,7 +443,7 @@ fn a_refused_login_is_tried_again_when_it_changes_or_after_ten_minutes() {
         corrected: Corrected::default(),
         status: None,
     };
-    let login = LoginWatch::of(&source);
+    let login = LoginWatch::of(&source, &MediaRoots::new(&[]).unwrap());
     let (id, kind) = (CameraId::new("gate").unwrap(), (End::Loop, Duration::from_secs(5)));
     let worker = CameraWorker::spawn_with(id, (open, login), kind, clock, start, Box::new(recorder)).unwrap();
     while !worker.is_finished() {

@@ -11,7 +11,7 @@ use super::super::handle::{
     RecordingSummary, SceneSummary, StretchedSummary, surface_name,
 };
 use super::super::identity::ViewIdentity;
-use super::super::looking::FoundSources;
+use super::super::looking::{FoundCameras, FoundSources};
 use super::super::maps::MapSummary;
 use super::super::permitted::Permitted;
 use super::super::planned::PlannedView;
@@ -239,6 +239,14 @@ impl Door for Shared {
 
     fn find_sources(&self, under: Option<&Path>, stop: &StopFlag) -> Result<FoundSources, EngineError> {
         self.sources(under, stop)
+    }
+
+    fn discover(
+        &self,
+        address: Option<&str>,
+        credentials: Option<&str>,
+    ) -> Result<FoundCameras, EngineError> {
+        self.cameras_in_network(address, credentials)
     }
 
     fn privacy(&self, camera: &str) -> Result<Arc<Privacy>, EngineError> {

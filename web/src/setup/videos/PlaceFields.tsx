@@ -5,9 +5,11 @@ import { Segments } from "../../parts/parts";
 import { say } from "../../strings";
 import { type DraftCamera, type Source, edit, editCamera, settle } from "../draft";
 import { TextField } from "../Fields";
+import { atCamera } from "../faults";
 import { nameFrom } from "../ids";
 import { without } from "../without";
-import { KINDS, emptySource, kindOf, withName } from "./edits";
+import { CameraFinder, type ChosenStream } from "./CameraFinder";
+import { KINDS, emptySource, kindOf, withName, withStream } from "./edits";
 import { FilePicker, useSourceFiles } from "./FilePicker";
 
 type Given = {
@@ -56,8 +58,19 @@ function FileFields({ camera, isKept, fault, onLook, onId }: Given) {
   );
 }
 
-function UrlFields({ camera, isKept, fault, onLook }: Given) {
-  const { url = "", transport } = camera.source;
+function UrlFields({ camera, isKept, fault, onLook, onId }: Given) {
+  const { url = "", transport, credentials = "" } = camera.source;
+  const [isOpen, setOpen] = useState(url === "");
+  const take = (stream: ChosenStream) => {
+    let { id } = camera;
+    edit(say("step.place", { name: shownName(camera) }), (of) => {
+      const taken = withStream(of, camera.id, stream, isKept);
+      id = taken.id;
+      return taken.draft;
+    });
+    onId(id);
+    onLook();
+  };
   return (
     <>
       <TextField label={say("videos.url")} value={url} fault={fault} placeholder="rtsp://192.168.1.20/stream1"
@@ -70,6 +83,12 @@ function UrlFields({ camera, isKept, fault, onLook }: Given) {
             text={(value) => say(`videos.transport.${value}`)} onChoose={(value) => setSource(camera, (of) => ({ ...of, transport: value }))} />
         )}
       </div>
+      <TextField label={say("videos.credentials")} value={credentials} hint={say("videos.credentials.hint")} fault={atCamera(camera.id, "source/credentials")}
+        maxLength={64} onSettle={onLook}
+        onInput={(value) => setSource(camera, (of) => (value.trim() === "" ? without(of, "credentials") : { ...of, credentials: value.trim() }), `credentials ${camera.id}`)} />
+      {isOpen
+        ? <CameraFinder chosen={url} onChoose={take} />
+        : <p><button type="button" onClick={() => setOpen(true)}>{say("videos.find")}</button></p>}
     </>
   );
 }

@@ -2,7 +2,7 @@
 
 import { expect, test } from "vitest";
 import type { Calibration, Draft } from "../draft";
-import { placeOf, withEnd, withId, withName, withNewCamera, withoutCamera, withPace } from "./edits";
+import { placeOf, withEnd, withId, withName, withNewCamera, withoutCamera, withPace, withStream } from "./edits";
 
 const calibration = { focal_px: [1, 1] } as unknown as Calibration;
 const start: Draft = { scene: { id: "s", document: { version: 1 } }, cameras: [], removedCameras: [], calibrating: {} };
@@ -45,4 +45,15 @@ test("a loop plays in real time, and a file whose every frame counts ends with i
   expect(withPace({ path: "/a", end: "stop", pace: "all" }, "real_time")).toEqual({ path: "/a", end: "stop" });
   expect(withEnd({ path: "/a", end: "stop", pace: "all" }, "loop")).toEqual({ path: "/a", end: "loop" });
   expect(withEnd({ path: "/a", pace: "all" }, "stop")).toEqual({ path: "/a", end: "stop", pace: "all" });
+});
+
+test("a stream is taken over with the name of its login, and its camera's name where there is none", () => {
+  const added = withNewCamera(start, "url");
+  const first = withStream(added.draft, added.id, { url: "rtsp://10.0.0.7/a", credentials: "gates", name: "North gate" }, false);
+  expect(first.id).toBe("north-gate");
+  expect(first.draft.cameras[0]).toMatchObject({ name: "North gate", source: { url: "rtsp://10.0.0.7/a", credentials: "gates" } });
+  const second = withStream(first.draft, first.id, { url: "rtsp://10.0.0.8/a", credentials: "", name: "South gate" }, false);
+  expect(second.draft.cameras[0]).toMatchObject({ id: "north-gate", name: "North gate" });
+  expect(second.draft.cameras[0]?.source).toEqual({ url: "rtsp://10.0.0.8/a" });
+  expect(withStream(first.draft, "other", { url: "rtsp://10.0.0.8/a", credentials: "", name: "" }, false).draft).toBe(first.draft);
 });

@@ -73,6 +73,18 @@ export function withName(of: Draft, id: string, name: string, isKept: boolean): 
   return { draft: next === id ? named : withId(named, id, next), id: next };
 }
 
+/** Takes over a stream that a camera in the network gives, with the name of the login that it wants; a camera without a name gets its
+ * own. Answers the id that it has then. */
+export function withStream(of: Draft, id: string, stream: { readonly url: string; readonly credentials: string; readonly name: string }, isKept: boolean): { draft: Draft; id: string } {
+  const camera = of.cameras.find((one) => one.id === id);
+  if (!camera) return { draft: of, id };
+  // Whose login was written for another address says nothing of this one.
+  const source: Source = { ...without(camera.source, "credentials", "user", "password_file", "password_env"), url: stream.url };
+  const taken = { ...camera, source: stream.credentials === "" ? source : { ...source, credentials: stream.credentials } };
+  const next = { ...of, cameras: of.cameras.map((one) => (one === camera ? taken : one)) };
+  return camera.name === "" && stream.name !== "" ? withName(next, id, stream.name, isKept) : { draft: next, id };
+}
+
 /** Takes a camera away, with its calibration and what was clicked for it. */
 export function withoutCamera(of: Draft, id: string): Draft {
   const { cameras: members, ...document } = of.scene.document;
