@@ -279,10 +279,11 @@ fn the_services_filter_lets_decoding_processes_confine_themselves() {
     let known: Vec<&str> = calls.iter().map(String::as_str).filter(|call| compile(&[call]).is_ok()).collect();
     assert!(known.len() > 200, "{known:?}");
     let filter = compile(&known).unwrap().remove("unit").unwrap();
-    let confined = std::thread::spawn(move || {
+    let confined = std::thread::Builder::new().name("confined".to_owned()).spawn(move || {
         seccompiler::apply_filter(&filter).unwrap();
         look_at_sandbox().unwrap()
     });
+    let confined = confined.unwrap();
     let (confined, free) = (confined.join().unwrap(), look_at_sandbox().unwrap());
     assert!(confined.has_limits && confined.has_seccomp, "{confined:?}");
     assert_eq!(confined, free);

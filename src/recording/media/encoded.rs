@@ -6,6 +6,7 @@
 use super::fault::gstreamer_fault;
 use super::{Fault, Times};
 use gstreamer as gst;
+use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -30,6 +31,15 @@ pub struct EncodedFrame {
     /// Whether decoding can begin with it.
     pub is_key: bool,
     buffer: gst::Buffer,
+}
+
+/// Basis of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) enum Build {
+    /// Nothing: decoding can begin with it.
+    Key,
+    /// Frames before it.
+    Delta,
 }
 
 /// Encoded frames on their way from a decoder's threads to whoever records them.
@@ -126,8 +136,9 @@ impl EncodedFrame {
         bytes: Vec<u8>,
         format: Arc<EncodedFormat>,
         [stream_nanos, interval_nanos]: [Option<i64>; 2],
-        is_key: bool,
+        build: Build,
     ) -> Self {
+        let is_key = build == Build::Key;
         let mut buffer = gst::Buffer::from_mut_slice(bytes);
         if let Some(buffer) = buffer.get_mut().filter(|_| !is_key) {
             buffer.set_flags(gst::BufferFlags::DELTA_UNIT);

@@ -11,7 +11,7 @@ use super::announced::{MAX_SIDE, is_too_large, size_of_format};
 use super::device::device_fault;
 use super::fault::{ConnectionFault, gstreamer_fault, missing_codec, refused_format};
 use super::input::{Client, Connection, Keep, Memory, Source, make};
-use super::probes::{be_patient, count_entries, refuse_large_pictures};
+use super::probes::{be_patient, count_entries, refuse_large_pictures, tell_large_pictures};
 use super::{EncodedQueue, Fault, tap};
 use gst::glib;
 use gst::prelude::*;
@@ -52,6 +52,15 @@ pub(super) struct Pipeline {
     connection: Option<Connection>,
 }
 
+/// Aim of a pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Aim {
+    /// It decodes.
+    Pictures,
+    /// It hands over frames as they are encoded.
+    Frames,
+}
+
 /// A pipeline that is built and does not run yet.
 struct Built {
     pipeline: Pipeline,
@@ -66,7 +75,7 @@ impl Pipeline {
     /// When `GStreamer` lacks an element or cannot start; all else shows with the first picture.
     pub(super) fn start(source: Source, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
         let decode = make("decodebin")?;
-        let built = Built::new(source, |parts| {
+        let built = Built::new(source, Aim::Pictures, |parts| {
             link_first_video(&decode, parts);
             watch(&decode, parts);
             let Some(queue) = encoded else { return Ok(decode.clone()) };
@@ -88,13 +97,12 @@ impl Pipeline {
         encoded: Option<&Arc<EncodedQueue>>,
         frames: tap::Taker,
     ) -> Result<Self, Fault> {
-        let mut built = Built::new(source, |parts| {
+        let built = Built::new(source, Aim::Frames, |parts| {
             let parse = make("parsebin")?;
             watch(&parse, parts);
             tap::hand_over_first_video(&parse, parts, (encoded, frames));
             Ok(parse)
         })?;
-        built.pipeline.has_secrets = true;
         built.run(client)
     }
 
@@ -222,7 +230,7 @@ impl Pipeline {
             Some(gst::StreamError::Decrypt | gst::StreamError::DecryptNokey) => {
                 Fault::Connection(ConnectionFault::Insecure)
             }
-            _ => Fault::Damaged("its pictures cannot be decoded further".to_owned()),
+            _ => Fault::Damaged("its stream cannot be parted into frames".to_owned()),
         }
     }
 
@@ -248,10 +256,11 @@ impl Built {
     /// Builds a pipeline from `source` to the reader that `make_reader` gives, and to a sink.
     fn new(
         source: Source,
+        aim: Aim,
         make_reader: impl FnOnce(&Parts<'_>) -> Result<gst::Element, Fault>,
     ) -> Result<Self, Fault> {
         gst::init().map_err(|error| gstreamer_fault("start", &error))?;
-        let keep = source.keep;
+        let (keep, hands_over) = (source.keep, aim == Aim::Frames);
         let sink = make_sink(keep, source.allocator.as_ref());
         if source.memory == Memory::Own {
             free_with_the_last_user(&sink);
@@ -272,6 +281,9 @@ impl Built {
                 count_entries(element, &entries);
             }
             refuse_large_pictures(element, &size_faults);
+            if hands_over {
+                tell_large_pictures(element, &size_faults);
+            }
         });
         let (streams, unknown_streams) = sync_channel(8);
         let parts =
@@ -295,7 +307,7 @@ impl Built {
             n_damaged,
             n_entered,
             keep,
-            has_secrets: false,
+            has_secrets: hands_over,
             _file: file,
             connection: None,
         };

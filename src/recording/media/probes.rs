@@ -74,6 +74,26 @@ fn take_away(info: &mut gst::PadProbeInfo<'_>) -> gst::PadProbeReturn {
     gst::PadProbeReturn::Handled
 }
 
+/// Tells of pictures beyond the limits where they reach a parser, since parsers refuse the largest without a word of their size.
+pub(super) fn tell_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
+    let is_parser =
+        element.factory().is_some_and(|factory| factory.has_type(gst::ElementFactoryType::PARSER));
+    let Some(pad) = element.static_pad("sink").filter(|_| is_parser) else { return };
+    let faults = faults.clone();
+    pad.add_probe(gst::PadProbeType::BUFFER, move |pad, info| {
+        let caps = pad.current_caps();
+        let format = caps.as_ref().and_then(|caps| caps.structure(0));
+        let bytes = info.buffer().and_then(|buffer| buffer.map_readable().ok());
+        if let (Some(format), Some(bytes)) = (format, bytes)
+            && let Announced::Size((width, height)) = announced::in_bytes(format, &bytes)
+            && is_too_large((width, height))
+        {
+            tell(&faults, Fault::TooLarge { width, height });
+        }
+        gst::PadProbeReturn::Ok
+    });
+}
+
 /// Keeps from a decoder what announces pictures beyond the limits, which ends the stream, and headers that cannot be read.
 pub(super) fn refuse_large_pictures(element: &gst::Element, faults: &SyncSender<Fault>) {
     if !is_decoder(element.upcast_ref()) {

@@ -75,6 +75,19 @@ fn motion_jpeg_is_looked_at_once() {
 }
 
 #[test]
+fn a_camera_that_sends_other_pictures_is_told_of_before_it_counts_as_silent() {
+    let (port, _) = camera(|stream| {
+        for _ in 0..500 {
+            stream.write_all(b"--next\r\nContent-Type: image/svg+xml\r\n\r\n<svg width=\"32000\"/>\r\n")?;
+            pause(100);
+        }
+        Ok(())
+    });
+    let error = look(&format!("http://127.0.0.1:{port}/")).unwrap_err().to_string();
+    assert!(error.contains("multipart/x-mixed-replace") && error.contains("no JPEG picture"), "{error}");
+}
+
+#[test]
 fn pictures_come_and_the_camera_hears_its_own_name() {
     let (port, heads) = camera(|stream| {
         for n in 0..500 {

@@ -37,6 +37,9 @@ const MAX_KIND_LETTERS: usize = 60;
 /// Least time between two questions to a camera that answers a picture at a time.
 const PICTURE_TIME: Duration = Duration::from_millis(200);
 
+/// Time in which the first picture must begin once something came.
+const BETWEEN_TIME: Duration = Duration::from_secs(6);
+
 /// Bytes in which a picture must begin.
 const MAX_BETWEEN_BYTES: usize = 1 << 20;
 
@@ -109,7 +112,7 @@ impl Http {
         size: &mut Option<Size>,
     ) -> Result<u64, Fault> {
         let mut splitter = Splitter::default();
-        let mut n_pictures = 0;
+        let (mut n_pictures, began) = (0, Instant::now());
         while let Some(frame) = answer.frame().await {
             let Ok(frame) = frame else { break };
             let Some(bytes) = frame.data_ref() else { continue };
@@ -118,9 +121,12 @@ impl Http {
                 self.push(picture, size);
                 n_pictures += 1;
             }
-            if splitter.n_between() > MAX_BETWEEN_BYTES {
+            let has_picture = n_pictures > 0 || splitter.is_within();
+            let is_late = !has_picture && splitter.n_between() > 0 && began.elapsed() > BETWEEN_TIME;
+            if is_late || splitter.n_between() > MAX_BETWEEN_BYTES {
+                let kilobytes = splitter.n_between() / 1000;
                 return Err(Fault::NotVideo(format!(
-                    "it sends {kind}, and no JPEG picture in a megabyte of it"
+                    "it sends {kind}, and no JPEG picture in {kilobytes} kB of it"
                 )));
             }
         }

@@ -51,6 +51,11 @@ impl Splitter {
         self.n_between
     }
 
+    /// Returns true while a picture has begun and not ended.
+    pub(super) const fn is_within(&self) -> bool {
+        self.looking.is_some()
+    }
+
     /// Returns the next picture, whole or as far as it came before the next one began.
     pub(super) fn next(&mut self) -> Option<Vec<u8>> {
         if self.looking.is_none() {

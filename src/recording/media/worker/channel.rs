@@ -278,20 +278,7 @@ impl Receiver {
                 rustix::net::recv(&self.socket, &mut self.bytes[n_before..], RecvFlags::empty())
                     .map(|(_filled, n)| n)
             }
-            Files::Kept(files) => {
-                let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(4))];
-                let mut control = RecvAncillaryBuffer::new(&mut space);
-                let mut into = [IoSliceMut::new(&mut self.bytes[n_before..])];
-                let flags = RecvFlags::CMSG_CLOEXEC;
-                rustix::net::recvmsg(&self.socket, &mut into, &mut control, flags).map(|received| {
-                    for message in control.drain() {
-                        if let RecvAncillaryMessage::ScmRights(came) = message {
-                            files.extend(came);
-                        }
-                    }
-                    received.bytes
-                })
-            }
+            Files::Kept(files) => receive_with_files(&self.socket, &mut self.bytes[n_before..], files),
         };
         self.bytes.truncate(n_before + *read.as_ref().unwrap_or(&0));
         read
@@ -321,4 +308,18 @@ impl Receiver {
         self.n_taken = from + message_bytes + payload_bytes;
         Ok(Some((message, payload)))
     }
+}
+
+/// Receives bytes, and the files that come with them.
+fn receive_with_files(socket: &OwnedFd, into: &mut [u8], files: &mut Vec<OwnedFd>) -> Result<usize, Errno> {
+    let mut space = [MaybeUninit::uninit(); rustix::cmsg_space!(ScmRights(4))];
+    let mut control = RecvAncillaryBuffer::new(&mut space);
+    let mut into = [IoSliceMut::new(into)];
+    let received = rustix::net::recvmsg(socket, &mut into, &mut control, RecvFlags::CMSG_CLOEXEC)?;
+    for message in control.drain() {
+        if let RecvAncillaryMessage::ScmRights(came) = message {
+            files.extend(came);
+        }
+    }
+    Ok(received.bytes)
 }

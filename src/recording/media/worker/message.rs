@@ -4,6 +4,7 @@
 
 use super::format::Format;
 use super::sandbox::Sandbox;
+use crate::media::encoded::Build;
 use crate::media::{Fault, Times};
 use gstreamer as gst;
 use serde::{Deserialize, Serialize};
@@ -110,7 +111,7 @@ pub(super) struct FrameTimes {
 pub(super) struct EncodedTimes {
     pub(super) stream_nanos: Option<i64>,
     pub(super) interval_nanos: Option<i64>,
-    pub(super) is_key: bool,
+    pub(super) build: Build,
 }
 
 /// A picture's place in memory, its layout and its times.

@@ -443,7 +443,7 @@ impl Remote {
                 bytes,
                 Arc::clone(format),
                 [timed(times.stream_nanos), timed(times.interval_nanos)],
-                times.is_key,
+                times.build,
             ));
         }
     }

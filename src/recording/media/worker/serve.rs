@@ -6,6 +6,7 @@ use super::launch::leave;
 use super::memory::{Freed, Place};
 use super::message::{EncodedTimes, FromWorker, Job, Matrix, PictureHead, ToWorker};
 use super::sandbox;
+use crate::media::encoded::Build;
 use crate::media::fault::gstreamer_fault;
 use crate::media::input::{Keep, Memory, Source, make};
 use crate::media::pipeline::Pipeline;
@@ -401,7 +402,7 @@ impl Taker {
         let times = EncodedTimes {
             stream_nanos: frame.stream_nanos,
             interval_nanos: frame.interval_nanos,
-            is_key: frame.is_key,
+            build: if frame.is_key { Build::Key } else { Build::Delta },
         };
         self.desk.send(&FromWorker::Encoded(times), &bytes);
     }

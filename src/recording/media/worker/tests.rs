@@ -189,9 +189,12 @@ fn head(room: Room) -> PictureHead {
 
 const PICTURE_BYTES: u64 = 64 * 48 * 3 / 2;
 
+/// Makes a picture a false one.
+type Change = fn(&mut PictureHead);
+
 #[test]
 fn a_false_worker_is_ended_and_told_of() {
-    let changes: [(&str, fn(&mut PictureHead)); 7] = [
+    let changes: [(&str, Change); 7] = [
         ("memory that it does not have", |head| head.room += 1),
         ("does not lie in its memory", |head| head.place = 16),
         ("does not lie in its memory", |head| head.offsets[2] = 1 << 20),

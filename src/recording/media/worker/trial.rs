@@ -19,7 +19,7 @@ pub(super) fn results() -> String {
     let flags = rustix::fs::MemfdFlags::CLOEXEC;
     let emptied = rustix::fs::open(victim(parent), OFlags::RDONLY | OFlags::TRUNC, Mode::empty());
     let trials: [(&str, Result<(), String>); 14] = [
-        ("thread", told(std::thread::spawn(|| {}).join().map_err(|_panicked| "panicked"))),
+        ("thread", told(std::thread::Builder::new().spawn(|| {}))),
         ("library", told(std::fs::read_dir("/usr/lib"))),
         ("memory", told(Vec::<u8>::new().try_reserve_exact(64 << 20))),
         ("much", told(Vec::<u8>::new().try_reserve_exact(3 << 30))),
@@ -36,7 +36,7 @@ pub(super) fn results() -> String {
             "signal",
             told(
                 pid.ok_or("no parent")
-                    .map(|pid| rustix::process::test_kill_process(pid))
+                    .map(rustix::process::test_kill_process)
                     .and_then(|sent| sent.map_err(|_refused| "refused")),
             ),
         ),
