@@ -1,5 +1,6 @@
 //! Decodes an input: a worker does, and here its pictures, its faults and its numbers come together.
 
+use super::fault::gstreamer_fault;
 use super::input::Kind;
 use super::pipeline::{Pipeline, codec_of};
 use super::worker::{Decoding, Remote, Sandbox, Work};
@@ -46,6 +47,8 @@ impl Decoder {
     /// # Errors
     /// When `GStreamer` lacks an element or no worker can be started; all else shows with the first picture.
     pub fn start(input: Input, encoded: Option<&Arc<EncodedQueue>>) -> Result<Self, Fault> {
+        // Frames that come back are GStreamer's here too, though nothing else may ever have used it.
+        gst::init().map_err(|error| gstreamer_fault("start", &error))?;
         let times = input.times;
         match input.kind {
             Kind::File(file) => {

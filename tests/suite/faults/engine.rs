@@ -211,6 +211,26 @@ fn without_descriptors_no_connection_is_taken_nothing_spins_and_all_comes_back()
     assert!((1..=most_told).contains(&n_told), "{n_told} lines in {took:?}: {}", stopped.stderr);
 }
 
+/// A daemon of which no part has used GStreamer before: decoding is another process's.
+#[test]
+fn files_alone_are_recorded() {
+    let folder = TempDir::new().unwrap();
+    let archive = folder.path().join("archive");
+    let rest = format!(
+        "[timeline]\nmib_per_camera = 8\n[archive]\nfolder = {archive:?}\nmin_free_mib = 0\n{}{}",
+        demo_roots(),
+        demo_camera("gate")
+    );
+    let daemon = Daemon::start(&configure(folder.path(), &folder.path().join("kept.sqlite"), &rest));
+    wait_for("recorded frames", || {
+        let camera = daemon.json("/api/v1/cameras/gate");
+        assert_ne!(camera["state"], "failed", "{camera}");
+        (camera["recording"]["frames"].as_u64()? > 50).then_some(())
+    });
+    let stopped = end(daemon);
+    assert!(!stopped.stderr.contains("panicked"), "{}", stopped.stderr);
+}
+
 /// The descriptors that a daemon has open.
 fn descriptors(daemon: &Daemon) -> Vec<u64> {
     let open = std::fs::read_dir(format!("/proc/{}/fd", daemon.id())).unwrap();
