@@ -10,7 +10,7 @@ LISTEN ?= 127.0.0.1:8080
 # Mesa's loader warns about a missing display on machines without one.
 export NODEVICE_SELECT := 1
 
-.PHONY: help setup web demo test test-pages test-lints test-crates check contract bench bundle drivers load pictures clips
+.PHONY: help setup web demo test test-pages test-lints test-crates check contract fuzz bench bundle drivers load pictures clips
 
 help:
 	@echo "make setup     install the Debian packages that are missing"
@@ -19,6 +19,7 @@ help:
 	@echo "make test      formatting, lints, documentation and all tests, of the pages too, as CI runs them"
 	@echo "make check     type-check and lint only"
 	@echo "make contract  tries every operation of the interface's contract, as every role (Schemathesis; CASES=20)"
+	@echo "make fuzz      feeds what reads bytes from outside with such as nobody sends, ten minutes each (MINUTES=10)"
 	@echo "make bench     the benchmarks"
 	@echo "make bundle    a tar that measures any Vulkan device with one command (target/bundle/)"
 	@echo "make drivers   the tests of whatever draws on a second Vulkan driver, and under Khronos' validation layer"
@@ -74,6 +75,11 @@ check: setup
 contract: setup
 	$(CARGO) build --release --locked
 	tests/contract/run.sh
+
+# MINUTES=..., TARGETS="http_pictures ..." and SANITIZER=none as tests/fuzz/run.sh has them; it needs cargo-fuzz (cargo install --locked
+# cargo-fuzz), and the network once.
+fuzz: setup
+	tests/fuzz/run.sh
 
 # PYTHON=... names an interpreter that can import cv2, INPUT=... a video: then the mixture is timed beside OpenCV's.
 bench: setup

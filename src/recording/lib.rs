@@ -20,6 +20,9 @@ pub mod ingest;
 
 pub mod onvif;
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub mod fuzzing;
+
 /// Makes workers of test programs: they are started as the daemon is.
 #[cfg(test)]
 #[ctor::ctor(unsafe)]

@@ -38,15 +38,18 @@ impl Announced {
 
     /// Returns the one of two that asks for more: a size, the largest of two, before a header that cannot be read.
     pub(super) fn max(self, other: Self) -> Self {
-        let n_pixels = |size: Size| u64::from(size.0) * u64::from(size.1);
         match (self, other) {
             (Self::Size(one), Self::Size(two)) => {
-                // A side may be too long by itself.
-                let longest = |size: Size| size.0.max(size.1);
-                if is_too_large(two) && !is_too_large(one) || longest(two) > longest(one) {
-                    return Self::Size(two);
-                }
-                Self::Size(if n_pixels(two) > n_pixels(one) { two } else { one })
+                // One that is too large counts before all that are not: a side may be too long by itself.
+                let rank = |(width, height): Size| {
+                    (
+                        is_too_large((width, height)),
+                        u64::from(width) * u64::from(height),
+                        width.max(height),
+                        width,
+                    )
+                };
+                Self::Size(if rank(two) > rank(one) { two } else { one })
             }
             (Self::Unreadable, Self::Size(size)) | (Self::Size(size), Self::Unreadable)
                 if is_too_large(size) =>

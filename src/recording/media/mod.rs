@@ -13,6 +13,8 @@ mod demuxer;
 mod device;
 mod encoded;
 mod fault;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
 mod http;
 mod input;
 mod jpeg;

@@ -7,6 +7,8 @@
 mod clock;
 mod device;
 mod error;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) mod fuzzing;
 mod http;
 mod media;
 mod place;

@@ -213,7 +213,7 @@ fn question(kind: &str) -> Result<String, OnvifError> {
 
 /// Answers so far.
 #[derive(Default)]
-struct Gathered {
+pub(super) struct Gathered {
     /// By their endpoints' addresses, with the address that each answered from first.
     devices: BTreeMap<String, (SocketAddr, FoundDevice)>,
     n_answers: usize,
@@ -239,7 +239,7 @@ impl Gathered {
     }
 
     /// Takes an answer; none where it is not understood.
-    fn take(&mut self, bytes: &[u8], from: SocketAddr) -> Option<()> {
+    pub(super) fn take(&mut self, bytes: &[u8], from: SocketAddr) -> Option<()> {
         let text = String::from_utf8_lossy(bytes);
         let document = xml::read(&text).ok()?;
         let matches = xml::at(document.root_element(), &["Body", "ProbeMatches"])?;
@@ -264,7 +264,7 @@ impl Gathered {
         }
     }
 
-    fn told(self) -> FoundDevices {
+    pub(super) fn told(self) -> FoundDevices {
         let mut devices: Vec<_> = self.devices.into_values().collect();
         devices.sort_by(|(from, device), (other, other_device)| {
             (from, &device.endpoint).cmp(&(other, &other_device.endpoint))

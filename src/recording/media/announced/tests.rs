@@ -239,6 +239,21 @@ fn no_bytes_are_read_past_their_end() {
 }
 
 #[test]
+fn no_size_hides_one_that_is_too_large() {
+    // Too many pixels, and a longer side of few.
+    let (large, long) = (Announced::Size((8000, 8000)), Announced::Size((8176, 16)));
+    for (one, other) in
+        [(large, long), (long, large), (Announced::Unreadable, large), (large, Announced::Nothing)]
+    {
+        assert_eq!(one.max(other), large, "{one:?} and {other:?}");
+    }
+    let (wide, square) = (Announced::Size((120, 10)), Announced::Size((100, 100)));
+    assert_eq!((wide.max(square), square.max(wide)), (square, square), "in either order");
+    let sets = [coded(&h264_set(8000, 8000)), coded(&h264_set(8176, 32))].concat();
+    assert_eq!(announced("video/x-h264,stream-format=byte-stream", &sets), large);
+}
+
+#[test]
 fn limits_are_as_they_are_told() {
     assert_eq!(SIZE_LIMIT, format!("{MAX_SIDE} pixels a side and {} megapixels", MAX_PIXELS >> 20));
     assert!(!is_too_large((8192, 4608)) && !is_too_large((7680, 4320)));

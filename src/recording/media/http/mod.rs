@@ -3,6 +3,8 @@
 //! Our own client, on a thread of its own, feeds `appsrc` with whole pictures. `hyper` reads the answer's head and parts its
 //! body from its chunks; `pictures` finds the pictures in it.
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) mod fuzzing;
 mod pictures;
 
 use super::client::{ANSWER_TIME, Peer, USER_AGENT, connect, expect_success, live_source, spawn};

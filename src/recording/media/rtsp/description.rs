@@ -8,6 +8,9 @@ use gstreamer_sdp::{SDPMediaRef, SDPMessage};
 /// Most letters of a format's name.
 const MAX_NAME_LETTERS: usize = 40;
 
+/// Largest payload type: packets have seven bits for it.
+const MAX_PAYLOAD_TYPE: u8 = 127;
+
 /// The stream that is taken.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stream {
@@ -25,12 +28,18 @@ pub(super) struct Stream {
 /// # Errors
 /// When there is none.
 pub(super) fn first_video(description: &[u8], base: &str) -> Result<Stream, Fault> {
-    // Names in other scripts are of no use here, and no text for who reads the rest.
-    let text: String =
-        description.iter().map(|byte| if byte.is_ascii() { char::from(*byte) } else { '?' }).collect();
+    // Names in other scripts are of no use here, and no text for who reads the rest; the library ends at a zero.
+    let text = description.iter().map(|byte| match byte {
+        b'\t' => ' ',
+        b'\0' | b'\r' | b'\n' | b' '..=b'~' => char::from(*byte),
+        _ => '?',
+    });
+    let text: String = text.collect();
     let no_video = |detail: &str| Fault::NotVideo(detail.to_owned());
-    let message = SDPMessage::parse_buffer(text.as_bytes())
-        .map_err(|_unreadable: gst::glib::BoolError| no_video("its description of streams cannot be read"))?;
+    // The library complains where there is no text at all.
+    let message = Some(text.as_bytes()).filter(|text| !text.is_empty()).map(SDPMessage::parse_buffer);
+    let message = message.and_then(Result::ok);
+    let message = message.ok_or_else(|| no_video("its description of streams cannot be read"))?;
     let session = message.attribute_val("control").filter(|control| *control != "*");
     let session = session.map_or_else(|| base.to_owned(), |control| joined(base, control));
     let mut refused = Vec::new();
@@ -57,7 +66,10 @@ pub(super) fn first_video(description: &[u8], base: &str) -> Result<Stream, Faul
 fn format_of(media: &SDPMediaRef, message: &SDPMessage) -> Result<(u8, gst::Caps), Option<String>> {
     let mut refused = None;
     for format in media.formats() {
-        let Ok(payload_type) = format.parse::<u8>() else { continue };
+        let Some(payload_type) = format.parse::<u8>().ok().filter(|number| *number <= MAX_PAYLOAD_TYPE)
+        else {
+            continue;
+        };
         let Some(mut caps) = media.caps_from_media(i32::from(payload_type)) else { continue };
         let writable = caps.make_mut();
         for added in [message.attributes_to_caps(writable), media.attributes_to_caps(writable)] {
@@ -145,6 +157,17 @@ mod tests {
         assert_eq!(format, "JPEG2000");
         assert!(matches!(taken(audio), Err(Fault::NotVideo(_))));
         assert!(matches!(first_video(b"nothing", "rtsp://cam/"), Err(Fault::NotVideo(_))));
+    }
+
+    #[test]
+    fn what_steers_a_terminal_and_payload_types_that_no_packet_has_are_left_out() {
+        let unread = "m=video 0 RTP/AVP 97\r\na=rtpmap:97 a\u{1b}[2J/90000\r\n";
+        let Err(Fault::Refused { format, .. }) = taken(unread) else { panic!("that is taken") };
+        assert_eq!(format, "A?[2J");
+        let odd = H264.replace("trackID", "track\u{7f}\tID");
+        assert_eq!(taken(&odd).unwrap().control, "rtsp://cam/a/track? ID=1");
+        assert!(matches!(taken(&H264.replace("96", "224")), Err(Fault::NotVideo(_))));
+        assert_eq!(taken(&H264.replace("96", "127")).unwrap().payload_type, 127);
     }
 
     #[test]

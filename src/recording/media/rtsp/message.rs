@@ -191,7 +191,7 @@ fn message(bytes: &[u8]) -> Result<Option<(Piece, usize)>, Unreadable> {
     let first = lines.next().unwrap_or_default();
     let headers: Vec<(String, String)> = lines
         .filter_map(|line| line.split_once(':'))
-        .map(|(name, value)| (name.trim().to_ascii_lowercase(), value.trim().to_owned()))
+        .map(|(name, value)| (name.trim().to_ascii_lowercase(), plain(value.trim())))
         .collect();
     let mut response = Response { headers, ..Response::default() };
     let n_body: usize = response
@@ -210,6 +210,11 @@ fn message(bytes: &[u8]) -> Result<Option<(Piece, usize)>, Unreadable> {
         Piece::Request(response.number())
     };
     Ok(Some((piece, n_head + n_body)))
+}
+
+/// Returns a value without control characters: some of them are sent back, in lines of a request.
+fn plain(value: &str) -> String {
+    value.chars().filter(|letter| !letter.is_control()).collect()
 }
 
 /// Bytes up to the end of the first blank line.
@@ -270,6 +275,17 @@ mod tests {
         let [Piece::Response(response)] = &pieces[..] else { panic!("{pieces:?}") };
         assert_eq!(response.status, 401);
         assert_eq!(response.headers("www-authenticate").count(), 2);
+    }
+
+    #[test]
+    fn headers_are_one_line_each() {
+        let pieces = read(
+            &mut Reader::default(),
+            b"RTSP/1.0 200 OK\r\nSession: 9\rCSeq: 4\0\x1b\r\nContent-Base: rtsp://a/\tb\n\n",
+        );
+        let [Piece::Response(response)] = &pieces[..] else { panic!("{pieces:?}") };
+        assert_eq!(response.header("session"), Some("9CSeq: 4"));
+        assert_eq!((response.header("content-base"), response.number()), (Some("rtsp://a/b"), None));
     }
 
     #[test]

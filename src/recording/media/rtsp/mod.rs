@@ -4,6 +4,8 @@
 //! reports say.
 
 mod description;
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) mod fuzzing;
 mod message;
 mod packets;
 mod session;

@@ -403,7 +403,7 @@ async fn receive(socket: Option<&UdpSocket>, bytes: &mut [u8]) -> std::io::Resul
 }
 
 /// The camera's ports in a `Transport` header.
-fn server_ports(transport: &str) -> Option<(u16, u16)> {
+pub(super) fn server_ports(transport: &str) -> Option<(u16, u16)> {
     let ports = transport.split(';').find_map(|part| part.trim().strip_prefix("server_port="))?;
     let (first, second) = ports.split_once('-').unwrap_or((ports, ""));
     let first: u16 = first.trim().parse().ok()?;

@@ -112,7 +112,9 @@ impl Format {
         for (name, value) in &self.fields {
             value.put(&mut structure, name);
         }
-        Some(gst::Caps::builder_full().structure(structure).build())
+        let caps = gst::Caps::builder_full().structure(structure).build();
+        // Fields come once, in their order, and fractions are in lowest terms.
+        (Self::of(&caps).as_ref() == Some(self)).then_some(caps)
     }
 }
 
@@ -148,7 +150,8 @@ impl Value {
     fn is_fit(&self) -> bool {
         match self {
             Self::Integer(_) | Self::Unsigned(_) | Self::Truth(_) => true,
-            Self::Fraction(_, denominator) => *denominator > 0,
+            // The library takes no fraction that it cannot negate.
+            Self::Fraction(numerator, denominator) => *numerator > i32::MIN && *denominator > 0,
             Self::Text(text) => text.len() < 100 && text.bytes().all(|byte| (32..127).contains(&byte)),
             Self::Bytes(bytes) => bytes.len() <= MAX_VALUE_BYTES,
         }
@@ -164,6 +167,41 @@ impl Value {
             Self::Text(text) => structure.set(name, text.as_str()),
             Self::Truth(truth) => structure.set(name, *truth),
             Self::Bytes(bytes) => structure.set(name, gst::Buffer::from_mut_slice(bytes.clone())),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn format(fields: &[(&str, Value)]) -> Format {
+        gst::init().unwrap();
+        let fields = fields.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        Format { codec: "video/x-h264".to_owned(), fields }
+    }
+
+    #[test]
+    fn formats_that_are_never_told_are_refused() {
+        let (width, height) = (("width", Value::Integer(64)), ("height", Value::Integer(48)));
+        let rate = |numerator, denominator| ("framerate", Value::Fraction(numerator, denominator));
+        for told in [&[height.clone(), width.clone()][..], &[rate(25, 1)], &[rate(-1, 2)], &[]] {
+            let told = format(told);
+            assert_eq!(told.caps().and_then(|caps| Format::of(&caps)), Some(told));
+        }
+        for never in [
+            &[width.clone(), height.clone()][..],
+            &[width.clone(), width],
+            &[height, ("height", Value::Integer(47))],
+            &[rate(50, 2)],
+            &[rate(1, 0)],
+            &[rate(i32::MIN, 1)],
+            &[("width", Value::Unsigned(64))],
+            &[("secret", Value::Integer(64))],
+            &[("profile", Value::Text("\u{1b}".to_owned()))],
+        ] {
+            let never = format(never);
+            assert_eq!(never.caps(), None, "{never:?}");
         }
     }
 }

@@ -21,5 +21,7 @@ pub use launch::run_if_asked;
 #[cfg(test)]
 mod tests;
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub use remote::fuzzing::{worker_channel, worker_messages};
 pub(super) use remote::{Remote, Work};
 pub use sandbox::{Decoding, Sandbox};

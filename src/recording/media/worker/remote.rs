@@ -1,5 +1,8 @@
 //! The daemon's side of a worker.
 
+#[cfg(any(test, feature = "fuzzing"))]
+pub(super) mod fuzzing;
+
 use super::channel::{Deadline, Files, MAX_PAYLOAD_BYTES, Received, Receiver, Sender, hang_up};
 use super::format::Format;
 use super::launch::{Process, SEND_TIME};
