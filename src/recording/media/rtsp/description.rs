@@ -2,6 +2,8 @@
 
 use crate::media::Fault;
 use crate::media::allowed::FORMATS;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD as BASE64;
 use gstreamer as gst;
 use gstreamer_sdp::{SDPMediaRef, SDPMessage};
 
@@ -85,6 +87,7 @@ fn format_of(media: &SDPMediaRef, message: &SDPMessage) -> Result<(u8, gst::Caps
         }
         let name = structure.get::<String>("encoding-name").unwrap_or_default().to_ascii_uppercase();
         let name: String = name.chars().take(MAX_NAME_LETTERS).collect();
+        drop_parts_of_headers(structure);
         if is_read(&name) {
             return Ok((payload_type, caps));
         }
@@ -95,6 +98,25 @@ fn format_of(media: &SDPMediaRef, message: &SDPMessage) -> Result<(u8, gst::Caps
         });
     }
     Err(refused)
+}
+
+/// Leaves out headers of H.264 and H.265 that lack a part: their readers refuse the stream then, where without any they take
+/// what comes within it.
+fn drop_parts_of_headers(format: &mut gst::StructureRef) {
+    const H264: &str = "sprop-parameter-sets";
+    const H265: [&str; 3] = ["sprop-vps", "sprop-sps", "sprop-pps"];
+    if let Ok(sets) = format.get::<String>(H264) {
+        // The kind of a unit is in the low bits of its first byte: 7 says the size, 8 goes with it.
+        let kinds = sets.split(',').filter_map(|set| Some(*BASE64.decode(set.trim()).ok()?.first()? & 31));
+        let kinds: Vec<u8> = kinds.collect();
+        if ![7, 8].iter().all(|kind| kinds.contains(kind)) {
+            format.remove_field(H264);
+        }
+    }
+    let is_there = |name: &str| format.get::<String>(name).is_ok_and(|set| !set.trim().is_empty());
+    if !H265.iter().all(|name| is_there(name)) {
+        format.remove_fields(H265);
+    }
 }
 
 /// Returns whether payloads of that name are read.
@@ -128,6 +150,33 @@ pub(super) fn base(named: [Option<&str>; 2], asked: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn headers_that_lack_a_part_are_left_out() {
+        let sets = |value: &str| {
+            let media = format!(
+                "m=video 0 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1;sprop-parameter-sets={value}\r\n"
+            );
+            taken(&media).unwrap().caps.structure(0).unwrap().get::<String>("sprop-parameter-sets").ok()
+        };
+        let whole = "Z0LAHtkDxWhAAAADAEAAAAwDxYuS,aMuMsg==";
+        assert_eq!(sets(whole).as_deref(), Some(whole));
+        for part in [
+            "Z0LAHtkDxWhAAAADAEAAAAwDxYuS",
+            "aMuMsg==",
+            "Z0LAHtkDxWhAAAADAEAAAAwDxYuS,",
+            "?,?",
+            "aMuMsg==,aMuMsg==",
+        ] {
+            assert_eq!(sets(part), None, "{part}");
+        }
+        let h265 = |sets: &str| {
+            let media = format!("m=video 0 RTP/AVP 96\r\na=rtpmap:96 H265/90000\r\na=fmtp:96 {sets}\r\n");
+            taken(&media).unwrap().caps.structure(0).unwrap().has_field("sprop-sps")
+        };
+        assert!(h265("sprop-vps=QAE=;sprop-sps=QgE=;sprop-pps=RAE="));
+        assert!(!h265("sprop-sps=QgE=;sprop-pps=RAE=") && !h265("sprop-vps=;sprop-sps=QgE=;sprop-pps=RAE="));
+    }
 
     fn taken(media: &str) -> Result<Stream, Fault> {
         gst::init().unwrap();
