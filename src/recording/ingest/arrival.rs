@@ -25,6 +25,12 @@ const REFERENCE_LASTS_NANOS: i64 = 30_000_000_000;
 /// Least pace of scene time while it is ahead of what it should be: it goes on at nine tenths until it is not.
 const LEAST_PACE_TENTHS: i64 = 9;
 
+/// The same while a connection is young: its first pictures come late, since their decoder is started meanwhile.
+const YOUNG_PACE_TENTHS: i64 = 4;
+
+/// Time for which a connection is young.
+const YOUNG_NANOS: i64 = 2_000_000_000;
+
 /// What is known of a frame when it comes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Arrival {
@@ -46,6 +52,8 @@ pub(super) struct ArrivalClock {
     /// Time of capture less stream time, and the monotonic time of the last frame that told it.
     reference: Option<Stand>,
     latest: Option<Latest>,
+    /// Monotonic time of the connection's first frame.
+    begun_nanos: Option<i64>,
     has_warned: bool,
 }
 
@@ -65,7 +73,7 @@ struct Latest {
 impl ArrivalClock {
     /// Tells that the next frame is the first of a new connection, whose stream time is another.
     pub(super) const fn begin(&mut self) {
-        (self.edge, self.reference, self.has_warned) = (None, None, false);
+        (self.edge, self.reference, self.begun_nanos, self.has_warned) = (None, None, None, false);
     }
 
     /// The scene time of a frame.
@@ -75,12 +83,15 @@ impl ArrivalClock {
         let smooth_nanos = self.smooth(arrival.stream_nanos, monotonic_nanos);
         let early_nanos = monotonic_nanos.saturating_sub(smooth_nanos);
         let target = told.unwrap_or_else(|| arrival.now.saturating_add_nanos(-early_nanos));
+        let begun_nanos = *self.begun_nanos.get_or_insert(monotonic_nanos);
+        let is_young = monotonic_nanos.saturating_sub(begun_nanos) < YOUNG_NANOS;
+        let pace_tenths = if is_young { YOUNG_PACE_TENTHS } else { LEAST_PACE_TENTHS };
         let scene = self.latest.map_or(target, |latest| {
             let step = arrival.stream_nanos.saturating_sub(latest.stream_nanos);
             let passed = monotonic_nanos.saturating_sub(latest.monotonic_nanos).max(0);
             // Stream time that was set anew says nothing of how far apart two frames are.
             let step = if (0..=MAX_JITTER_NANOS).contains(&step) { step } else { passed };
-            let least_nanos = (step / 10 * LEAST_PACE_TENTHS).max(TICK_NANOS);
+            let least_nanos = (step / 10 * pace_tenths).max(TICK_NANOS);
             target.max(latest.scene.saturating_add_nanos(least_nanos))
         });
         self.latest = Some(Latest { scene, monotonic_nanos, stream_nanos: arrival.stream_nanos });
@@ -132,6 +143,26 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
+
+    #[test]
+    fn a_first_picture_that_comes_late_puts_scene_time_ahead_for_less_than_a_second() {
+        let mut clock = ArrivalClock::default();
+        clock.begin();
+        let ahead = (0..40).map(|n| {
+            // The first waits 300 ms for its decoder, and so do those that come meanwhile.
+            let monotonic_nanos = (n * FRAME).max(300 * MS);
+            let arrival = Arrival {
+                now: Timestamp::from_nanos(BEGAN + monotonic_nanos),
+                monotonic: Duration::from_nanos(monotonic_nanos as u64),
+                stream_nanos: n * FRAME,
+                reference: None,
+            };
+            clock.stamp(&arrival).nanos_since(Timestamp::from_nanos(BEGAN + n * FRAME))
+        });
+        let ahead: Vec<i64> = ahead.collect();
+        assert!(ahead.windows(2).all(|pair| pair[1] <= pair[0]), "{ahead:?}");
+        assert!(ahead[0] == 300 * MS && ahead[20] < 10 * MS, "{ahead:?}");
+    }
 
     const SEC: i64 = 1_000_000_000;
     const MS: i64 = 1_000_000;

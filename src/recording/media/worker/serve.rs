@@ -46,6 +46,9 @@ pub(super) fn serve(socket: &OwnedFd) -> i32 {
     let (Ok(from), Ok(to)) = (socket.try_clone(), socket.try_clone()) else { return 1 };
     // Whatever fails here fails once more below, and is told then.
     let begun = gst::init();
+    if begun.is_ok() {
+        load_usual_plugins();
+    }
     let mut receiver = Receiver::new(from, Files::Kept(Vec::new()), MAX_PAYLOAD_BYTES);
     let Received::Message(ToWorker::Begin(job, times), _) = receiver.receive(Deadline::NEVER) else {
         return 0;
@@ -72,6 +75,20 @@ pub(super) fn serve(socket: &OwnedFd) -> i32 {
         }
     }
     0
+}
+
+/// Elements that most workers need. A worker that waits has their libraries at hand, so that the first picture comes sooner.
+const USUAL: [&str; 7] =
+    ["appsrc", "avdec_h264", "capsfilter", "decodebin", "h264parse", "matroskademux", "videoconvert"];
+
+fn load_usual_plugins() {
+    for name in USUAL {
+        let loaded = gst::ElementFactory::find(name).map(|factory| factory.load());
+        if !matches!(loaded, Some(Ok(_))) {
+            // Whoever needs it is told then.
+            tracing::debug!(name, "an element is not there");
+        }
+    }
 }
 
 /// State that all threads of a worker share.
