@@ -24,8 +24,10 @@ fn has_frame(rest: &[u8]) -> bool {
     frame(rest).is_some_and(|(size, n_components)| size != (0, 0) && matches!(n_components, 1 | 3))
 }
 
-/// Returns columns and rows of the frame header before the first scan, and the number of its components.
+/// Returns columns and rows of the one frame header before the first scan, and the number of its components. Where there are two,
+/// decoders might take either.
 fn frame(mut rest: &[u8]) -> Option<(Size, u8)> {
+    let mut found = None;
     loop {
         // Any number of these may stand before a marker, and some markers stand alone.
         match rest {
@@ -37,20 +39,27 @@ fn frame(mut rest: &[u8]) -> Option<(Size, u8)> {
                 rest = &rest[2..];
                 continue;
             }
-            _ => {}
-        }
-        let [0xff, marker, high, low, body @ ..] = rest else { return None };
-        let length = usize::from(u16::from_be_bytes([*high, *low]));
-        match *marker {
-            0xda => return None,
-            0xc0..=0xcf if !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => {
-                let [_precision, h0, h1, w0, w1, n_components, ..] = body else { return None };
-                let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
-                return Some(((side(*w0, *w1), side(*h0, *h1)), *n_components));
+            // Bytes that are lost between segments: decoders go on to the next marker.
+            [0xff, 0, ..] | [0..=0xfe, ..] if found.is_some() => {
+                rest = &rest[1..];
+                continue;
             }
             _ => {}
         }
-        rest = length.checked_sub(2).and_then(|length| body.get(length..))?;
+        let [0xff, marker, high, low, body @ ..] = rest else { return found };
+        let length = usize::from(u16::from_be_bytes([*high, *low]));
+        match *marker {
+            0xd9 | 0xda => return found,
+            0xc0..=0xcf if found.is_some() && !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => return None,
+            0xc0..=0xcf if !matches!(*marker, 0xc4 | 0xc8 | 0xcc) => {
+                let [_precision, h0, h1, w0, w1, n_components, ..] = body else { return None };
+                let side = |high, low| u32::from(u16::from_be_bytes([high, low]));
+                found = Some(((side(*w0, *w1), side(*h0, *h1)), *n_components));
+            }
+            _ => {}
+        }
+        let Some(next) = length.checked_sub(2).and_then(|length| body.get(length..)) else { return found };
+        rest = next;
     }
 }
 
@@ -83,6 +92,25 @@ mod tests {
         assert_eq!(announced(&[b"--b\r\n\r\n", &whole[..]].concat()), Announced::Size((40, 30)));
         assert_eq!(announced(&whole[..start]), Announced::Unreadable);
         assert_eq!(announced(&whole[2..]), Announced::Nothing);
+        // A second frame header, of which decoders might take either, and an end before the first.
+        let second =
+            [&whole[..start], &[0xff, 0xc3, 0, 11, 8, 0, 9, 0, 9, 1, 1, 0x11, 0], &whole[start..]].concat();
+        assert_eq!((announced(&second), is_whole(&second)), (Announced::Unreadable, false));
+        let behind = [
+            &whole[..start],
+            &[0xff, 0xc3, 0, 11, 8, 0, 9, 0, 9, 1, 1, 0x11, 0, 7, 0xff, 0],
+            &whole[start..],
+        ]
+        .concat();
+        assert_eq!(
+            (announced(&behind), is_whole(&behind)),
+            (Announced::Unreadable, false),
+            "behind bytes that are lost"
+        );
+        let ended = [&whole[..2], &[0xff, 0xd9, 0, 4, 0, 0], &whole[2..]].concat();
+        assert_eq!((announced(&ended), is_whole(&ended)), (Announced::Unreadable, false));
+        let scan = whole.windows(2).position(|pair| pair == [0xff, 0xda]).unwrap();
+        assert_eq!(announced(&whole[..scan - 3]), Announced::Size((40, 30)), "cut behind its frame header");
         let mut four = whole;
         four[start + 9] = 4;
         assert!(!is_whole(&four));

@@ -75,7 +75,7 @@ pub(super) fn placed(told: &str, asked: &AskedHost) -> Option<Placed> {
     if asked.is_of(&parts) {
         return Some(Placed { url, told: None });
     }
-    Some(Placed { url: at_host(&parts, &asked.written), told: Some(url) })
+    Some(Placed { url: at_host(&parts, &asked.written)?, told: Some(url) })
 }
 
 /// Returns how a service at `told` is reached: always at the host of `peer`, and at another port only where the device tells one of
@@ -102,10 +102,11 @@ fn without_login(told: &str) -> Option<CameraUrl> {
     url.parse().is_ok().then_some(url)
 }
 
-/// Returns the same at another host.
-pub(super) fn at_host(parts: &UrlParts, host: &str) -> CameraUrl {
+/// Returns the same at another host; none where it is too long with what is escaped in it.
+pub(super) fn at_host(parts: &UrlParts, host: &str) -> Option<CameraUrl> {
     let scheme = parts.scheme.as_str();
-    CameraUrl::new(format!("{scheme}://{}{}", authority(parts, host), parts.path_and_query))
+    let url = CameraUrl::new(format!("{scheme}://{}{}", authority(parts, host), parts.path_and_query));
+    url.parse().is_ok().then_some(url)
 }
 
 fn authority(parts: &UrlParts, host: &str) -> String {
@@ -174,6 +175,9 @@ mod tests {
         }
         let long = format!("rtsp://gate/{}", "a".repeat(3000));
         assert_eq!(placed(&long, &asked("gate")), None);
+        // Three letters for one, once they are written as URLs have them.
+        let escaped = format!("rtsp://other/{}", "\u{e4}".repeat(500));
+        assert_eq!(placed(&escaped, &asked("gate")), None);
     }
 
     #[test]

@@ -292,7 +292,7 @@ fn device(found: Node<'_, '_>, from: SocketAddr) -> Option<FoundDevice> {
     let told: Vec<CameraUrl> = told.by_ref().take(MAX_ADDRESSES).collect();
     let service = match told.iter().find(|url| is_own(url)) {
         Some(url) => url.clone(),
-        None => at_host(&told.first()?.parse().ok()?, &own),
+        None => at_host(&told.first()?.parse().ok()?, &own)?,
     };
     let endpoint =
         text_at(found, &["EndpointReference", "Address"]).map(|address| shown(address, MAX_LETTERS));
@@ -358,6 +358,11 @@ mod tests {
         assert_eq!(told(factory), Some((urls(&[moved]), urls(&[factory]))));
         let keys = "http://169.254.169.254/latest";
         assert_eq!(told(keys), Some((urls(&["http://10.0.0.7/latest"]), urls(&[keys]))));
+        assert_eq!(
+            told(&format!("http://other/{}", "\u{e4}".repeat(400))),
+            None,
+            "too long, once it is escaped"
+        );
         for nothing in ["", "rtsp://10.0.0.7/", "file:///etc/passwd", "http://u:p@10.0.0.7/", "urn:uuid:1"] {
             assert_eq!(told(nothing), None, "{nothing}");
         }

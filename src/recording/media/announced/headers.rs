@@ -278,7 +278,7 @@ pub(super) fn mpeg4(bytes: &[u8]) -> Announced {
         // A layer of another shape than a rectangle has no size of its own.
         Some(None) => most,
         Some(Some(size)) => most.max(Announced::Size(size)),
-        None => Announced::Unreadable,
+        None => most.max(Announced::Unreadable),
     })
 }
 

@@ -200,6 +200,10 @@ fn every_header_tells_its_size_wherever_it_stands() {
     let layer = layer.bits(25, 16).bits(1, 1).bits(1, 1).bits(1, 5).bits(1, 1).bits(8191, 13).bits(1, 1);
     let layer = [&[0, 0, 1, 0x20][..], &layer.bits(8190, 13).bits(1, 1).bytes()].concat();
     assert_eq!(announced("video/mpeg", &layer), size((8191, 8190)));
+    let cut = [0, 0, 1, 0x20, 0];
+    for both in [[&layer[..], &cut].concat(), [&cut[..], &layer].concat()] {
+        assert_eq!(announced("video/mpeg", &both), size((8191, 8190)), "beside one that cannot be read");
+    }
     let studio = Written::default().bits(0, 1).bits(14, 8).bits(0, 30).bits(0, 30);
     assert_eq!(
         announced("video/mpeg", &[&[0, 0, 1, 0x20][..], &studio.bytes()].concat()),

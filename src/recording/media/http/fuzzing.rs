@@ -12,6 +12,7 @@ pub fn http_pictures(data: &[u8]) -> usize {
     let [seed, bytes @ ..] = data else { return 0 };
     let found = parts([bytes]);
     assert_eq!(parts(pieces(*seed, bytes)), found, "cut in pieces");
+    assert_eq!(parts(bytes.chunks(1)), found, "a byte at a time");
     let mut rest = bytes;
     for picture in &found.0 {
         assert!(picture.starts_with(&[0xff, 0xd8]));

@@ -18,6 +18,7 @@ pub fn rtsp_connection(data: &[u8]) -> usize {
     let [seed, bytes @ ..] = data else { return 0 };
     let found = read([bytes]);
     assert_eq!(read(pieces(*seed, bytes)), found, "cut in pieces");
+    assert_eq!(read(bytes.chunks(1)), found, "a byte at a time");
     holds_packet(bytes, *seed & 127);
     for piece in &found.pieces {
         match piece {
